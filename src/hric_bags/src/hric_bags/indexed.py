@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from rosbags.interfaces import Connection
-from rosbags.rosbag1.reader import Header, IndexData, Reader, RecordType, read_bytes, read_uint32
+from rosbags.rosbag1.reader import IndexData, Reader, ReaderError, RecordType, read_bytes
 
 from hric_bags import foreign
 from hric_control.errors import HricError
@@ -22,6 +22,10 @@ _INDEX = np.dtype([("time", np.int64), ("chunk", np.int64), ("offset", np.uint32
 """An entry here: time of recording [ns], where its chunk begins in the file, and the message in the chunk."""
 _MESSAGE = b"\x04\x00\x00\x00op=" + bytes([RecordType.MSGDATA])
 """Part of the header of a message."""
+_HEAD = 55
+"""Size of the head of the index of one connection in a chunk, with the length of its data [B]."""
+_INDEX_DATA, _CONNECTION = b"\x04\x00\x00\x00op=\x04", b"\x09\x00\x00\x00conn="
+"""Parts of that head; the connection's number follows the second one."""
 BLOCK = 4096
 """Number of entries that are Python objects at a time."""
 _size = Struct("<L").unpack_from
@@ -35,7 +39,8 @@ class BagError(HricError):
 def damaged(path: Path, reason: object) -> BagError:
     """Return the error of a bag that cannot be read, with the command that finds out why; reason: what was raised."""
     text = " ".join(str(reason).split()) or type(reason).__name__
-    hint = f"cannot read {path.name}: {text}; try: rosrun hric_experiments health --salvage {path}"
+    given = path.parent if (path.parent / "run.yaml").is_file() else path
+    hint = f"cannot read {path.name}: {text}; try: rosrun hric_experiments health --salvage {given}"
     return BagError(foreign.describe(path) or hint)
 
 
@@ -78,8 +83,12 @@ class IndexedReader(Reader):
     def read_index_data(self, pos: int, indexes: dict[int, list[IndexData]]) -> None:
         """Keep the index of one connection in the chunk at a position; not in `indexes`."""
         assert self.bio
-        header = Header.read(self.bio, RecordType.IDXDATA)
-        self._stored[header.get_uint32("conn")].append((pos, read_bytes(self.bio, read_uint32(self.bio))))
+        head = self.bio.read(_HEAD)  # parsed here: rosbags' header takes ten times as long
+        if len(head) < _HEAD or _size(head)[0] != _HEAD - 8 or _INDEX_DATA not in head or _CONNECTION not in head:
+            raise ReaderError("Expected to find the index of a chunk.")
+        number = _size(head, head.index(_CONNECTION) + len(_CONNECTION))[0]
+        size = _size(head, _HEAD - 4)[0]
+        self._stored[number].append((pos, read_bytes(self.bio, size)))
 
     def messages(
         self,

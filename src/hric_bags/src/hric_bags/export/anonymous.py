@@ -32,6 +32,8 @@ HIDDEN_TOPICS = ("/rosout", "/rosout_agg", "/diagnostics", "/diagnostics_agg", "
 """Texts of programs, with names of machines and files, and the description of his body."""
 OLDEST_DATE = 10**17
 """Later times are dates, earlier ones those of a clock that begins with the run [ns]: a day in 1973."""
+MOST_TEXTS = 10_000
+"""Texts whose result is remembered: names come again in every message; project default, unconfirmed."""
 STAYS = (
     "The signals themselves are as recorded: positions of markers, angles, torques, EMG and activations have the size "
     "and the strength of a body for who computes them."
@@ -59,6 +61,7 @@ class Anonymiser:
         self._begin = begin if begin >= OLDEST_DATE else None
         self._run, self._metrics = run, metrics
         self._done: dict[str, None] = {}
+        self._texts: dict[str, str] = {}
 
     def _note(self, what: str) -> None:
         self._done.setdefault(what)
@@ -133,6 +136,9 @@ class Anonymiser:
 
     def text(self, text: str) -> str:
         """Without names of the person, dates, and the dates in names of nodes."""
+        if (known := self._texts.get(text)) is not None:
+            return known
+        given = text
         for pattern, to, what in (
             (_ANONYMOUS_NODE, "", "start and process in names of nodes"),
             (self._words, SUBJECT, "names of the subject in texts and file names"),
@@ -142,6 +148,8 @@ class Anonymiser:
                 text, count = pattern.subn(to, text)
                 if count:
                     self._note(f"{what}: dropped")
+        if len(self._texts) < MOST_TEXTS:
+            self._texts[given] = text
         return text
 
     def time(self, nanoseconds: int) -> int:

@@ -98,7 +98,8 @@ class Gatherer:
         count = len(self._stamps)
         found: dict[str, Column] = {}
         for (path, labels), (unit, rows, values) in self._cells.items():
-            matrix = np.array(values).reshape(len(rows), len(labels) or 1)
+            joined = np.concatenate(values) if labels else np.array(values)
+            matrix = joined.reshape(len(rows), len(labels) or 1)
             for k, name in enumerate([f"{path}.{label}" for label in labels] or [path]):
                 own = units.of_joint(unit, name.rpartition(".")[2], self._prismatic)
                 found[name] = _merged(found.get(name), Column(name, own, matrix[:, k]), np.array(rows), count)

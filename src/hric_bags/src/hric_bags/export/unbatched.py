@@ -7,13 +7,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rosbags.highlevel import AnyReader
-from rosbags.rosbag1 import Writer
+import numpy.typing as npt
 
+from hric_bags.chunked_writer import ChunkedWriter
 from hric_bags.export import batches
 from hric_bags.export.anonymous import Anonymiser
 from hric_bags.export.recording import Source, open_reader
+from hric_bags.export.table import IntArray
+from hric_bags.parts import PartsReader
 from hric_bags.reader import ARRAYS
+
+Fields = dict[str, npt.NDArray[Any]]
+"""Field of a message -> its values, a row for each sample."""
 
 
 def write(
@@ -40,7 +45,7 @@ def write(
         ExportError: the bag is damaged.
     """
     count = 0
-    with open_reader(source) as reader, Writer(target) as writer:
+    with open_reader(source) as reader, ChunkedWriter(target) as writer:
         connections = [c for c in reader.connections if not topics or c.topic in topics]
         if anonymous is not None:
             connections = [c for c in connections if not anonymous.hides(c.topic)]
@@ -48,10 +53,9 @@ def write(
         text = str if anonymous is None else anonymous.text
         target_of = {key: _add(writer, c, text) for key, c in by_key.items()}
         for connection, time, raw in reader.chosen(connections.__contains__, "bag" if progress else ""):
-            for at, data in _parts(reader, connection.msgtype, time, raw):
-                if anonymous is not None:
-                    at, data = anonymous.time(at), _without_person(reader, connection.msgtype, data, anonymous)
-                writer.write(target_of[_key(connection)], at, data)
+            end = target_of[_key(connection)]
+            for at, data in _parts(reader, connection.msgtype, time, raw, anonymous):
+                writer.write(end, at, data)
                 count += 1
     return count
 
@@ -61,11 +65,7 @@ def _key(connection: Any) -> tuple[Any, ...]:
     return connection.topic, connection.msgtype, connection.digest, connection.ext.callerid, connection.ext.latching
 
 
-def _without_person(reader: AnyReader, kind: str, data: Any, anonymous: Anonymiser) -> Any:
-    return reader.typestore.serialize_ros1(anonymous.message(reader.deserialize(data, kind)), kind)
-
-
-def _add(writer: Writer, connection: Any, text: Callable[[str], str]) -> Any:
+def _add(writer: ChunkedWriter, connection: Any, text: Callable[[str], str]) -> Any:
     return writer.add_connection(
         text(connection.topic),
         connection.msgtype,
@@ -76,38 +76,70 @@ def _add(writer: Writer, connection: Any, text: Callable[[str], str]) -> Any:
     )
 
 
-def _parts(reader: AnyReader, kind: str, time: int, raw: bytes) -> Iterator[tuple[int, Any]]:
-    """(time [ns], serialised message) of each sample in a message."""
+def _parts(
+    reader: PartsReader, kind: str, time: int, raw: bytes, anonymous: Anonymiser | None
+) -> Iterator[tuple[int, Any]]:
+    """Yield (time [ns], serialised message) of each sample in a message."""
+    shifted = int if anonymous is None else anonymous.time
     if kind not in batches.BATCHED:
-        yield time, raw
+        if anonymous is not None:
+            raw = reader.typestore.serialize_ros1(anonymous.message(reader.deserialize(raw, kind)), kind)
+        yield shifted(time), raw
         return
     message: Any = reader.deserialize(raw, kind)
-    samples = list(_cycles(message) if kind == batches.CONTROL_LOG else _samples(message))
+    stamp = int(message.header.stamp.sec) * 1_000_000_000 + int(message.header.stamp.nanosec)
+    offsets, values = _cycles(message) if kind == batches.CONTROL_LOG else _samples(message)
+    if not len(offsets):
+        return
+    stamps = np.array([shifted(stamp + offset) for offset in offsets.tolist()])
+    values["sec"], values["nanosec"] = (part.astype("<u4") for part in np.divmod(stamps, 1_000_000_000))
+    if anonymous is not None:
+        message = anonymous.message(message)
     # The last sample of a batch was taken about when the batch was recorded; the others as much before it as their
     # stamps are.
-    for offset, sample in samples:
-        yield max(time + offset - samples[-1][0], 0), reader.typestore.serialize_ros1(sample, kind)
+    times = np.maximum(time + offsets - offsets[-1], 0).tolist()
+    yield from zip(map(shifted, times), _serialised(reader, kind, message, values), strict=True)
 
 
-def _cycles(message: Any) -> Iterator[tuple[int, Any]]:
-    joints = len(message.joint_names)
-    for k in range(int(message.n_cycles)):
-        offset = round((float(message.time[k]) - float(message.time[0])) * 1e9)
-        rows = {name: getattr(message, name)[k * joints : (k + 1) * joints] for name in ARRAYS}
-        head = {"header": _header(message, offset), "first_cycle": int(message.first_cycle) + k, "n_cycles": 1}
-        yield offset, replace(message, **head, time=np.array(message.time[k : k + 1]), **rows)
+def _cycles(message: Any) -> tuple[IntArray, Fields]:
+    """Return the time of each cycle since the first [ns], and what differs between the cycles."""
+    n = int(message.n_cycles)
+    rows = {name: getattr(message, name).reshape(n, -1) for name in ("time", *ARRAYS)}
+    numbers = {"first_cycle": message.first_cycle + np.arange(n, dtype="<u8"), "n_cycles": np.ones(n, "<u4")}
+    return np.rint((message.time - message.time[:1]) * 1e9).astype(np.int64), {**rows, **numbers}
 
 
-def _samples(message: Any) -> Iterator[tuple[int, Any]]:
+def _samples(message: Any) -> tuple[IntArray, Fields]:
+    """Return the time of each sample since the first [ns], and what differs between the samples."""
     width = max(len(message.channels), 1)
-    for k in range(len(message.data) // width):
-        offset = round(k * 1e9 / message.rate) if message.rate > 0 else 0
-        head = {"header": _header(message, offset), "first_sample": int(message.first_sample) + k}
-        yield offset, replace(message, **head, data=message.data[k * width : (k + 1) * width])
+    n = len(message.data) // width
+    step = 1e9 / message.rate if message.rate > 0 else 0.0
+    numbers = message.first_sample + np.arange(n, dtype="<u8")
+    return np.rint(np.arange(n) * step).astype(np.int64), {
+        "data": message.data[: n * width].reshape(n, width),
+        "first_sample": numbers,
+    }
 
 
-def _header(message: Any, offset: int) -> Any:
-    """The header with its stamp `offset` later [ns]."""
-    stamp = message.header.stamp
-    seconds, nanoseconds = divmod(int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec) + offset, 1_000_000_000)
-    return replace(message.header, stamp=replace(stamp, sec=seconds, nanosec=nanoseconds))
+def _serialised(reader: PartsReader, kind: str, message: Any, values: Fields) -> Iterator[bytes]:
+    """Yield messages that differ in some fields: one is serialised with marks in these, which are then written over.
+
+    Args:
+        reader: of the bag.
+        kind: type of the messages.
+        message: one of them.
+        values: of the fields, and of those of the stamp, with a row for each message and the type that ROS has.
+    """
+    random = np.random.default_rng(0)
+    marks = {
+        name: random.integers(1 << 30, 1 << 31, rows.shape[1:]).astype(rows.dtype) for name, rows in values.items()
+    }
+    given = {name: mark if mark.ndim else int(mark) for name, mark in marks.items()}
+    stamp = replace(message.header.stamp, sec=given.pop("sec"), nanosec=given.pop("nanosec"))
+    marked = replace(message, header=replace(message.header, stamp=stamp), **given)
+    raw = bytes(reader.typestore.serialize_ros1(marked, kind))
+    made = np.tile(np.frombuffer(raw, np.uint8), (len(values["sec"]), 1))
+    for name, mark in marks.items():
+        begin = raw.index(mark.tobytes())
+        made[:, begin : begin + mark.nbytes] = np.ascontiguousarray(values[name]).view(np.uint8).reshape(len(made), -1)
+    return (row.tobytes() for row in made)

@@ -258,10 +258,13 @@ def _fitted(
     Windows at the ends with less than half the samples of the fullest are left out: few samples show their noise only.
     """
     late, open_ = [], []
-    windows = [valid & (stamps // WINDOW == window) for window in np.unique(stamps // WINDOW)]
-    min_count = max(MIN_SAMPLES, 0.5 * max((use.sum() for use in windows), default=0))
+    usable = np.flatnonzero(valid)
+    numbers = stamps[usable] // WINDOW
+    order = np.argsort(numbers, kind="stable")
+    windows = np.split(usable[order], np.flatnonzero(np.diff(numbers[order])) + 1)
+    min_count = max(MIN_SAMPLES, 0.5 * max(map(len, windows)))
     for use in windows:
-        if use.sum() >= min_count and np.sqrt(np.mean(np.sum(speed[use] ** 2, axis=1))) > min_speed:
+        if len(use) >= min_count and np.sqrt(np.mean(np.sum(speed[use] ** 2, axis=1))) > min_speed:
             shift, sigma = late_by(speed[use], apart[use])
             late.append(shift)
             open_.append(sigma)

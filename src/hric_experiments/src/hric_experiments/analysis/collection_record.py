@@ -1,6 +1,6 @@
 """Reads from a bag what each source sent and what of it was recorded, and the synchronised streams. No ROS."""
 
-from collections.abc import Callable
+from array import array
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -66,10 +66,11 @@ class Stream:
 
     Attributes:
         rate: [Hz]; 0: at the stamps of a reference.
-        names, sources: of the values, and the topic of each.
+        names, sources: of the values that a skew is measured by, and the topic of each.
+        topics: all sources, in the order of `valid`.
         stamps: shape (n,) [s].
         values: shape (n, values).
-        valid: shape (n, topics), in the order in which they first appear in `sources`.
+        valid: shape (n, topics).
         skew: topic -> the largest that the synchroniser reported [s].
         late: topic -> samples that came after their instants had gone out.
     """
@@ -77,16 +78,12 @@ class Stream:
     rate: float
     names: list[str]
     sources: list[str]
+    topics: list[str]
     stamps: FloatArray
     values: FloatArray
     valid: npt.NDArray[np.bool_]
     skew: dict[str, float] = field(default_factory=dict)
     late: dict[str, int] = field(default_factory=dict)
-
-    @property
-    def topics(self) -> list[str]:
-        """Of `valid`."""
-        return list(dict.fromkeys(self.sources))
 
 
 @dataclass
@@ -111,72 +108,125 @@ class Collection:
 
 def read(bag: Path | Bag) -> Collection | None:
     """Read a bag with all its parts; None: it has neither samples nor frames nor synchronised samples."""
-    found: dict[str, dict[str, list[Any]]] = {kind: {} for kind in (*TYPES, TRUTH_TOPIC)}
     with opened(bag) as reader:
         counted = [c for c in reader.connections if c.msgtype in TYPES or c.topic.endswith(TRUTH_TOPIC)]
         if not any(c.msgtype in (CHUNK, FRAMES, SAMPLE) for c in counted):
             return None
-        for connection, _, raw in reader.messages(connections=counted):
-            kind = TRUTH_TOPIC if connection.topic.endswith(TRUTH_TOPIC) else connection.msgtype
-            message = reader.deserialize(raw, connection.msgtype)
-            found[kind].setdefault(connection.topic, []).append(_ROWS[kind](message) if kind in _ROWS else message)
-    sources = {topic: _chunks(messages) for topic, messages in found[CHUNK].items()}
-    sources |= {topic: _frames(rows) for topic, rows in found[FRAMES].items()}
-    statuses = {topic.removesuffix("_status"): messages for topic, messages in found[STATUS].items()}
-    layouts = {topic.removesuffix("_layout"): messages[-1] for topic, messages in found[LAYOUT].items()}
-    streams = {
-        topic: _stream(rows, layouts[topic], statuses.get(topic, []))
-        for topic, rows in found[SAMPLE].items()
-        if topic in layouts
-    }
-    frames = [row for rows in found[FRAMES].values() for row in rows]
+        layouts: dict[str, Any] = {}
+        for connection, _, raw in reader.chosen(lambda c: c.msgtype == LAYOUT):
+            layouts[connection.topic.removesuffix("_layout")] = reader.deserialize(raw, connection.msgtype)
+        sources: dict[str, _Chunks | _Frames] = {}
+        ticks = {topic: _Ticks(layout) for topic, layout in layouts.items()}
+        others: dict[str, list[Any]] = {COUNT: [], TRUTH_TOPIC: []}
+        for connection, _, raw in reader.messages(connections=[c for c in counted if c.msgtype != LAYOUT]):
+            topic, kind = connection.topic, connection.msgtype
+            message = reader.deserialize(raw, kind)
+            if kind == COUNT or topic.endswith(TRUTH_TOPIC):
+                others[TRUTH_TOPIC if topic.endswith(TRUTH_TOPIC) else COUNT].append(message)
+            elif kind in (CHUNK, FRAMES):
+                if topic not in sources:
+                    sources[topic] = _Chunks() if kind == CHUNK else _Frames()
+                sources[topic].add(message)
+            elif topic.removesuffix("_status") in ticks:
+                ticks[topic.removesuffix("_status")].add(message)
+    frames = [one.frame for one in sources.values() if isinstance(one, _Frames)]
     return Collection(
-        sources,
-        _counts(found[COUNT]),
-        streams,
-        _truth([message for messages in found[TRUTH_TOPIC].values() for message in messages]),
-        frames[0][2] if frames else "",
+        {topic: one.numbered() for topic, one in sources.items()},
+        _counts(others[COUNT]),
+        {topic: one.stream() for topic, one in ticks.items() if len(one)},
+        _truth(others[TRUTH_TOPIC]),
+        frames[0] if frames else "",
     )
 
 
-_ROWS: dict[str, Callable[[Any], tuple[Any, ...]]] = {
-    FRAMES: lambda message: (seconds(message.header.stamp), message.frame_number, message.header.frame_id),
-    SAMPLE: lambda message: (seconds(message.header.stamp), message.values, message.valid),
-}
-"""Of these there are many: what is kept of a message."""
+class _Chunks:
+    """Samples of one source, of which stamps, numbers and time codes are kept."""
 
+    def __init__(self) -> None:
+        self._stamps, self._codes, self._numbers = array("d"), array("d"), array("q")
+        self._source, self._rate = "", np.inf
 
-def _chunks(messages: list[Any]) -> Numbered:
-    stamps, numbers, codes = [], [], []
-    for message in messages:
-        width = max(len(message.channels), 1)
-        data = np.asarray(message.data).reshape(-1, width)
+    def add(self, message: Any) -> None:
+        data = np.asarray(message.data, dtype=float).reshape(-1, max(len(message.channels), 1))
         steps = np.arange(len(data))
-        stamps.append(seconds(message.header.stamp) + steps / message.rate)
-        numbers.append(message.first_sample + steps)
-        codes.append(
-            data[:, message.channels.index(TIME_CODE)] if TIME_CODE in message.channels else np.full(len(data), np.nan)
+        code = np.full(len(data), np.nan)
+        if TIME_CODE in message.channels:
+            code = np.ascontiguousarray(data[:, message.channels.index(TIME_CODE)])
+        self._stamps.frombytes((seconds(message.header.stamp) + steps / message.rate).tobytes())
+        self._numbers.frombytes((message.first_sample + steps).tobytes())
+        self._codes.frombytes(code.tobytes())
+        self._source, self._rate = str(message.source), min(self._rate, float(message.rate))
+
+    def numbered(self) -> Numbered:
+        codes = np.frombuffer(self._codes)
+        return Numbered(
+            self._source,
+            self._rate,  # the lowest: it is higher where the run lost time
+            np.frombuffer(self._stamps),
+            np.frombuffer(self._numbers, np.int64),
+            None if np.isnan(codes).all() else codes,
         )
-    code = np.concatenate(codes)
-    return Numbered(
-        str(messages[-1].source),
-        min(float(message.rate) for message in messages),  # higher where the run lost time
-        np.concatenate(stamps),
-        np.concatenate(numbers).astype(np.int64),
-        None if np.isnan(code).all() else code,
-    )
 
 
-def _frames(rows: list[tuple[float, int, str]]) -> Numbered:
-    numbers = np.asarray(np.unwrap([int(row[1]) for row in rows], period=FRAME_NUMBERS), np.int64)
-    return Numbered("", float("nan"), np.array([row[0] for row in rows]), numbers, None)
+class _Frames:
+    """Frames of a motion capture, of which stamps and numbers are kept."""
+
+    def __init__(self) -> None:
+        self._stamps, self._numbers, self.frame = array("d"), array("q"), ""
+
+    def add(self, message: Any) -> None:
+        self._stamps.append(seconds(message.header.stamp))
+        self._numbers.append(int(message.frame_number))
+        self.frame = self.frame or str(message.header.frame_id)
+
+    def numbered(self) -> Numbered:
+        numbers = np.unwrap(np.frombuffer(self._numbers, np.int64), period=FRAME_NUMBERS)
+        return Numbered("", float("nan"), np.frombuffer(self._stamps), np.asarray(numbers, np.int64), None)
 
 
-def _counts(found: dict[str, list[Any]]) -> dict[str, Counts]:
+class _Ticks:
+    """Synchronised samples, of which the values are kept that a skew is measured by; and what their source said."""
+
+    def __init__(self, layout: Any) -> None:
+        self._layout = layout
+        self._columns = [k for k, name in enumerate(layout.names) if "position" in name or f"[{TIME_CODE}]" in name]
+        self._stamps, self._values, self._valid = array("d"), array("d"), bytearray()
+        self._skew: dict[str, float] = {}
+        self._late: dict[str, int] = {}
+
+    def __len__(self) -> int:
+        return len(self._stamps)
+
+    def add(self, message: Any) -> None:
+        """Take a sample, or a message of the synchroniser's state."""
+        if not hasattr(message, "values"):
+            for topic, largest in zip(message.sources, message.skew_max, strict=True):
+                self._skew[str(topic)] = max(self._skew.get(str(topic), 0.0), float(largest))
+            self._late = dict(zip(map(str, message.sources), map(int, message.late), strict=True))
+            return
+        self._stamps.append(seconds(message.header.stamp))
+        self._values.frombytes(message.values[self._columns].tobytes())
+        self._valid += message.valid.tobytes()
+
+    def stream(self) -> Stream:
+        layout, n = self._layout, len(self)
+        return Stream(
+            float(layout.rate),
+            [str(layout.names[k]) for k in self._columns],
+            [str(layout.sources[k]) for k in self._columns],
+            list(dict.fromkeys(map(str, layout.sources))),
+            np.frombuffer(self._stamps),
+            np.frombuffer(self._values).reshape(n, len(self._columns)),
+            np.frombuffer(self._valid, dtype=bool).reshape(n, -1),
+            self._skew,
+            self._late,
+        )
+
+
+def _counts(messages: list[Any]) -> dict[str, Counts]:
     by_source: dict[str, list[Any]] = {}
-    for messages in found.values():
-        for message in messages:
-            by_source.setdefault(str(message.source), []).append(message)
+    for message in messages:
+        by_source.setdefault(str(message.source), []).append(message)
     return {
         source: Counts(
             float(messages[-1].rate),
@@ -186,24 +236,6 @@ def _counts(found: dict[str, list[Any]]) -> dict[str, Counts]:
         )
         for source, messages in by_source.items()
     }
-
-
-def _stream(rows: list[tuple[float, Any, Any]], layout: Any, statuses: list[Any]) -> Stream:
-    skew: dict[str, float] = {}
-    for message in statuses:
-        for topic, largest in zip(message.sources, message.skew_max, strict=True):
-            skew[str(topic)] = max(skew.get(str(topic), 0.0), float(largest))
-    late = dict(zip(map(str, statuses[-1].sources), map(int, statuses[-1].late), strict=True)) if statuses else {}
-    return Stream(
-        float(layout.rate),
-        [str(name) for name in layout.names],
-        [str(source) for source in layout.sources],
-        np.array([row[0] for row in rows]),
-        np.array([row[1] for row in rows], dtype=float),
-        np.array([row[2] for row in rows], dtype=bool),
-        skew,
-        late,
-    )
 
 
 def _truth(messages: list[Any]) -> tuple[FloatArray, FloatArray, str] | None:

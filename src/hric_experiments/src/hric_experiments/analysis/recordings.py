@@ -1,7 +1,8 @@
 """What a report shows of a bag beside the control log: sensors, moving frames and markers, and events. No ROS."""
 
+from array import array
 from collections import defaultdict
-from collections.abc import Callable, Set
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from hric_bags.parts import PartsReader
+from hric_bags.parts import Bag, PartsReader
 from hric_bags.reader import FloatArray, RobotTime, opened, seconds
 from hric_experiments.analysis.collection_record import TIME_CODE
 
@@ -96,28 +97,36 @@ class Recordings:
     )
 
 
-def read(
-    bag: Path | PartsReader, robot_time: RobotTime, *, progress: bool = False, signals_only: bool = False
-) -> Recordings:
+def read(bag: Path | PartsReader, robot_time: RobotTime, *, progress: bool = False) -> Recordings:
     """Read a bag.
 
     Args:
         bag: the bag, or a reader of it.
         robot_time: from stamps to robot time.
         progress: show a progress bar on the terminal.
-        signals_only: leave out all but the sensors' numbers.
     """
     reading = _Reading(robot_time)
     with opened(bag) as reader:
-        label = "reading the bag" if progress else ""
-        kinds = SIGNAL_TYPES if signals_only else reading.kinds
-        for connection, stamp, raw in reader.chosen(
-            lambda c: c.msgtype in kinds and reading.wants(c.topic, c.msgtype), label
-        ):
-            reading.take(
-                connection.topic, connection.msgtype, stamp * 1e-9, partial(reader.deserialize, raw, connection.msgtype)
-            )
+        reading.take_all(reader, lambda c: reading.wants(c.topic, c.msgtype), "reading the bag" if progress else "")
     return reading.finish()
+
+
+def signals(bag: Path | Bag, robot_time: RobotTime) -> Iterator[list[Signal]]:
+    """Yield the sensors' numbers alone, one topic after the other: those of all together fill the memory.
+
+    Args:
+        bag: the bag, or a reader of it.
+        robot_time: from stamps to robot time.
+    """
+    with opened(bag) as reader:
+        for topic in dict.fromkeys(c.topic for c in reader.connections if c.msgtype in SIGNAL_TYPES):
+            reading = _Reading(robot_time)
+            reading.take_all(reader, partial(_measures, topic))
+            yield reading.finish().signals
+
+
+def _measures(topic: str, connection: Any) -> bool:
+    return connection.topic == topic and connection.msgtype in SIGNAL_TYPES
 
 
 class _Reading:
@@ -127,8 +136,7 @@ class _Reading:
         self._robot_time = robot_time
         self._result = Recordings()
         self._last: dict[str, float] = {}
-        self._chunks: dict[SignalKey, list[tuple[FloatArray, FloatArray]]] = defaultdict(list)
-        self._rows: dict[SignalKey, list[tuple[float, ...]]] = defaultdict(list)
+        self._series: dict[SignalKey, tuple[array[float], array[float]]] = defaultdict(lambda: (array("d"), array("d")))
         self._tracks: dict[tuple[str, str, str], list[tuple[float, tuple[float, ...]]]] = defaultdict(list)
         self._condition: dict[str, int] = {}
         self._starving: dict[str, tuple[str, ...]] = {}
@@ -148,10 +156,11 @@ class _Reading:
         }
         self._thinned = {"hric_msgs/msg/MocapData", "geometry_msgs/msg/PoseStamped"}
 
-    @property
-    def kinds(self) -> Set[str]:
-        """Types of messages that are of use."""
-        return self._takers.keys()
+    def take_all(self, reader: Bag, chooses: Callable[[Any], bool], label: str = "") -> None:
+        """Take the messages of the connections that are chosen; label: of a bar on the terminal."""
+        for connection, stamp, raw in reader.chosen(chooses, label):
+            kind = connection.msgtype
+            self.take(connection.topic, kind, stamp * 1e-9, partial(reader.deserialize, raw, kind))
 
     def wants(self, topic: str, kind: str) -> bool:
         """Whether messages of a topic are of use; that of all nodes' log comes once more by each node."""
@@ -174,13 +183,12 @@ class _Reading:
 
     def finish(self) -> Recordings:
         """What was collected."""
-        for key, rows in self._rows.items():
-            matrix = np.array(rows)
-            self._chunks[key].append((matrix[:, 0], matrix[:, 1:]))
-        for (topic, unit, channels), chunks in self._chunks.items():
-            time, values = (np.concatenate(parts) for parts in zip(*chunks, strict=True))
-            order = np.argsort(time, kind="stable")
-            self._result.signals.append(Signal(topic, unit, channels, time[order], values[order]))
+        for (topic, unit, channels), (stamps, rows) in self._series.items():
+            time, values = np.frombuffer(stamps), np.frombuffer(rows).reshape(len(stamps), -1)
+            if (np.diff(time) < 0.0).any():
+                order = np.argsort(time, kind="stable")
+                time, values = time[order], values[order]
+            self._result.signals.append(Signal(topic, unit, channels, time, values))
         for (kind, name, frame), poses in self._tracks.items():
             poses.sort(key=lambda pose: pose[0])
             times, values = (np.array(column) for column in zip(*poses, strict=True))
@@ -213,7 +221,9 @@ class _Reading:
         self._row(topic, "position [m]", ("x", "y", "z"), time, _xyz(message.point))
 
     def _row(self, topic: str, unit: str, channels: tuple[str, ...], time: float, values: tuple[float, ...]) -> None:
-        self._rows[topic, unit, channels].append((time, *values))
+        stamps, rows = self._series[topic, unit, channels]
+        stamps.append(time)
+        rows.extend(values)
 
     def _chunk(self, topic: str, time: float, message: Any) -> None:
         channels, units = tuple(map(str, message.channels)), str(message.unit).replace("N m", "N.m").split()
@@ -225,9 +235,9 @@ class _Reading:
         measured = [k for k, channel in enumerate(channels) if channel != TIME_CODE]
         for unit in dict.fromkeys(own[k] for k in measured):
             columns = [k for k in measured if own[k] == unit]
-            self._chunks[topic, f"[{unit.replace('.', ' ')}]", tuple(channels[k] for k in columns)].append(
-                (times, values[:, columns])
-            )
+            stamps, rows = self._series[topic, f"[{unit.replace('.', ' ')}]", tuple(channels[k] for k in columns)]
+            stamps.frombytes(times.tobytes())
+            rows.frombytes(values[:, columns].tobytes())
 
     def _layout(self, topic: str, time: float, message: Any) -> None:
         self._result.layouts[topic] = message

@@ -6,6 +6,7 @@ from typing import Any
 
 from hric_bags import files
 from hric_bags import reader as bag_reader
+from hric_bags.parts import Bag
 from hric_bags.reader import Messages, RunRecord
 from hric_bags.records.safety_record import SafetyRecord
 from hric_bags.run_folder import RunFolder
@@ -56,12 +57,12 @@ def analyse(
         step("metrics of motion, contacts and samples")
         result = dict(values)
         person = values.person
-    files.write_json(folder.metrics_path, result)
-    report = report_text.render(run, result)
-    files.write_text(folder.path / "summary.txt", report)
-    _export(folder, run, record, person)
-    if figures:
-        _draw(folder, run, bag, record, followed, person, values.safety, values.tolerances, step)
+        files.write_json(folder.metrics_path, result)
+        report = report_text.render(run, result)
+        files.write_text(folder.path / "summary.txt", report)
+        _export(folder, run, record, person)
+        if figures:
+            _draw(folder, run, reader, record, followed, person, values.safety, values.tolerances, step)
     return {**result, "report": report}
 
 
@@ -84,7 +85,7 @@ def _export(folder: RunFolder, run: Mapping[str, Any], record: RunRecord, person
 def _draw(
     folder: RunFolder,
     run: Mapping[str, Any],
-    bag: Path,
+    bag: Bag,
     record: RunRecord,
     followed: Tracking | None,
     person: Person | None,
@@ -94,6 +95,8 @@ def _draw(
 ) -> None:
     """The figures of a run and what its sensors measured, into its folder `figures`."""
     from hric_experiments.report import drawing, human_figures, run_figures, safety_figures, signal_figures
+    from hric_experiments.report.figure import Figure
+    from hric_experiments.report.thinning import limited
 
     step("reading what sensors measured")
     moves = metrics.moves(record, joint_orders(run))
@@ -101,7 +104,10 @@ def _draw(
     shown += human_figures.human_figures(person)
     shown += safety_figures.safety_figures(safety)
     shown += run_figures.tracking_figures(followed)
-    shown += signal_figures.signal_figures(recordings.read(bag, record.robot_time, signals_only=True).signals)
+    sensors: list[Figure] = []
+    for signals in recordings.signals(bag, record.robot_time):
+        sensors += [limited(figure, drawing.POINTS) for figure in signal_figures.signal_figures(signals)]
+    shown += signal_figures.in_order(sensors)
     step(f"drawing {len(shown)} figures")
     drawing.draw(folder.path / drawing.FOLDER, shown, title(run))
 

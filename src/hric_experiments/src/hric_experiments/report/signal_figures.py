@@ -24,8 +24,12 @@ def signal_figures(signals: Iterable[Signal]) -> list[Figure]:
     by_topic: dict[str, list[Signal]] = {}
     for signal in signals:
         by_topic.setdefault(signal.topic, []).append(signal)
-    found = [_figure(topic, parts) for topic, parts in by_topic.items()]
-    return sorted(found, key=lambda figure: sections.ORDER.index(figure.section))
+    return in_order([_figure(topic, parts) for topic, parts in by_topic.items()])
+
+
+def in_order(figures: Iterable[Figure]) -> list[Figure]:
+    """Return figures in the order of the report's parts."""
+    return sorted(figures, key=lambda figure: sections.ORDER.index(figure.section))
 
 
 def _figure(topic: str, signals: Iterable[Signal]) -> Figure:
