@@ -154,7 +154,7 @@ class Node(Protocol):
         """Set a parameter."""
 
     def advertise(self, topic: str, message_type: type, *, queue_size: int = 10, latch: bool = False) -> Publisher:
-        """Advertise a topic. `queue_size=0` publishes in the calling thread until the transport took the message."""
+        """Advertise a topic. No listener is waited for; `queue_size` is kept for callers that know rospy."""
 
     def subscribe(
         self, topic: str, message_type: type, callback: Callable[[Any], None], *, queue_size: int = 10

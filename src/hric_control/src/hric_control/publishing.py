@@ -10,68 +10,16 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, ExitStack, nullcontext
-from socket import socket
-from typing import Any, NamedTuple, Protocol
+from typing import Any
 
-from hric_control.native.sending import send_all
+from hric_control.listeners import DISPATCHER, Parcel
 
 Build = Callable[..., Any]
 """Builds a message from its arguments."""
 OnError = Callable[[Exception], None]
 """Takes what went wrong with one of several messages."""
-
-
-class Listener(Protocol):
-    """Somebody who listens to a topic, as rospy keeps it.
-
-    Attributes:
-        socket: to write to; None when it has gone.
-    """
-
-    socket: socket | None
-
-    def close(self) -> None:
-        """Be rid of it."""
-
-
-class Parcel(NamedTuple):
-    """Serialised messages of one topic, in their order.
-
-    Attributes:
-        lock: of the topic, so that nobody else writes into the middle of it.
-        listeners: whom it goes to.
-        data: [bytes].
-    """
-
-    lock: AbstractContextManager[Any]
-    listeners: Sequence[Listener]
-    data: bytes
-
-
-NOTHING = Parcel(nullcontext(), (), b"")
-
 Pack = Callable[[Sequence[Any], OnError], Parcel]
 """(messages, on_error): serialises them; those that cannot be are reported and left out."""
-
-
-def deliver(parcels: Sequence[Parcel]) -> None:
-    """Write all parcels, without the interpreter; a listener that cannot be written to is closed."""
-    with ExitStack() as locks:
-        for parcel in parcels:
-            locks.enter_context(parcel.lock)
-        open_ = [
-            (listener, listener.socket.fileno(), parcel.data)
-            for parcel in parcels
-            for listener in parcel.listeners
-            if parcel.data and listener.socket is not None
-        ]
-        if not open_:
-            return
-        listeners, numbers, data = zip(*open_, strict=True)
-        for listener, error in zip(listeners, send_all(list(numbers), list(data)), strict=True):
-            if error:  # whatever is wrong with it, it is a listener less
-                listener.close()
 
 
 class Outbox:
@@ -155,7 +103,6 @@ class PublishThread:
         self._event = threading.Event()
         self._busy = threading.Lock()  # of whoever packs, until it is delivered
         self._handed: list[Parcel] | None = None
-        self._rounds, self._hung = 0, -1
         self._stopped = False
         self._thread = threading.Thread(target=self._work, name="publish", daemon=True)
         self._thread.start()
@@ -175,41 +122,45 @@ class PublishThread:
         self._calls.append(function)
 
     def hand_over(self, timeout: float) -> bool:
-        """Build and serialise what waits, and have it written while the caller goes on. False when what was handed over
-        before is not written within `timeout` [s], or still hangs where it hung before: nothing is done then."""
-        if not self._acquire(timeout):
+        """Build and serialise what waits, and have it written while the caller goes on, once all listeners took what was
+        handed over before. One that needs longer than `timeout` [s] is not waited for again before it has caught up.
+        False when the thread itself is busy for so long: nothing is done then."""
+        deadline = time.monotonic() + timeout
+        if not self._acquire(deadline):
             return False
+        DISPATCHER.flush(deadline - time.monotonic())
+        self._hand_over()
+        return True
+
+    def drain(self, timeout: float) -> bool:
+        """Wait until nothing waits, here or for a listener that reads; False when it took longer than `timeout` [s]."""
+        deadline = time.monotonic() + timeout
+        while self._calls or any(map(len, self._outboxes)) or self._busy.locked():
+            if not self._acquire(deadline):
+                return False
+            self._hand_over()
+            if not self._acquire(deadline):
+                return False
+            self._busy.release()
+        return DISPATCHER.flush(deadline - time.monotonic())
+
+    def _acquire(self, deadline: float) -> bool:
+        return self._busy.acquire(timeout=max(deadline - time.monotonic(), 0.0))
+
+    def _hand_over(self) -> None:
+        """Pack what waits for the thread, which gives `_busy` back."""
         parcels: list[Parcel] = []
         try:
             parcels += filter(None, (outbox.pack() for outbox in self._outboxes))
         finally:
             self._handed = parcels
             self._event.set()
-        return True
-
-    def drain(self, timeout: float) -> bool:
-        """Wait until nothing waits; False when it took longer than `timeout` [s], or hangs as before."""
-        deadline = time.monotonic() + timeout
-        while self._calls or any(map(len, self._outboxes)) or self._busy.locked():
-            if not self.hand_over(deadline - time.monotonic()) or not self._acquire(deadline - time.monotonic()):
-                return False
-            self._busy.release()
-        return True
 
     def stop(self) -> None:
         """End the thread after what it is sending now."""
         self._stopped = True
         self._event.set()
         self._thread.join(1.0)
-
-    def _acquire(self, timeout: float) -> bool:
-        if self._hung == self._rounds:
-            timeout = 0.0
-        if not self._busy.acquire(timeout=max(timeout, 0.0)):
-            self._hung = self._rounds
-            return False
-        self._rounds += 1
-        return True
 
     def _work(self) -> None:
         period = POLL_PERIOD
@@ -227,12 +178,11 @@ class PublishThread:
                     self._look()
                 else:
                     period = PATIENCE
-                    deliver(handed)
+                    DISPATCHER.send(handed)
             finally:
                 self._busy.release()
 
     def _look(self) -> None:
-        self._rounds += 1
         for outbox in self._outboxes:
             while not self._stopped and (parcel := outbox.pack()) is not None:
-                deliver((parcel,))
+                DISPATCHER.send((parcel,))

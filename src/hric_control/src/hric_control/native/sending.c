@@ -2,35 +2,25 @@
 #include <Python.h>
 
 #include <errno.h>
-#include <poll.h>
 #include <sys/socket.h>
 
-/* A listener that takes nothing for so long is given up, as rospy does [ms]. */
-static const int PATIENCE = 60000;
-
-/* All of it; 0 or the error's number. */
-static int write_all(int fd, const char *data, size_t size)
+/* As much as the socket takes now: the number of bytes, or minus the error's number. */
+static Py_ssize_t send_now(int fd, const char *data, size_t size)
 {
-    while (size > 0) {
-        const ssize_t sent = send(fd, data, size, MSG_NOSIGNAL | MSG_DONTWAIT);
-        if (sent >= 0) {
-            data += sent;
-            size -= (size_t)sent;
-        } else if (errno == EAGAIN || errno == EWOULDBLOCK) {
-            struct pollfd writable = {.fd = fd, .events = POLLOUT};
-            const int ready = poll(&writable, 1, PATIENCE);
-            if (ready == 0)
-                return ETIMEDOUT;
-            if (ready < 0 && errno != EINTR)
-                return errno;
-        } else if (errno != EINTR) {
-            return errno;
-        }
+    size_t taken = 0;
+    while (taken < size) {
+        const ssize_t sent = send(fd, data + taken, size - taken, MSG_NOSIGNAL | MSG_DONTWAIT);
+        if (sent >= 0)
+            taken += (size_t)sent;
+        else if (errno == EAGAIN || errno == EWOULDBLOCK)
+            break;
+        else if (errno != EINTR)
+            return -errno;
     }
-    return 0;
+    return (Py_ssize_t)taken;
 }
 
-static PyObject *send_all(PyObject *Py_UNUSED(module), PyObject *args)
+static PyObject *send_now_all(PyObject *Py_UNUSED(module), PyObject *args)
 {
     PyObject *fds, *parts;
     if (!PyArg_ParseTuple(args, "O!O!", &PyList_Type, &fds, &PyList_Type, &parts))
@@ -40,11 +30,12 @@ static PyObject *send_all(PyObject *Py_UNUSED(module), PyObject *args)
         PyErr_SetString(PyExc_ValueError, "one part is needed for each socket");
         return NULL;
     }
-    int *fd = PyMem_Calloc(2 * (size_t)n + 1, sizeof(int));
+    int *fd = PyMem_Calloc((size_t)n + 1, sizeof(int));
+    Py_ssize_t *sent = PyMem_Calloc((size_t)n + 1, sizeof(Py_ssize_t));
     Py_buffer *part = PyMem_Calloc((size_t)n + 1, sizeof(Py_buffer));
-    PyObject *errors = NULL;
+    PyObject *results = NULL;
     Py_ssize_t held = 0;
-    if (fd == NULL || part == NULL) {
+    if (fd == NULL || sent == NULL || part == NULL) {
         PyErr_NoMemory();
         goto end;
     }
@@ -56,26 +47,27 @@ static PyObject *send_all(PyObject *Py_UNUSED(module), PyObject *args)
     }
     PyThreadState *interpreter = PyEval_SaveThread();
     for (Py_ssize_t i = 0; i < n; i++)
-        fd[n + i] = write_all(fd[i], part[i].buf, (size_t)part[i].len);
+        sent[i] = send_now(fd[i], part[i].buf, (size_t)part[i].len);
     PyEval_RestoreThread(interpreter);
-    errors = PyList_New(n);
-    for (Py_ssize_t i = 0; errors != NULL && i < n; i++) {
-        PyObject *number = PyLong_FromLong(fd[n + i]);
+    results = PyList_New(n);
+    for (Py_ssize_t i = 0; results != NULL && i < n; i++) {
+        PyObject *number = PyLong_FromSsize_t(sent[i]);
         if (number == NULL)
-            Py_CLEAR(errors);
+            Py_CLEAR(results);
         else
-            PyList_SET_ITEM(errors, i, number);
+            PyList_SET_ITEM(results, i, number);
     }
 end:
     for (Py_ssize_t i = 0; i < held; i++)
         PyBuffer_Release(&part[i]);
     PyMem_Free(fd);
+    PyMem_Free(sent);
     PyMem_Free(part);
-    return errors;
+    return results;
 }
 
 static PyMethodDef functions[] = {
-    {"send_all", send_all, METH_VARARGS, "(sockets' numbers, bytes for each) -> 0 or the error's number, for each"},
+    {"send_now", send_now_all, METH_VARARGS, "(sockets' numbers, bytes for each) -> bytes that each took, or minus the error's number"},
     {0}};
 
 static struct PyModuleDef definition = {

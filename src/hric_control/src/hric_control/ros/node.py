@@ -1,7 +1,6 @@
 """A node on rospy: the same face as `LocalNode`, with a master. One rospy process may hold many of them, one per
 namespace."""
 
-import warnings
 from collections.abc import Callable, Sequence
 from typing import Any
 from xmlrpc.client import Error as XmlRpcError
@@ -12,14 +11,16 @@ from rospy.msg import serialize_message
 
 from hric_control import names
 from hric_control.errors import FailureError, HricError, ParameterError
+from hric_control.listeners import DISPATCHER, NOTHING, Parcel
 from hric_control.node import REQUIRED, GoalHandle, LiveParameter, Namespaced, Undoable
-from hric_control.publishing import NOTHING, OnError, Parcel, deliver
+from hric_control.publishing import OnError
 from hric_control.robot_time import stamps
 from hric_control.ros.action import RosActionServer
 from hric_control.ros.live import RosLiveParameters
+from hric_control.ros.prompt import send_promptly
 
-# rospy: a queue_size of None sends in the calling thread, a number queues. It takes None for an oversight and warns.
-warnings.filterwarnings("ignore", "The publisher should be created with", SyntaxWarning)
+LAST = 0.5
+"""Longest wait for listeners to take what was published before a topic is closed [s] (project default, unconfirmed)."""
 
 
 class RosPublisher:
@@ -30,8 +31,9 @@ class RosPublisher:
     """
 
     def __init__(self, topic: str, message_type: type, queue_size: int, latch: bool) -> None:
+        send_promptly()
         try:
-            self._publisher = rospy.Publisher(topic, message_type, queue_size=queue_size or None, latch=latch)
+            self._publisher = rospy.Publisher(topic, message_type, queue_size=queue_size or 1, latch=latch)
         except (ValueError, rospy.ROSException) as error:
             raise FailureError(f"topic {topic} cannot be advertised: {error}") from error
         self._what, self._type = f"topic {topic}", message_type
@@ -51,13 +53,13 @@ class RosPublisher:
             HricError: as `publish`, for the first that could not be sent; the others are sent.
         """
         errors: list[Exception] = []
-        deliver((self.pack(messages, errors.append),))
+        DISPATCHER.send((self.pack(messages, errors.append),))
         if errors:
             error = errors[0]
             raise error if isinstance(error, HricError) else HricError(f"{self._what}: {error}") from error
 
     def pack(self, messages: Sequence[Any], on_error: OnError) -> Parcel:
-        """What rospy does to publish, up to the write; on_error: takes what is wrong with one of them."""
+        """Do what rospy does to publish, up to the write; on_error: takes what is wrong with one of them."""
         publisher = self._publisher
         if publisher is None or rospy.is_shutdown():
             return NOTHING
@@ -69,7 +71,8 @@ class RosPublisher:
             return NOTHING
 
     def _pack(self, topic: Any, messages: Sequence[Any], on_error: OnError) -> Parcel:
-        """topic: rospy's implementation."""
+        """Serialise; topic: rospy's implementation."""
+        count = 0
         with topic.publock:
             for message in messages:
                 begin = topic.buff.tell()
@@ -78,6 +81,7 @@ class RosPublisher:
                     if topic.connections:
                         serialize_message(topic.buff, topic.seq + 1, message)
                         topic.seq += 1
+                        count += 1
                     if topic.is_latch:
                         topic.latch = message
                 except Exception as error:  # whatever a field holds, the others go out
@@ -88,7 +92,7 @@ class RosPublisher:
             topic.buff.seek(0)
             topic.buff.truncate()
             topic.message_data_sent += len(data)
-            return Parcel(topic.publock, tuple(topic.connections), data)
+            return Parcel(topic.connections, data, count)
 
     def subscribers(self) -> int:
         """Number of listeners."""
@@ -96,9 +100,10 @@ class RosPublisher:
         return 0 if publisher is None or publisher.impl is None else len(publisher.impl.connections)
 
     def unregister(self) -> None:
-        """Stop advertising; a second call does nothing."""
+        """Send what waits, then stop advertising; a second call does nothing."""
         publisher, self._publisher = self._publisher, None
         if publisher is not None:
+            DISPATCHER.flush(LAST)
             publisher.unregister()
 
 
@@ -168,7 +173,8 @@ class RosNode(Namespaced):
         _query(lambda: rospy.set_param(full, value))
 
     def advertise(self, topic: str, message_type: type, *, queue_size: int = 10, latch: bool = False) -> RosPublisher:
-        """Advertise a topic. `queue_size=0` sends in the calling thread until the transport took the message."""
+        """Advertise a topic. No listener is waited for: what it does not take waits for it alone, bounded in bytes
+        (`listeners.LIMIT`), whatever `queue_size` says."""
         return RosPublisher(self.resolve(topic), message_type, queue_size, latch)
 
     def subscribe(

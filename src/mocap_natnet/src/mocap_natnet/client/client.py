@@ -1,6 +1,7 @@
 """The client on UDP: sockets and a thread around a `Session`."""
 
 import contextlib
+import logging
 import select
 import socket
 import threading
@@ -15,6 +16,7 @@ from mocap_natnet.codec import CodecError, text
 from mocap_natnet.codec.descriptions import Model
 from mocap_natnet.codec.packets import HEADER, MAX_PAYLOAD, NAME_SIZE, Message, packet, split
 
+LOG = logging.getLogger("hric.mocap_natnet")
 OK, WARN, ERROR = 0, 1, 2
 """Levels as in diagnostic_msgs/DiagnosticStatus."""
 POLL = 0.02
@@ -23,6 +25,9 @@ SEND_PERIOD = 10_000_000
 """Minimum time between two looks at whether something is to be sent [ns] (project default, unconfirmed)."""
 RECEIVE_BUFFER = 1 << 22
 """Requested of the kernel, which may grant less [bytes]; enough for seconds of frames."""
+STRANGERS = 16
+"""Senders that are named in the log, each once; more are counted only (project default, unconfirmed)."""
+STRANGER = "stranger"
 _FRAME = HEADER.pack(Message.FRAMEOFDATA, 0)[:2]
 
 
@@ -138,7 +143,9 @@ class NatNetClient:
         self._command = datagram_socket()
         self._command.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
         self._command.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
-        self._command.bind(("", 0))
+        self._command.bind((self._facing(settings.server or settings.discovery), 0))
+        self._frames_from = 0
+        self._strangers: set[str] = set()
         self._data: list[socket.socket] = []
         self._route: Route | None = None
         self._trouble = self._send_trouble = ""
@@ -206,20 +213,32 @@ class NatNetClient:
             except OSError:  # the network reports a port that nobody listens on
                 continue
             now = time.monotonic_ns()
-            if one is not self._command and not datagram.startswith(_FRAME):
-                self.session.statistics.refused["no frame on the data channel"] += 1
-            elif one is self._command and not self._is_server(datagram, sender[0]):
-                self.session.statistics.refused["stranger"] += 1
+            if refusal := self._refusal(one, datagram, sender, now):
+                self.session.statistics.refused[refusal] += 1
             else:
                 self.session.receive(datagram, now)
 
-    def _is_server(self, datagram: bytes, sender: str) -> bool:
-        """Whether the server sent this; without one, the sender of server information becomes it."""
-        if not self._server:
+    def _refusal(self, one: socket.socket, datagram: bytes, sender: tuple[str, int], now: int) -> str:
+        """Return the reason why a datagram is not taken, or "". Without a server, the sender of server information
+        becomes it. Frames come from one port of it, until they stop; all else comes from its command port."""
+        (address, port), frame = sender, datagram.startswith(_FRAME)
+        if not self._server and port == self.settings.command_port:
             with contextlib.suppress(CodecError):
                 if split(datagram)[0] == Message.SERVERINFO:
-                    self._server = sender
-        return sender == self._server
+                    self._server = address
+        believed = address == self._server
+        if frame and believed and port != self._frames_from:
+            believed = not self._frames_from or self.session.silent(now)[1]
+            self._frames_from = port if believed else self._frames_from
+        elif not frame:
+            believed = believed and (one is not self._command or port == self.settings.command_port)
+        if believed:
+            return "" if frame or one is self._command else "no frame on the data channel"
+        if address not in self._strangers and len(self._strangers) < STRANGERS:
+            self._strangers.add(address)
+            server = f"{self._server}:{self.settings.command_port}" if self._server else "a server that responds"
+            LOG.warning("packets of %s:%d are refused: only %s is believed (reported once)", address, port, server)
+        return STRANGER
 
     def _send(self, now: int) -> None:
         if self._server:
@@ -251,7 +270,7 @@ class NatNetClient:
         if route.multicast:
             self._open(route.group, route.port, route.group)
         if route.unicast:
-            self._open("", route.port, "")
+            self._open(self._facing(self._server), route.port, "")
 
     def _open(self, address: str, port: int, group: str) -> None:
         one = datagram_socket()
@@ -276,12 +295,14 @@ class NatNetClient:
         self._data.append(one)
 
     def _local(self) -> str:
-        """Address of the network card that faces the server."""
-        if self.settings.local:
-            return self.settings.local
+        """Return the address of the network card that faces the server, as set or as found."""
+        return self.settings.local or self._facing(self._server)
+
+    def _facing(self, peer: str) -> str:
+        """Return the address of this machine by which `peer` is reached; 0.0.0.0 where that is not known."""
         with datagram_socket() as probe:
             try:
-                probe.connect((self._server, self.settings.command_port))
+                probe.connect((peer, self.settings.command_port))
             except OSError:
                 return "0.0.0.0"
             address: str = probe.getsockname()[0]
