@@ -6,6 +6,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
+from hric_control import listeners
 from hric_control.limits import LimitCounts
 from hric_control.node import Node
 from hric_control.sim.sim_loop import SimLoop
@@ -33,7 +34,7 @@ class Diagnostics:
         self._publisher = node.advertise("/diagnostics", DiagnosticArray, queue_size=10)
         self._end = threading.Event()
         self._thread: threading.Thread | None = None
-        self._missed = self._touched = 0
+        self._missed = self._touched = self._lost = 0
 
     def start(self) -> None:
         """Begin publishing."""
@@ -55,6 +56,7 @@ class Diagnostics:
             message.status.append(self._loop_status(self._loop))
         if self._counts is not None:
             message.status.append(self._limit_status(self._counts()))
+        message.status.append(self._listener_status(listeners.DISPATCHER.status()))
         return message
 
     def _work(self) -> None:
@@ -112,3 +114,16 @@ class Diagnostics:
             f"{touched} commands limited in the last second" if touched > 0 else "no command limited in the last second"
         )
         return self._status("joint limits", DiagnosticStatus.WARN if touched > 0 else DiagnosticStatus.OK, text, values)
+
+    def _listener_status(self, status: listeners.Status) -> Any:
+        lost, self._lost = status.lost - self._lost, status.lost
+        text = f"{lost} messages dropped in the last second, for listeners that do not read" if lost else "all keep up"
+        if status.behind and not lost:
+            text = f"behind: {', '.join(status.behind)}"
+        return self._status("listeners", DiagnosticStatus.WARN if status.behind else DiagnosticStatus.OK, text, {
+            "behind": ", ".join(status.behind) or "none",
+            "waiting for them [bytes]": status.waiting,
+            "limit for each [bytes]": listeners.LIMIT,
+            "messages dropped": status.lost,
+            "closed as dead": status.closed,
+        })  # fmt: skip

@@ -84,7 +84,8 @@ class SupervisorApp:
         self.latencies: deque[float] = deque(maxlen=KEPT)
         self._slower: dict[int, bool] = {}
         self._scale, self._latency, self._markers_at = 1.0, math.nan, -math.inf
-        self._lock = threading.Lock()
+        self._lock, self._sending = threading.Lock(), threading.Lock()
+        self._outgoing: deque[Callable[[], None]] = deque()
         self._refused: set[str] = set()
         self._holder = self._holder_reported = ("", False)
 
@@ -105,18 +106,32 @@ class SupervisorApp:
     # -- deciding ------------------------------------------------------------------------------------------------------
 
     def decide(self, now: float) -> Decision:
-        """Decide at robot time `now` [s], and publish; from any thread, one at a time."""
+        """Decide at robot time `now` [s], one thread at a time, and publish once the lock is free for the next."""
         with self._lock:
             person, *others = [person.take() for person in self._persons]
             decision = self._supervisor.decide(now, self._arm.take(), person, self._in_force, others)
             if self.settings.active:
                 self._request(decision)
-            self._state.publish(topics.state(decision, self.settings, self._latency))
+            self._later(self._state.publish, topics.state(decision, self.settings, self._latency))
             self._report(decision, [*decision.events, *self._of_holders()])
             if not 0.0 <= now - self._markers_at < MARKERS_PERIOD and self._markers.subscribers():
                 self._markers_at = now
-                self._markers.publish(topics.markers(decision))
-            return decision
+                self._later(self._markers.publish, topics.markers(decision))
+        self._send()
+        return decision
+
+    def _later(self, act: Callable[[Any], None], argument: Any) -> None:
+        """Publish or log once no lock is held."""
+        self._outgoing.append(lambda: act(argument))
+
+    def _send(self) -> None:
+        """Send what waits, in its order; a thread that finds another one at it leaves it to that one."""
+        while self._outgoing and self._sending.acquire(blocking=False):
+            try:
+                while self._outgoing:
+                    self._outgoing.popleft()()
+            finally:
+                self._sending.release()
 
     def _request(self, decision: Decision) -> None:
         message = topics.request(decision, SILENCE / self.settings.rate)
@@ -125,13 +140,13 @@ class SupervisorApp:
                 self._slower.clear()
             self._slower[message.header.stamp.to_nsec()] = decision.scale < self._scale
         self._scale = decision.scale
-        self._requests.publish(message)
+        self._later(self._requests.publish, message)
 
     def _report(self, decision: Decision, events: Any) -> None:
         for one in events:
-            self._events.publish(topics.event(decision, one))
+            self._later(self._events.publish, topics.event(decision, one))
             if not self._node.publishes_inline:  # a headless run has it in its report
-                (self._node.log_warn if one.kind in WARNED else self._node.log_info)(one.text)
+                self._later(self._node.log_warn if one.kind in WARNED else self._node.log_info, one.text)
 
     def _of_holders(self) -> list[Event]:
         """Return an event where another node holds the speed, or one was lost, since the last call."""
@@ -176,6 +191,7 @@ class SupervisorApp:
             self._refused.add(names)
             nothing = Decision(now, math.nan, "", math.nan)
             self._report(nothing, [Event("controller_stopped" if done.ok else "fault", text)])
+            self._send()
 
     # -- the end -------------------------------------------------------------------------------------------------------
 
