@@ -2,10 +2,12 @@
 
 import socket
 import struct
+import threading
 import time
+from contextlib import ExitStack, suppress
 
 import pytest
-from fci_peer import PATIENCE, Peer, command, new_address, serving
+from fci_peer import ARM, PATIENCE, Peer, command, new_address, serving
 
 from franka_sim.box.requests import MotionCommand
 from franka_sim.fci.clock import LockStepClock, Phase, WallClock, make_clock
@@ -77,13 +79,58 @@ def test_a_client_that_comes_as_another_one_goes_is_served() -> None:
 def test_a_connection_that_says_nothing_is_closed() -> None:
     with serving(ConstantDevice()) as ip:
         silent = [Peer(ip, connect=False) for _ in range(MAX_WAITING)]
-        with Peer(ip, connect=False) as one_too_many:
-            assert one_too_many.tcp.recv(1) == b""
         begin = time.monotonic()
         assert all(peer.tcp.recv(1) == b"" for peer in silent)
         assert time.monotonic() - begin < HANDSHAKE_TIME + PATIENCE
         with Peer(ip) as peer:
             peer.state()
+
+
+def test_one_that_says_nothing_gives_way_to_the_next_and_those_of_another_address_stay() -> None:
+    with serving(ConstantDevice()) as ip, ExitStack() as stack:
+
+        def connect(source: str) -> socket.socket:
+            return stack.enter_context(socket.create_connection((ip, ARM), PATIENCE, (source, 0)))
+
+        other, crowd = connect("127.0.0.8"), [connect("127.0.0.9") for _ in range(MAX_WAITING)]
+        begin = time.monotonic()
+        assert crowd[0].recv(1) == b""
+        assert time.monotonic() - begin < PATIENCE / 2
+        other.settimeout(0.0)
+        with suppress(BlockingIOError):
+            assert other.recv(1) != b"" or time.monotonic() - begin > HANDSHAKE_TIME
+
+
+@pytest.mark.parametrize("said", [b"", bytes(1)])
+def test_a_crowd_that_says_nothing_or_one_byte_at_a_time_locks_nobody_out(said: bytes) -> None:
+    ended = threading.Event()
+
+    def crowd(ip: str) -> None:
+        idle: list[socket.socket] = []
+        while not ended.wait(0.005):
+            with suppress(OSError):
+                idle.append(socket.create_connection((ip, ARM), 1.0))
+            for one in idle[-5:]:
+                with suppress(OSError):
+                    one.send(said)
+            if len(idle) > 100:
+                idle.pop(0).close()
+        for one in idle:
+            one.close()
+
+    with serving(ConstantDevice()) as ip:
+        strangers = [threading.Thread(target=crowd, args=(ip,)) for _ in range(2)]
+        for stranger in strangers:
+            stranger.start()
+        try:
+            for _ in range(10):
+                with Peer(ip) as peer:
+                    first = peer.state()
+                    assert peer.state() != first
+        finally:
+            ended.set()
+            for stranger in strangers:
+                stranger.join()
 
 
 def test_a_client_that_reads_no_responses_is_let_go() -> None:

@@ -5,6 +5,7 @@ import selectors
 import socket
 import time
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -17,8 +18,11 @@ from hric_control.errors import FailureError
 
 HANDSHAKE_TIME = 1.0
 """A connection that does not say what it is within this time is closed [s]: project default, unconfirmed."""
-MAX_WAITING = 16
-"""Connections that may be shaking hands at the same time."""
+MAX_WAITING = 64
+"""Connections that may be shaking hands at the same time; one more, and the oldest of the address that has most of them
+goes (project default, unconfirmed)."""
+ACCEPTED = 16
+"""Connections that are accepted between two looks at the others and at the clock (project default, unconfirmed)."""
 INCOMPATIBLE = 1
 """Status of Connect for a client of another version."""
 
@@ -117,21 +121,35 @@ class Service(ABC):
     # -- connections ---------------------------------------------------------------------------------------------------
 
     def _on_listener(self, _: int) -> None:
-        try:
-            connected, (host, port) = self._listener.accept()
-        except OSError:
-            return
-        peer = f"{host}:{port}"
+        for _ in range(ACCEPTED):
+            try:
+                connected, (host, port) = self._listener.accept()
+            except OSError:
+                return
+            self._greet(connected, f"{host}:{port}")
+
+    def _greet(self, connected: socket.socket, peer: str) -> None:
         if self.client is not None:
             self._on_connection(self.client.connection, READ)  # perhaps it has just gone
-        if self.client is not None or len(self._waiting) >= MAX_WAITING:
-            reason = f"{self.client.name} is connected" if self.client else "too many connections are shaking hands"
-            self.complaints.warn("second", f"{peer} is turned away: {reason}")
+        if self.client is not None:
+            self.complaints.warn("second", f"{peer} is turned away: {self.client.name} is connected")
             connected.close()
             return
         connection = Connection(connected, self._framing, self.size_of)
         self._waiting[connection] = peer, time.monotonic()
         self._selector.register(connected, READ, lambda events: self._on_connection(connection, events))
+        self._on_connection(connection, READ)
+        if len(self._waiting) > MAX_WAITING:
+            self._make_room()
+
+    def _make_room(self) -> None:
+        """Let the oldest connection go that shakes hands, of the address that has most of them."""
+        hosts = {connection: peer.rpartition(":")[0] for connection, (peer, _) in self._waiting.items()}
+        crowd = Counter(hosts.values()).most_common(1)[0][0]
+        oldest = next(connection for connection, host in hosts.items() if host == crowd)
+        self._on_connection(oldest, READ)  # perhaps it has just said what it is
+        if oldest in self._waiting:
+            self._drop(oldest, f"{self._waiting[oldest][0]} is turned away: too many connections are shaking hands")
 
     def _on_connection(self, connection: Connection, events: int) -> None:
         if events & WRITE:
@@ -223,7 +241,7 @@ def listen(address: tuple[str, int], name: str) -> socket.socket:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listener.setblocking(False)
         listener.bind(address)
-        listener.listen(16)
+        listener.listen(MAX_WAITING)
     except OSError as error:
         listener.close()
         raise FailureError(
