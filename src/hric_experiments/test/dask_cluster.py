@@ -60,7 +60,7 @@ class Cluster:
         certified: bool = False,
     ) -> None:
         self._folder, self._sides, self._hosts, self._started = folder, sides, hosts, 0
-        self._tls = ""
+        self._tls = "" if hosts == ("127.0.0.1", "127.0.0.1") else " --insecure"
         if certified:
             self.certificate, self.key = folder / "certificate.pem", folder / "key.pem"
             made = f"openssl req -x509 -newkey rsa:2048 -nodes -days 1 -subj /CN=hric -keyout {self.key}"
@@ -74,7 +74,7 @@ class Cluster:
         """On a port that is free."""
         file = self._folder / "scheduler.json"
         file.unlink(missing_ok=True)
-        command = f"dask scheduler --host {self._hosts[0]} --port 0 --dashboard-address 127.0.0.1:0"
+        command = f"{ROOT}/scripts/scheduler --host {self._hosts[0]} --port 0"
         self.scheduler = self._start(self._sides[0], f"{command} --scheduler-file {file}{self._tls}", {})
         until(lambda: file.exists() and file.read_text().endswith("}"))
         self.address = str(json.loads(file.read_text())["address"])

@@ -311,7 +311,7 @@ def _client(distributed: Any, address: str) -> Any:
             return distributed.Client(address, security=security, timeout=CONNECT, name=name)
         why = f"a {found.get('type')} is there"
     raise HricError(
-        f"no Dask scheduler responds at {address}: {' '.join(why.split())}; valid: start one there (dask scheduler) "
+        f"no Dask scheduler responds at {address}: {' '.join(why.split())}; valid: start one there (scripts/scheduler) "
         "and name the address it prints"
     )
 

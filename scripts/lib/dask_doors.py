@@ -1,0 +1,94 @@
+"""Command line of a Dask scheduler or worker that others cannot reach, or only with a certificate, or with --insecure.
+
+Whoever reaches a port of Dask's runs programs on that machine. Prints, a line each: `plain` or `encrypted`, and the
+arguments for Dask; or says on stderr what is not possible, and exits with 2.
+"""
+
+import argparse
+import ipaddress
+import os
+import re
+import socket
+import sys
+
+ADDRESS = re.compile(r"(tcp|tls)://(\[[^\]]+\]|[^:/\[\]]+):(\d+)")
+LISTENING = ("--host", "--interface", "--listen-address")
+"""Options of Dask that say where its own protocol listens."""
+LOOPBACK = "127.0.0.1"
+
+
+class DoorError(Exception):
+    """A port would be open; the message says which and what to do."""
+
+
+def is_local(host: str) -> bool:
+    """True if every address that `host` stands for is on loopback. Raises DoorError: it stands for none."""
+    try:
+        found = {info[4][0] for info in socket.getaddrinfo(host, None)}
+    except (OSError, UnicodeError) as error:
+        raise DoorError(f"{host} is no address: {error}") from None
+    addresses = [ipaddress.ip_address(str(one).partition("%")[0]) for one in found]
+    return all((getattr(one, "ipv4_mapped", None) or one).is_loopback for one in addresses)
+
+
+def host_of(text: str) -> str:
+    """Return the host of an address, with or without a scheme, brackets and port; "" stands for all interfaces."""
+    rest = text.rpartition("://")[2]
+    if rest.startswith("["):
+        return rest[1:].partition("]")[0]
+    return rest if rest.count(":") > 1 else rest.partition(":")[0]
+
+
+def is_open(option: str, value: str) -> bool:
+    """True if Dask listens off loopback with this option."""
+    if option == "--interface":
+        return any(name != "lo" for name in value.split(","))
+    return host_of(value) == "" or not is_local(host_of(value))
+
+
+def check(program: str, words: list[str]) -> tuple[bool, list[str]]:
+    """Return whether Dask must encrypt, and its arguments. Raises DoorError."""
+    parser = argparse.ArgumentParser(f"scripts/{program}", add_help=False, allow_abbrev=False)
+    for option in (*LISTENING, "--dashboard-address"):
+        parser.add_argument(option)
+    parser.add_argument("--workers", default=str(os.cpu_count()))
+    parser.add_argument("--insecure", action="store_true")
+    peer = words[0] if program == "worker" and words else ""
+    if program == "worker" and not ADDRESS.fullmatch(peer):
+        raise DoorError(
+            f"{peer or 'nothing'} is no address of a scheduler; valid: tcp://HOST:PORT, tls://HOST:PORT, as "
+            "scripts/scheduler prints it"
+        )
+    given, others = parser.parse_known_args(words[bool(peer) :])
+    options = vars(given)
+    if not re.fullmatch("[1-9][0-9]*", given.workers):
+        raise DoorError(f"--workers {given.workers}; valid: 1 or more")
+    places = {option: value for option in LISTENING if (value := options[option[2:].replace("-", "_")]) is not None}
+    pages = given.dashboard_address or f"{LOOPBACK}:0"
+    reached = [f"{option} {value}" for option, value in places.items() if is_open(option, value)]
+    if peer and not is_local(host_of(peer)):
+        reached.insert(0, peer)
+    encrypted = bool(reached) and not given.insecure
+    if encrypted and not (peer.startswith("tls://") or (not peer and any(one.startswith("--tls-") for one in others))):
+        raise DoorError(
+            f"{reached[0]} is reached from other machines, and whoever reaches it runs programs as you; valid: a "
+            f"certificate ({'tls://HOST:PORT with ' * bool(peer)}--tls-ca-file, --tls-cert, --tls-key), an address on "
+            "loopback, or --insecure"
+        )
+    if not given.insecure and is_open("--dashboard-address", pages):
+        raise DoorError(f"--dashboard-address {pages} is open to all; valid: {LOOPBACK}:PORT, or --insecure")
+    if not places and not reached:
+        places["--host"] = host_of(peer) if peer and host_of(peer) != "localhost" else LOOPBACK
+    arguments = [peer] * bool(peer) + [word for option, value in places.items() for word in (option, value)]
+    if program == "worker":  # runs have processes and a bound of memory of their own below these
+        arguments += ["--nworkers", given.workers, "--nthreads", "1", "--memory-limit", "0"]
+    return encrypted, [*arguments, "--dashboard-address", pages, *others]
+
+
+if __name__ == "__main__":
+    try:
+        secret, command = check(sys.argv[1], sys.argv[2:])
+    except DoorError as problem:
+        print(f"scripts/{sys.argv[1]}: {problem}", file=sys.stderr)
+        sys.exit(2)
+    print("\n".join(["encrypted" if secret else "plain", *command]))
