@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 import pylsl
 
-from hric_control.errors import ParameterError
+from hric_control.errors import FailureError, ParameterError
+from hric_control.native.loopback import confine
 from hric_control.parameters import Settings, text
 from hric_perception.chunk import FloatArray, Layout
 from hric_perception.stream import Driver, SampleStream, StreamHealth
@@ -52,15 +53,19 @@ def use_session(session: str) -> None:
 
     Args:
         session: "": as liblsl is configured on this machine (LSLAPICFG, lsl_api.cfg; else the whole network); a name:
-            only streams of processes on this machine that give the same name.
+            only streams of processes on this machine that give the same name, over loopback alone: neighbours neither
+            find nor read them.
 
     Raises:
         ParameterError: not a name.
+        FailureError: this liblsl cannot be kept off the network.
     """
     if not session:
         return
     if not re.fullmatch(r"[A-Za-z0-9_-]{1,60}", session):
         raise ParameterError(f"the lsl session is {session!r}; valid: up to 60 letters, digits, _ and -, or nothing")
+    if not confine("liblsl"):  # it has no option for it
+        raise FailureError("liblsl cannot be kept on loopback: it calls bind() in no way that is known here")
     pylsl.set_config_content(_MACHINE.format(session=session))
 
 
