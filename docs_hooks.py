@@ -2,6 +2,7 @@
 import, and CONTRIBUTING.md. mkdocs calls the functions by their names (hooks in mkdocs.yml)."""
 
 import re
+import runpy
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -51,6 +52,7 @@ def pages(root: Path) -> Iterator[tuple[str, str]]:
     for module, members in PYTHON.items():
         chosen = f"    options:\n      members: [{', '.join(members)}]\n" if members else ""
         yield f"reference/python/{module}.md", f"# {module}\n\n::: {module}\n{chosen}"
+    yield "reference/wires.md", runpy.run_path(str(root / "src/hric_control/src/hric_control/wires.py"))["page"]()
     yield "contributing.md", (root / "CONTRIBUTING.md").read_text().replace("](docs/", "](")
 
 

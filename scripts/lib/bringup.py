@@ -10,6 +10,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 import bringup_arguments as given
@@ -91,6 +92,7 @@ class ShutdownRequest:
 def run(arguments: Mapping[str, str], master: str) -> int:
     """Run bringup.launch until a required node ends or Ctrl-C; returns the exit code."""
     os.environ["ROS_MASTER_URI"] = master
+    confine_roscpp()
     nodes = RequiredNodes()
     uuid = roslaunch.rlutil.get_or_generate_uuid(None, False)
     roslaunch.configure_logging(uuid)
@@ -113,6 +115,13 @@ def run(arguments: Mapping[str, str], master: str) -> int:
     end_nodes(parent.pm, lambda: request.count > 1)
     parent.shutdown()
     return _code(nodes, arguments["experiment"] != "none")
+
+
+def confine_roscpp() -> None:
+    """Have programs on roscpp that start from here, such as rosout, listen where ROS_IP says, as those on rospy do."""
+    library = Path(os.environ["HRIC_WS"]) / "devel/lib/libhric_roscpp_loopback.so"
+    if library.exists():
+        os.environ["LD_PRELOAD"] = ":".join(filter(None, (str(library), os.environ.get("LD_PRELOAD"))))
 
 
 def parameter(master: str, name: str) -> object:

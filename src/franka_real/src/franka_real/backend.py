@@ -10,6 +10,7 @@ from franka_hw_interface.command_set import ArmCommand
 from franka_hw_interface.modes import Mode
 from franka_real.settings import Settings
 from hric_control.errors import FailureError
+from hric_control.native.loopback import confine
 
 
 class RobotError(FailureError):
@@ -23,6 +24,13 @@ class ConnectionLostError(FailureError):
 Cycle = Callable[[Any], ArmCommand]
 """libfranka's state -> command; called each millisecond while a motion runs. What it raises ends the motion and reaches
 the caller of `control`."""
+
+
+def keep_local(address: str) -> None:
+    """Receive states over loopback alone where the arm is there: libfranka takes them on all interfaces, from
+    whoever sends first."""
+    if address.startswith("127."):
+        confine("libPocoNet")
 
 
 class Backend(ABC):
@@ -49,6 +57,7 @@ class Backend(ABC):
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
         config = self.library.RealtimeConfig
+        keep_local(settings.robot_ip)
         realtime = config.kEnforce if settings.realtime_config == "enforce" else config.kIgnore
         try:
             self._robot = self.library.Robot(settings.robot_ip, realtime)
