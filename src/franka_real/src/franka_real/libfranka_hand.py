@@ -11,6 +11,7 @@ from typing import Any
 
 from franka_hw_interface.hand import HandMotion, HandOutcome
 from franka_real import probe
+from franka_real.backend import keep_local
 from franka_real.settings import ROBOT_IP, WAIT_FOR_ARM
 from hric_control.errors import FailureError
 from hric_control.node import Node
@@ -216,6 +217,7 @@ def connector(address: str, library: str = "auto") -> Callable[[], Any]:
 
 def _connect(module: Any, address: str) -> Any:
     probe.check(address, PROBE_TIMEOUT, PORT)
+    keep_local(address)
     try:
         return module.Gripper(address)
     except Exception as error:  # as above

@@ -104,6 +104,18 @@ WIRES = (
         "read and publish topics, call services, end the node",
     ),
     Wire(
+        "nodes on roscpp: `bag_recorder`, `rosout`, `robot_state_publisher`",
+        (),
+        "UDPROS",
+        "udp",
+        ANY,
+        "any",
+        "as their XML-RPC",
+        "nobody: no topic of the workspace asks for UDP",
+        "none: datagrams",
+        "nothing",
+    ),
+    Wire(
         "`natnet_client`, `force_plate` in Motive's stream",
         ("natnet_client", "force_plate", "calibrate"),
         "NatNet, requests and unicast frames",

@@ -1,0 +1,60 @@
+"""Two machines in the eyes of the network: a laboratory and its neighbour, each a network namespace, with a cable."""
+
+import os
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+LAB, NEIGHBOUR = "10.77.0.1", "10.77.0.2"
+"""Their addresses."""
+
+
+class Bound(NamedTuple):
+    """A socket that others may reach: its transport, address, port, and the command line of its process."""
+
+    transport: str
+    address: str
+    port: int
+    words: tuple[str, ...]
+
+
+class Network:
+    """Made at once, and gone with `close`. Raises RuntimeError: this user may not make one."""
+
+    def __init__(self) -> None:
+        self.lab, self.neighbour = (f"hric{os.getpid()}{side}" for side in "ln")
+        self._ip(f"netns add {self.lab}")
+        self._ip(f"netns add {self.neighbour}")
+        self._ip(f"-n {self.lab} link add cable type veth peer name cable netns {self.neighbour}")
+        for name, address in ((self.lab, LAB), (self.neighbour, NEIGHBOUR)):
+            for command in (f"addr add {address}/24 dev cable", "link set cable up", "link set lo up"):
+                self._ip(f"-n {name} {command}")
+
+    def command(self, name: str, *words: str) -> list[str]:
+        """Words that run a command on one side."""
+        return ["ip", "netns", "exec", name, *words]
+
+    def listening(self) -> Iterator[Bound]:
+        """Sockets of the laboratory that wait for others."""
+        shown = subprocess.run(self.command(self.lab, "ss", "-ltunpH"), capture_output=True, text=True, check=True)
+        for line in shown.stdout.splitlines():
+            transport, _, _, _, local, _, *users = line.split()
+            address, _, port = local.rpartition(":")
+            pid = users[0].partition("pid=")[2].partition(",")[0] if users else ""
+            try:
+                words = Path(f"/proc/{pid}/cmdline").read_text().split("\0")
+            except OSError:  # it has ended meanwhile
+                continue
+            yield Bound(transport, address.strip("[]").partition("%")[0].replace("*", "::"), int(port), tuple(words))
+
+    def close(self) -> None:
+        """Take both away; what ran there must have ended."""
+        for name in (self.lab, self.neighbour):
+            subprocess.run(["ip", "netns", "del", name], capture_output=True)
+
+    @staticmethod
+    def _ip(arguments: str) -> None:
+        made = subprocess.run(["ip", *arguments.split()], capture_output=True, text=True)
+        if made.returncode:
+            raise RuntimeError(f"ip {arguments}: {made.stderr.strip()}; this test makes network namespaces, as root")

@@ -1,0 +1,112 @@
+"""A running bring-up in a network of its own: it listens where the table says, and a neighbour who attacks it changes
+nothing."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from attacker import FIRST
+from live_system import ROOT, LiveSystem, wait_for
+from neighbour import LAB, NEIGHBOUR, Bound, Network
+from rosbags.highlevel import AnyReader
+
+from hric_control.wires import WIRES
+
+pytestmark = pytest.mark.alone
+
+FRAMES = "/hric/perception/mocap"
+FILE = ROOT / "src/hric_experiments/config/experiments/data_collection.yaml"
+
+
+@dataclass(frozen=True)
+class Attacked:
+    """A bring-up that has ended.
+
+    Attributes:
+        bound: what it and a scheduler of Dask listened on.
+        result: of the attacker.
+        output: what the bring-up printed.
+        bag: what was recorded.
+    """
+
+    bound: list[Bound]
+    result: dict[str, list[object]]
+    output: str
+    bag: Path
+
+
+def experiment(folder: Path) -> Path:
+    """Every kind of device: motion capture, EMG by Trigno, a force plate by LSL."""
+    content = yaml.safe_load(FILE.read_text())
+    content["setpoints"], content["duration"] = [{**content["setpoints"][0], "time": 0.5}], 60.0
+    content["emg"]["transport"] = "trigno"
+    path = folder / "wires.yaml"
+    path.write_text(yaml.safe_dump(content))
+    return path
+
+
+@pytest.fixture(scope="module")
+def attacked(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Attacked]:
+    """Run once for all tests. Motion capture is told an address that the neighbour reaches, all else is told nothing."""
+    folder = tmp_path_factory.mktemp("wires")
+    with ExitStack() as stack:
+        network = Network()
+        stack.callback(network.close)
+        words = [f"{ROOT}/scripts/bringup", "env:=real", "robot_ip:=emulated", "rviz:=false"]
+        system = LiveSystem(
+            folder,
+            *network.command(network.lab, *words, f"experiment:={experiment(folder)}", f"mocap_server:={LAB}")[1:],
+            program="ip",
+        )
+        stack.callback(system.close)
+        scheduler = subprocess.Popen(
+            network.command(network.lab, f"{ROOT}/scripts/scheduler", "--port", "0"),
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        stack.callback(lambda: (scheduler.kill(), scheduler.wait()))
+        system.wait_output("recording", 120.0)
+        wait_for(lambda: any("dask" in word for one in network.listening() for word in one.words), 60.0, "a scheduler")
+        bound = list(network.listening())
+        sockets = json.dumps([(one.transport, one.port) for one in bound])
+        attacker = str(Path(__file__).with_name("attacker.py"))
+        port = system.uri.rpartition(":")[2]
+        attack = subprocess.run(
+            network.command(network.neighbour, sys.executable, attacker, LAB, sockets, f"hric_{port}"),
+            capture_output=True,
+            text=True,
+            timeout=120.0,
+        )
+        assert attack.returncode == 0, attack.stderr
+        system.interrupt()
+        (bag,) = system.run_folder.glob("*.bag")
+        yield Attacked(bound, json.loads(attack.stdout), system.output, bag)
+
+
+def test_every_port_is_one_of_the_table(attacked: Attacked) -> None:
+    def listed(one: Bound) -> bool:
+        return any(wire.covers(one.transport, one.address, one.port, list(one.words), LAB) for wire in WIRES)
+
+    assert len(attacked.bound) > 30
+    assert [(*one[:3], " ".join(one.words)[:150]) for one in attacked.bound if not listed(one)] == []
+
+
+def test_a_neighbour_finds_no_port_of_tcp_and_no_stream(attacked: Attacked) -> None:
+    assert attacked.result == {"opened": [], "streams": []}
+
+
+def test_no_forged_frame_is_taken_and_the_neighbour_is_named_once(attacked: Attacked, figure: Callable) -> None:
+    with AnyReader([attacked.bag]) as reader:
+        frames = [item for item in reader.connections if item.topic == FRAMES]
+        numbers = [reader.deserialize(raw, one.msgtype).frame_number for one, _, raw in reader.messages(frames)]
+    assert len(numbers) > 100 and max(numbers) < FIRST
+    assert np.all(np.diff(numbers) > 0)
+    assert attacked.output.count(f"packets of {NEIGHBOUR}:") == 1
+    figure("sockets of a bring-up with every device", len(attacked.bound), "1")
