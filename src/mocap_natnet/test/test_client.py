@@ -18,6 +18,8 @@ from hric_control.geometry import Pose
 from hric_control.testing import free_port
 from mocap_natnet.client import NatNetClient, Received, Settings
 from mocap_natnet.client.client import ERROR, OK
+from mocap_natnet.codec.descriptions import Model
+from mocap_natnet.codec.packets import Message, packet
 from mocap_natnet.server import Body, Motive, MotiveServer, Scene, Sinusoid
 from mocap_natnet.server import Settings as ServerSettings
 from mocap_natnet.tracking.tracking import Tracker
@@ -157,28 +159,79 @@ def test_twenty_thousand_bad_datagrams_are_counted_and_move_nothing(stack: ExitS
             if body.valid and body.id == 1
         )
 
-    stack.enter_context(server(ports, transport="unicast", version=(3, 0)))
+    there = stack.enter_context(server(ports, transport="unicast", version=(3, 0)))
     one = stack.enter_context(NatNetClient(Settings(command_port=ports[0]), take))
     wait(lambda: len(frames) > 20)
     random = np.random.default_rng(0)
     everything = one.session._codec.encode_frame(Sample(1).frame())
     endpoint = one._command.getsockname()[1]
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
-        out.bind(("127.0.0.1", 0))
-        for number in range(20_000):
-            datagram = bytearray(one.session._codec.encode_frame(frames[-1].frame) if number % 2 else everything)
-            for _ in range(int(random.integers(1, 4))):
-                datagram[int(random.integers(0, len(datagram)))] = int(random.integers(0, 256))
-            cut = int(random.integers(0, len(datagram))) if number % 5 == 0 else len(datagram)
-            out.sendto(
-                random.bytes(cut) if number % 7 == 0 else datagram[:cut],
-                ("127.0.0.1", (ports[1], endpoint, ports[0])[number % 3]),
-            )
+    for number in range(20_000):
+        datagram = bytearray(one.session._codec.encode_frame(frames[-1].frame) if number % 2 else everything)
+        for _ in range(int(random.integers(1, 4))):
+            datagram[int(random.integers(0, len(datagram)))] = int(random.integers(0, 256))
+        cut = int(random.integers(0, len(datagram))) if number % 5 == 0 else len(datagram)
+        (there._command, there._data)[number % 2].sendto(  # those of a stranger are not looked into
+            random.bytes(cut) if number % 7 == 0 else datagram[:cut],
+            ("127.0.0.1", (ports[1], endpoint, ports[0])[number % 3]),
+        )
     before = len(frames)
     wait(lambda: len(frames) > before + 60 and one.health().level == OK)
     assert sum(one.session.statistics.refused.values()) > 5_000
     steps = [math.dist(a.pose.position, b.pose.position) for a, b in itertools.pairwise(poses)]
     assert len(poses) > 60 and max(steps) < 0.3  # at most what the largest speed allows in the time that is believed
+
+
+@pytest.mark.parametrize("transport", ["multicast", "unicast"])
+@pytest.mark.parametrize("source", ["127.0.0.5", "127.0.0.1"])
+def test_of_a_stranger_nothing_is_taken_and_its_address_is_logged_once(
+    transport: str, source: str, stack: ExitStack, caplog: pytest.LogCaptureFixture
+) -> None:
+    ports, frames, models = (free_port(), free_port()), [], []
+    stack.enter_context(server(ports, transport=transport))
+    settings = Settings(command_port=ports[0], local="127.0.0.1")
+    one = stack.enter_context(NatNetClient(settings, frames.append, models.append))
+    wait(lambda: len(frames) > 20 and len(models) > 0)
+    before, codec, session = len(models), one.session._codec, one.session
+    forged = frames[-1].frame._replace(number=frames[-1].frame.number + 1_000_000)
+    endpoint = one._command.getsockname()[1]
+    said = [codec.encode_model(Model(())), packet(Message.RESPONSE, b"4.1"), packet(Message.DISCONNECT_BY_TIMEOUT)]
+    out = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+    out.bind((source, 0))
+    for number in range(300):
+        datagrams = [codec.encode_frame(forged._replace(number=forged.number + number)), *said]
+        for datagram, port in itertools.product(datagrams, (endpoint, ports[1])):
+            out.sendto(datagram, ("127.0.0.1", port))
+            if transport == "multicast":
+                out.sendto(datagram, (session.info.group, port))
+        time.sleep(0.001)
+    wait(lambda: session.statistics.refused["stranger"] > 600)
+    count = len(frames)
+    wait(lambda: len(frames) > count + 60)
+    assert max(received.frame.number for received in frames) < forged.number
+    assert (len(models), session.statistics.restarts, session.statistics.connects) == (before, 0, 1)
+    assert [text for text in caplog.messages if "are refused" in text] == [
+        f"packets of {source}:{out.getsockname()[1]} are refused: only 127.0.0.1:{ports[0]} is believed (reported once)"
+    ]
+
+
+def test_a_server_that_restarts_at_its_address_is_believed_though_its_frames_come_from_another_port(
+    stack: ExitStack,
+) -> None:
+    ports, frames = (free_port(), free_port()), []
+    one = stack.enter_context(client(ports, frames))
+    for _ in range(2):
+        with server(ports, transport="unicast") as there:
+            before = len(frames)
+            wait(lambda before=before: len(frames) > before + 30)
+            assert one._frames_from == there._data.getsockname()[1]
+
+
+def test_the_sockets_of_a_client_are_bound_to_the_address_that_faces_the_server(stack: ExitStack) -> None:
+    ports, frames = (free_port(), free_port()), []
+    stack.enter_context(server(ports, transport="unicast"))
+    one = stack.enter_context(client(ports, frames))
+    wait(lambda: len(frames) > 5)
+    assert {bound.getsockname()[0] for bound in (one._command, *one._data)} == {"127.0.0.1"}
 
 
 def test_a_port_that_is_taken_is_an_error(stack: ExitStack) -> None:
