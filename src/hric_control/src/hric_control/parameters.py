@@ -314,15 +314,14 @@ def below(where: str) -> str:
 
 
 def read_yaml(path: Path) -> Any:
-    """What a YAML file holds. Raises ParameterError: it cannot be read, or is not YAML."""
-    import yaml  # here: most of those who declare parameters read no file
+    """Return what a YAML file holds, see `yaml_text`. Raises ParameterError: it cannot be read, or is refused."""
+    from hric_control import yaml_text  # here: most of those who declare parameters read no file
 
     try:
-        return yaml.load(path.read_text(encoding="utf-8"), Loader=yaml.CSafeLoader)
+        text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise ParameterError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from None
-    except yaml.YAMLError as error:
-        raise ParameterError(f"{path} is not YAML: {' '.join(str(error).split())}") from None
+    return yaml_text.parse(text, str(path))
 
 
 @cache

@@ -3,12 +3,12 @@
 import argparse
 from typing import Any
 
-import yaml
-
 from franka_sim.fci.console import HELP
 from franka_sim.fci.robots import ROBOTS
 from franka_sim.realism import IDEAL
 from franka_sim.settings import Q_START
+from hric_control import yaml_text
+from hric_control.errors import ParameterError
 
 DEFAULT_PLANT = "pybullet_ros_control/PyBulletPlant"
 MAX_LOST_PACKETS = 20
@@ -18,9 +18,9 @@ MAX_LOST_PACKETS = 20
 def yaml_value(text: str) -> Any:
     """A word of the command line as YAML."""
     try:
-        return yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise argparse.ArgumentTypeError(f"{text!r} is not YAML: {str(error).splitlines()[0]}") from None
+        return yaml_text.parse(text, repr(text))
+    except ParameterError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def parser() -> argparse.ArgumentParser:

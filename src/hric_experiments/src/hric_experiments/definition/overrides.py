@@ -12,6 +12,8 @@ import numpy as np
 import yaml
 
 from franka_hw_interface.friction_file import read_friction
+from hric_control import yaml_text
+from hric_control.errors import ParameterError
 from hric_control.parameters import declared
 from hric_control.plants import PHI
 from hric_experiments.definition.experiment import ExperimentError, MetricsSpec, RobotSpec
@@ -143,9 +145,9 @@ def split(text: str) -> tuple[str, Any]:
     if not separator or not key:
         raise ExperimentError(f"cannot read override {text!r}; write key:=value, for example kp:=200")
     try:
-        return key, yaml.load(value, Loader=yaml.CSafeLoader) if value else ""
-    except yaml.YAMLError as error:
-        raise ExperimentError(f"the value of {key} in {text!r} is not YAML: {str(error).splitlines()[0]}") from error
+        return key, yaml_text.parse(value, f"the value of {key} in {text!r}") if value else ""
+    except ParameterError as error:
+        raise ExperimentError(str(error)) from None
 
 
 def in_yaml(value: Any) -> str:

@@ -8,11 +8,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 import panda_description
 from franka_msgs.srv import SetLoadRequest
-from hric_control import plugins
+from hric_control import plugins, yaml_text
 from hric_control.errors import HricError
 from hric_control.geometry import quaternion_from_rotation, transform_from_rpy
 from hric_control.plants import PHI, resources, sigmoid_parameters
@@ -118,16 +116,17 @@ def defaults(arm_id: str) -> dict[str, dict[str, Any]]:
 
 def _configured(path: Path, arm_id: str) -> dict[str, dict[str, Any]]:
     try:
-        data = _parsed(path.read_text().replace("$(arg arm_id)", arm_id))
-    except (OSError, yaml.YAMLError) as error:
+        text = path.read_text()
+    except (OSError, UnicodeDecodeError) as error:
         raise HricError(f"cannot read {path}: {error}") from error
+    data = _parsed(text.replace("$(arg arm_id)", arm_id), str(path))
     return dict(data or {}) if isinstance(data, dict | None) else {}
 
 
 @cache
-def _parsed(text: str) -> Any:
+def _parsed(text: str, where: str) -> Any:
     """YAML, shared by the runs of a process: not to be changed."""
-    return yaml.load(text, Loader=yaml.CSafeLoader)
+    return yaml_text.parse(text, where)
 
 
 def configured_by_packages(arm_id: str) -> dict[str, dict[str, Any]]:

@@ -11,7 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from hric_bags.run_folder import RunFolderError
+from hric_control.errors import ParameterError
 from hric_control.geometry import FloatArray
+from hric_control.parameters import read_yaml
 
 RUNS, SETTINGS = "runs.parquet", "sweep.yaml"
 VARIABLE, OUTPUT = "variable", "output"
@@ -179,10 +181,8 @@ def load(folder: Path) -> Study:
 
 
 def _made(path: Path) -> Mapping[str, Any]:
-    import yaml
-
     try:
-        found = yaml.safe_load(path.read_text())
-    except (OSError, yaml.YAMLError) as error:
-        raise RunFolderError(f"cannot read {path}: {error}; valid: the folder of a sweep") from error
-    return found if isinstance(found, Mapping) else {}
+        content = read_yaml(path)
+    except ParameterError as error:
+        raise RunFolderError(f"{error}; valid: the folder of a sweep") from None
+    return content if isinstance(content, Mapping) else {}
