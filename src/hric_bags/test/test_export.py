@@ -20,6 +20,7 @@ from sensor_msgs.msg import JointState
 from hric_bags import reader as bag_reader
 from hric_bags.export import exporting, output, recording
 from hric_bags.export.exporting import Request
+from hric_bags.files import FileError
 from hric_bags.health.examine import examine
 from hric_bags.run_folder import RunFolder
 from hric_experiments import cli
@@ -205,7 +206,7 @@ def test_a_disk_that_refuses_leaves_no_half_file(tmp_path: Path) -> None:
         path.write_text("half")
         raise OSError(28, "No space left on device")
 
-    with pytest.raises(exporting.ExportError, match="No space left on device"):
+    with pytest.raises(FileError, match="No space left on device"):
         output.Output(tmp_path, []).write("csv", "a.csv", refuse)
     assert not list((tmp_path / "csv").iterdir())
 

@@ -1,13 +1,18 @@
 """Run folders and files that are whole or absent."""
 
+import errno
 import json
+import signal
+import subprocess
+import sys
 from datetime import datetime
 from pathlib import Path
 
 import pytest
+import yaml
 
 from hric_bags import files
-from hric_bags.run_folder import RunFolder, RunFolderError, runs_root
+from hric_bags.run_folder import GONE, RunFolder, RunFolderError, runs_root
 
 NOW = datetime(2024, 5, 6, 7, 8, 9)
 
@@ -33,6 +38,59 @@ def test_a_run_is_found_by_path_name_and_latest(tmp_path: Path) -> None:
     folder.become_latest()
     for given in (str(folder.path), folder.path.name, "latest"):
         assert RunFolder.open(given, tmp_path).read() == {"experiment": "a", "status": "completed"}
+
+
+def write_and_die(root: Path, number: int) -> Path:
+    """A run whose process is ended by a signal while it runs; its folder."""
+    code = (
+        "import os, sys; from pathlib import Path; from hric_bags.run_folder import RunFolder\n"
+        "folder = RunFolder.create(Path(sys.argv[1]), 'a'); folder.write({'status': 'running', 'seed': 4})\n"
+        "print(folder.path, flush=True); os.kill(os.getpid(), int(sys.argv[2]))"
+    )
+    done = subprocess.run([sys.executable, "-c", code, str(root), str(number)], capture_output=True, text=True)
+    assert done.returncode == -number, done.stderr
+    return Path(done.stdout.strip())
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSEGV])
+def test_a_run_whose_process_was_killed_is_interrupted_for_whoever_reads_it_next(tmp_path: Path, number: int) -> None:
+    path = write_and_die(tmp_path, number)
+    assert "status: running" in (path / "run.yaml").read_text()
+    run = RunFolder.open(path).read()
+    assert (run["status"], run["reason"], run["seed"]) == ("interrupted", GONE, 4) and run["finished"].endswith("Z")
+    assert RunFolder.open(path).read() == run == yaml.safe_load((path / "run.yaml").read_text())
+
+
+def test_who_knows_more_of_the_end_says_it(tmp_path: Path) -> None:
+    path = write_and_die(tmp_path, signal.SIGKILL)
+    assert RunFolder(path).read("robot was killed by SIGKILL")["reason"] == "robot was killed by SIGKILL"
+
+
+def test_a_run_that_cannot_be_written_any_more_is_read_as_interrupted(tmp_path: Path) -> None:
+    path = write_and_die(tmp_path, signal.SIGKILL)
+    read = f"from hric_bags.run_folder import RunFolder as R; print(R.open('{path}').read()['status'])"
+    script = 'mount --bind "$1" "$1" && mount -o remount,ro,bind "$1" && exec "$2" -c "$3"'
+    command = ["unshare", "--mount", "--map-root-user", "sh", "-c", script, "-", str(path), sys.executable, read]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.stdout == "interrupted\n", done.stderr
+    assert "status: running" in (path / "run.yaml").read_text()
+
+
+def test_a_run_that_is_being_made_stays_running_for_everybody_until_it_says_how_it_ended(tmp_path: Path) -> None:
+    folder = RunFolder.create(tmp_path, "a")
+    folder.write({"status": "running"})
+    folder.update(seed=4)
+    assert RunFolder(folder.path).read() == folder.read() == {"status": "running", "seed": 4}
+    folder.update(status="completed")
+    assert RunFolder(folder.path).read()["status"] == "completed"
+
+
+def test_a_failure_is_noted_also_where_there_is_no_room_for_it(tmp_path: Path) -> None:
+    folder = RunFolder.create(tmp_path, "a")
+    folder.write({"status": "running"})
+    with pytest.raises(files.FileError, match="No space left"), folder.filled():
+        raise files.cannot_write(folder.path / "a.bag", OSError(errno.ENOSPC, "No space left on device"))
+    assert folder.read()["status"] == "failed" and "cannot write" in folder.read()["error"]
 
 
 def test_a_missing_run_names_those_that_exist(tmp_path: Path) -> None:

@@ -1,20 +1,54 @@
 """Files that are either whole or absent: written under another name in the same folder, then renamed."""
 
 import contextlib
+import errno
 import json
 import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from hric_control.errors import FailureError
+
+MEGABYTE = 1e6
+"""[B]"""
+
+
+class FileError(FailureError):
+    """A file that cannot be written: the disk is full or broken, or does not permit it."""
+
+
+def cannot_write(path: Path, error: OSError) -> FileError:
+    """Return the error for a file that the system refused to write; of a full disk it says what is free."""
+    free = ""
+    if error.errno == errno.ENOSPC:
+        with contextlib.suppress(OSError):
+            state = os.statvfs(path.parent)
+            free = f" ({state.f_bavail * state.f_frsize / MEGABYTE:.0f} MB are free)"
+    return FileError(f"cannot write {path}: {error.strerror or error}{free}")
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder and those above it, if missing. Raises FileError: the system refuses it."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise cannot_write(folder, error) from error
+
 
 @contextlib.contextmanager
 def atomic(path: Path) -> Iterator[Path]:
-    """A path to write to, moved to `path` when the block ends without an error; it has the same ending."""
+    """Yield a path to write to, moved to `path` when the block ends without an error; it has the same ending.
+
+    Raises:
+        FileError: the system refuses it; nothing is left then.
+    """
     temporary = path.with_name(f".{os.getpid()}.{path.name}")
     try:
         yield temporary
         temporary.replace(path)
+    except OSError as error:
+        raise cannot_write(path, error) from error
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)

@@ -1,9 +1,11 @@
 """Run folders: runs/<experiment>_<date>/ with run.yaml, the bag, metrics.json and figures; runs/latest points to the
 newest that has a recording."""
 
+import fcntl
 import os
+import weakref
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -13,6 +15,8 @@ from hric_control.errors import HricError, failing
 
 RUNNING, COMPLETED, INTERRUPTED, FAILED = "running", "completed", "interrupted", "failed"
 STAMP = "%Y%m%d-%H%M%S"
+GONE = "the process that made this run ended without closing it: it was killed, or the machine stopped"
+"""Reason of a run that was still `running` when nobody wrote it any more."""
 
 
 class RunFolderError(HricError):
@@ -32,12 +36,19 @@ def workspace() -> Path:
 
 
 def iso_now() -> str:
-    """UTC time of day, for people and for sorting."""
-    return datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
+    """Return the UTC time of day, for people and for sorting."""
+    return _iso(datetime.now(UTC))
+
+
+def _iso(when: datetime) -> str:
+    return when.isoformat(timespec="seconds").replace("+00:00", "Z")
 
 
 class RunFolder:
     """One run on disk.
+
+    Who makes a run holds a lock on its folder until run.yaml says how the run ended; the system frees the lock when
+    that process dies. So whoever reads `running` without a lock knows that it died, and notes it.
 
     Attributes:
         path: the folder.
@@ -45,6 +56,8 @@ class RunFolder:
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self._release: weakref.finalize | None = None
+        """Frees the lock; None: this object did not make the run, or the run has ended."""
 
     @classmethod
     def create(cls, root: Path, experiment: str, now: datetime | None = None) -> "RunFolder":
@@ -64,7 +77,10 @@ class RunFolder:
             folder = _make_unique(root, name)
         except OSError as error:
             raise RunFolderError(f"cannot make a run folder in {root}: {error.strerror or error}") from error
-        return cls(folder)
+        made = cls(folder)
+        if (lock := _lock(folder)) is not None:
+            made._release = weakref.finalize(made, os.close, lock)
+        return made
 
     @classmethod
     def open(cls, path: str | Path, root: Path | None = None) -> "RunFolder":
@@ -113,17 +129,41 @@ class RunFolder:
             raise RunFolderError(f"cannot read {self.urdf_path.name} of {self.path.name}: {error.strerror}") from error
 
     def write(self, data: dict[str, Any]) -> None:
-        """Write run.yaml."""
+        """Write run.yaml; a status other than `running` ends the run. Raises FileError."""
         files.write_yaml(self.path / "run.yaml", data)
+        if data.get("status") != RUNNING and self._release is not None:
+            self._release()
+            self._release = None
 
-    def read(self) -> dict[str, Any]:
-        """Contents of run.yaml."""
+    def read(self, gone: str = "") -> dict[str, Any]:
+        """Return the contents of run.yaml. A run that is `running` though its process died becomes `interrupted`.
+
+        Args:
+            gone: reason to note then, where more is known than that.
+        """
+        data = self._contents()
+        if data.get("status") == RUNNING and self._release is None and (lock := _lock(self.path)) is not None:
+            try:
+                data = self._contents()  # again: it may have ended in between
+                if data.get("status") == RUNNING:
+                    data |= {"status": INTERRUPTED, "finished": self._last_written(), "reason": gone or GONE}
+                    with suppress(HricError):  # a medium that cannot be written is read all the same
+                        self.write(data)
+            finally:
+                os.close(lock)
+        return data
+
+    def _contents(self) -> dict[str, Any]:
         from hric_control.parameters import read_yaml  # looking for a run needs Python alone
 
         data = read_yaml(self.path / "run.yaml")
         if not isinstance(data, dict):
             raise RunFolderError(f"{self.path / 'run.yaml'} is not a mapping")
         return data
+
+    def _last_written(self) -> str:
+        newest = max(path.lstat().st_mtime for path in (self.path, *self.path.iterdir()))
+        return _iso(datetime.fromtimestamp(newest, UTC))
 
     def update(self, **changes: Any) -> None:
         """Change keys of run.yaml."""
@@ -136,8 +176,20 @@ class RunFolder:
             with failing():
                 yield
         except BaseException as error:
-            self.update(status=FAILED, finished=iso_now(), error=f"{type(error).__name__}: {error}")
+            with suppress(HricError, OSError):  # no room: whoever reads it next notes that the run is over
+                self.update(status=FAILED, finished=iso_now(), error=f"{type(error).__name__}: {error}")
             raise
+
+
+def _lock(folder: Path) -> int | None:
+    """Lock a run folder for its only writer. Returns what to close; None: somebody has it, or the disk has no locks."""
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(descriptor)
+        return None
+    return descriptor
 
 
 def _make_unique(root: Path, name: str) -> Path:

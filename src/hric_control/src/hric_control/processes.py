@@ -2,6 +2,7 @@
 command."""
 
 import ctypes
+import errno
 import gc
 import os
 import signal
@@ -14,7 +15,7 @@ from contextlib import contextmanager, suppress
 from functools import partial
 from typing import Any
 
-from hric_control.errors import HricError
+from hric_control.errors import FAILURE, HricError
 
 INTERRUPTED_CODE = 130
 """Exit code of a command that Ctrl-C ended, as shells have it."""
@@ -90,13 +91,21 @@ def end_process(process: subprocess.Popen[bytes], timeout: float) -> None:
     process.wait()
 
 
+def describe_ending(name: str, code: int) -> str:
+    """Return how a process ended, from its exit code or, negative, the signal that killed it."""
+    if code >= 0:
+        return f"{name} ended with code {code}"
+    known = -code in [number.value for number in signal.Signals]
+    return f"{name} was killed by {signal.Signals(-code).name if known else f'signal {-code}'}"
+
+
 def run_command(
     name: str,
     work: Callable[[], int | None],
     report: Callable[[str], object] | None = None,
     interrupted: int = INTERRUPTED_CODE,
 ) -> int:
-    """Do the work of a command or a node; a HricError becomes its message, not a traceback.
+    """Do the work of a command or a node; a HricError, or what the system refuses, becomes a message, not a traceback.
 
     Args:
         name: of the command, in front of the message.
@@ -105,13 +114,19 @@ def run_command(
         interrupted: exit code after Ctrl-C.
 
     Returns:
-        the exit code: of the work, or of the HricError.
+        the exit code: of the work, or of the HricError; FAILURE where the system refused a file or a socket.
     """
     try:
         return work() or 0
     except HricError as error:
         (report or partial(print, file=sys.stderr))(f"{name}: {error}")
         return error.exit_code
+    except OSError as error:
+        if error.errno is None or error.errno == errno.EPIPE:
+            raise
+        where = f"{error.filename}: " if error.filename else ""
+        (report or partial(print, file=sys.stderr))(f"{name}: {where}{error.strerror}")
+        return FAILURE
     except KeyboardInterrupt:
         return interrupted
 

@@ -3,7 +3,7 @@
 import argparse
 import sys
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from hric_assessment.contact.area import check_area
@@ -82,21 +82,14 @@ def _assessed(name: str, root: Path, choices: Choices) -> Verdict:
     if choices.contact_area is not None:
         regions = {region for one in verdict.findings if one.group == GROUPS[CONTACT] for region in one.regions}
         check_area(choices.contact_area, regions, AREA_OPTION)
-    _write(given.folder / FILE, lambda path: files.write_json(path, verdict.to_dict()))
+    files.write_json(given.folder / FILE, verdict.to_dict())
     return verdict
 
 
 def _draw(verdict: Verdict, path: Path) -> None:
     if verdict.moment is None:
         raise HricError(f"no picture {path.name}: nobody's place is known at a moment that decides")
-    _write(path, lambda path: files.write_text(path, picture(verdict.moment or {})))
-
-
-def _write(path: Path, write: Callable[[Path], None]) -> None:
-    try:
-        write(path)
-    except OSError as error:
-        raise HricError(f"cannot write {path.name} in {path.parent}: {error.strerror or error}") from error
+    files.write_text(path, picture(verdict.moment or {}))
 
 
 def _questions(text: str) -> list[str]:

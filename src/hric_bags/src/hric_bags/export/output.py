@@ -72,19 +72,16 @@ class Output:
             again: also where it is there.
 
         Raises:
-            ExportError: the disk refuses.
+            FileError: the disk refuses.
         """
         relative = f"{kind}/{name}"
         entry = self._formats.setdefault(kind, {"files": []})
         path = self.folder / relative
         if relative in entry["files"] and path.is_file() and not again:
             return
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with files.atomic(path) as temporary:
-                writer(temporary)
-        except OSError as error:
-            raise ExportError(f"cannot write {path}: {error.strerror or error}") from error
+        files.make_folder(path.parent)
+        with files.atomic(path) as temporary:
+            writer(temporary)
         if relative not in entry["files"]:
             entry["files"].append(relative)
         self._note()
@@ -95,11 +92,8 @@ class Output:
         self._note()
 
     def _note(self) -> None:
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            files.write_json(self.folder / LIST, {**self._head, "formats": self._formats})
-        except OSError as error:
-            raise ExportError(f"cannot write {self.folder / LIST}: {error.strerror or error}") from error
+        files.make_folder(self.folder)
+        files.write_json(self.folder / LIST, {**self._head, "formats": self._formats})
 
 
 def _read(path: Path) -> dict[str, Any]:

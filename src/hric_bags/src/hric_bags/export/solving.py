@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from hric_bags import files
 from hric_bags.export.exporting import Request, export
 from hric_bags.export.recording import Source
 from hric_bags.export.table import ExportError, Table
@@ -52,13 +53,10 @@ def output_folder(source: Source, name: str, given: Path | None) -> Path:
     """Folder of the results, made if missing.
 
     Raises:
-        SolveError: it cannot be made.
+        FileError: it cannot be made.
     """
     folder = (given or (source.output.parent if source.folder is not None else source.output) / name).absolute()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise SolveError(f"cannot write to {folder}: {error.strerror or error}") from error
+    files.make_folder(folder)
     return folder
 
 

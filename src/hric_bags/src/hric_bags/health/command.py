@@ -10,7 +10,7 @@ from hric_bags import files
 from hric_bags.health import examine, seams
 from hric_bags.health.examine import DAMAGED, Health
 from hric_bags.health.salvage import salvage
-from hric_bags.run_folder import INTERRUPTED, RUNNING, RunFolder, runs_root
+from hric_bags.run_folder import RunFolder, runs_root
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -41,15 +41,12 @@ def main(arguments: Sequence[str]) -> int:
         print(seam.render(given.quiet), end="", flush=True)
     code = max([health.code for health in found] + [examine.code_of(seam.findings) for seam in joined])
     if given.json is not None:
-        try:
-            bags = [examine.to_dict(health) for health in found]
-            listed = [
-                {"before": seam.before, "after": seam.after, "findings": [asdict(finding) for finding in seam.findings]}
-                for seam in joined
-            ]
-            files.write_json(given.json, {"exit_code": code, "bags": bags, "seams": listed})
-        except OSError as error:
-            raise examine.HealthError(f"cannot write {given.json}: {error.strerror or error}") from error
+        bags = [examine.to_dict(health) for health in found]
+        listed = [
+            {"before": seam.before, "after": seam.after, "findings": [asdict(finding) for finding in seam.findings]}
+            for seam in joined
+        ]
+        files.write_json(given.json, {"exit_code": code, "bags": bags, "seams": listed})
     return code
 
 
@@ -62,8 +59,7 @@ def _examine(path: Path, folder: RunFolder | None, given: argparse.Namespace) ->
 def _salvaged(path: Path, folder: RunFolder | None, quiet: bool) -> Health:
     result = salvage(path)
     if folder is not None:
-        status = folder.read().get("status")
-        folder.update(salvaged=True, **({"status": INTERRUPTED} if status == RUNNING else {}))
+        folder.update(salvaged=True)
     print(f"salvaged {result.messages} messages into {result.bag}; the damaged bag is {result.original.name}\n")
     health = examine.examine(result.bag, doubtful=result.doubtful)
     _print(health, quiet)

@@ -9,7 +9,7 @@ from hric_bags import reader as bag_reader
 from hric_bags import text as text_table
 from hric_bags.reader import RunRecord
 from hric_bags.records import human_record
-from hric_bags.run_folder import RunFolder, RunFolderError
+from hric_bags.run_folder import RunFolder
 from hric_control.errors import UnknownNameError
 from hric_experiments.analysis import comparison, human_difference
 from hric_experiments.analysis.comparison import Comparison
@@ -82,12 +82,9 @@ def _people(bags: Sequence[Path], records: Sequence[RunRecord], shift: float) ->
 
 
 def _write(folder: Path, result: Mapping[str, Any], report: str) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        files.write_json(folder / "metrics.json", result)
-        files.write_text(folder / "summary.txt", report)
-    except OSError as error:
-        raise RunFolderError(f"cannot write the comparison to {folder}: {error.strerror or error}") from error
+    files.make_folder(folder)
+    files.write_json(folder / "metrics.json", result)
+    files.write_text(folder / "summary.txt", report)
 
 
 def _shown(names: Sequence[str], joint: str | None) -> int:

@@ -170,19 +170,16 @@ def _write(
 ) -> None:
     """Report, figures and fitted friction."""
     folder = (given.out or source.folder).expanduser().absolute()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if fits:
-            path = (given.fitted or folder / "friction.yaml").expanduser()
-            path.parent.mkdir(parents=True, exist_ok=True)
-            about = (f"Joint friction, fitted to {source.name} by: {PROGRAM} --fit friction", check.signals.summary())
-            files.write_text(path, friction_text(fits, about))
-            print(f"friction: {path}")
-        files.write_text(folder / "summary.txt", text)
-        if not given.no_figures:
-            from hric_experiments.check_model import figures  # slow to load
+    files.make_folder(folder)
+    if fits:
+        path = (given.fitted or folder / "friction.yaml").expanduser()
+        files.make_folder(path.parent)
+        about = (f"Joint friction, fitted to {source.name} by: {PROGRAM} --fit friction", check.signals.summary())
+        files.write_text(path, friction_text(fits, about))
+        print(f"friction: {path}")
+    files.write_text(folder / "summary.txt", text)
+    if not given.no_figures:
+        from hric_experiments.check_model import figures  # slow to load
 
-            figures.draw_all(folder, check, friction, fits, source.name)
-    except OSError as error:
-        raise LogError(f"cannot write to {error.filename or folder}: {error.strerror or error}") from error
+        figures.draw_all(folder, check, friction, fits, source.name)
     print(f"{'summary' if given.no_figures else 'figures'}: {folder}")

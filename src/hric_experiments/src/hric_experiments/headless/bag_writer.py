@@ -1,5 +1,7 @@
 """Writes the messages of a headless run into a ROS bag, stamped with robot time."""
 
+import contextlib
+from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
 from types import TracebackType
@@ -7,6 +9,7 @@ from typing import Any
 
 from rosbags.interfaces import Connection
 
+from hric_bags import files
 from hric_bags.chunked_writer import ChunkedWriter
 from hric_control.robot_time.stamps import to_time
 
@@ -25,7 +28,8 @@ class BagWriter:
         self.path = path
         self._active = path.with_name(path.name + ".active")
         self._writer = ChunkedWriter(self._active)
-        self._writer.open()
+        with self._errors():
+            self._writer.open()
         self._connections: dict[tuple[str, type], Connection] = {}
 
     def write(self, topic: str, message: Any, time: float) -> int:
@@ -38,13 +42,17 @@ class BagWriter:
 
         Returns:
             The time as the bag has it [ns].
+
+        Raises:
+            FileError: the disk refuses it.
         """
         kind = type(message)
         connection = self._connections.get((topic, kind)) or self._connect(topic, kind)
         data = BytesIO()
         message.serialize(data)
         stamp: int = to_time(max(time, 0.0)).to_nsec()
-        self._writer.write(connection, stamp, data.getbuffer())
+        with self._errors():
+            self._writer.write(connection, stamp, data.getbuffer())
         return stamp
 
     def _connect(self, topic: str, kind: Any) -> Connection:
@@ -55,10 +63,18 @@ class BagWriter:
         return made
 
     def close(self, *, whole: bool = True) -> None:
-        """Write the index; with `whole` the bag gets its final name."""
-        self._writer.close()
-        if whole and self._active.exists():
-            self._active.replace(self.path)
+        """Write the index; with `whole` the bag gets its final name. Raises FileError: the disk refuses it."""
+        with self._errors():
+            self._writer.close()
+            if whole and self._active.exists():
+                self._active.replace(self.path)
+
+    @contextlib.contextmanager
+    def _errors(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise files.cannot_write(self._active, error) from error
 
     def __enter__(self) -> "BagWriter":
         return self
@@ -66,4 +82,5 @@ class BagWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.close(whole=kind is None or issubclass(kind, KeyboardInterrupt))
+        with contextlib.suppress(files.FileError) if isinstance(error, files.FileError) else contextlib.nullcontext():
+            self.close(whole=kind is None or issubclass(kind, KeyboardInterrupt))

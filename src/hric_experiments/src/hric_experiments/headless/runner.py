@@ -11,6 +11,7 @@ from typing import Any
 from std_msgs.msg import String
 
 from hric_bags import files
+from hric_bags.files import FileError
 from hric_bags.reader import Messages
 from hric_bags.run_folder import COMPLETED, INTERRUPTED, RunFolder, iso_now
 from hric_bags.text import Steps
@@ -64,8 +65,8 @@ def run(
         folder = RunFolder.create(root, definition.name)
         tree, limits = simulation.tree, simulation.limits
         folder.write(provenance.head(folder, definition, arguments, tree, mode="headless", seed=seed, limits=limits))
-        files.write_text(folder.urdf_path, tree["robot_description"])
         with folder.filled():
+            files.write_text(folder.urdf_path, tree["robot_description"])
             messages, interrupted = _record(simulation, folder, progress)
     with failing(), contextlib.closing(Steps(STEPS + FIGURE_STEPS * figures)) as step:
         shown = step if progress and sys.stderr.isatty() else str
@@ -77,11 +78,21 @@ def run(
 def _record(simulation: Simulation, folder: RunFolder, progress: bool) -> tuple[Messages, bool]:
     """Run the robot into the bag: (what of it a report needs, whether it was interrupted)."""
     app, node = simulation.app, simulation.node
-    failure, interrupted, messages = None, False, Messages()
+    interrupted, messages = False, Messages()
+    failure: HricError | None = None
     with BagWriter(folder.bag_path) as bag:
 
         def write(topic: str, message: Any, at: float) -> None:
-            messages.add(topic, message._type.replace("/", "/msg/"), bag.write(topic, message, at), message)
+            nonlocal failure
+            if isinstance(failure, FileError):
+                return
+            try:
+                stamp = bag.write(topic, message, at)
+            except FileError as error:  # whoever publishes is not to blame, and the run ends
+                failure = error
+                app.stop()
+            else:
+                messages.add(topic, message._type.replace("/", "/msg/"), stamp, message)
 
         folder.become_latest()
         write("/robot_description", String(node.param("robot_description")), 0.0)
@@ -94,7 +105,9 @@ def _record(simulation: Simulation, folder: RunFolder, progress: bool) -> tuple[
         except KeyboardInterrupt:
             interrupted = True
         except HricError as error:  # raised again when the bag, with all its cycles, is whole
-            failure = error
+            failure = failure or error
+        if isinstance(failure, FileError):
+            raise failure
         wall = time.perf_counter() - began
     if failure is not None:
         raise failure

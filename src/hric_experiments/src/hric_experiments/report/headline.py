@@ -161,8 +161,9 @@ def _count(number: int, word: str) -> str:
 
 def _problems(run: Mapping[str, Any], metrics: Mapping[str, Any]) -> list[Finding]:
     found = []
-    if run.get("error"):
-        found.append(Finding("The run failed", str(run.get("status", "failed")), str(run["error"]), BAD))
+    if reason := run.get("error") or run.get("reason"):
+        what = "The run failed" if run.get("error") else "The run did not end by itself"
+        found.append(Finding(what, str(run.get("status", "failed")), str(reason), BAD))
     if metrics["stability"]["verdict"] not in (None, stability.STABLE):
         first, *others = metrics["stability"]["reasons"] or ["for no reason that is known"]
         meaning = f"{first}; {len(others)} more below" if others else first

@@ -47,7 +47,7 @@ def _head(run: Mapping[str, Any], metrics: Mapping[str, Any]) -> str:
     if (missed := metrics.get("missed_deadlines")) is not None:
         pace += f", {missed} deadlines missed"
     cycles = metrics["control_log"]
-    error = f": {run['error']}" if run.get("error") else ""
+    error = f": {reason}" if (reason := run.get("error") or run.get("reason")) else ""
     return (
         f"{run.get('experiment', 'run')}: {run.get('description', '')}\n"
         f"{run.get('status', '')} ({run.get('mode', '')}){error}, arguments: {arguments}, seed {run.get('seed', 0)}\n"

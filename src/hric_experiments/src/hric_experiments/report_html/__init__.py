@@ -81,9 +81,6 @@ def _write(folder: Path, page: Page) -> Path:
 def write_text(folder: Path, text: str) -> Path:
     """Write the text of a page into a folder, made if missing. Raises HricError: it cannot be written."""
     path = folder / NAME
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        files.write_text(path, text)
-    except OSError as error:
-        raise RunFolderError(f"cannot write {path}: {error.strerror or error}") from error
+    files.make_folder(folder)
+    files.write_text(path, text)
     return path

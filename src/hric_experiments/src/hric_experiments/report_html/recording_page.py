@@ -11,7 +11,6 @@ from hric_assessment.verdict.person import Person, people_of
 from hric_assessment.verdict.separating import filled
 from hric_bags import files
 from hric_bags.records.root_record import RootRecord
-from hric_control.errors import HricError
 from hric_experiments.report_html import verdict
 from hric_experiments.report_html.page import Page, render_page, replay_rate
 from hric_experiments.report_html.scene import Robot, Track, instants, joint_track
@@ -68,8 +67,5 @@ def write(given: Given, found: Mapping[str, Any], target: Path) -> Path:
     Raises:
         HricError: it cannot be written, or a library of the page is not installed.
     """
-    try:
-        files.write_text(target, render_page(build(given, found)))
-    except OSError as error:
-        raise HricError(f"cannot write {target}: {error.strerror or error}") from error
+    files.write_text(target, render_page(build(given, found)))
     return target

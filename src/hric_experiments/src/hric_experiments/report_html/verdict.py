@@ -21,7 +21,6 @@ from hric_assessment.verdict.given import Given
 from hric_assessment.verdict.result import VERSION
 from hric_bags import files
 from hric_bags.run_folder import RunFolder
-from hric_control.errors import HricError
 from hric_experiments.report import sections
 from hric_experiments.report_html import body_picture
 from hric_experiments.report_html.tables import Table, escape, number, render
@@ -139,10 +138,7 @@ def verdict_beside(given: Given) -> dict[str, Any]:
     if kept is not None and (kept["input"]["begin"], kept["input"]["end"]) == (recording.begin, recording.end):
         return kept
     made: dict[str, Any] = assess(given).to_dict()
-    try:
-        files.write_json(path, made)
-    except OSError as error:
-        raise HricError(f"cannot write {FILE} in {given.folder}: {error.strerror or error}") from error
+    files.write_json(path, made)
     return made
 
 

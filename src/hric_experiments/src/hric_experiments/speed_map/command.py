@@ -140,10 +140,7 @@ def as_csv(found: Measured) -> str:
 def _write(folder: Path, found: Measured, request: Request, force: float) -> None:
     from hric_experiments.speed_map.picture import draw  # slow to load, which a map without a picture need not wait for
 
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        files.write_text(folder / CSV_FILE, as_csv(found))
-        draw(folder / PICTURE, found, f"{request.region}, {request.arm.value} arm, {force:g} N")
-    except OSError as error:
-        raise HricError(f"cannot write into {folder}: {error.strerror or error}") from error
+    files.make_folder(folder)
+    files.write_text(folder / CSV_FILE, as_csv(found))
+    draw(folder / PICTURE, found, f"{request.region}, {request.arm.value} arm, {force:g} N")
     print(f"table: {folder / CSV_FILE}\npicture: {folder / PICTURE}")

@@ -42,10 +42,7 @@ def main(arguments: Sequence[str]) -> int:
     if given.out is None:
         print(text, end="")
         return 0
-    try:
-        files.write_text(given.out, text)
-    except OSError as error:
-        raise HricError(f"cannot write {given.out}: {error.strerror or error}") from error
+    files.write_text(given.out, text)
     print(f"{len(found.stops)} stops, the worst of each speed and load: {given.out}")
     print(stopping.NOT_A_BRAKE)
     return 0

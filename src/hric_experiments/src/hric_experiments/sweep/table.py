@@ -83,9 +83,9 @@ def write(folder: Path, plan: Plan, rows: Sequence[Row], estimate: Mapping[str, 
     try:
         with files.atomic(path) as temporary:
             pyarrow.parquet.write_table(made, temporary)
-    except OSError as error:
+    except files.FileError as error:
         raise JournalError(
-            f"cannot write {path}: {error.strerror or error}; all runs that ended are in the journal beside it; make "
+            f"{error}; all runs that ended are in the journal beside it; make "
             f"space, then: rosrun hric_experiments sweep --resume {folder}"
         ) from error
     return path
