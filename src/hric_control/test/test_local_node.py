@@ -130,6 +130,30 @@ def test_what_a_callback_refuses_is_logged_with_its_topic_and_other_errors_reach
         publisher.publish(Float64(2.0))
 
 
+def test_a_flood_of_refused_messages_is_a_line_each_second_with_a_count(caplog: pytest.LogCaptureFixture) -> None:
+    now = 0.0
+    node = LocalNode()
+    node.clock = lambda: now
+    publisher = node.advertise("command", Float64)
+
+    def refuse(message: Float64) -> None:
+        raise HricError(f"{message.data:g} is too much")
+
+    registration = node.subscribe("command", Float64, refuse)
+    with caplog.at_level(logging.ERROR, "hric"):
+        for k in range(2500):
+            now = 0.001 * k
+            publisher.publish(Float64(k))
+        registration.unregister()
+    lines = [record.getMessage().partition("/command: ")[2] for record in caplog.records]
+    assert lines == [
+        "0 is too much",
+        "1000 is too much (999 more since the last line)",
+        "2000 is too much (999 more since the last line)",
+        "2499 is too much (499 times since the last line)",
+    ]
+
+
 def test_a_tap_sees_all_messages_with_robot_time_and_numbers_their_headers() -> None:
     node, seen = LocalNode(), []
     node.clock = lambda: 1.25

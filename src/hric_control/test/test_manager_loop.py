@@ -1,10 +1,12 @@
+import contextlib
+import signal
 import time
 
 import pytest
 from cost_ratio import cost_ratio
 
-from hric_control.errors import CommandError
-from hric_control.manager.switching import SwitchPlan, SwitchRequest
+from hric_control.errors import CommandError, HricError
+from hric_control.manager.switching import BEST_EFFORT, SwitchPlan, SwitchRequest
 
 
 def test_running_controllers_are_updated_every_cycle_in_the_order_of_their_start(rig) -> None:
@@ -35,6 +37,34 @@ def test_a_controller_that_fails_is_aborted_told_once_and_the_others_go_on(
     assert rig.hw.calls == [("do_switch", [], ["left"])]
     told = {status.name: status.error for status in rig.manager.list()}
     assert told == {"left": "it failed in update: command is not finite: joint1=nan", "right": ""}
+
+
+@pytest.mark.parametrize("error", [SystemExit(0), KeyboardInterrupt(), GeneratorExit(), BaseException("odd")])
+@pytest.mark.parametrize("where", ["update", "starting", "stopping"])
+def test_a_controller_that_would_end_the_process_is_stopped_and_named_and_the_others_go_on(
+    error: BaseException, where: str, rig, caplog: pytest.LogCaptureFixture
+) -> None:
+    rig.fail = {where: error}
+    rig.load("left")
+    rig.fail = {}
+    rig.load("right")
+    before = signal.signal(signal.SIGINT, lambda *_: None)  # as commands and nodes do
+    try:
+        with contextlib.suppress(HricError):
+            rig.manager.switch(["left", "right"], [])
+        rig.cycle(2)
+        rig.manager.switch([], ["left"], BEST_EFFORT)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert rig.made["right"].calls.count("update") == 2
+    assert f"failed in {where}: {type(error).__name__}" in caplog.text and "controller left" in caplog.text
+
+
+def test_a_ctrl_c_that_python_itself_delivers_is_not_taken_for_a_controllers_failure(rig) -> None:
+    rig.fail = {"update": KeyboardInterrupt()}
+    rig.start("left")
+    with pytest.raises(KeyboardInterrupt):
+        rig.cycle()
 
 
 def test_a_programming_error_aborts_with_its_place(rig, caplog: pytest.LogCaptureFixture) -> None:

@@ -209,6 +209,22 @@ def test_leaving_the_path_aborts_and_names_joint_and_numbers():
     assert client.result.error_string.endswith("exceeds 0.05")
 
 
+@pytest.mark.parametrize("constraints", [{"a": {"trajectory": 0.05}, "goal_time": 0.5}, {"goal_time": 0.0}])
+def test_a_reflex_of_the_arm_aborts_the_goal_at_once_by_its_name(constraints):
+    bench = lab(constraints=constraints).run(0.1)
+    client = act(bench, goal(rest(0.5, 0.0)))
+    bench.run(0.2)
+    bench.hw.blocked, bench.hw.error = True, "the motion was aborted: joint_reflex"
+    bench.run(0.01)
+    assert client.status == "ABORTED" and client.result.error_code == R.PATH_TOLERANCE_VIOLATED
+    assert client.result.error_string == "the robot stopped: the motion was aborted: joint_reflex"
+    again = act(bench, goal(rest(0.5, 0.0)))
+    bench.run(0.01)
+    assert again.status == "ABORTED" and "joint_reflex" in again.result.error_string
+    bench.hw.blocked, bench.hw.error = False, ""
+    assert act(bench.run(0.1), goal(rest(0.0, 0.0))).status == "ACTIVE"
+
+
 def test_after_leaving_the_path_the_desired_state_comes_to_rest():
     bench = lab(constraints={"a": {"trajectory": 0.05}}, stop_trajectory_duration=0.1).run(0.1)
     bench.hw.blocked = True

@@ -1,6 +1,8 @@
 """The Trigno client against the emulated server, over TCP on loopback."""
 
+import contextlib
 import socket
+import threading
 import time
 from collections.abc import Callable, Iterator
 
@@ -12,7 +14,7 @@ from hric_control.robot_time.stream_time import WallClock
 from hric_perception.chunk import Chunk
 from hric_perception.emulation import Emulator, EvenSensor, Faults
 from hric_perception.stream import ERROR, OK, SampleStream, StreamHealth
-from hric_perception.trigno import protocol
+from hric_perception.trigno import client, protocol
 from hric_perception.trigno.client import Settings, TrignoClient
 from hric_perception.trigno.server import TrignoServer
 
@@ -109,3 +111,27 @@ def test_an_older_server_has_the_rate_of_the_parameter(server: TrignoServer, mon
     assert reader.chunks[0].layout.rate == 1000.0
     reader.client.close()
     source.close()
+
+
+@pytest.mark.parametrize("sent", [b"x" * 100_000, b"a"], ids=["a flood", "a drip"])
+def test_a_response_without_an_end_is_given_up_with_a_reason(sent: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(client, "TIMEOUT", 0.3)
+    ours, theirs = socket.socketpair()
+    ours.settimeout(0.3)
+    ended = threading.Event()
+
+    def feed() -> None:
+        while not ended.wait(0.02):
+            with contextlib.suppress(OSError):
+                theirs.send(sent, socket.MSG_DONTWAIT)
+
+    feeder = threading.Thread(target=feed)
+    feeder.start()
+    try:
+        with pytest.raises(ValueError, match=r"no end of a response within 4096 bytes and 0\.3 s"):
+            client._response(ours)
+    finally:
+        ended.set()
+        feeder.join()
+        ours.close()
+        theirs.close()

@@ -11,6 +11,7 @@ from hric_control.errors import HricError, ParameterError, check_known
 from hric_control.live import LiveValues
 from hric_control.local.action import LocalActionServer, LocalGoal
 from hric_control.local.core import LocalCore, LocalTopic, Tap
+from hric_control.log_throttle import LogThrottle
 from hric_control.node import REQUIRED, GoalHandle, LiveParameter, Namespaced, Undoable
 from hric_control.robot_time import stamps
 
@@ -120,20 +121,21 @@ class LocalNode(Namespaced):
     def subscribe(
         self, topic: str, message_type: type, callback: Callable[[Any], None], *, queue_size: int = 10
     ) -> Undoable:
-        """Call `callback` inside publish(). A HricError it raises is logged, as on RosNode; any other error reaches the
-        publisher."""
+        """Call `callback` inside publish(). HricErrors it raises are logged, as on RosNode, at most one a second of
+        robot time; any other error reaches the publisher."""
         entry = self._core.topic(self.resolve(topic), message_type)
+        refused = LogThrottle(self.log_error, lambda: self._core.clock())
 
         def deliver(message: Any) -> None:
             try:
                 callback(message)
             except HricError as error:
-                self.log_error(f"{entry.name}: {error}")
+                refused(f"{entry.name}: {error}")
 
         entry.callbacks.append(deliver)
         if entry.latched is not None:
             deliver(entry.latched)
-        return Undoable(lambda: entry.callbacks.remove(deliver))
+        return Undoable(lambda: (entry.callbacks.remove(deliver), refused.finish()))
 
     def service(self, name: str, service_type: type, handler: Callable[[Any], Any]) -> Undoable:
         """Serve; `call` reaches it."""

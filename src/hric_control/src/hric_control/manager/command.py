@@ -29,7 +29,7 @@ def parser() -> argparse.ArgumentParser:
         "--namespace", metavar="NS", default="", help="namespace of the robot, where controller_manager stands"
     )
     top.add_argument(
-        "--timeout", metavar="T", type=float, default=5.0, help="how long to wait for the services [s] (default: 5)"
+        "--timeout", metavar="T", type=float, default=30.0, help="how long to wait for the services [s] (default: 30)"
     )
     commands = top.add_subparsers(dest="command", required=True, metavar="command")
     commands.add_parser("list", aliases=["lc"], help="list the loaded controllers with state, type and claimed joints")

@@ -9,7 +9,7 @@ from hric_control import plugins, realtime
 from hric_control.controller import Controller
 from hric_control.errors import HricError, ParameterError, check_known
 from hric_control.manager.loaded_controller import ControllerStatus, LoadedController, UpdateStatistics
-from hric_control.manager.loop import ManagerLoop, describe
+from hric_control.manager.loop import ManagerLoop, describe, pass_ctrl_c
 from hric_control.manager.switching import BEST_EFFORT, STRICT, SwitchPlan, SwitchRequest, plan_switch
 from hric_control.node import Node
 from hric_control.robot_hw import ControllerInfo, RobotHW
@@ -264,8 +264,9 @@ class ControllerManager:
         try:
             controller: Controller = found()
             controller.init(self._hw, scope.also(self._node), scope)
-        except Exception as error:
+        except BaseException as error:
             scope.close()
+            pass_ctrl_c(error)
             raise HricError(f"controller {name} cannot be loaded: {describe(error)}") from error
         claims = {interface.cpp_name: interface.claims for interface in self._hw.interfaces() if interface.claims}
         obeys = self._hw.get(SpeedScaleInterface).declared
@@ -274,6 +275,7 @@ class ControllerManager:
     def _dispose(self, entry: LoadedController) -> None:
         try:
             entry.controller.shutdown()
-        except Exception as error:  # it is unloaded all the same
+        except BaseException as error:  # it is unloaded all the same
+            pass_ctrl_c(error)
             self._node.log_error(f"controller {entry.name} failed in shutdown: {describe(error)}")
         entry.scope.close()

@@ -1,6 +1,7 @@
 """The part of the manager that runs in the control loop: updates, and switches between two cycles."""
 
 import math
+import signal
 import traceback
 from collections.abc import Callable
 from pathlib import Path
@@ -20,6 +21,13 @@ def describe(error: BaseException) -> str:
     frames = traceback.extract_tb(error.__traceback__)
     source = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
     return f"{type(error).__name__}: {error}{source}"
+
+
+def pass_ctrl_c(error: BaseException) -> None:
+    """Raise a Ctrl-C again that Python itself delivers, in a script; commands and nodes handle the signal, and then a
+    KeyboardInterrupt is the controller's own."""
+    if isinstance(error, KeyboardInterrupt) and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        raise error
 
 
 class ManagerLoop:
@@ -67,7 +75,8 @@ class ManagerLoop:
             begin = perf_counter()
             try:
                 entry.update(time, period)
-            except Exception as error:  # one controller's failure must not stop the others
+            except BaseException as error:  # one controller's failure must not stop the others, nor end the run
+                pass_ctrl_c(error)
                 self._abort(entry, time, "update", error)
                 continue
             # Welford's running mean and sum of squares, inline: this runs a thousand times a second for each
@@ -139,7 +148,8 @@ class ManagerLoop:
             self._hw.do_switch(
                 [entry.info for entry in request.plan.start], [entry.info for entry in request.plan.stop]
             )
-        except Exception as error:  # becomes the error of the switch
+        except BaseException as error:  # becomes the error of the switch
+            pass_ctrl_c(error)
             why = f"the robot could not switch: {describe(error)}"
             request.failures.append(why)
             for entry in request.plan.start:
@@ -154,7 +164,8 @@ class ManagerLoop:
         for group in groups:
             try:
                 ready = self._hw.switch_done([entry.info for entry in group])
-            except Exception as error:  # becomes the error of the switch
+            except BaseException as error:  # becomes the error of the switch
+                pass_ctrl_c(error)
                 self._give_up(request, group, f"the robot could not switch: {describe(error)}")
                 continue
             if ready:
@@ -181,7 +192,8 @@ class ManagerLoop:
         entry.clear_statistics()
         try:
             entry.controller.starting(time)
-        except Exception as error:  # becomes the error of the switch and is reported; the others go on
+        except BaseException as error:  # becomes the error of the switch and is reported; the others go on
+            pass_ctrl_c(error)
             self._abort(entry, time, "starting", error)
             failures.append(f"{entry.name} failed in starting: {describe(error)}")
             return
@@ -196,7 +208,8 @@ class ManagerLoop:
     def _call_stopping(self, entry: LoadedController, time: float) -> None:
         try:
             entry.controller.stopping(time)
-        except Exception as error:  # it is stopped all the same
+        except BaseException as error:  # it is stopped all the same
+            pass_ctrl_c(error)
             self._report(f"controller {entry.name} failed in stopping: {describe(error)}")
 
     def _restart(self, time: float) -> None:
@@ -204,10 +217,11 @@ class ManagerLoop:
             try:
                 entry.controller.stopping(time)
                 entry.controller.starting(time)
-            except Exception as error:  # one controller's failure must not stop the others
+            except BaseException as error:  # one controller's failure must not stop the others
+                pass_ctrl_c(error)
                 self._abort(entry, time, "restarting", error)
 
-    def _abort(self, entry: LoadedController, time: float, where: str, error: Exception) -> None:
+    def _abort(self, entry: LoadedController, time: float, where: str, error: BaseException) -> None:
         self.running = tuple(other for other in self.running if other is not entry)
         entry.abort(f"it failed in {where}: {describe(error)}")
         self._report(f"controller {entry.name} is aborted, {entry.error}")
@@ -215,5 +229,5 @@ class ManagerLoop:
         self._switching = self.mode_changed = True
         try:
             self._hw.do_switch([], [entry.info])
-        except Exception as failure:  # the manager has released the joints; the robot's own run reports its state
+        except BaseException as failure:  # the manager has released the joints; the robot's own run reports its state
             self._report(f"the robot could not release the joints of {entry.name}: {describe(failure)}")

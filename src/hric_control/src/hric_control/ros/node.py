@@ -1,6 +1,7 @@
 """A node on rospy: the same face as `LocalNode`, with a master. One rospy process may hold many of them, one per
 namespace."""
 
+import time
 from collections.abc import Callable, Sequence
 from typing import Any
 from xmlrpc.client import Error as XmlRpcError
@@ -12,6 +13,7 @@ from rospy.msg import serialize_message
 from hric_control import names
 from hric_control.errors import FailureError, HricError, ParameterError
 from hric_control.listeners import DISPATCHER, NOTHING, Parcel
+from hric_control.log_throttle import LogThrottle
 from hric_control.node import REQUIRED, GoalHandle, LiveParameter, Namespaced, Undoable
 from hric_control.publishing import OnError
 from hric_control.robot_time import stamps
@@ -180,8 +182,10 @@ class RosNode(Namespaced):
     def subscribe(
         self, topic: str, message_type: type, callback: Callable[[Any], None], *, queue_size: int = 10
     ) -> Undoable:
-        """Call `callback` for each message, in rospy's thread. A HricError it raises becomes one line of log."""
+        """Call `callback` for each message, in rospy's thread. HricErrors it raises are logged, at most one a
+        second."""
         full = self.resolve(topic)
+        refused = LogThrottle(self.log_error, time.monotonic)
 
         def deliver(message: Any) -> None:
             if not registration.open:
@@ -189,9 +193,9 @@ class RosNode(Namespaced):
             try:
                 callback(message)
             except HricError as error:
-                self.log_error(f"{full}: {error}")
+                refused(f"{full}: {error}")
 
-        registration = Undoable(lambda: subscriber.unregister())
+        registration = Undoable(lambda: (subscriber.unregister(), refused.finish()))
         subscriber = rospy.Subscriber(full, message_type, deliver, queue_size=queue_size or None, tcp_nodelay=True)
         return registration
 

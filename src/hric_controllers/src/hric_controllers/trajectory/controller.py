@@ -34,7 +34,8 @@ class JointTrajectoryController(Controller):
 
     def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
         """Read everything first, then advertise, so that a refusal leaves nothing behind."""
-        node = self._node = controller_node
+        node, self._robot = controller_node, robot_hw
+        self._node = node
         settings = TrajectorySettings.read(node)
         self.joints = list(settings.joints)
         self._group = robot_hw.get(self.interface).group(self.joints)
@@ -187,6 +188,8 @@ class JointTrajectoryController(Controller):
         group, follower = self._group, self._follower
         q, dq = group.positions(), group.velocities()
         outcome = follower.update(along, q, dq, scale)
+        if self._robot.error:  # before a tolerance reports what is its consequence
+            outcome = follower.fail(along, f"the robot stopped: {self._robot.error}") or outcome
         group.set_command(self._command(q, period))
         if outcome is not None:
             self._report(outcome)

@@ -200,6 +200,14 @@ class Follower:
         self.velocity_error = [d - x for d, x in zip(self.velocity, dq, strict=True)]
         return self._judge(time, scale, self._tolerances) if self._tolerances is not None else None
 
+    def fail(self, time: float, reason: str) -> Outcome | None:
+        """End the goal because the robot does not follow any more; the joints come to rest. Returns its outcome, None
+        without a goal."""
+        if self._goal is None:
+            return None
+        self._stop(time)
+        return self._end(PATH_TOLERANCE_VIOLATED, reason)
+
     def _sample(self, time: float, scale: float) -> None:
         if self._settled:
             return

@@ -15,6 +15,8 @@ from hric_perception.trigno import protocol
 LOG = logging.getLogger("hric.perception.trigno")
 TIMEOUT = 2.0
 """For a response [s]; the constants of this file are project defaults, unconfirmed."""
+MAX_RESPONSE = 4096
+"""Longest response to a command [B]; those of the protocol have a line."""
 AGAIN = 0.5
 """Between attempts to connect [s]."""
 IDLE = 0.1
@@ -122,8 +124,10 @@ def _request(command: socket.socket, word: str) -> str:
 
 
 def _response(command: socket.socket) -> str:
-    received = b""
+    received, deadline = b"", time.monotonic() + TIMEOUT
     while not received.endswith(protocol.END):
+        if len(received) > MAX_RESPONSE or time.monotonic() > deadline:
+            raise ValueError(f"no end of a response within {MAX_RESPONSE} bytes and {TIMEOUT:g} s")
         data = command.recv(4096)
         if not data:
             raise ConnectionResetError("the connection was closed")
