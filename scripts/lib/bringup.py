@@ -5,6 +5,7 @@ from bringup_end import INTERRUPTED, REQUESTS, EndAtOnce
 
 early = EndAtOnce()
 
+import contextlib
 import os
 import signal
 import sys
@@ -16,12 +17,14 @@ from typing import Any
 import bringup_arguments as given
 import roslaunch.parent
 import roslaunch.pmon
-import yaml
 from bringup_end import end_nodes
 from bringup_master import DEFAULT, MasterError, call, choose
 from bringup_ready import PERIOD, arm, block, namespace
 
+from hric_bags.run_folder import RunFolder
+from hric_control import yaml_text
 from hric_control.errors import FAILURE, HricError
+from hric_control.processes import describe_ending
 
 PROBE_TIMEOUT = 1.0
 """How long the arm's control box may take to accept a connection [s]."""
@@ -38,6 +41,11 @@ class RequiredNodes(roslaunch.pmon.ProcessListener):
     def __init__(self) -> None:
         self.required: set[str] = set()
         self.name, self.code = "", 0
+
+    @property
+    def ending(self) -> str:
+        """Description of how the node ended; empty while the run goes on."""
+        return describe_ending(self.name, self.code) if self.name else ""
 
     def process_died(self, process_name: str, exit_code: int | None) -> None:
         """Called by roslaunch in its own thread; the process is called NODE-NUMBER."""
@@ -58,8 +66,8 @@ def check_realism(value: str) -> None:
     from franka_sim.realism import parse  # with all that the simulated arm is made of
 
     try:
-        parse(yaml.safe_load(value), "realism")
-    except (HricError, yaml.YAMLError) as error:
+        parse(yaml_text.parse(value, "realism"), "realism")
+    except HricError as error:
         raise given.ArgumentError(f"realism:={value} is not possible: {' '.join(str(error).split())}") from None
 
 
@@ -112,8 +120,14 @@ def run(arguments: Mapping[str, str], master: str) -> int:
         print(f"scripts/bringup: {error}", file=sys.stderr)
         return 1
     _wait(parent, nodes, request, lambda: block(arguments, master, lambda name: parameter(master, name)))
+    space = namespace(arguments)
+    folder = parameter(master, f"{space}/recorder/folder")
+    if nodes.code:
+        call(master, "setParam", f"{space}/hric/experiment/failure", nodes.ending)  # for the recorder, which ends last
     end_nodes(parent.pm, lambda: request.count > 1)
     parent.shutdown()
+    if isinstance(folder, str):
+        close_run(folder, nodes.ending)
     return _code(nodes, arguments["experiment"] != "none")
 
 
@@ -122,6 +136,12 @@ def confine_roscpp() -> None:
     library = Path(os.environ["HRIC_WS"]) / "devel/lib/libhric_roscpp_loopback.so"
     if library.exists():
         os.environ["LD_PRELOAD"] = ":".join(filter(None, (str(library), os.environ.get("LD_PRELOAD"))))
+
+
+def close_run(folder: str, reason: str) -> None:
+    """Note in a run's folder, where its recorder could not, that it is over and why."""
+    with contextlib.suppress(HricError):  # the folder was removed
+        RunFolder(Path(folder)).read(reason)
 
 
 def parameter(master: str, name: str) -> object:
@@ -156,7 +176,7 @@ def _code(nodes: RequiredNodes, is_experiment: bool) -> int:
     if not nodes.name:
         return INTERRUPTED if is_experiment else 0
     if nodes.code:
-        print(f"scripts/bringup: {nodes.name} ended with code {nodes.code}; its messages are above", file=sys.stderr)
+        print(f"scripts/bringup: {nodes.ending}; its messages are above", file=sys.stderr)
     return nodes.code if nodes.code >= 0 else 128 - nodes.code
 
 

@@ -22,6 +22,9 @@ constexpr char HELP[] =
 // Between looks at what has come: receipt was stamped before, and many messages are taken for one awakening.
 const ros::WallDuration PERIOD(0.01);
 
+// A master that died must not hold this process in a call to it: roscpp would try again for ever.
+const ros::WallDuration MASTER_TIMEOUT(1.0);
+
 constexpr int INTERRUPTED = 130;
 
 volatile std::sig_atomic_t ending = 0;
@@ -78,6 +81,7 @@ int main(int argc, char** argv)
   ros::init(argc, argv, "bag_recorder", ros::init_options::NoSigintHandler);
   std::signal(SIGINT, end);
   std::signal(SIGTERM, end);
+  ros::master::setRetryTimeout(MASTER_TIMEOUT);
   try
   {
     const hric_experiments::Options options = hric_experiments::readOptions({ argv + 1, argv + argc });

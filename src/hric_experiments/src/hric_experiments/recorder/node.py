@@ -17,6 +17,7 @@ from std_msgs.msg import Empty, String
 from std_srvs.srv import Trigger, TriggerResponse
 
 from hric_bags import files
+from hric_bags.files import MEGABYTE
 from hric_bags.run_folder import COMPLETED, FAILED, INTERRUPTED, RunFolder, runs_root
 from hric_control.errors import FailureError, HricError
 from hric_control.ros import RosNode
@@ -27,13 +28,15 @@ from hric_experiments.live import node as live_node
 from hric_experiments.live import topics as live_topics
 from hric_experiments.recorder import process as recorder_process
 from hric_experiments.recorder.process import RecorderProcess, RecordError
-from hric_experiments.recorder.recording import MEGABYTE, Recording, check_space, free_space
+from hric_experiments.recorder.recording import Recording, check_space, free_space
 from hric_experiments.recorder.settings import NOW, ON_TRIGGER, RecorderSettings
 
 RECORDING_TOPIC, TRIGGER_TOPIC = "hric/experiment/recording", "hric/experiment/trigger"
 START_SERVICE, STOP_SERVICE, SPLIT_SERVICE = (
     f"hric/experiment/{what}_recording" for what in ("start", "stop", "split")
 )
+FAILURE_PARAM = "hric/experiment/failure"
+"""Parameter in which scripts/bringup says which node ended the run by its end, and how."""
 SHUTDOWN_TIMEOUT = 100.0
 """How long closing the bag may take after Ctrl-C [s]; scripts/bringup waits for it and says so."""
 OPEN_TIMEOUT = 20.0
@@ -59,6 +62,8 @@ class Recorder:
         self._definition = experiments.load(settings.experiment or experiments.NONE, self._overrides)
         self._free = self._definition.name == experiments.NONE
         self._root = runs_root(settings.runs or None)
+        if rospy.has_param(FAILURE_PARAM):
+            rospy.delete_param(FAILURE_PARAM)  # that of a bring-up before, on a master that stayed
         self._topics = [rospy.resolve_name(topic) for topic in settings.topics]
         self._node_name = live_topics.recorder_node(rospy.get_name().rpartition("/")[2])
         self._recording: Recording | None = None
@@ -99,10 +104,10 @@ class Recorder:
             recording.part.wait_open(OPEN_TIMEOUT, _shutting_down)
             folder.become_latest()
             self._wait_subscribed()
-        except HricError:
+        except HricError as error:
             with contextlib.suppress(HricError):
                 recording.stop()
-            recording.finish(FAILED)
+            recording.fail(str(error))
             self._recording = None
             raise
         if not _shutting_down():
@@ -188,10 +193,10 @@ class Recorder:
         free = free_space(recording.folder.path)
         if not recording.part.running:
             self._recording = None
-            recording.finish(FAILED)
             full = f"; {free:.0f} MB are free" if free < self._settings.min_free else ""
+            recording.fail(recording.part.ending + full)
             where = f"see {recording.folder.path}, and rosrun hric_experiments health"
-            raise FailureError(f"the recorder (pid {recording.part.pid}) ended by itself{full}; {where}")
+            raise FailureError(f"{recording.part.ending}{full}; {where}")
         if free < self._settings.min_free:
             self._end_for_space(free)
             return
@@ -277,9 +282,9 @@ class Recorder:
             self._publisher.publish(String(""))
         try:
             path = self._last = recording.stop(timeout)
-        except HricError:
+        except HricError as error:
             self._recording = None
-            recording.finish(FAILED)
+            recording.fail(f"{notes['error']}; {error}" if "error" in notes else str(error))
             raise
         recording.finish(status, **notes)
         self._recording = None  # not before: after an interrupt what is still open is closed again
@@ -287,20 +292,26 @@ class Recorder:
         return path
 
     def close(self) -> None:
-        """At shutdown: an experiment that is still being recorded was interrupted, or failed with its robot."""
+        """At shutdown: an experiment that is still being recorded was interrupted, or failed with a node."""
         if self._recording is None:
             return
-        if failure := _robot_failure():
+        if failure := _failure():
             self.stop(FAILED, SHUTDOWN_TIMEOUT, error=failure)
         else:
             self.stop(COMPLETED if self._free else INTERRUPTED, SHUTDOWN_TIMEOUT)
 
 
-def _robot_failure() -> str:
-    """Why the robot has failed; empty: it runs, or was shut down."""
-    with contextlib.suppress(OSError, rosgraph.MasterException):
-        return str(rospy.get_param(f"{rospy.resolve_name('robot')}/failure", ""))
-    return ""
+def _failure() -> str:
+    """Return why the run has failed; empty: robot, nodes and master run, or were shut down."""
+    try:
+        return next(filter(None, (str(rospy.get_param(name, "")) for name in _failure_params())), "")
+    except (OSError, rosgraph.MasterException):
+        return f"the ROS master at {rosgraph.get_master_uri()} does not respond"
+
+
+def _failure_params() -> tuple[str, str]:
+    """Where the robot writes why it failed, and scripts/bringup which node ended by itself."""
+    return f"{rospy.resolve_name('robot')}/failure", rospy.resolve_name(FAILURE_PARAM)
 
 
 def _shutting_down() -> bool:

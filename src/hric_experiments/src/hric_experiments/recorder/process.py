@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from hric_control.errors import FailureError
-from hric_control.processes import start_dependent
+from hric_control.processes import describe_ending, start_dependent
 
 STOP_TIMEOUT = 10.0
 """How long the recorder may take to write what it holds and the index [s]."""
@@ -76,6 +76,11 @@ class RecorderProcess:
         """Whether the child lives."""
         return self._child.poll() is None
 
+    @property
+    def ending(self) -> str:
+        """Description of how the child ended, for messages."""
+        return describe_ending(f"bag_recorder (pid {self.pid})", self._child.returncode or 0)
+
     def wait_open(self, timeout: float, give_up: Callable[[], bool] = lambda: False) -> None:
         """Wait until the bag is being written.
 
@@ -85,10 +90,7 @@ class RecorderProcess:
         deadline = time.monotonic() + timeout
         while not self.active.exists() and not give_up():
             if not self.running:
-                raise RecordError(
-                    f"bag_recorder ended with code {self._child.returncode} before it began to record; its messages "
-                    "are above"
-                )
+                raise RecordError(f"{self.ending} before it began to record; its messages are above")
             if time.monotonic() > deadline:
                 raise RecordError(f"bag_recorder did not open {self.active.name} within {timeout:g} s")
             time.sleep(_POLL)
@@ -112,7 +114,7 @@ class RecorderProcess:
                 self._give_up(timeout)
             time.sleep(_POLL)
         if not self.bag.exists():
-            raise RecordError(f"bag_recorder ended with code {self._child.returncode} and left no bag {self.bag.name}")
+            raise RecordError(f"{self.ending} and left no bag {self.bag.name}")
         return self.bag
 
     def _give_up(self, timeout: float) -> None:

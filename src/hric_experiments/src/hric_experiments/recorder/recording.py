@@ -7,8 +7,9 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from hric_bags.run_folder import RunFolder, iso_now
-from hric_control.errors import FailureError
+from hric_bags.files import MEGABYTE
+from hric_bags.run_folder import FAILED, RunFolder, iso_now
+from hric_control.errors import FailureError, HricError
 from hric_experiments.recorder.process import STOP_TIMEOUT, RecorderProcess, RecordError
 
 SPLIT_TIMEOUT = 20.0
@@ -17,8 +18,6 @@ OVERLAP = 0.2
 """Both record for so long when both receive all: what was under way to the first one only arrives meanwhile; project
 default, unconfirmed [s]."""
 _POLL = 0.05
-MEGABYTE = 1e6
-"""[B]"""
 Start = Callable[[Path, int], RecorderProcess]
 """Starts the recorder of a part: its bag, the number of the part."""
 Missing = Callable[[int, int], set[str]]
@@ -162,6 +161,11 @@ class Recording:
     def finish(self, status: str, **notes: object) -> None:
         """Note in run.yaml how the run ended."""
         self.folder.update(status=status, finished=iso_now(), **notes)
+
+    def fail(self, error: str) -> None:
+        """Note that the run failed; where there is no room for that, whoever reads it next notes that it is over."""
+        with contextlib.suppress(HricError):
+            self.finish(FAILED, error=error)
 
     def _wait_subscribed(self, deadline: float, timeout: float, give_up: Callable[[], bool]) -> None:
         while not give_up() and (missing := self._missing(self.parts - 1, self.parts - 2)):
