@@ -34,24 +34,19 @@ class RequiredNodes(roslaunch.pmon.ProcessListener):
     """Watches the nodes without which the run is over, and remembers how they ended.
 
     Attributes:
-        name: node that ended the run; empty while it goes on.
-        code: its exit code.
+        code: exit code of the node that ended the run.
+        ending: which node that was, and how it ended; empty while the run goes on.
     """
 
     def __init__(self) -> None:
         self.required: set[str] = set()
-        self.name, self.code = "", 0
-
-    @property
-    def ending(self) -> str:
-        """Description of how the node ended; empty while the run goes on."""
-        return describe_ending(self.name, self.code) if self.name else ""
+        self.code, self.ending = 0, ""
 
     def process_died(self, process_name: str, exit_code: int | None) -> None:
         """Called by roslaunch in its own thread; the process is called NODE-NUMBER."""
         node = process_name.rpartition("-")[0]
-        if node in self.required and not self.name:
-            self.name, self.code = node, exit_code or 0
+        if node in self.required and not self.ending:
+            self.code, self.ending = exit_code or 0, describe_ending(node, exit_code or 0)
 
 
 def resolve_rviz(value: str) -> str:
@@ -163,8 +158,10 @@ def _take_over_required(config: Any) -> set[str]:
 def _wait(parent: Any, nodes: RequiredNodes, request: ShutdownRequest, ready: Callable[[], str | None]) -> None:
     """Until a required node ends or the end is requested; says when all is ready."""
     shown, look = False, time.monotonic()
-    while not (request.count or nodes.name or parent.pm.done):
+    while not (request.count or nodes.ending):
         time.sleep(0.02)
+        if parent.pm.done and not nodes.ending:  # roslaunch has ended all, because its master died
+            nodes.code, nodes.ending = FAILURE, f"the ROS master at {os.environ['ROS_MASTER_URI']} does not respond"
         if not shown and time.monotonic() >= look:
             look = time.monotonic() + PERIOD
             if text := ready():
@@ -173,7 +170,7 @@ def _wait(parent: Any, nodes: RequiredNodes, request: ShutdownRequest, ready: Ca
 
 
 def _code(nodes: RequiredNodes, is_experiment: bool) -> int:
-    if not nodes.name:
+    if not nodes.ending:
         return INTERRUPTED if is_experiment else 0
     if nodes.code:
         print(f"scripts/bringup: {nodes.ending}; its messages are above", file=sys.stderr)

@@ -264,15 +264,27 @@ def test_times_that_are_no_dates_stay() -> None:
 @pytest.mark.parametrize(
     ("text", "wanted"),
     [
-        ("S07 and S071", "subject and S071"),
-        ("s07/RSHO", "subject/RSHO"),
-        ("run_20260102-030405.bag", "run_date.bag"),
-        ("on 2026-01-02T03:04:05Z, or 2026-01-02", "on date, or date"),
-        ("velocity_20", "velocity_20"),
+        ("S07", "name_1"),
+        ("human::S07_hand", "human::name_1"),
+        ("/S07/joint_states", "/name_1/joint_states"),
+        ("panda_joint7", "panda_joint7"),
+        ("right_sh_flex", "right_sh_flex"),
+        ("run_20260102", "name_1"),
+        ("run_12_11_26", "name_1"),
+        ("/robot_4711_1773480000123", "/robot"),
+        ("joint_torque velocity_20", "joint_torque velocity_20"),
+        ("N m", "N m"),
+        ("torque " * 20, "name_1"),
+        ("", ""),
     ],
 )
-def test_names_and_dates_are_found_as_words(text: str, wanted: str) -> None:
-    assert Anonymiser({}, {}, ("S07",), 0).text(text) == wanted
+def test_names_have_public_words_or_a_number(text: str, wanted: str) -> None:
+    assert Anonymiser({}, {}, (), 0).name(text) == wanted
+
+
+def test_a_public_word_that_names_the_person_is_none() -> None:
+    anonymiser = Anonymiser({"subject": "hand1"}, {}, ("Force",), 0)
+    assert [anonymiser.name(text) for text in ("hand", "force", "torque")] == ["name_1", "name_2", "torque"]
 
 
 def test_the_source_stays_as_it_is(run: RunFolder) -> None:

@@ -1,19 +1,24 @@
-"""An export without the person: who he is and when it was recorded is dropped, what is known of his body coarsened.
+"""An export without the person: what is known to be harmless is passed on, everything else is left out.
+
+Each key of run.yaml and metrics.json, each message type and each field with text has a class in config/privacy.yaml:
+public, pseudonym or private; what is not listed is private. Of a subject, mass and height are coarsened.
 
 Signals stay: where markers are, and how large torques and activations are, has the size and strength of a body for who
 computes them. `STAYS` says so in each export.
 """
 
 import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields, is_dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
+from datetime import date
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from hric_bags.export.table import Column, Table
+from hric_control.parameters import package_yaml
 
 NAME = "recording"
 """Of files that are else called after the run or the bag."""
@@ -21,26 +26,53 @@ STEPS = {"mass": 10.0, "height": 0.1}
 """To whole multiples of what a measure of the body is rounded [kg], [m]."""
 KEPT = ("parts", "posture")
 """Of a subject, as they are."""
-SUBJECT, DATES, FILES = "subject", ("started", "finished"), ("calibration", "muscles")
-BODY = frozenset(("sex", "dominant_hand", "lengths", "masses", "code", "age", "weight", "human_mass"))
-"""Keys that only a body has, dropped wherever they are."""
+SUBJECT = "subject"
+PEOPLE = ("human", "person")
+"""Sections in which a number may be a measure of a body."""
+BODY = ("calibration", "muscles")
+"""What has such measures there, where it is a file or a list of numbers."""
 STRENGTH = ("strength", "clipped", "at_strength", "share_max", "share_mean")
-"""What has the strength of his joints, or gives it together with the torque beside it; by the begin of the name."""
+"""What has the strength of their joints, or gives it together with the torque beside it; by the begin of the name."""
 REDUCED = ("mass", "ratio")
-"""Of a blow's closed form: they give the mass of his arm."""
-HIDDEN_TOPICS = ("/rosout", "/rosout_agg", "/diagnostics", "/diagnostics_agg", "/human_description")
-"""Texts of programs, with names of machines and files, and the description of his body."""
+"""Of a blow's closed form: they give the mass of the person's arm."""
+HASHES = ("commit", "state_sha256")
+"""Keys whose value may be a hexadecimal number."""
 OLDEST_DATE = 10**17
 """Later times are dates, earlier ones those of a clock that begins with the run [ns]: a day in 1973."""
-MOST_TEXTS = 10_000
-"""Texts whose result is remembered: names come again in every message; project default, unconfirmed."""
+DATED = (1e9, 4e9)
+"""Numbers that are taken for times since 1970 [s]: from 2001 to 2096; also in ms, us and ns."""
+LONGEST = 60
+"""Characters of a text that is passed on; project default, unconfirmed."""
 STAYS = (
     "The signals themselves are as recorded: positions of markers, angles, torques, EMG and activations have the size "
     "and the strength of a body for who computes them."
 )
-_DATES = re.compile(r"\d{4}-\d\d-\d\d(?:[T ]\d\d:?\d\d(?::?\d\d)?(?:\.\d+)?(?:Z|[+-]\d\d:?\d\d)?)?|\d{8}[-_T]\d{4,6}")
 _ANONYMOUS_NODE = re.compile(r"_\d+_\d{13}")
 """End of a node's name that has its process and the date of its start."""
+_TOKENS = re.compile(r"[A-Za-z]+\d*|\d+")
+_PLAIN = re.compile(r"[A-Za-z0-9_ .:/^*()%\[\]-]*")
+_VERSION = re.compile(r"\d{1,3}(\.\d{1,3}){0,3}")
+_NUMBERS = re.compile(r"[-+0-9.eE, \[\]]+")
+_LEFT_OUT = object()
+"""In place of a value that is private."""
+
+
+@dataclass(frozen=True)
+class Privacy:
+    """Classes of keys, words and messages; see config/privacy.yaml."""
+
+    public: frozenset[str]
+    private: frozenset[str]
+    pseudonym: frozenset[str]
+    time: frozenset[str]
+    packages: frozenset[str]
+    types: frozenset[str]
+
+
+@cache
+def privacy() -> Privacy:
+    """Return the classes."""
+    return Privacy(**{key: frozenset(str(words).split()) for key, words in package_yaml(__file__, "privacy").items()})
 
 
 class Anonymiser:
@@ -49,19 +81,18 @@ class Anonymiser:
     Args:
         run: contents of run.yaml.
         metrics: contents of metrics.json.
-        names: further words that name him.
+        names: further words that name the person.
         begin: time of the bag's first recording [ns].
     """
 
     def __init__(self, run: Mapping[str, Any], metrics: Mapping[str, Any], names: Sequence[str], begin: int) -> None:
-        found = {*names, *_names((run, metrics))}
-        words = sorted((word for word in found if len(word) > 1), key=len, reverse=True)
-        ends = r"(?<![A-Za-z0-9])(?:{})(?![A-Za-z0-9])"
-        self._words = re.compile(ends.format("|".join(map(re.escape, words))), re.IGNORECASE) if words else None
+        known = {word.lower() for name in {*names, *_names((run, metrics))} for word in _TOKENS.findall(name)}
+        self._public = privacy().public - known - {re.sub(r"\d+$", "", word) for word in known}
+        self._pseudonyms: dict[str, str] = {}
+        self._known: dict[str, str] = {}  # names come again in every message
         self._begin = begin if begin >= OLDEST_DATE else None
         self._run, self._metrics = run, metrics
         self._done: dict[str, None] = {}
-        self._texts: dict[str, str] = {}
 
     def _note(self, what: str) -> None:
         self._done.setdefault(what)
@@ -71,178 +102,224 @@ class Anonymiser:
         """What was dropped or coarsened so far, a line each."""
         return [*self._done, STAYS]
 
-    # -- files of the run ----------------------------------------------------------------------------------------------
-
-    @property
-    def run(self) -> dict[str, Any]:
-        """run.yaml."""
-        kept = {key: value for key, value in self._run.items() if key != "bag"}
-        return dict(self._cleaned(kept, ()))
-
-    @property
-    def metrics(self) -> dict[str, Any]:
-        """metrics.json."""
-        return dict(self._cleaned(self._metrics, ()))
-
-    def _cleaned(self, value: Any, path: tuple[str, ...]) -> Any:
-        if isinstance(value, Mapping):
-            kept = {key: item for key, item in value.items() if self._stays(str(key), item, path)}
-            return {
-                self.text(str(key)): self._subject(item) if key == SUBJECT else self._cleaned(item, (*path, str(key)))
-                for key, item in kept.items()
-            }
-        if isinstance(value, list | tuple):
-            words = [item for item in value if not (path[-1:] == ("arguments",) and self._reveals(item))]
-            return [self._cleaned(item, path) for item in words]
-        return self.text(value) if isinstance(value, str) else value
-
-    def _stays(self, key: str, value: Any, path: tuple[str, ...]) -> bool:
-        """Whether a key of run.yaml or metrics.json stays."""
-        why = ""
-        if key in DATES:
-            why = "dates of the run: dropped"
-        elif key in BODY:
-            why = "code, sex, dominant hand, age, measured lengths and masses: dropped"
-        elif key.startswith(STRENGTH) and ("human" in path or "person" in path or "strength" in key):
-            why = "strength, and shares of it: dropped"
-        elif key in FILES and isinstance(value, str):
-            why = "files of the person: dropped"
-        elif key in REDUCED and path[-1:] == ("transient",):
-            why = "masses of his body in contacts: dropped"
-        if why:
-            self._note(why)
-        return not why
-
-    def _reveals(self, argument: Any) -> bool:
-        """Whether an override is of the person."""
-        reveals = bool(re.match(r"(?:human|person|subject)\b", str(argument)))
-        if reveals:
-            self._note("overrides of the person: dropped")
-        return reveals
-
-    def _subject(self, value: Any) -> Any:
-        if not isinstance(value, Mapping):
-            self._note("name, code or file of the subject: dropped")
-            return "dropped"
-        found = {key: value[key] for key in KEPT if key in value}
-        for key, step in STEPS.items():
-            if isinstance(value.get(key), int | float):
-                self._note(f"{key} of the subject: to the next {step:g} {'kg' if key == 'mass' else 'm'}")
-                found[key] = round(round(value[key] / step) * step, 6)
-        self._note("code, sex, dominant hand, age, measured lengths and masses: dropped")
-        return found
-
     # -- what all share ------------------------------------------------------------------------------------------------
 
-    def text(self, text: str) -> str:
-        """Without names of the person, dates, and the dates in names of nodes."""
-        if (known := self._texts.get(text)) is not None:
-            return known
-        given = text
-        for pattern, to, what in (
-            (_ANONYMOUS_NODE, "", "start and process in names of nodes"),
-            (self._words, SUBJECT, "names of the subject in texts and file names"),
-            (_DATES, "date", "dates in texts and file names"),
-        ):
-            if pattern is not None:
-                text, count = pattern.subn(to, text)
-                if count:
-                    self._note(f"{what}: dropped")
-        if len(self._texts) < MOST_TEXTS:
-            self._texts[given] = text
-        return text
+    def name(self, text: str) -> str:
+        """Return a name with each part that has other words than the public ones numbered, the same everywhere."""
+        if (known := self._known.get(text)) is None:
+            parts = (part if part in "/:" else self._part(part) for part in re.split(r"([/:])", text) if part)
+            known = self._known[text] = "".join(parts)
+        return known
+
+    def _part(self, text: str) -> str:
+        bare = _ANONYMOUS_NODE.sub("", text)
+        if self.is_public(bare):
+            return bare
+        self._note("names of other than the project's own words: numbered")
+        return self._pseudonyms.setdefault(text, f"name_{len(self._pseudonyms) + 1}")
+
+    def is_public(self, text: str) -> bool:
+        """Return whether a text has nothing but public words, and digits that make no date."""
+        tokens = _TOKENS.findall(text)
+        numbers = sum(token.isdigit() for token in tokens)
+        return (
+            len(text) <= LONGEST
+            and bool(_PLAIN.fullmatch(text))
+            and numbers <= (1 if numbers < len(tokens) or len(text) < 3 else 0)
+            and all(map(self._is_word, tokens))
+        )
+
+    def _is_word(self, token: str) -> bool:
+        word = token.rstrip("0123456789").lower()
+        digits = len(token) - len(word)
+        return digits <= 2 if not word else word in self._public and digits <= (1 if len(word) == 1 else 2)
 
     def time(self, nanoseconds: int) -> int:
-        """A time that is a date, counted from the first recording; others as they are [ns]."""
+        """A time that is a date, since the first recording [ns]; another one as it is."""
         if nanoseconds < OLDEST_DATE:
             return nanoseconds
         self._note("dates of recordings and stamps: counted from the first of them")
         self._begin = nanoseconds if self._begin is None else self._begin
         return max(nanoseconds - self._begin, 0)
 
-    def hides(self, topic: str) -> bool:
-        """Whether a topic is left out."""
-        hides = topic.endswith(HIDDEN_TOPICS)
-        if hides:
-            self._note("texts of programs, and the description of his body: topics dropped")
-        return hides
+    def _seconds(self, value: float) -> float:
+        return self.time(round(value * 1e9)) * 1e-9 if DATED[0] < value < DATED[1] else value
 
-    # -- tables --------------------------------------------------------------------------------------------------------
+    # -- files of the run ----------------------------------------------------------------------------------------------
 
-    def tables(self, tables: Mapping[str, Table]) -> dict[str, Table]:
-        """Those that stay, by topic."""
-        made = [self._table(table) for table in tables.values() if not self.hides(table.topic)]
-        return {table.topic: table for table in made}
+    @property
+    def run(self) -> dict[str, Any]:
+        """Return what may be passed on of run.yaml."""
+        return dict(self._cleaned(self._run, ()))
 
-    def _table(self, table: Table) -> Table:
-        columns = tuple(self._column(column) for column in table.columns if not self._strong(column.name))
-        return replace(
-            table,
-            topic=self.text(table.topic),
-            frame=self.text(table.frame),
-            time=_each(lambda seconds: self.time(round(seconds * 1e9)) * 1e-9, table.time, 1e-9),
-            stamp=_each(self.time, table.stamp, 1.0),
-            columns=columns,
-            notes=tuple(map(self.text, table.notes)),
-        )
+    @property
+    def metrics(self) -> dict[str, Any]:
+        """Return what may be passed on of metrics.json."""
+        return dict(self._cleaned(self._metrics, ()))
 
-    def _strong(self, column: str) -> bool:
-        strong = column.startswith(("strength_share", "at_strength", "clipped"))
-        if strong:
-            self._note("strength, and shares of it: dropped")
-        return strong
+    def urdf(self, text: str) -> str:
+        """Return a description with the names that the anonymised messages have, to read frames from; it is not passed
+        on."""
+        return re.sub(r'\b(name|link|joint)="([^"]*)"', lambda found: f'{found[1]}="{self.name(found[2])}"', text)
 
-    def _column(self, column: Column) -> Column:
-        values = column.values
-        if values.dtype.kind == "U":
-            unique, rows = np.unique(values, return_inverse=True)
-            values = np.array([self.text(str(one)) for one in unique])[rows]
-        elif column.unit == "s":
-            values = _each(lambda seconds: self.time(round(seconds * 1e9)) * 1e-9, values, 1e-9)
-        return Column(self.text(column.name), column.unit, values)
+    def _cleaned(self, value: Any, path: tuple[str, ...]) -> Any:
+        if isinstance(value, Mapping):
+            return self._mapping(value, path)
+        if isinstance(value, list | tuple):
+            items = [self._argument(item) for item in value] if path[-1:] == ("arguments",) else value
+            kept = [self._cleaned(item, path) for item in items]
+            return [item for item in kept if item is not _LEFT_OUT]
+        if isinstance(value, str):
+            return self._text(value, path)
+        if isinstance(value, bool) or value is None:
+            return value
+        if path[-1:] and path[-1] in privacy().time:
+            return self._seconds(float(value))
+        if isinstance(value, int | float) and not _is_date(value):
+            return value
+        self._note("numbers that are dates: dropped")
+        return _LEFT_OUT
+
+    def _mapping(self, mapping: Mapping[Any, Any], path: tuple[str, ...]) -> dict[str, Any]:
+        made: dict[str, Any] = {}
+        for name, item in mapping.items():
+            key = str(name)
+            if key == SUBJECT:
+                made[key] = self._subject(item)
+            elif not (why := self._refusal(key, item, path)):
+                value = self._cleaned(item, (*path, key))
+                if value is not _LEFT_OUT:
+                    made[self.name(key)] = value
+            else:
+                self._note(why)
+        return made
+
+    def _refusal(self, key: str, value: Any, path: tuple[str, ...]) -> str:
+        """Return why a key is left out; empty: it stays."""
+        of_person = any(name in path for name in PEOPLE)
+        if key in privacy().private:
+            return "dates of the run, notes, texts, paths and what only a body has: dropped"
+        if key.startswith(STRENGTH) and (of_person or "strength" in key):
+            return "strength, and shares of it: dropped"
+        if key in BODY and (of_person or isinstance(value, str)) and not isinstance(value, Mapping):
+            return "files and measures of the person: dropped"
+        if key in REDUCED and path[-1:] == ("transient",):
+            return "masses of the body in contacts: dropped"
+        named = path[-1:] and path[-1] in privacy().pseudonym and isinstance(value, Mapping)
+        if not self.is_public(key) and not named:
+            return "keys that have no class: dropped"
+        return ""
+
+    def _text(self, text: str, path: tuple[str, ...]) -> Any:
+        key = path[-1] if path else ""
+        if key in privacy().pseudonym:
+            return self.name(text)
+        if key in HASHES and re.fullmatch(r"[0-9a-f]{3,64}", text):
+            return text
+        if path[:1] == ("versions",) and _VERSION.fullmatch(text):
+            return text
+        if key == "arguments" or (self.is_public(text) and not text.startswith("/")):
+            return text
+        self._note("texts of other than the project's own words: dropped")
+        return _LEFT_OUT
+
+    def _argument(self, argument: Any) -> Any:
+        """Return an override, where it is of nobody and its value is a number or a public word."""
+        key, _, value = str(argument).partition(":=")
+        public = self.is_public(key) and (self.is_public(value) or bool(_NUMBERS.fullmatch(value)))
+        dated = any(_is_date(float(number)) for number in re.findall(r"\d+(?:\.\d+)?", value))
+        if public and not dated and not re.match(r"(?:human|person|subject)\b", key):
+            return str(argument)
+        self._note("overrides of the person, and those with texts: dropped")
+        return _LEFT_OUT
+
+    def _subject(self, value: Any) -> Any:
+        if not isinstance(value, Mapping):
+            self._note("name, code or file of the subject: dropped")
+            return "dropped"
+        kept = {key: value[key] for key in KEPT if self.is_public(str(value.get(key, "no key"))) and key in value}
+        for key, step in STEPS.items():
+            if isinstance(value.get(key), int | float):
+                self._note(f"{key} of the subject: to the next {step:g} {'kg' if key == 'mass' else 'm'}")
+                kept[key] = round(round(value[key] / step) * step, 6)
+        self._note("code, sex, dominant hand, age, measured lengths and masses: dropped")
+        return kept
 
     # -- messages ------------------------------------------------------------------------------------------------------
 
+    def hides(self, kind: str) -> bool:
+        """Return whether messages of a type are left out."""
+        hides = kind not in privacy().types and kind.partition("/")[0] not in privacy().packages
+        if hides:
+            self._note("messages of other types than the known ones (texts, pictures, descriptions): topics dropped")
+        return hides
+
     def message(self, message: Any) -> Any:
-        """A message as rosbags reads it."""
-        if hasattr(message, "strength_share"):
+        """Take the person out of a message as rosbags reads it; returns it, changed in place."""
+        for field, value in _values(message):
+            if isinstance(value, str):
+                setattr(message, field, self._field(field, value))
+            elif isinstance(value, list):
+                items = [self._field(field, item) if isinstance(item, str) else self.message(item) for item in value]
+                setattr(message, field, items)
+            elif is_dataclass(value):
+                setattr(message, field, self._stamp(value) if hasattr(value, "nanosec") else self.message(value))
+            elif isinstance(value, float):
+                setattr(message, field, self._seconds(value))
+            elif isinstance(value, int) and value >= OLDEST_DATE:
+                setattr(message, field, self.time(value))
+            elif isinstance(value, np.ndarray):
+                setattr(message, field, self._array(field, value))
+        return message
+
+    def _field(self, field: str, text: str) -> str:
+        if field in privacy().pseudonym or not text:
+            return self.name(text)
+        self._note("texts in messages: emptied")
+        return ""
+
+    def _stamp(self, stamp: Any) -> Any:
+        seconds, rest = divmod(self.time(int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)), 1_000_000_000)
+        return replace(stamp, sec=seconds, nanosec=rest)
+
+    def _array(self, field: str, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        if field.startswith(STRENGTH):
             self._note("strength, and shares of it: dropped")
-            share = np.full(len(message.strength_share), np.nan)
-            nothing = {name: np.zeros_like(getattr(message, name)) for name in ("at_strength", "clipped")}
-            message = replace(message, strength_share=share, **nothing)
-        return self._part(message)
-
-    def _part(self, value: Any) -> Any:
-        if isinstance(value, str):
-            return self.text(value)
-        if isinstance(value, list):
-            return [self._part(item) for item in value]
-        if not is_dataclass(value) or isinstance(value, type):
-            return value
-        if hasattr(value, "sec") and hasattr(value, "nanosec"):
-            seconds, rest = divmod(self.time(int(value.sec) * 1_000_000_000 + int(value.nanosec)), 1_000_000_000)
-            return replace(value, sec=seconds, nanosec=rest)
-        own = [field.name for field in fields(value) if field.init and field.name != "__msgtype__"]
-        return replace(value, **{name: self._part(getattr(value, name)) for name in own})
+            return np.full_like(values, np.nan if values.dtype.kind == "f" else 0)
+        if values.dtype != np.float64 or not len(values) or not (values > DATED[0]).any():
+            return values
+        return np.array([self._seconds(float(value)) for value in values])
 
 
-def _each(made: Callable[[Any], Any], values: npt.NDArray[Any], unit: float) -> npt.NDArray[Any]:
-    """Each value, where one of them may be a date; unit: of one nanosecond in them."""
-    if not np.any(values >= OLDEST_DATE * unit):
-        return values
-    return np.array([made(value) if value >= OLDEST_DATE * unit else value for value in values], dtype=values.dtype)
+def _values(message: Any) -> list[tuple[str, Any]]:
+    return [(name, getattr(message, name)) for name in _fields(type(message))]
+
+
+@cache
+def _fields(kind: type) -> tuple[str, ...]:
+    return tuple(field.name for field in fields(kind) if field.init and field.name != "__msgtype__")
+
+
+def _is_date(value: float) -> bool:
+    """Return whether a number reads as a time since 1970, or as a day like 20260314."""
+    if any(DATED[0] * unit < value < DATED[1] * unit for unit in (1.0, 1e3, 1e6, 1e9)):
+        return True
+    try:
+        return value == int(value) and bool(date.fromisoformat(str(int(value)))) and 1900_00_00 < value < 2100_00_00
+    except (ValueError, OverflowError):
+        return False
 
 
 def _names(value: Any) -> set[str]:
     """Words that name the subject, wherever `subject` is a key."""
     if isinstance(value, Mapping):
-        found: set[str] = set().union(*(_names(item) for item in value.values()))
-        given = value.get(SUBJECT)
-        if isinstance(given, str):
-            found |= {given, Path(given).stem}
-        elif isinstance(given, Mapping):
-            found |= {str(given[key]) for key in ("code", "name") if given.get(key)}
-        return found
+        words: set[str] = set().union(*(_names(item) for item in value.values()))
+        subject = value.get(SUBJECT)
+        if isinstance(subject, str):
+            words |= {subject, Path(subject).stem}
+        elif isinstance(subject, Mapping):
+            words |= {str(subject[key]) for key in ("code", "name") if subject.get(key)}
+        return words
     if isinstance(value, list | tuple):
         return set().union(*map(_names, value))
     return set()

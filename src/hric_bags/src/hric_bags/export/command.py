@@ -120,8 +120,9 @@ def _export_parser() -> argparse.ArgumentParser:
         "--anonymise",
         nargs="*",
         metavar="NAME",
-        help="drop who the person is and when it was (names, dates, sex, strength), coarsen mass and height; write "
-        "run.yaml, metrics.json and a list of what was done, too. NAME: further words that name the person",
+        help="write only what is known to name nobody (no notes, texts, paths, dates, sex, strength), coarsen mass and "
+        "height; write run.yaml, metrics.json and a list of what was done, too. NAME: words that name the person "
+        "though they are words of this project",
     )
     parser.add_argument("--again", action="store_true", help="write also what is there already")
     parser.add_argument("--quiet", action="store_true", help="no progress bar")

@@ -3,7 +3,7 @@
 import json
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -110,6 +110,8 @@ def export(
     """
     settings = {"topics": sorted(request.topics), "load_body": request.load_body, "surface": request.surface}
     anonymiser = None if request.anonymise is None else _anonymiser(source, request.anonymise)
+    if anonymiser is not None:
+        source = replace(source, run=anonymiser.run, urdf=anonymiser.urdf(source.urdf))
     output = Output(folder or default_folder(source, request), source.bags, settings, again, request.anonymise)
     result = Result()
     missing = [kind for kind in request.formats if output.done(kind) is None]
@@ -118,8 +120,7 @@ def export(
     if from_tables:
         begin = time.perf_counter()
         types = () if set(from_tables) & set(PLAIN) else tuple(name for kind in from_tables for name in NEEDED[kind])
-        tables = recording.read(source, request.topics, progress=progress, types=types)
-        tables = tables if anonymiser is None else anonymiser.tables(tables)
+        tables = recording.read(source, request.topics, progress=progress, types=types, anonymous=anonymiser)
         result.reading = time.perf_counter() - begin
     job = _Job(source, request, output, tables, result.notes, progress, anonymiser)
     for kind in request.formats:
@@ -142,10 +143,20 @@ def export(
 def _anonymiser(source: Source, names: Sequence[str]) -> Anonymiser:
     metrics: dict[str, Any] = {}
     if source.folder is not None and source.folder.metrics_path.is_file():
-        metrics = json.loads(source.folder.metrics_path.read_text())
+        metrics = _json(source.folder.metrics_path)
     with recording.open_reader(source) as reader:
         begin = reader.start_time if reader.message_count else 0
     return Anonymiser(source.run, metrics, names, begin)
+
+
+def _json(path: Path) -> dict[str, Any]:
+    try:
+        content = json.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        raise ExportError(f"cannot read {path}: {error}; `report` writes it again") from error
+    if not isinstance(content, dict):
+        raise ExportError(f"{path} is not a mapping; `report` writes it again")
+    return content
 
 
 def _write_about(output: Output, anonymiser: Anonymiser, source: Source) -> None:

@@ -12,6 +12,7 @@ from rosbags.interfaces import Connection
 from hric_bags import parts as bag_parts
 from hric_bags import reader as bag_reader
 from hric_bags.export import batches, units
+from hric_bags.export.anonymous import Anonymiser
 from hric_bags.export.gather import Gatherer, Timing
 from hric_bags.export.table import ExportError, Table
 from hric_bags.health import examine
@@ -86,7 +87,12 @@ def open_reader(source: Source) -> Iterator[PartsReader]:
 
 
 def read(
-    source: Source, topics: Collection[str] = (), *, progress: bool = False, types: Collection[str] = ()
+    source: Source,
+    topics: Collection[str] = (),
+    *,
+    progress: bool = False,
+    types: Collection[str] = (),
+    anonymous: Anonymiser | None = None,
 ) -> dict[str, Table]:
     """Tables of the topics.
 
@@ -95,6 +101,7 @@ def read(
         topics: names; empty: all.
         progress: whether to draw a bar.
         types: message types, e.g. "hric_msgs/msg/MocapData", to which to keep; empty: all.
+        anonymous: takes the person out; None: nothing is.
 
     Raises:
         HricError: the bag is damaged, or has no such topic.
@@ -103,20 +110,26 @@ def read(
         for topic in topics:
             if topic not in reader.topics:
                 raise UnknownNameError("topic", topic, reader.topics, "the bag")
-        gathering = _Gathering(reader, units.prismatic_joints(source.urdf), topics, types)
+        gathering = _Gathering(reader, units.prismatic_joints(source.urdf), topics, types, anonymous)
         for connection, stamp, raw in reader.chosen(gathering.takes, "reading" if progress else ""):
             gathering.add(connection, stamp, reader.deserialize(raw, connection.msgtype))
-        return gathering.tables(reader.start_time if reader.message_count else 0)
+        begin = reader.start_time if reader.message_count else 0
+        return gathering.tables(begin if anonymous is None else anonymous.time(begin))
 
 
 class _Gathering:
     """One pass over the messages; of a control log also for the clock alone."""
 
     def __init__(
-        self, reader: AnyReader, prismatic: frozenset[str], topics: Collection[str], types: Collection[str]
+        self,
+        reader: AnyReader,
+        prismatic: frozenset[str],
+        topics: Collection[str],
+        types: Collection[str],
+        anonymous: Anonymiser | None,
     ) -> None:
         self._fields = {kind: [name for name, _ in found[1]] for kind, found in reader.typestore.fielddefs.items()}
-        self._prismatic, self._topics, self._types = prismatic, topics, types
+        self._prismatic, self._topics, self._types, self._anonymous = prismatic, topics, types, anonymous
         self._gatherers: dict[str, Gatherer] = {}
         self._batches: dict[str, tuple[str, list[Any]]] = {}
         self._logs: list[Any] = []
@@ -124,6 +137,8 @@ class _Gathering:
 
     def takes(self, connection: Connection) -> bool:
         """Whether messages of a connection are read."""
+        if self._anonymous is not None and self._anonymous.hides(connection.msgtype):
+            return False
         return connection.msgtype == batches.CONTROL_LOG or self._is_requested(connection)
 
     def _is_requested(self, connection: Connection) -> bool:
@@ -134,6 +149,9 @@ class _Gathering:
     def add(self, connection: Connection, stamp: int, message: Any) -> None:
         """A message; stamp: time of its recording [ns]."""
         topic, kind = connection.topic, connection.msgtype
+        if self._anonymous is not None:
+            topic, stamp = self._anonymous.name(topic), self._anonymous.time(stamp)
+            message = self._anonymous.message(message)
         if kind == batches.CONTROL_LOG and (not self._logs or topic == self._logs[0][0]):
             self._logs.append((topic, message))
         if not self._is_requested(connection):

@@ -1,7 +1,8 @@
 """A bag with one message per sample, for viewers that draw a value per message: control logs and chunks of samples
 taken apart, the rest copied."""
 
-from collections.abc import Callable, Iterator
+import re
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -48,10 +49,9 @@ def write(
     with open_reader(source) as reader, ChunkedWriter(target) as writer:
         connections = [c for c in reader.connections if not topics or c.topic in topics]
         if anonymous is not None:
-            connections = [c for c in connections if not anonymous.hides(c.topic)]
+            connections = [c for c in connections if not anonymous.hides(c.msgtype)]
         by_key = {_key(c): c for c in connections}
-        text = str if anonymous is None else anonymous.text
-        target_of = {key: _add(writer, c, text) for key, c in by_key.items()}
+        target_of = {key: _add(writer, c, anonymous) for key, c in by_key.items()}
         for connection, time, raw in reader.chosen(connections.__contains__, "bag" if progress else ""):
             end = target_of[_key(connection)]
             for at, data in _parts(reader, connection.msgtype, time, raw, anonymous):
@@ -65,13 +65,15 @@ def _key(connection: Any) -> tuple[Any, ...]:
     return connection.topic, connection.msgtype, connection.digest, connection.ext.callerid, connection.ext.latching
 
 
-def _add(writer: ChunkedWriter, connection: Any, text: Callable[[str], str]) -> Any:
+def _add(writer: ChunkedWriter, connection: Any, anonymous: Anonymiser | None) -> Any:
+    name = str if anonymous is None else anonymous.name
+    definition: str = connection.msgdef.data
     return writer.add_connection(
-        text(connection.topic),
+        name(connection.topic),
         connection.msgtype,
-        msgdef=connection.msgdef.data,
+        msgdef=definition if anonymous is None else re.sub(r"[ \t]*#.*", "", definition),  # comments are texts, too
         md5sum=connection.digest,
-        callerid=None if connection.ext.callerid is None else text(connection.ext.callerid),
+        callerid=None if connection.ext.callerid is None else name(connection.ext.callerid),
         latching=connection.ext.latching,
     )
 
@@ -80,25 +82,23 @@ def _parts(
     reader: PartsReader, kind: str, time: int, raw: bytes, anonymous: Anonymiser | None
 ) -> Iterator[tuple[int, Any]]:
     """Yield (time [ns], serialised message) of each sample in a message."""
-    shifted = int if anonymous is None else anonymous.time
+    message: Any = None
+    if anonymous is not None or kind in batches.BATCHED:
+        message = reader.deserialize(raw, kind)
+    if anonymous is not None:
+        message, time = anonymous.message(message), anonymous.time(time)
     if kind not in batches.BATCHED:
-        if anonymous is not None:
-            raw = reader.typestore.serialize_ros1(anonymous.message(reader.deserialize(raw, kind)), kind)
-        yield shifted(time), raw
+        yield time, raw if message is None else reader.typestore.serialize_ros1(message, kind)
         return
-    message: Any = reader.deserialize(raw, kind)
     stamp = int(message.header.stamp.sec) * 1_000_000_000 + int(message.header.stamp.nanosec)
     offsets, values = _cycles(message) if kind == batches.CONTROL_LOG else _samples(message)
     if not len(offsets):
         return
-    stamps = np.array([shifted(stamp + offset) for offset in offsets.tolist()])
-    values["sec"], values["nanosec"] = (part.astype("<u4") for part in np.divmod(stamps, 1_000_000_000))
-    if anonymous is not None:
-        message = anonymous.message(message)
+    values["sec"], values["nanosec"] = (part.astype("<u4") for part in np.divmod(stamp + offsets, 1_000_000_000))
     # The last sample of a batch was taken about when the batch was recorded; the others as much before it as their
     # stamps are.
     times = np.maximum(time + offsets - offsets[-1], 0).tolist()
-    yield from zip(map(shifted, times), _serialised(reader, kind, message, values), strict=True)
+    yield from zip(times, _serialised(reader, kind, message, values), strict=True)
 
 
 def _cycles(message: Any) -> tuple[IntArray, Fields]:
