@@ -173,3 +173,46 @@ def test_shutting_the_manager_down_stops_and_unloads_everything(rig) -> None:
 
 def test_a_fake_controller_is_a_controller() -> None:
     assert issubclass(FakeController, Controller)
+
+
+class Lazy(Controller):
+    """Reads a number, a group and a number of a group, and looks for a switch."""
+
+    def init(self, robot_hw, root_node, controller_node) -> None:
+        self.values = [controller_node.param(name, 0.0) for name in ("gain", "limits", "filter/time")]
+        self.switch = controller_node.has_param("switch")
+
+
+def loaded(**parameters) -> ControllerManager:
+    manager = ControllerManager(
+        FakeRobotHW(), LocalNode({"a": {"type": "t/Lazy", **parameters}}), classes={"t/Lazy": Lazy}
+    )
+    manager.load("a")
+    return manager
+
+
+def test_parameters_that_a_controller_reads_by_itself_are_accepted() -> None:
+    assert loaded(gain=1.0, limits={"lower": 0.0}, filter={"time": 0.1}, switch=True).list()
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"gian": 1.0}, r"no parameter 'gian' in /a; valid: .*gain.*\(did you mean gain\?\)"),
+        ({"filter": {"tme": 0.1}}, r"no parameter 'tme' in /a/filter; valid: time \(did you mean time\?\)"),
+        ({"gains": {"p": 1.0}}, r"no parameter 'gains' in /a; .*did you mean gain"),
+        ({"x": 1, "y": 2}, r"2 mistakes\n.*'x'.*\n.*'y'"),
+    ],
+)
+def test_a_parameter_that_a_controller_never_reads_is_refused_with_the_nearest_one(given, message) -> None:
+    with pytest.raises(HricError, match=message):
+        loaded(**given)
+
+
+def test_a_controller_refused_for_a_parameter_leaves_nothing_behind() -> None:
+    node = LocalNode({"a": {"type": "t/Talkative", "chat": 1}})
+    manager = ControllerManager(FakeRobotHW(), node, classes={"t/Talkative": Talkative})
+    before = (node.topics(), node.services())
+    with pytest.raises(HricError, match="no parameter 'chat'"):
+        manager.load("a")
+    assert (node.topics(), node.services(), manager.list()) == (*before, [])

@@ -242,6 +242,16 @@ def test_a_wait_for_a_listener_that_is_no_time_is_refused(value):
         Run({"wait_for_log_listener": value})
 
 
+def test_a_private_parameter_that_no_robot_reads_is_refused_with_the_nearest_one():
+    with pytest.raises(ParameterError, match=r"no parameter 'controllog' .*\(did you mean control_log\?\)"):
+        Run({"controllog": False})
+
+
+def test_parameters_that_an_experiment_gives_to_any_robot_are_accepted_by_one_without_a_plant():
+    run = Run({"arm_id": "panda", "plant": {"seed": 1}, "q_start": [0.0, 0.0]})
+    run.app.shutdown()
+
+
 def test_nobody_listening_is_told_and_the_robot_goes_on(caplog):
     node = LocalNode({"robot_description": toy.URDF})  # without a tap
     app = RobotApp(node, LocalNode({"real_time_factor": 0.0, "wait_for_log_listener": 0.02}), hw=toy.ToyRobot())

@@ -16,7 +16,7 @@ from hric_controllers.cartesian.law import Arm, CartesianLaw, Compliance
 from hric_controllers.marker.motion import LineMotion, MotionLimits, OnlineTrajectoryGenerator
 
 GAINS = {joint: {"p": 400.0, "d": 40.0} for joint in ("a", "b")}
-TRAJECTORY = {"joints": ["a", "b"], "gains": GAINS}
+TRAJECTORY = {"effort": {"joints": ["a", "b"], "gains": GAINS}, "position": {"joints": ["a", "b"]}}
 
 
 class Slowed(Lab):
@@ -47,7 +47,7 @@ def move():
 
 
 def positions(kind, plan, seconds):
-    lab = Slowed({"jt": {"type": f"{kind}_controllers/JointTrajectoryController", **TRAJECTORY}}, plan).load("jt")
+    lab = Slowed({"jt": {"type": f"{kind}_controllers/JointTrajectoryController", **TRAJECTORY[kind]}}, plan).load("jt")
     lab.run(0.01)
     lab.send("/jt/command", move())
     lab.run(seconds)

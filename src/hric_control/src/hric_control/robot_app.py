@@ -19,6 +19,7 @@ from hric_control.processes import quiet_collector
 from hric_control.robot_hw import RobotHW
 from hric_control.robot_time import stamps
 from hric_control.robot_time.clock_pairs import RobotClock
+from hric_control.scoped_node import ScopedNode
 from hric_control.sim import services as sim_services
 from hric_control.sim.sim_loop import REAL_TIME_FACTOR
 from hric_control.sim.simulated_robot import SimulatedRobot
@@ -34,6 +35,9 @@ LISTENER_POLL = 0.01
 """[s of wall time]"""
 DRAIN_TIMEOUT = 0.5
 """Longest wait of an unpaced loop for its messages [s of wall time]."""
+OF_EVERY_ROBOT = ("arm_id", "failure", "participants", "plant", "plant_type", "q_start", "realism")
+"""Private parameters that an experiment gives to any robot, so that one file serves simulated and real ones; and
+`failure`, by which a robot's node reports its own end."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +108,8 @@ class RobotApp:
         on_clock: Callable[[Any], None] | None = None,
     ) -> None:
         self.root_node, self.robot_hw_node = root_node, robot_hw_node
-        self.name = type(hw).__name__ if hw is not None else robot_hw_type(root_node, robot_hw_node)
+        scope = ScopedNode(robot_hw_node)
+        self.name = type(hw).__name__ if hw is not None else robot_hw_type(root_node, scope)
         self.hw: RobotHW = hw if hw is not None else plugins.find(plugins.ROBOT_HW, self.name)()
         self.cycles = 0
         self._live = live
@@ -113,9 +118,11 @@ class RobotApp:
         self._stopping = False
         self._hook: Callable[[float], None] | None = None
         self._closers: list[Callable[[], None]] = []
-        self.hw.init(root_node, robot_hw_node)
+        self.hw.init(root_node, scope)
         self._closers.append(self.hw.shutdown)
         try:
+            RobotSettings.read(scope)
+            scope.refuse_unread(OF_EVERY_ROBOT)
             self._wire(on_clock)
         except BaseException:
             self.shutdown()

@@ -1,21 +1,26 @@
-"""A node that remembers what was made through it, so that all of it can be taken back: no topic or service of a
-controller outlives it."""
+"""A node that remembers what was made and read through it: no topic or service of a controller outlives it, and no
+parameter that it never reads is accepted."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import Any, TypeVar
 
+from hric_control import names
 from hric_control.node import REQUIRED, GoalHandle, LiveParameter, Node, Publisher, Registration
+from hric_control.parameters import Mistakes, unknown
 
 MadeT = TypeVar("MadeT", bound=Publisher | Registration)
 
 
 class ScopedNode:
     """Passes everything on to `node`; `close` takes back what was advertised, subscribed and served through it and its
-    children."""
+    children, `refuse_unread` refuses parameters that nobody read through it or them."""
 
-    def __init__(self, node: Node, made: list[Publisher | Registration] | None = None) -> None:
+    def __init__(
+        self, node: Node, made: list[Publisher | Registration] | None = None, read: set[str] | None = None
+    ) -> None:
         self._node = node
         self._made: list[Publisher | Registration] = [] if made is None else made
+        self._read: set[str] = set() if read is None else read
         self.publishes_inline = node.publishes_inline
 
     def close(self) -> None:
@@ -35,11 +40,43 @@ class ScopedNode:
 
     def child(self, name: str) -> "ScopedNode":
         """One namespace deeper; what is made there belongs to the same scope."""
-        return ScopedNode(self._node.child(name), self._made)
+        return ScopedNode(self._node.child(name), self._made, self._read)
 
     def also(self, node: Node) -> "ScopedNode":
         """Another node whose makings belong to the same scope."""
-        return ScopedNode(node, self._made)
+        return ScopedNode(node, self._made, self._read)
+
+    def refuse_unread(self, known: Collection[str] = ()) -> None:
+        """Refuse every parameter in this namespace that was set, but neither read, looked for nor set through the
+        scope.
+
+        Args:
+            known: names that others read.
+
+        Raises:
+            ParameterError: lists each, with the names that were looked for.
+        """
+        mistakes = Mistakes()
+        given = self._node.param(self.namespace, {})
+        for namespace, name in self._unread(self.namespace, given if isinstance(given, Mapping) else {}, set(known)):
+            with mistakes.noted():
+                below = f"{namespace.rstrip('/')}/"
+                wanted = {full[len(below) :].split("/")[0] for full in self._read if full.startswith(below)}
+                raise unknown("parameter", name, wanted, namespace)
+        mistakes.raise_all()
+
+    def _unread(self, namespace: str, given: Mapping[str, Any], known: set[str]) -> Iterator[tuple[str, str]]:
+        """Namespace and name of each parameter that was not read; a group counts as read where it was read whole."""
+        if namespace in self._read:
+            return
+        for name, value in given.items():
+            full = names.resolve(namespace, name)
+            if full in self._read or name in known:
+                continue
+            if isinstance(value, Mapping) and any(read.startswith(f"{full}/") for read in self._read):
+                yield from self._unread(full, value, set())
+            else:
+                yield namespace, name
 
     def resolve(self, name: str) -> str:
         """Absolute name."""
@@ -51,18 +88,22 @@ class ScopedNode:
 
     def has_param(self, name: str) -> bool:
         """Whether the parameter exists."""
+        self._read.add(self.resolve(name))
         return self._node.has_param(name)
 
     def param(self, name: str, default: Any = REQUIRED) -> Any:
         """Value of a parameter."""
+        self._read.add(self.resolve(name))
         return self._node.param(name, default)
 
     def search_param(self, name: str, default: Any = REQUIRED) -> Any:
         """Value of the parameter in this namespace or the nearest one above it."""
+        self._read.add(self.resolve(name))
         return self._node.search_param(name, default)
 
     def set_param(self, name: str, value: Any) -> None:
         """Set a parameter."""
+        self._read.add(self.resolve(name))
         self._node.set_param(name, value)
 
     def advertise(self, topic: str, message_type: type, *, queue_size: int = 10, latch: bool = False) -> Publisher:
@@ -93,6 +134,7 @@ class ScopedNode:
         self, parameters: Sequence[LiveParameter], on_change: Callable[[dict[str, Any]], dict[str, Any]]
     ) -> Registration:
         """Offer live parameters."""
+        self._read.update(self.resolve(parameter.name) for parameter in parameters)
         return self.keep(self._node.live_parameters(parameters, on_change))
 
     def now(self) -> Any:

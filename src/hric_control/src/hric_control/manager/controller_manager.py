@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from hric_control import plugins, realtime
 from hric_control.controller import Controller
-from hric_control.errors import HricError, ParameterError, check_known
+from hric_control.errors import HricError, ParameterError, check_known, message_about
 from hric_control.manager.loaded_controller import ControllerStatus, LoadedController, UpdateStatistics
 from hric_control.manager.loop import ManagerLoop, describe, pass_ctrl_c
 from hric_control.manager.switching import BEST_EFFORT, STRICT, SwitchPlan, SwitchRequest, plan_switch
@@ -91,7 +91,8 @@ class ControllerManager:
         """Construct and initialise the controller configured under `<root>/<name>`.
 
         Raises:
-            HricError: loaded already, no type, unknown type, or its `init` refused.
+            HricError: loaded already, no type, unknown type, its `init` refused, or a parameter was set that its
+                `init` does not read.
         """
         with self._exclusive():
             if name in self._loaded:
@@ -270,7 +271,13 @@ class ControllerManager:
             raise HricError(f"controller {name} cannot be loaded: {describe(error)}") from error
         claims = {interface.cpp_name: interface.claims for interface in self._hw.interfaces() if interface.claims}
         obeys = self._hw.get(SpeedScaleInterface).declared
-        return LoadedController(controller, ControllerInfo(name, kind, claims), scope, obeys)
+        entry = LoadedController(controller, ControllerInfo(name, kind, claims), scope, obeys)
+        try:
+            scope.refuse_unread()
+        except HricError as error:
+            self._dispose(entry)
+            raise HricError(message_about(f"controller {name} cannot be loaded", error)) from error
+        return entry
 
     def _dispose(self, entry: LoadedController) -> None:
         try:
