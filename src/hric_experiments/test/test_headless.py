@@ -262,7 +262,7 @@ def test_what_robot_or_controller_refuse_is_one_line_and_leaves_no_folder(
 @pytest.mark.parametrize(
     ("override", "told"),
     [
-        ("robot.description.colour:=red", "unknown key robot.description.colour; valid: hand, inertials"),
+        ("robot.description.colour:=red", "no key 'colour' in robot.description; valid: collision, damping"),
         ("inertials:=guessed", "valid: barycentric, thesis"),
         ("hw:=no/Robot", "no hric_control::RobotHW 'no/Robot'"),
         ("parameters.joint_pd_controller.type:=no/Controller", "no/Controller"),

@@ -87,7 +87,8 @@ def test_a_shipped_subject_is_valid_and_has_its_code(name: str) -> None:
         ({"lengths": {"forarm": 0.25}}, "did you mean forearm?"),
         ({"lengths": {"forearm": -1}}, "lengths.forearm is -1; valid: a finite number above 0 [m]"),
         ({"masses": {"shoulder_width": 1}}, "no mass 'shoulder_width'"),
-        ({"lengths": {"hand": 190.0}}, "lengths.hand is 190.0; valid: 0.0"),
+        ({"lengths": {"hand": 1.9}}, "lengths.hand is 1.9; valid: 0.0"),
+        ({"lengths": {"hand": 190.0}}, "at most 30 in size [m]; 190 mm would be 0.19 m"),
         ({"masses": {"hand": 30.0, "thigh": 0.1}}, "masses.hand is 30.0; valid: 0.1"),
     ],
 )

@@ -15,6 +15,7 @@ from franka_sim.box.requests import ControllerMode, GeneratorMode, MoveRequest, 
 from franka_sim.box_adapter import BoxAdapter
 from hric_control import realtime
 from hric_control.errors import HricError
+from hric_control.limits import check_start
 from hric_control.node import Node
 from hric_control.robot_hw import OnCycle
 from hric_control.sim.simulated_robot import SimulatedRobot
@@ -61,6 +62,7 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
         plant_config = realism.with_friction(given.plant, self.arm_id)
         self.model = settings.make_model(node, self.description, self.arm_id, plant_config)
         names = self.model.joint_names
+        check_start(self.description, names, self.q_start, node.resolve("q_start"))
         limits = read_limits(self.description, root_node, node, self.arm_id, names)
         with self._new_plant(node, realism.body(self.description, self.arm_id), names, plant_config):
             period, states = self.plant.time_step, self.states

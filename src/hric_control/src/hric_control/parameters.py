@@ -27,7 +27,8 @@ Kinds: `number`, `whole`, `flag`, `text`, `choice`, `numbers` (a list of them), 
 default; without one the parameter is required, with None it may be left out. The other arguments of all kinds are those
 of `About`. `Settings.defaults` may give defaults of a file.
 
-Text such as 1e-3, which YAML 1.1 does not take for a number, is one; a bool is none; NaN and infinity are refused.
+Text such as 1e-3, which YAML 1.1 does not take for a number, is one; a bool is none; NaN and infinity are refused, and
+without a maximum of its own what is larger than any value of the unit can be (`magnitudes`).
 A refusal is a ParameterError in the same words: full name, value, what is valid with its unit; all mistakes of a
 mapping come at once.
 `rows` gives the rows of a table of INTERFACE.md; tests/interface_tables.py prints them into the pages. `json_schema` is
@@ -45,6 +46,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Self, TypedDict, Unpack
 
 from hric_control.errors import HricError, ParameterError, ParameterErrors, UnknownParameterError
+from hric_control.magnitudes import first_beyond, largest, likely_unit
 from hric_control.node import REQUIRED, Node
 
 _EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+")
@@ -146,7 +148,12 @@ class Parameter:
         try:
             result = self.converted(value, where, joints)
         except (ValueError, OverflowError):
-            raise refused(where, value, self.valid) from None
+            likely = likely_unit(value, self.unit, max(self.minimum, self.above), self.maximum)
+            raise refused(where, value, self.valid + likely) from None
+        if self.maximum == math.inf and self.unit and (beyond := first_beyond(result, self.unit)) is not None:
+            number, unit = beyond
+            likely = likely_unit(number, unit, max(self.minimum, self.above), self.maximum)
+            raise refused(where, value, f"{self.bounded}, at most {largest(unit):g} in size [{unit}]{likely}")
         return result if self.made is None else self._make(self.made, result, where)
 
     def read(self, node: Node, name: str, joints: Sequence[str] = ()) -> Any:

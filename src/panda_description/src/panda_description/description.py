@@ -16,7 +16,7 @@ from xml.dom import Node, minidom
 from xml.parsers.expat import ExpatError
 
 from hric_control.errors import DescriptionError, ParameterError, UnknownNameError
-from hric_control.parameters import Parameter, Settings, choice, declared, flag, number, refused, text
+from hric_control.parameters import Parameter, Settings, choice, declared, flag, number, numbers, refused, text
 from panda_description.inertial_sets import INERTIAL_SETS, unphysical
 from panda_description.parameters import LOG, PACKAGE, find_package, folder_uri, share
 
@@ -25,16 +25,17 @@ INTERFACES = ("EffortJointInterface", "PositionJointInterface", "VelocityJointIn
 _XACRO_LOCK = threading.Lock()  # xacro keeps its state in module variables
 
 
-def _as_vector(value: Any, where: str, joints: Sequence[str]) -> str:
-    """Three numbers, in a list or in one text, as the text."""
-    parts = value.split() if isinstance(value, str) else value
-    if not isinstance(parts, list | tuple) or len(parts) != 3 or not all(isfinite(float(part)) for part in parts):
-        raise ValueError
-    return value if isinstance(value, str) else " ".join(map(str, value))
-
-
 def _vector(unit: str, said: str) -> Any:
-    return Parameter("three floats", "three numbers", _as_vector, "0 0 0", unit=unit, text=said)
+    """Three numbers, in a list or in one text, as the text."""
+
+    def convert(value: Any, where: str, joints: Sequence[str]) -> str:
+        parts = value.split() if isinstance(value, str) else value
+        if not isinstance(parts, list | tuple) or len(parts) != 3 or not all(isfinite(float(part)) for part in parts):
+            raise ValueError
+        numbers(3, unit=unit).checked([float(part) for part in parts], where)
+        return value if isinstance(value, str) else " ".join(map(str, value))
+
+    return Parameter("three floats", "three numbers", convert, "0 0 0", unit=unit, text=said)
 
 
 def _matching(pattern: str, name: str) -> str:

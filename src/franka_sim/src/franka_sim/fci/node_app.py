@@ -11,6 +11,7 @@ from franka_sim.fci.epoch import Epoch
 from franka_sim.fci.robots import ROBOTS
 from franka_sim.fci.server import FciServer
 from franka_sim.settings import BoxSettings, read
+from hric_control.limits import check_start
 from hric_control.parameters import choice, text
 from hric_control.processes import prefer_this_thread, quiet_collector
 from hric_control.robot_time.clock_pairs import TOPIC
@@ -51,6 +52,8 @@ class EmulatedArm(NodeApp):
         given, realism = read(node, EmulatedArmSettings)
         robot = ROBOTS[given.robot]
         description = robot.limited(node.search_param("robot_description"), given.arm_id)
+        names = [f"{given.arm_id}_joint{i}" for i in range(1, 8)]
+        check_start(description, names, given.q_start, node.resolve("q_start"))
         self._arm = build_arm(given, realism, robot, description, node)
         try:
             self._server = FciServer(self._arm, given.ip, robot.version)

@@ -8,11 +8,15 @@ from typing import Any
 
 from hric_control.errors import DescriptionError, ParameterError, check_known, message_about
 from hric_control.limits.values import INFINITY, KINDS, JointLimits, check_kinds
+from hric_control.magnitudes import likely_unit
 from hric_control.node import Node
-from hric_control.parameters import Settings, choice, either, flag, listing, number
+from hric_control.parameters import Settings, choice, either, flag, listing, number, refused
 from hric_control.urdf import BOUNDED, Limit, SafetyController, read
 
 URDF = "from the URDF"
+FAR_OUTSIDE = 0.5
+"""How far beyond the end of its range a joint may start [rad or m]; project default, unconfirmed: an arm that was
+pushed to its stops, or a pose that was rounded."""
 # Switch of a group of parameters -> parameter -> (field, value that means "not limited").
 _GROUPS: dict[str, dict[str, tuple[str, float]]] = {
     "has_position_limits": {"min_position": ("lower", -INFINITY), "max_position": ("upper", INFINITY)},
@@ -129,6 +133,27 @@ def load_limits(
         said = name, joint.type, joint.limit, joint.safety
         result.append(_of_joint(*said, json.dumps(given, default=str), source).only(tuple(use)))
     return result
+
+
+def check_start(urdf_xml: str, joint_names: Sequence[str], q: Sequence[float], where: str) -> None:
+    """Refuse a start pose that no pushed or rounded one is: further than `FAR_OUTSIDE` beyond the range of a joint.
+
+    Args:
+        urdf_xml: robot description.
+        joint_names: which joints.
+        q: their positions [rad or m].
+        where: full name of the parameter.
+
+    Raises:
+        ParameterError: with the joint, its range, and the unit that was probably meant.
+    """
+    for name, position, limit in zip(
+        joint_names, q, load_limits(urdf_xml, None, joint_names, ("position",)), strict=True
+    ):
+        low, high = limit.lower - FAR_OUTSIDE, limit.upper + FAR_OUTSIDE
+        if not low <= position <= high:
+            valid = f"{low:g} to {high:g} [{limit.unit}], the joint's range and {FAR_OUTSIDE:g} beyond it"
+            raise refused(f"{where}/{name}", position, valid + likely_unit(position, limit.unit, low, high))
 
 
 @lru_cache(256)

@@ -25,7 +25,7 @@ from hric_control.plants.surfaces import SurfaceRule
 class PlantConfig(Settings):
     """Checked parameters, rotor inertia per joint. A plant with more of them adds fields and `check`."""
 
-    time_step: float = number(0.001, above=0.0, unit="s", text="step of physics and control")
+    time_step: float = number(0.001, above=0.0, maximum=0.1, unit="s", text="step of physics and control")
     integrator: str = choice("accurate", "semi_implicit", text="see above")
     rotor_inertia: tuple[float, ...] = per_joint(
         number(minimum=0.0, unit="kg m^2"),

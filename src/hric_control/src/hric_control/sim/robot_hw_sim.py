@@ -75,6 +75,7 @@ class RobotHWSim(SimulatedRobot):
             min(max(0.0, limit.lower), limit.upper) if q is None else q
             for q, limit in zip(settings.q_start, ranges, strict=True)
         ]
+        limits.check_start(self.description, names, self.q_start, node.resolve("q_start"))
         self._brakes = [
             settings.brake_unclaimed and set(t.interfaces) != {"JointStateInterface"} for t in self.transmissions
         ]

@@ -79,6 +79,10 @@ class Setpoint(Settings):
     positions: tuple[float, ...] = listing(ANGLE, range(1, 100), text="one per joint of the controller")
 
 
+LARGEST_PAYLOAD = 50.0
+"""[kg]; project default, unconfirmed: above that of collaborative arms."""
+
+
 @dataclass(frozen=True)
 class LoadSpec(Settings):
     """The payload that `franka_control/set_load` gets."""
@@ -86,10 +90,16 @@ class LoadSpec(Settings):
     mass: float = number(
         0.0,
         minimum=0.0,
+        maximum=LARGEST_PAYLOAD,
         unit="kg",
         text="of the payload that `franka_control/set_load` gets before the controllers start; 0: none",
     )
     com: Vector = numbers(3, ORIGIN, unit="m", text="its centre of mass in the flange frame")
+
+    def check(self, where: str) -> None:
+        """Refuse a centre of nothing."""
+        if self.mass == 0.0 and self.com != ORIGIN:
+            raise ParameterError(f"{where}com has no effect without a mass; valid: with {where}mass above 0 [kg]")
 
 
 @dataclass(frozen=True)
@@ -108,6 +118,22 @@ class RobotSpec(Settings):
     plant: Mapping[str, Any] = mapping(default={}, text="parameters of the plant")
     parameters: Mapping[str, Any] = mapping(default={}, text="further private parameters of the RobotHW")
     load: LoadSpec = section(LoadSpec)
+
+    def check(self, where: str) -> None:
+        """Refuse what another key of the robot makes void."""
+        mistakes = Mistakes()
+        for key in sorted({"robot_hw", *declared(RobotSpec)} & set(self.parameters)):
+            with mistakes.noted():
+                own = "hw" if key == "robot_hw" else key
+                raise ParameterError(f"{where}parameters.{key} has no effect; valid: {where}{own}")
+        with mistakes.noted():
+            friction = self.plant.get("friction", self.description.get("friction", "none"))
+            if "friction_parameters" in self.plant and friction == "none":
+                where = f"{where}plant."
+                raise ParameterError(
+                    f"{where}friction_parameters has no effect; valid: with {where}friction: identified"
+                )
+        mistakes.raise_all()
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,9 @@ from typing import Any
 import panda_description
 from franka_msgs.srv import SetLoadRequest
 from hric_control import plugins, yaml_text
-from hric_control.errors import HricError
+from hric_control.errors import HricError, check_known
 from hric_control.geometry import quaternion_from_rotation, transform_from_rpy
+from hric_control.magnitudes import likely_unit
 from hric_control.plants import PHI, resources, sigmoid_parameters
 from hric_control.sim.robot_hw_sim import RobotHWSim
 from hric_control.trial.c3d import located
@@ -44,11 +45,7 @@ def description(spec: RobotSpec) -> str:
     if spec.urdf:
         return _description_of(spec.urdf)
     valid = [name for name in panda_description.arguments() if name not in ("arm_id", "robot_sim_type")]
-    unknown = sorted(set(spec.description) - set(valid))
-    if unknown:
-        raise ExperimentError(
-            f"unknown key {', '.join('robot.description.' + key for key in unknown)}; valid: {', '.join(valid)}"
-        )
+    check_known("key", spec.description, valid, "robot.description")
     return str(panda_description.load(arm_id=spec.arm_id, robot_sim_type=spec.hw, **spec.description))
 
 
@@ -350,7 +347,8 @@ def check_setpoint(setpoint: Setpoint, joints: Sequence[str], limits: Mapping[st
         bounds = limits.get(joint, {})
         low, high = bounds.get("lower", -math.inf), bounds.get("upper", math.inf)
         if not low <= position <= high:
-            raise ExperimentError(f"{where}: {joint} {position:g} rad is outside {low:g} to {high:g}")
+            likely = likely_unit(position, "rad", low, high)
+            raise ExperimentError(f"{where}: {joint} {position:g} rad is outside {low:g} to {high:g}{likely}")
 
 
 def overlay(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
