@@ -3,6 +3,7 @@
 #include <functional>
 
 #include <ros/master.h>
+#include <std_msgs/Header.h>
 
 namespace hric_experiments
 {
@@ -10,12 +11,16 @@ namespace
 {
 
 const ros::WallDuration LOOK_PERIOD(0.5);  // between looks at the master's topics
+// A paced run waits for what reports its progress here (hric_control.robot_time.progress).
+constexpr char PROGRESS_TOPIC[] = "hric/progress";
+const ros::WallDuration PROGRESS_PERIOD(0.05);
 
 }  // namespace
 
 Recorder::Recorder(const Options& options, BagWriter& writer) : options_(options), writer_(writer)
 {
   node_.setCallbackQueue(&queue_);
+  progress_ = node_.advertise<std_msgs::Header>(PROGRESS_TOPIC, 10);
   for (const std::string& topic : options.topics)
     subscribe(ros::names::resolve(topic));
 }
@@ -27,7 +32,21 @@ void Recorder::take()
     lookForTopics();
     next_look_ = ros::WallTime::now() + LOOK_PERIOD;
   }
+  const ros::Time reached = ros::Time::now();  // of /clock: what was sent before is here, or on its way
   queue_.callAvailable();
+  if (ros::Time::isSimTime() && ros::WallTime::now() >= next_report_)
+  {
+    report(reached);
+    next_report_ = ros::WallTime::now() + PROGRESS_PERIOD;
+  }
+}
+
+void Recorder::report(const ros::Time& reached)
+{
+  std_msgs::Header progress;
+  progress.stamp = reached;
+  progress.frame_id = ros::this_node::getName();
+  progress_.publish(progress);
 }
 
 void Recorder::lookForTopics()

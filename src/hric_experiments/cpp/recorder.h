@@ -21,7 +21,11 @@ public:
   // Takes what has come since the last call.
   void take();
 
+  // Says that the run need not wait for the recording any more.
+  ~Recorder() { report(ros::Time()); }
+
 private:
+  void report(const ros::Time& reached);  // 0: it records no more
   void lookForTopics();
   bool chosen(const std::string& topic) const;
   void subscribe(const std::string& topic);
@@ -31,7 +35,8 @@ private:
   ros::CallbackQueue queue_;
   ros::NodeHandle node_;
   std::map<std::string, ros::Subscriber> subscribers_;
-  ros::WallTime next_look_;
+  ros::Publisher progress_;
+  ros::WallTime next_look_, next_report_;
 };
 
 }  // namespace hric_experiments

@@ -90,7 +90,7 @@ class Diagnostics:
             "cycle time max [us]": f"{1e6 * stats.cycle_time_max:.1f}",
             "missed deadlines": stats.missed_deadlines,
             "missed deadlines, last second": missed,
-            "time base restarted": stats.reanchored,
+            "schedule slowed": stats.slowed,
             "cycles": loop.cycles,
             "robot time [s]": f"{loop.time:.3f}",
         })  # fmt: skip

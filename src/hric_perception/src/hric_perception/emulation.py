@@ -212,6 +212,7 @@ class Emulator:
         on_error: called once with the reason when sending ends.
         on_sent: called after each sending with (number of the next sample, samples sent so far, robot time of the last
             one [s]).
+        on_reached: called after each sending with the time by the clock up to which all is sent [s].
     """
 
     def __init__(
@@ -222,9 +223,10 @@ class Emulator:
         period: float = PERIOD,
         on_error: Callable[[str], None] = lambda text: None,
         on_sent: Callable[[int, int, float], None] = lambda following, sent, last: None,
+        on_reached: Callable[[float], None] = lambda now: None,
     ) -> None:
         self._sensor, self._outlet, self._clock, self._period, self._on_error = sensor, outlet, clock, period, on_error
-        self._on_sent = on_sent
+        self._on_sent, self._on_reached = on_sent, on_reached
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="emulated sensor", daemon=True)
 
@@ -249,6 +251,7 @@ class Emulator:
                 self._outlet.push(np.linspace(first * NS, last * NS, len(samples.times)), samples.data)
         sensor = self._sensor
         self._on_sent(sensor.following, sensor.sent, (sensor.following - 1) / sensor.rate)
+        self._on_reached(now)
 
     def _run(self) -> None:
         due = time.monotonic()

@@ -7,6 +7,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from hric_control.node import Node
 from hric_control.robot_time.follower import RobotTime
+from hric_control.robot_time.progress import ProgressReport
 from hric_control.robot_time.stream_time import Clock
 from hric_control.ros import RosNode
 from hric_control.ros.process import NodeApp
@@ -91,6 +92,7 @@ class EmulatedNode(NodeApp):
         self._node, self._replayed = node, replayed
         self.robot_time, self._reporter = RobotTime(node), Reporter(node, "stream")
         self.clock: Clock = self.robot_time
+        self._progress = ProgressReport(node)
         self._sensor: EvenSensor | None = None
         self._source: Closable
 
@@ -112,6 +114,7 @@ class EmulatedNode(NodeApp):
     def close(self) -> None:
         """End."""
         self._source.close()
+        self._progress.close()
         self.robot_time.close()
 
     def _send(self, sensor: EvenSensor, outlet: Outlet, source: str, block: float) -> None:
@@ -124,7 +127,9 @@ class EmulatedNode(NodeApp):
             block: of wall time between sendings [s].
         """
         counts = SentCounts(self._node, source, "samples", sensor.rate)
-        emulator = Emulator(sensor, outlet, self.clock, block, self._node.log_error, counts.publish)
+        emulator = Emulator(
+            sensor, outlet, self.clock, block, self._node.log_error, counts.publish, self._progress.reached
+        )
         self._sensor, self._source = sensor, emulator
         emulator.start()
 

@@ -11,6 +11,8 @@ from hric_control import realtime
 from hric_control.node import Node
 from hric_control.robot_hw import RobotHW
 from hric_control.robot_time import stamps
+from hric_control.robot_time.progress import Gate
+from hric_control.sim.sim_loop import SimLoop
 from hric_msgs.msg import ClockPair
 
 TOPIC = "hric/clock"
@@ -20,19 +22,24 @@ PERIOD = 20_000_000
 
 
 class ClockPairs:
-    """Publishes pairs from the control loop, one in 20 ms of wall time.
+    """Publishes pairs from the control loop: the knots of the schedule of a paced loop; else what is measured, one in
+    20 ms of wall time.
 
     Args:
         node: where to advertise.
         stamp: robot time [s] -> stamp of the run (genpy.Time).
-        factor: requested robot time per wall time, 0 where the run is not paced.
+        loop: of a simulated robot; None: the robot brings its own clock.
     """
 
-    __slots__ = ("_due", "_factor", "_publisher", "_stamp")
+    __slots__ = ("_due", "_gate", "_loop", "_publisher", "_stamp")
 
-    def __init__(self, node: Node, stamp: Callable[[float], Any], factor: Callable[[], float]) -> None:
-        self._stamp, self._factor, self._due = stamp, factor, 0
-        self._publisher = realtime.publisher(node, TOPIC, ClockPair, newest_only=True)
+    def __init__(self, node: Node, stamp: Callable[[float], Any], loop: SimLoop | None) -> None:
+        self._stamp, self._loop, self._due = stamp, loop, 0
+        self._publisher = realtime.publisher(node, TOPIC, ClockPair, lossless=True)
+        self._gate = None
+        if loop is not None:
+            self._gate = Gate(node)
+            loop.pace.on_knot, loop.pace.limit = self._on_knot, self._gate.limit
 
     def send_due(self, time: float) -> None:
         """Publish a pair if one is due; never blocks. Also while the run is paused, so that the pause is
@@ -41,11 +48,17 @@ class ClockPairs:
         Args:
             time: robot time now [s].
         """
+        if self._loop is not None and self._loop.real_time_factor:
+            return  # its schedule is announced
         now = monotonic_ns()
         if now >= self._due:
             # On a grid, so that cycles of 1 ms give a pair in 20 ms, not in 21.
             self._due = max(self._due + PERIOD, now + PERIOD // 2)
-            self._publisher.publish(ClockPair, now, self._stamp(time), self._factor())
+            self._publisher.publish(ClockPair, now, self._stamp(time), 1.0 if self._loop is None else 0.0, False)
+
+    def _on_knot(self, monotonic: int, time: float) -> None:
+        assert self._loop is not None
+        self._publisher.publish(ClockPair, monotonic, self._stamp(time), self._loop.real_time_factor, True)
 
 
 class RobotClock:
@@ -72,7 +85,7 @@ class RobotClock:
                 node.clock = lambda: loop.time  # type: ignore[attr-defined]  # LocalNode and RosNode have it
             loop.on_pause = self.pair_now
             self._publisher = realtime.publisher(nodes[0], "/clock", Clock, newest_only=True)
-        self.pairs = ClockPairs(nodes[0], self.stamp, self._factor) if live else None
+        self.pairs = ClockPairs(nodes[0], self.stamp, hw.loop) if live else None
 
     @property
     def time(self) -> float:
@@ -92,9 +105,8 @@ class RobotClock:
         self._publisher.publish(Clock, stamp)
 
     def pair_now(self) -> None:
-        """Send a pair of clocks if one is due, outside a cycle."""
+        """Send a pair of clocks if one is due, outside a cycle: robot time stands."""
         if self.pairs is not None:
             self.pairs.send_due(self.time)
-
-    def _factor(self) -> float:
-        return 1.0 if self._hw.loop is None else self._hw.loop.real_time_factor
+            if self._hw.loop is not None:
+                self._hw.loop.stand()

@@ -9,7 +9,8 @@ from rosgraph_msgs.msg import Clock
 
 from hric_control.errors import FailureError
 from hric_control.node import Registration
-from hric_control.robot_time.clock import HORIZON_NS, NS, RunClock
+from hric_control.robot_time.clock import HORIZON_NS, NS, RESTART, RunClock
+from hric_control.robot_time.schedule import Schedule
 from hric_control.ros import RosNode
 from hric_msgs.msg import ClockPair
 
@@ -35,6 +36,8 @@ class RobotTime:
     seconds, by the ticks of `/clock` where `/use_sim_time` is true, else by the wall clock. A clock for `MotiveServer`.
     From any thread.
 
+    A simulated robot announces its time ahead: then all who map by it get the same, to the nanosecond of a stamp.
+
     Whatever the load of the machine, a later monotonic time never gets an earlier time of the run than one that was
     mapped before, unless the run restarts or another clock takes over.
 
@@ -44,6 +47,8 @@ class RobotTime:
 
     def __init__(self, node: RosNode) -> None:
         self._node, self._lock = node, threading.Lock()
+        self._announced = threading.Condition(self._lock)
+        self._schedule: Schedule | None = None
         self._simulated = bool(node.param("/use_sim_time", False))
         self._pairs, self._ticks, self._wall = RunClock(), RunClock(), RunClock()
         self._looked = 0
@@ -70,11 +75,20 @@ class RobotTime:
         """Whether the run is paused or has not begun, and an emulator waits with it."""
         with self._lock:
             source = self._source()
+            if source == PAIRS and self._schedule is not None:
+                late = time.monotonic_ns() - self._schedule.end[0]
+                return late > HORIZON_NS or not self._schedule.rises
             return source == NOTHING or (source == PAIRS and self._pairs.standing)
 
     def robot_time(self, monotonic: int) -> float | None:
-        """The time of the run [s] at a monotonic time [ns]; None while it is not known."""
+        """The time of the run [s] at a monotonic time [ns]; None while it is not known. Waits, for half a second at
+        most, while the schedule of the run does not go so far: what covers that time is on its way."""
         with self._lock:
+            while (schedule := self._scheduled()) is not None:
+                late = time.monotonic_ns() - schedule.end[0]
+                if monotonic <= schedule.end[0] or late > HORIZON_NS:
+                    return schedule.robot_time(monotonic)
+                self._announced.wait((HORIZON_NS - late) / NS + LOOK / NS)
             now = time.monotonic_ns()
             clock = self._clock(self._source(), now)
             clock.settle(min(monotonic, now))  # what has not come yet is no measurement
@@ -83,10 +97,17 @@ class RobotTime:
     def monotonic(self, run: float) -> int | None:
         """When that was the time of the run, or will be [ns]; None while it is not known."""
         with self._lock:
-            return self._clock(self._source(), time.monotonic_ns()).monotonic(run)
+            if (schedule := self._scheduled()) is None:
+                return self._clock(self._source(), time.monotonic_ns()).monotonic(run)
+            at, reached = schedule.end
+            return schedule.monotonic(run) or at + round((run - reached) * NS)
 
     def now(self) -> float | None:
-        """The time of the run [s]; None while it is not known."""
+        """The time of the run [s], no later than it was announced; None while it is not known."""
+        with self._lock:
+            schedule = self._scheduled()
+            if schedule is not None:
+                return schedule.robot_time(time.monotonic_ns())
         return self.robot_time(time.monotonic_ns())
 
     def tick(self) -> None:
@@ -128,6 +149,10 @@ class RobotTime:
             return TICKS
         return PAIRS if self._known else NOTHING
 
+    def _scheduled(self) -> Schedule | None:
+        """The schedule of the run, where it gives the time now."""
+        return self._schedule if self._source() == PAIRS else None
+
     def _clock(self, source: str, now: int) -> RunClock:
         if source == WALL and now >= self._looked + LOOK:
             if now > self._looked + HORIZON_NS:
@@ -144,7 +169,15 @@ class RobotTime:
             if self._foreign:
                 return
             self._received, self._known, self._unpaced = now, True, message.real_time_factor == 0.0
-            self._pairs.add(message.monotonic, message.run_time.to_sec(), message.real_time_factor)
+            run = message.run_time.to_sec()
+            if not message.scheduled:
+                self._schedule = None
+                self._pairs.add(message.monotonic, run, message.real_time_factor)
+            elif self._schedule is None or run < self._schedule.end[1] - RESTART:
+                self._schedule = Schedule(message.monotonic, run)
+            else:
+                self._schedule.add(message.monotonic, run)
+            self._announced.notify_all()
 
     def _on_tick(self, message: Any) -> None:
         now = time.monotonic_ns()

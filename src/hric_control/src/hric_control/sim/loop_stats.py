@@ -18,7 +18,7 @@ class LoopStats:
         rtf: robot time per wall time over the last full window [1]; 0 while paused.
         rtf_mean: the same since the start of `run`, pauses left out [1].
         missed_deadlines: cycles that ended after the next one should have begun, since the start.
-        reanchored: how often the loop was more than 100 ms late and gave up catching up, since the start.
+        slowed: pieces of 20 ms of the schedule that waited for a loop that was late, since the start.
     """
 
     cycles: int
@@ -27,7 +27,7 @@ class LoopStats:
     rtf: float
     rtf_mean: float
     missed_deadlines: int
-    reanchored: int
+    slowed: int
 
 
 class LoopMeter:
@@ -43,7 +43,7 @@ class LoopMeter:
 
     def restart(self, cycles: int) -> None:
         """Begin again at the start of a run."""
-        self.missed = self.reanchored = 0
+        self.missed = 0
         self._count = 0
         self._moving = 0.0
         self._last_end: float | None = None
@@ -82,11 +82,11 @@ class LoopMeter:
         self._window = (mean, self._worst, self._n * self.time_step / (now - self._start))
         self._open(now)
 
-    def stats(self) -> LoopStats:
-        """The figures now; before the first window is full, those of the window so far."""
+    def stats(self, slowed: int) -> LoopStats:
+        """The figures now; before the first window is full, those of the window so far. slowed: as in `LoopStats`."""
         mean, worst, rtf = self._window
         if not (mean or rtf) and self._n:
             mean, worst = self._busy / self._n, self._worst
             rtf = self._n * self.time_step / max(wall.perf_counter() - self._start, 1e-9)
         rtf_mean = self._count * self.time_step / self._moving if self._moving > 0.0 else 0.0
-        return LoopStats(self._count, mean, worst, rtf, rtf_mean, self.missed, self.reanchored)
+        return LoopStats(self._count, mean, worst, rtf, rtf_mean, self.missed, slowed)

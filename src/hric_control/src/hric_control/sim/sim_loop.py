@@ -16,11 +16,14 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from queue import Empty, SimpleQueue
+from time import monotonic_ns
 from typing import Any, Generic, TypeVar
 
 from hric_control.errors import HricError
 from hric_control.parameters import number
+from hric_control.robot_time.schedule import NS
 from hric_control.sim.loop_stats import LoopMeter, LoopStats
+from hric_control.sim.pace import Pace
 
 T = TypeVar("T")
 
@@ -35,10 +38,10 @@ REAL_TIME_FACTOR: Any = number(
     unit="robot time per wall time",
     text="pace of a simulated robot; 0: as fast as possible",
 )
-LATE = 0.1
-"""Lag of the wall clock after which the loop starts a new time base instead of catching up [s]."""
-NAP = 0.05
-"""Longest uninterrupted sleep, so that a slow loop still notices stop and pause [s]."""
+NAP = 10_000_000
+"""Longest uninterrupted sleep, so that a slow loop announces its schedule and notices stop and pause [ns]."""
+HELD_NAP = 0.002
+"""Sleep of a loop whose next cycle is not announced yet [s]."""
 PAUSE_POLL = 0.02
 """How often a paused loop calls `on_pause` [s]."""
 IDLE_PERIOD = 0.1
@@ -78,6 +81,7 @@ class SimLoop:
         time_step: period of the cycle [s].
         time: robot time of the state that the next cycle reads (during a cycle: that the cycle has read) [s].
         cycles: number of cycles finished.
+        pace: by which it sleeps, and which says ahead when a robot time is due.
         after_cycle: called in the loop after each finished cycle with robot time at which that cycle measured.
         on_idle: called in the loop every 0.1 s of robot time when not paced, to let messages out. It may wait.
         on_pause: called in the paused loop, every 20 ms of wall time.
@@ -87,6 +91,7 @@ class SimLoop:
         if not (math.isfinite(time_step) and time_step > 0.0):
             raise HricError(f"time_step must be above 0 s; got {time_step}")
         self.time_step = time_step
+        self.pace = Pace(1.0)
         self.real_time_factor = real_time_factor
         self.time = 0.0
         self.cycles = 0
@@ -102,7 +107,6 @@ class SimLoop:
         self._state = threading.RLock()  # held while requests run directly, and while run begins or ends
         self._step_caller = threading.Lock()
         self._thread: int | None = None
-        self._anchor: tuple[float, int] | None = None
 
     @property
     def real_time_factor(self) -> float:
@@ -112,7 +116,8 @@ class SimLoop:
     @real_time_factor.setter
     def real_time_factor(self, value: float) -> None:
         self._factor: float = REAL_TIME_FACTOR.checked(value, REAL_TIME_FACTOR.name)
-        self._anchor = None
+        if self._factor:
+            self.pace.factor = self._factor
 
     @property
     def running(self) -> bool:
@@ -127,7 +132,7 @@ class SimLoop:
     @property
     def stats(self) -> LoopStats:
         """Statistics; cheap, from any thread."""
-        return self._meter.stats()
+        return self._meter.stats(self.pace.slowed)
 
     def run(self, cycle: Cycle) -> None:
         """Run cycles until `stop`, or until `cycle` returns False. Owns the calling thread; raises what `cycle` raises.
@@ -138,7 +143,8 @@ class SimLoop:
             if self._thread is not None:
                 raise HricError("the simulation loop is running already")
             self._thread = threading.get_ident()
-        self._anchor = None
+        if self._factor and not self._paused:
+            self.pace.due(monotonic_ns(), self.time)
         self._meter.restart(self.cycles)
         try:
             self._loop(cycle)
@@ -163,7 +169,6 @@ class SimLoop:
     def unpause(self) -> None:
         """Go on from the same robot time."""
         self._paused = False
-        self._anchor = None
         self._wake.put(None)
 
     def restart_controllers(self) -> None:
@@ -243,41 +248,39 @@ class SimLoop:
             if self._steps:
                 self._count_step()
             elif self._factor:
-                self._sleep(end)
+                self._sleep()
                 continue
             if self.cycles % idle_cycles == 0 and self.on_idle is not None:
                 self.on_idle()
 
     def _count_step(self) -> None:
         self._steps -= 1
-        self._anchor = None
         if self._steps == 0 and self._stepped is not None:
             self._stepped.set()
 
-    def _sleep(self, now: float) -> None:
-        """Wait for the deadline of the next cycle: anchor + cycles since then * period / factor.
+    def stand(self) -> None:
+        """Announce that robot time stands for now, where the loop is paced; no cycle goes on."""
+        if self._factor:
+            self.pace.stand(monotonic_ns(), self.time)
 
-        When late: count it, and catch up or begin a new time base.
-        """
-        period = self.time_step / self._factor
-        anchor = self._anchor
-        if anchor is None:
-            anchor = self._anchor = (now + period, self.cycles)
-        deadline = anchor[0] + (self.cycles - anchor[1]) * period
-        left = deadline - now
-        if left <= 0.0:
+    def _sleep(self) -> None:
+        """Wait until the next cycle is due by the schedule; count it where that has passed."""
+        pace, run = self.pace, self.time
+        now = monotonic_ns()
+        due = pace.due(now, run)
+        if due is not None and due <= now:
             self._meter.missed += 1
-            if -left > LATE:
-                self._meter.reanchored += 1
-                self._anchor = (now, self.cycles)
             return
-        while left > NAP:
-            wall.sleep(NAP)
-            if self._stop or self._paused or self._anchor is not anchor:
+        while not (self._stop or self._paused):
+            if due is None:
+                wall.sleep(HELD_NAP)
+            elif due <= now:
                 return
-            left = deadline - wall.perf_counter()
-        if left > 0.0:
-            wall.sleep(left)
+            else:
+                wall.sleep(min(due - now, NAP) / NS)
+            now = monotonic_ns()
+            if due is None or now < due:
+                due = pace.due(now, run)
 
     def _serve(self) -> None:
         while self._requests:
@@ -285,7 +288,7 @@ class SimLoop:
 
     def _wait(self) -> None:
         """Paused: sleep until there is a request."""
-        self._anchor = None
+        self.stand()
         self._meter.stand()
         if self.on_pause is not None:
             self.on_pause()

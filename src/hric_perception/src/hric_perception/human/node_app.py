@@ -14,6 +14,7 @@ from hric_control.geometry import stamped
 from hric_control.parameters import Settings, anything, text
 from hric_control.robot_time import stamps
 from hric_control.robot_time.follower import RobotTime
+from hric_control.robot_time.progress import ProgressReport
 from hric_control.robot_time.stream_time import Clock
 from hric_control.ros import RosNode, run
 from hric_control.ros.process import NodeApp
@@ -88,7 +89,8 @@ class HumanNode(NodeApp):
             clock = KnownTime(clock, lambda: states.known, self._behind)
             follow_joints(node, states.add)
             follow_events(node, self._on_event)
-        self._server = MotiveServer(seen.motive, clock)
+        self._progress = ProgressReport(node)
+        self._server = MotiveServer(seen.motive, clock, self._progress.reached)
         if body is not None:
             body.robot_time = self._server.robot_time
         self._counts = SentCounts(node, "", "frames", settings.rate)
@@ -119,6 +121,7 @@ class HumanNode(NodeApp):
         self._stop.set()
         self._thread.join(1.0)
         self._server.close()
+        self._progress.close()
         self._robot_time.close()
 
     def _publish_truth(self) -> None:

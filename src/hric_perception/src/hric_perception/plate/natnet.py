@@ -176,12 +176,21 @@ class PlateMotive:
         load: what presses.
         faults: noise, bias and time code (in Mz) count, the others are those of Motive.
         clock: by which it goes.
+        on_reached: as of `MotiveServer`.
 
     Raises:
         HricError: a value that cannot be, or the port is taken.
     """
 
-    def __init__(self, stream: PlateStream, rate: float, load: Load, faults: Faults, clock: Clock) -> None:
+    def __init__(
+        self,
+        stream: PlateStream,
+        rate: float,
+        load: Load,
+        faults: Faults,
+        clock: Clock,
+        on_reached: Callable[[float | None], None] = lambda reached: None,
+    ) -> None:
         count = round(rate / stream.rate)
         if count < 1 or abs(count * stream.rate - rate) > 1e-6 * rate:
             valid = f"with a plate of {rate:g} Hz a whole number of samples per frame"
@@ -191,7 +200,7 @@ class PlateMotive:
         self._rate, self._load, self._faults, self._noise = rate, load, faults, BlockNoise(6, faults.seed)
         plate = server.Plate(self._sample, centre=stream.centre or (0.0, 0.0, 0.0), samples=count)
         scene = server.Scene((), (plate,), up=stream.up_axis)
-        self.server = server.MotiveServer(server.Motive(settings, scene), clock)
+        self.server = server.MotiveServer(server.Motive(settings, scene), clock, on_reached)
         self.server.start()
 
     def close(self) -> None:

@@ -11,6 +11,7 @@ from tf2_msgs.msg import TFMessage
 
 from hric_control.errors import HricError
 from hric_control.robot_time.follower import RobotTime
+from hric_control.robot_time.progress import ProgressReport
 from hric_control.ros import RosNode, run
 from hric_control.ros.process import NodeApp
 from mocap_natnet.client import Health, NatNetClient, Received, Settings
@@ -43,7 +44,7 @@ class ClientNode(NodeApp):
     def __init__(self, node: RosNode) -> None:
         self._node = node
         self._settings, self._publishing = Settings.read(node), Publishing.read(node)
-        self._robot_time = RobotTime(node)
+        self._robot_time, self._progress = RobotTime(node), ProgressReport(node)
         self._publisher = MocapPublisher(node, self._publishing, self._robot_time.robot_time)
         # Frames that arrive while one is published wait here, not in the kernel, which drops what it has no room for.
         self._queue: deque[Received | Model | str] = deque()
@@ -67,6 +68,7 @@ class ClientNode(NodeApp):
         end = time.monotonic() + LAST_WORDS
         while self._work() and time.monotonic() < end:
             pass
+        self._progress.close()
 
     def tick(self) -> None:
         """Publish the diagnostics; log when the state changes.
@@ -119,6 +121,7 @@ class ClientNode(NodeApp):
         if rospy.is_shutdown():
             queue.clear()
         if not queue:
+            self._progress.reached(self._robot_time.now())
             return False
         item = queue.popleft()
         if isinstance(item, Received):

@@ -147,6 +147,7 @@ def serve(
     clock: Clock | None = None,
     tick: Callable[[], None] = lambda: None,
     live: LiveScene | None = None,
+    on_reached: Callable[[float | None], None] = lambda reached: None,
 ) -> None:
     """Run until SIGINT, SIGTERM or the end of the duration.
 
@@ -155,6 +156,7 @@ def serve(
         clock: by which the stream goes; None: the wall's.
         tick: called once a second; a HricError of it ends the server.
         live: makes sources that follow the running system; gets the map from the stream's time to the clock's.
+        on_reached: as of `MotiveServer`.
 
     Raises:
         HricError: the options cannot be used, or `tick` says so.
@@ -162,7 +164,7 @@ def serve(
     if not options.duration >= 0:
         raise ParameterError(f"--duration is {options.duration}; valid: 0 or more")
     motive = make_motive(options, live)
-    server = MotiveServer(motive, clock)
+    server = MotiveServer(motive, clock, on_reached)
     if live is not None:
         live.run_of = server.robot_time
     for number in (signal.SIGINT, signal.SIGTERM):

@@ -20,6 +20,7 @@ from hric_control.geometry import Pose, normalized
 from hric_control.geometry.messages import pose_of
 from hric_control.processes import run_server
 from hric_control.robot_time.follower import RobotTime
+from hric_control.robot_time.progress import ProgressReport
 from hric_control.ros import RosNode, forward_to_ros, shut_down
 from mocap_natnet.server import app
 from mocap_natnet.server.server import LOG
@@ -142,14 +143,15 @@ def main(words: Sequence[str] | None = None) -> int:
         forward_to_ros(logging.getLogger("hric"))
         node, serving = RosNode("~"), threading.Event()
         robot_time = RobotTime(node)
-        live = LiveSources(node, robot_time)
+        live, progress = LiveSources(node, robot_time), ProgressReport(node)
         rospy.on_shutdown(lambda: os.kill(os.getpid(), signal.SIGTERM) if serving.is_set() else None)  # `rosnode kill`
         try:
             serving.set()
-            app.serve(options, robot_time, robot_time.tick, live)
+            app.serve(options, robot_time, robot_time.tick, live, progress.reached)
         finally:
             serving.clear()
             live.close()
+            progress.close()
             robot_time.close()
             shut_down("shutdown requested")
 

@@ -6,6 +6,7 @@ import logging
 import select
 import socket
 import threading
+from collections.abc import Callable
 
 from hric_control.errors import FailureError
 from hric_control.robot_time.stream_time import Clock, StreamTime, WallClock
@@ -33,6 +34,7 @@ class MotiveServer:
         clock: by which the stream goes: the wall's, or a `RobotTime`, so that the cameras pause with the run. The
             stream's time begins at 0 when the server starts and the clock is known. What the server's ticks count goes
             on all the time.
+        on_reached: called, in the stream's thread, with the time by the clock up to which all is sent [s].
 
     Attributes:
         sent: frames that were sent, whether a client received them or not.
@@ -42,8 +44,13 @@ class MotiveServer:
         HricError: the address or the port cannot be taken.
     """
 
-    def __init__(self, motive: Motive, clock: Clock | None = None) -> None:
-        self.motive, self.sent = motive, 0
+    def __init__(
+        self,
+        motive: Motive,
+        clock: Clock | None = None,
+        on_reached: Callable[[float | None], None] = lambda reached: None,
+    ) -> None:
+        self.motive, self.sent, self._on_reached = motive, 0, on_reached
         self.progress = (-1, 0)
         self._clock, self._stop = clock or WallClock(), threading.Event()
         self._latest = 0
@@ -120,6 +127,7 @@ class MotiveServer:
                 self.sent += 1
                 self.progress = (due, self.sent)
                 pending.look_ahead(now)
+            self._on_reached(self.robot_time(now))
             self._respond(self.wait(min(now + IDLE, pending.next)))
 
     def wait(self, until: float) -> float:

@@ -1,0 +1,60 @@
+"""Robot time as a schedule that is announced ahead: whoever has its knots gets the same time of the run for the same
+monotonic time, however busy the machine is."""
+
+from bisect import bisect_left, bisect_right
+
+NS = 1_000_000_000
+MEMORY = 1024
+"""Knots that are kept, 20 s of a run that announces 50 a second (project default, unconfirmed)."""
+
+
+class Schedule:
+    """A chain of straight pieces between knots (monotonic time, robot time), both of which never go back.
+
+    Args:
+        monotonic: of the first knot [ns].
+        run: robot time of the first knot [s].
+    """
+
+    def __init__(self, monotonic: int, run: float) -> None:
+        self._at: list[int] = [monotonic]
+        self._run: list[float] = [run]
+
+    @property
+    def end(self) -> tuple[int, float]:
+        """The last knot: monotonic time [ns] and robot time [s]; what comes after it is not announced yet."""
+        return self._at[-1], self._run[-1]
+
+    @property
+    def rises(self) -> bool:
+        """Whether robot time goes on before the last knot, not a pause."""
+        return len(self._run) > 1 and self._run[-1] > self._run[-2]
+
+    def add(self, monotonic: int, run: float) -> None:
+        """Announce a knot; one that goes back in either time is left out."""
+        if monotonic <= self._at[-1] or run < self._run[-1]:
+            return
+        self._at.append(monotonic)
+        self._run.append(run)
+        if len(self._at) > 2 * MEMORY:
+            del self._at[:MEMORY], self._run[:MEMORY]
+
+    def robot_time(self, monotonic: int) -> float:
+        """Robot time [s] at a monotonic time [ns]; outside the knots that of the nearest one."""
+        at, run = self._at, self._run
+        k = bisect_right(at, monotonic)
+        if k == 0:
+            return run[0]
+        if k == len(at):
+            return run[-1]
+        return run[k - 1] + (run[k] - run[k - 1]) * (monotonic - at[k - 1]) / (at[k] - at[k - 1])
+
+    def monotonic(self, run: float) -> int | None:
+        """When that robot time [s] is reached first [ns]; None: it is not announced yet."""
+        at, runs = self._at, self._run
+        k = bisect_left(runs, run)
+        if k == len(runs):
+            return None
+        if k == 0:
+            return at[0] - round((runs[0] - run) * NS)
+        return at[k - 1] + round((run - runs[k - 1]) / (runs[k] - runs[k - 1]) * (at[k] - at[k - 1]))
