@@ -9,7 +9,9 @@ from ipaddress import ip_address
 
 ANY = (1024, 65535)
 """Any free port."""
-BACKLOG = "4 MiB for each listener, its oldest messages go; 10 minutes without reading: closed (`hric_control.listeners`)"
+BACKLOG = (
+    "4 MiB for each listener, its oldest messages go; 10 minutes without reading: closed (`hric_control.listeners`)"
+)
 ROS_ADDRESS = "loopback; `ROS_IP` or `ROS_HOSTNAME` of the user opens it"
 
 

@@ -36,7 +36,7 @@ class ClockPairs:
     def __init__(self, node: Node, stamp: Callable[[float], Any], loop: SimLoop | None) -> None:
         self._stamp, self._loop, self._due = stamp, loop, 0
         self._publisher = realtime.publisher(node, TOPIC, ClockPair, lossless=True)
-        self._gate = None
+        self._gate: Gate | None = None
         if loop is not None:
             self._gate = Gate(node)
             loop.pace.on_knot, loop.pace.limit = self._on_knot, self._gate.limit
@@ -55,6 +55,12 @@ class ClockPairs:
             # On a grid, so that cycles of 1 ms give a pair in 20 ms, not in 21.
             self._due = max(self._due + PERIOD, now + PERIOD // 2)
             self._publisher.publish(ClockPair, now, self._stamp(time), 1.0 if self._loop is None else 0.0, False)
+
+    def close(self) -> None:
+        """Wait for nobody any more."""
+        if self._gate is not None:
+            self._gate.close()
+        self._publisher.unregister()
 
     def _on_knot(self, monotonic: int, time: float) -> None:
         assert self._loop is not None

@@ -11,8 +11,8 @@ from hric_control.robot_time import stamps
 from hric_control.robot_time.schedule import NS
 
 TOPIC = "hric/progress"
-"""In the robot's namespace, beside `hric/clock`: std_msgs/Header with the name of the source as `frame_id`, and the robot
-time up to which its work is done as `stamp`; 0: it does no more."""
+"""In the robot's namespace, beside `hric/clock`: std_msgs/Header with the name of the source as `frame_id`, and the
+robot time up to which its work is done as `stamp`; 0: it does no more."""
 PERIOD = NS // 20
 """Between messages of one source [ns of wall time]. The constants of this file are project defaults, unconfirmed."""
 AHEAD = 0.2

@@ -35,7 +35,9 @@ class EmulatedPlateNode(EmulatedNode):
                 stream = replace(stream, centre=settings.pose.xyz)
             # A frame goes out its latency after its samples.
             self.clock = KnownTime(self.robot_time, device.known, stream.latency)
-            self._source = PlateMotive(stream, settings.rate, device.load, device.faults, self.clock, self._progress.reached)
+            self._source = PlateMotive(
+                stream, settings.rate, device.load, device.faults, self.clock, self._progress.reached
+            )
         node.log_info(f"an emulated force plate at {settings.rate:g} Hz by {settings.transport}")
 
 
