@@ -96,32 +96,29 @@ def check_counts(system: LiveSystem, metrics: dict[str, Any], duration: float) -
             assert gaps_and_repeats(inside) == (0, 0) and len(inside) == values["sent"]
 
 
-def check_skew(metrics: dict[str, Any], most: str, figure: Figure) -> None:
-    """No instant is missing, and the synchronised values are of theirs: by `most`, median or p99, which takes a loop
-    that keeps its pace."""
+def check_skew(metrics: dict[str, Any], figure: Figure) -> None:
+    """No instant is missing, and 99 % of the synchronised values are of theirs."""
     assert [stream["missing"] for stream in metrics["sync"].values()] == [0, 0]
     for topic, stream in metrics["sync"].items():
         assert stream["rate"] == STREAMS[topic] and stream["bound"] == SKEW and stream["grid_error"] < 1e-6
         for source, values in stream["sources"].items():
             skew = values["skew"]
-            figure(f"data collection, {topic}, {source}: skew, {most}", 1e3 * skew[most], "ms")
+            figure(f"data collection, {topic}, {source}: skew, 99 %", 1e3 * skew["p99"], "ms")
             assert values["told_skew"] == 0.0 and values["valid"] > 0.9, source
-            assert skew[most] <= SKEW + skew.get("uncertainty", 0.0), (topic, source, values)
+            assert skew["p99"] <= SKEW + skew.get("uncertainty", 0.0), (topic, source, values)
 
 
 def test_the_bag_holds_every_sample_and_the_synchronised_ones_are_of_their_instants(
     start: Start, tmp_path: Path, figure: Figure
 ) -> None:
-    # At a quarter of real time, which leaves room for a neighbour on the machine.
+    # At real time, whatever else the machine does: where it does not keep up, the run slows down.
     path = shortened(tmp_path, 3.0)
-    system = start(
-        "env:=sim", "rviz:=false", f"experiment:={path}", "mocap_server:=127.0.7.11", "real_time_factor:=0.25"
-    )
+    system = start("env:=sim", "rviz:=false", f"experiment:={path}", "mocap_server:=127.0.7.11")
     metrics = ran(system, 240.0)
     check_counts(system, metrics, 3.0)
     expected = {topic: stream["expected"] for topic, stream in metrics["sync"].items()}
     assert expected == pytest.approx({topic: 3.0 * rate for topic, rate in STREAMS.items()}, rel=0.02)
-    check_skew(metrics, "median", figure)
+    check_skew(metrics, figure)
 
 
 @pytest.mark.live
@@ -129,6 +126,6 @@ def test_for_a_minute_at_real_time_nothing_is_lost_and_all_is_of_its_instant(sta
     system = start("env:=sim", "rviz:=false", "experiment:=data_collection", "mocap_server:=127.0.7.12")
     metrics = ran(system, 400.0)
     check_counts(system, metrics, 60.0)
-    check_skew(metrics, "p99", figure)
+    check_skew(metrics, figure)
     figure("data collection at real time: robot time per wall time", metrics["real_time_factor"], "1")
     assert metrics["real_time_factor"] == pytest.approx(1.0, rel=0.01)
