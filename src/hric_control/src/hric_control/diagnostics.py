@@ -9,6 +9,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from hric_control import listeners
 from hric_control.limits import LimitCounts
 from hric_control.node import Node
+from hric_control.robot_time.progress import Gate
 from hric_control.sim.sim_loop import SimLoop
 
 PERIOD = 1.0
@@ -25,12 +26,18 @@ class Diagnostics:
         hardware: name of the RobotHW.
         loop: loop of a simulated robot, or None.
         counts: snapshot of the limit counts, or None.
+        gate: for whom a paced simulation waits, or None.
     """
 
     def __init__(
-        self, node: Node, hardware: str, loop: SimLoop | None, counts: Callable[[], LimitCounts] | None
+        self,
+        node: Node,
+        hardware: str,
+        loop: SimLoop | None,
+        counts: Callable[[], LimitCounts] | None,
+        gate: Gate | None = None,
     ) -> None:
-        self._node, self._hardware, self._loop, self._counts = node, hardware, loop, counts
+        self._node, self._hardware, self._loop, self._counts, self._gate = node, hardware, loop, counts, gate
         self._publisher = node.advertise("/diagnostics", DiagnosticArray, queue_size=10)
         self._end = threading.Event()
         self._thread: threading.Thread | None = None
@@ -83,6 +90,9 @@ class Diagnostics:
             text = "paused"
         elif requested and stats.rtf < SLOW * requested:
             level, text = DiagnosticStatus.WARN, f"too slow: real-time factor {stats.rtf:.3f} of {requested:g}"
+        held, silent = ({}, []) if self._gate is None else (self._gate.held.copy(), self._gate.silent())
+        if silent:
+            level, text = DiagnosticStatus.WARN, f"no progress is reported by {', '.join(silent)}: not waited for"
         return self._status("control loop", level, text, {
             "real-time factor": f"{stats.rtf:.4f}",
             "real-time factor wanted": f"{requested:g}" if requested else "as fast as possible",
@@ -92,6 +102,7 @@ class Diagnostics:
             "missed deadlines, last second": missed,
             "schedule slowed": stats.slowed,
             "cycles": loop.cycles,
+            **{f"waited for {name} [s]": f"{seconds:.1f}" for name, seconds in held.items()},
             "robot time [s]": f"{loop.time:.3f}",
         })  # fmt: skip
 

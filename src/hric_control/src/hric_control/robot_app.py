@@ -154,7 +154,8 @@ class RobotApp:
         if isinstance(self.hw, SimulatedRobot):
             self._closers.append(sim_services.serve(self.hw, root).unregister)
         if self._live:
-            status = Diagnostics(root, self.name, self.loop, self.limit_counts if counted else None)
+            gate = None if self._pairs is None else self._pairs.gate
+            status = Diagnostics(root, self.name, self.loop, self.limit_counts if counted else None, gate)
             status.start()
             self._closers.append(status.stop)
 

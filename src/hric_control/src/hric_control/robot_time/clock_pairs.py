@@ -29,17 +29,20 @@ class ClockPairs:
         node: where to advertise.
         stamp: robot time [s] -> stamp of the run (genpy.Time).
         loop: of a simulated robot; None: the robot brings its own clock.
+
+    Attributes:
+        gate: for whom a paced loop waits; None: there is no loop.
     """
 
-    __slots__ = ("_due", "_gate", "_loop", "_publisher", "_stamp")
+    __slots__ = ("_due", "_loop", "_publisher", "_stamp", "gate")
 
     def __init__(self, node: Node, stamp: Callable[[float], Any], loop: SimLoop | None) -> None:
         self._stamp, self._loop, self._due = stamp, loop, 0
         self._publisher = realtime.publisher(node, TOPIC, ClockPair, lossless=True)
-        self._gate: Gate | None = None
+        self.gate: Gate | None = None
         if loop is not None:
-            self._gate = Gate(node)
-            loop.pace.on_knot, loop.pace.limit = self._on_knot, self._gate.limit
+            self.gate = Gate(node)
+            loop.pace.on_knot, loop.pace.limit = self._on_knot, self.gate.limit
 
     def send_due(self, time: float) -> None:
         """Publish a pair if one is due; never blocks. Also while the run is paused, so that the pause is
@@ -58,8 +61,8 @@ class ClockPairs:
 
     def close(self) -> None:
         """Wait for nobody any more."""
-        if self._gate is not None:
-            self._gate.close()
+        if self.gate is not None:
+            self.gate.close()
         self._publisher.unregister()
 
     def _on_knot(self, monotonic: int, time: float) -> None:
