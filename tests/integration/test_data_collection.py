@@ -1,7 +1,13 @@
 """The data collection with one command: robot, motion capture, EMG and force plate over their protocols, all in one
 bag, and synchronised."""
 
+import contextlib
 import json
+import math
+import os
+import subprocess
+import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -129,3 +135,38 @@ def test_for_a_minute_at_real_time_nothing_is_lost_and_all_is_of_its_instant(sta
     check_skew(metrics, figure)
     figure("data collection at real time: robot time per wall time", metrics["real_time_factor"], "1")
     assert metrics["real_time_factor"] == pytest.approx(1.0, rel=0.01)
+
+
+def memory(pid: int) -> float:
+    """Resident memory of a process [MB]; NaN: it has ended."""
+    with contextlib.suppress(OSError):
+        fields = Path(f"/proc/{pid}/statm").read_text().split()
+        return int(fields[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+    return math.nan
+
+
+@pytest.mark.live
+def test_ten_minutes_beside_four_busy_loops_cost_pace_and_nothing_else(
+    start: Start, tmp_path: Path, figure: Figure
+) -> None:
+    busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(4)]
+    try:
+        system = start(
+            "env:=sim", "rviz:=false", f"experiment:={shortened(tmp_path, 600.0)}", "mocap_server:=127.0.7.13"
+        )
+        settled, used = time.monotonic() + 120.0, dict[int, list[float]]()
+        while system.process.poll() is None and time.monotonic() < settled + 3600.0:
+            time.sleep(5.0)
+            for pid in system.processes() if time.monotonic() > settled else ():
+                used.setdefault(pid, []).append(memory(pid))
+        metrics = ran(system, 600.0)
+    finally:
+        for process in busy:
+            process.kill()
+            process.wait()
+    check_counts(system, metrics, 600.0)
+    check_skew(metrics, figure)
+    figure("data collection beside four busy loops: robot time per wall time", metrics["real_time_factor"], "1")
+    grown = {pid: np.nanmax(mb) - mb[0] for pid, mb in used.items() if len(mb) > 20}
+    figure("data collection of ten minutes: largest growth of a process", max(grown.values()), "MB")
+    assert max(grown.values()) < 10.0
