@@ -107,8 +107,8 @@ MUTATIONS = {
     "friction": Mutation(
         "the force of friction keeps the part along the normal",
         "hric_control",
-        "sliding = relative - (relative @ normal) * normal",
-        "sliding = relative + (relative @ normal) * normal",
+        "end = end - (end @ normal) * normal",
+        "end = end + (end @ normal) * normal",
         "plants",
     ),
     "envelope": Mutation(

@@ -82,7 +82,7 @@ def test_an_ideal_arm_is_read_as_without_sensors(make_device, make_arm) -> None:
         (["measured"], "no preset ['measured'] in robot/realism; valid: ideal, measured"),
         (
             {"preset": "measured", "q_nois": 1.0},
-            "no value 'q_nois' in robot/realism; valid: body_seed, com_error, dq_noise, friction, friction_known",
+            "no value 'q_nois' in robot/realism; valid: body_seed, breakaway, com_error, dq_noise, friction, friction_known",
         ),
         ({"q_noise": -1e-3}, "robot/realism/q_noise is -0.001; valid: a finite number of 0 or more [rad]"),
         (
@@ -277,6 +277,20 @@ def test_the_box_knows_a_share_of_the_friction_that_acts(make_arm) -> None:
         assert known[name] == {**acting[name], "phi1": share * acting[name]["phi1"]}
     ignorant = make_arm(parameters={"realism": {"preset": "measured", "friction_known": 0.0}}).hw
     assert ignorant.plant.config.friction == "identified" and ignorant.box.config.friction is None
+
+
+def test_the_breakaway_of_the_preset_is_the_plants_alone_unless_its_parameters_name_one(make_arm) -> None:
+    hw = make_arm(parameters={"realism": "measured"}).hw
+    acting = hw.plant.config.friction_parameters
+    assert [acting[name]["breakaway"] for name in hw.states.names] == list(MEASURED.breakaway)
+    assert all("breakaway" not in known for known in hw.box.config.friction.values())
+    own = {name: {**phi, "breakaway": 0.7} for name, phi in panda_description.friction_parameters().items()}
+    lists = {key: [own[name][key] for name in own] for key in ("phi1", "phi2", "phi3")}
+    config = {"friction": "identified", "friction_parameters": own}
+    assert MEASURED.with_friction(config, "panda") == config
+    of_lists = MEASURED.with_friction({**config, "friction_parameters": lists}, "panda")["friction_parameters"]
+    assert of_lists == {**lists, "breakaway": list(MEASURED.breakaway)}
+    assert MEASURED.known_friction({**config, "friction_parameters": lists}, list(own)) == hw.box.config.friction
 
 
 @pytest.mark.parametrize("friction", ["none", "coulomb", "identified"])

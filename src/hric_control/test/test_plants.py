@@ -19,14 +19,12 @@ from hric_control.plants import (
     Surfaces,
     Wrenches,
     combine,
-    friction_force,
     load_world,
     masked,
     reciprocals,
     sigmoid_torque,
 )
 from hric_control.plants.resources import resolve
-from hric_control.plants.surfaces import SLIP_VELOCITY
 from hric_control.urdf import read
 
 
@@ -173,12 +171,6 @@ def test_compliant_surfaces_act_in_series_and_rigid_ones_add_nothing():
     assert combine(hard, hard) is None
     assert combine(soft, hard) == (2000.0, 5.0, pytest.approx(0.2))
     assert combine(soft, Surface(6000.0, 7.0, 1.0)) == (pytest.approx(1500.0), 7.0, 0.5)
-
-
-def test_friction_acts_against_the_sliding_and_fades_where_there_is_hardly_any():
-    n = np.array([0.0, 0.0, 1.0])
-    assert friction_force(12.0, 0.5, n, np.array([0.3, 0.0, -1.0])) == pytest.approx([6.0, 0.0, 0.0])
-    assert friction_force(10.0, 0.5, n, np.array([0.5 * SLIP_VELOCITY, 0.0, 0.0])) == pytest.approx([2.5, 0.0, 0.0])
 
 
 def rules_of(items):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from hric_control.errors import ParameterError
 from hric_control.parameters import read_yaml
-from hric_control.plants import PHI, Phi, sigmoid_parameters
+from hric_control.plants import BREAKAWAY, PHI, Phi, breakaways, sigmoid_parameters
 
 if TYPE_CHECKING:
     from franka_hw_interface.friction_fit import (
@@ -24,7 +24,12 @@ _LAW = """\
 
 
 def read_friction(path: Path) -> list[Phi]:
-    """phi1 [N m], phi2 [s/rad], phi3 [rad/s] of joints 1 to 7.
+    """phi1 [N m], phi2 [s/rad], phi3 [rad/s] of joints 1 to 7; see `read_parameters`."""
+    return sigmoid_parameters(read_parameters(path), JOINTS)
+
+
+def read_parameters(path: Path) -> dict[str, list[float]]:
+    """phi1 [N m], phi2 [s/rad], phi3 [rad/s] and, where the file has it, breakaway [N m]: 7 values each.
 
     The joints may have the prefix of any arm (`panda_joint1`) or none; also the form {phi1: [7 values], phi2: [...],
     phi3: [...]} is read.
@@ -36,20 +41,23 @@ def read_friction(path: Path) -> list[Phi]:
     if not isinstance(content, dict):
         raise ParameterError(f"the friction file {path} must map joints to phi1, phi2 and phi3")
     named = {str(match[1] if (match := _NAME.fullmatch(str(key))) else key): value for key, value in content.items()}
-    unknown = sorted(set(named) - {*JOINTS, *PHI})
+    unknown = sorted(set(named) - {*JOINTS, *PHI, BREAKAWAY})
     if unknown or len(named) != len(content):
         raise ParameterError(
             f"the friction file {path} has {', '.join(unknown) or 'a joint twice'}; valid: {', '.join(JOINTS)}, "
             "each once, with any prefix"
         )
     try:
-        return sigmoid_parameters(named, JOINTS)
+        phis, held = sigmoid_parameters(named, JOINTS), breakaways(named, JOINTS)
     except ParameterError as error:
         missing = [joint for joint in JOINTS if joint not in named and not set(PHI) <= set(named)]
-        hint = f"; missing: {', '.join(missing)}" if missing else ""
+        hint = f"; missing: {', '.join(missing)}" if missing else f" (and {BREAKAWAY} from 0 on where it has one)"
         raise ParameterError(
             f"the friction file {path} must give finite numbers phi1, phi2 and phi3 of joint1 to joint7{hint}"
         ) from error
+    lists = {name: list(values) for name, values in zip(PHI, zip(*phis, strict=True), strict=True)}
+    given = BREAKAWAY in named or any(BREAKAWAY in named.get(joint, ()) for joint in JOINTS)
+    return {**lists, BREAKAWAY: held} if given else lists
 
 
 def friction_text(fits: Sequence[JointFriction], about: Iterable[str]) -> str:

@@ -13,6 +13,7 @@ from franka_sim.box.config import Vector, read_config
 from hric_control.errors import UnknownNameError
 from hric_control.node import REQUIRED
 from hric_control.parameters import Settings, choice, declared, number, numbers, per_joint, whole
+from hric_control.plants import BREAKAWAY, PHI, sigmoid_parameters
 
 JOINTS = 7
 MAX_MASS_ERROR = 0.3
@@ -35,6 +36,7 @@ class Realism(Settings):
     body_seed: int = whole(minimum=0)
     friction: str = choice("none", "identified", default=REQUIRED)
     friction_known: Vector = per_joint(number(minimum=0.0))
+    breakaway: Vector = per_joint(number(minimum=0.0, unit="N m"))
 
     @property
     def noisy(self) -> bool:
@@ -64,7 +66,7 @@ class Realism(Settings):
 
     def with_friction(self, plant: Mapping[str, Any], arm_id: str) -> dict[str, Any]:
         """Parameters of the plant with the friction of this arm where they name none; "identified" gets the published
-        values if none are given.
+        values if none are given, and the breakaway of this arm if none is.
 
         Args:
             plant: its parameters.
@@ -75,12 +77,24 @@ class Realism(Settings):
             config["friction"] = self.friction
         if config.get("friction") == "identified" and not config.get("friction_parameters"):
             config["friction_parameters"] = panda_description.friction_parameters(arm_id)
+        if config.get("friction") == "identified" and any(self.breakaway):
+            config["friction_parameters"] = self._held(config["friction_parameters"], arm_id)
         return config
+
+    def _held(self, parameters: Any, arm_id: str) -> dict[str, Any]:
+        """Friction parameters with the breakaway of this arm where they name none."""
+        held = dict(zip((f"{arm_id}_joint{i}" for i in range(1, JOINTS + 1)), self.breakaway, strict=True))
+        if not held.keys() & parameters.keys():
+            return {BREAKAWAY: list(self.breakaway), **parameters}
+        return {
+            joint: {BREAKAWAY: held[joint], **values} if joint in held else values
+            for joint, values in parameters.items()
+        }
 
     def known_friction(
         self, plant: Mapping[str, Any], joint_names: Sequence[str]
     ) -> Mapping[str, Mapping[str, float]] | None:
-        """What the box knows of the plant's friction, phi1 [N m], phi2 [s/rad], phi3 [rad/s] by joint; None: nothing.
+        """Return the box's share of the plant's sigmoid, phi1 [N m], phi2 [s/rad], phi3 [rad/s] by joint; None: nothing.
 
         Args:
             plant: its parameters, after `with_friction`.
@@ -91,11 +105,11 @@ class Realism(Settings):
         parameters: Mapping[str, Mapping[str, float]] = plant["friction_parameters"]
         if all(share == 1.0 for share in self.friction_known):
             return parameters
-        known = {name: dict(values) for name, values in parameters.items()}
-        for name, share in zip(joint_names, self.friction_known, strict=True):
-            if name in known and "phi1" in known[name]:
-                known[name]["phi1"] *= share
-        return known
+        acting = sigmoid_parameters(parameters, joint_names)
+        return {
+            name: dict(zip(PHI, (share * phi[0], *phi[1:]), strict=True))
+            for name, share, phi in zip(joint_names, self.friction_known, acting, strict=True)
+        }
 
 
 def _change(inertial: ElementTree.Element, factor: float, offset: Sequence[float]) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 
 from hric_control.geometry.transforms import FloatArray, cross
 from hric_control.plant import Contact
-from hric_control.plants import Springs, faces, friction_force
+from hric_control.plants import Springs, faces
 from mujoco_ros_control.scene import Scene
 from mujoco_ros_control.scene_spec import Geom, Law
 
@@ -102,8 +102,9 @@ class PenaltyContact:
         J = self._relative(bodies, position)[3:]
         row = normal @ J
         speed = -float(row @ speeds)
+        pair = first.a.link, first.b.link
         done = self.springs.push(
-            (first.a.link, first.b.link),
+            pair,
             depth - 0.5 * self._step * speed,
             speed,
             -float(row @ (speeds - before)) / self._step,
@@ -112,12 +113,13 @@ class PenaltyContact:
         )
         if done.mean <= 0.0:
             return
-        force = done.mean * normal - friction_force(done.mean, friction, normal, J @ speeds)
+        relative = np.array([J @ speeds, J @ before])
+        rub = self.springs.rub(pair, friction * done.mean, normal, relative, lambda along: self._inverse_mass(along @ J))
+        force = done.mean * normal + rub
         for body, sign in zip(bodies, (1.0, -1.0), strict=True):
             act(scene, body, sign * force, np.zeros(3), position)
         at, direction = tuple(position.tolist()), tuple(normal.tolist())
-        names = first.a.link, first.b.link
-        self.last.append(Contact(*names, at, direction, depth, done.reading, "penalty", self._step * done.mean, speed))
+        self.last.append(Contact(*pair, at, direction, depth, done.reading, "penalty", self._step * done.mean, speed))
 
     def _corners(self, near: _Near) -> list[faces.Corner]:
         poses = [self._scene.pose(self._scene.bodies[geom.body]) for geom in (near.a, near.b)]

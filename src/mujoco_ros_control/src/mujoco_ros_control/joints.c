@@ -22,12 +22,13 @@ static Address mujoco[FUNCTIONS]; /* the same for all */
 
 typedef struct {
     PyObject_HEAD
-    const mjModel *model;
+    mjModel *model;
     mjData *data;
     PyObject *owners; /* whose memory this is */
     int n, *dof, *position;
-    double half, quiet; /* see make_joints */
-    double *rotor, *effort, *before, *q, *dq;
+    double half, quiet, held; /* see make_joints */
+    int bristly;
+    double *rotor, *effort, *before, *q, *dq, *bend, *hold, *bristle;
 } Joints;
 
 /* ---- friction ---- */
@@ -94,6 +95,33 @@ static void settle_laws(const mjModel *m, mjData *d)
     settle(m, d, count, laws, A, explicit ? 0.5 * step : step, mujoco[MOVE].of_positions);
 }
 
+/* What the bristles take in the coming step, which begins now: held over it as an effort, and as far as it follows from
+   the speed at the end of the step, as inertia that is added there. Not of joints that the plant holds. */
+static void grip(Joints *self)
+{
+    const double step = self->model->opt.timestep;
+    for (int i = 0; self->bristly && i < self->n; i++) {
+        const double *row = self->bristle + i * BRISTLE_ROW, speed = self->data->qvel[self->dof[i]];
+        mjtNum *inertia = self->model->dof_armature + self->dof[i];
+        double slope;
+        self->hold[i] = 0.0;
+        if (row[BRISTLE_BREAKAWAY] == 0.0 || *inertia >= self->held)
+            continue;
+        self->hold[i] = bristle(row, step, self->bend[i], speed, &slope);
+        self->hold[i] += slope * speed;
+        *inertia = self->rotor[i] + step * slope;
+    }
+}
+
+static void bend(Joints *self)
+{
+    for (int i = 0; self->bristly && i < self->n; i++) {
+        const double *row = self->bristle + i * BRISTLE_ROW;
+        if (row[BRISTLE_BREAKAWAY] != 0.0)
+            self->bend[i] = bristle_bent(row, self->model->opt.timestep, self->bend[i], self->data->qvel[self->dof[i]]);
+    }
+}
+
 /* ---- a step ---- */
 
 static void gather(const double *from, const int *at, int n, double *to)
@@ -130,6 +158,7 @@ static PyObject *joints_put(Joints *self, PyObject *args)
     for (int i = 0; i < self->n; i++) {
         self->data->qpos[self->position[i]] = self->q[i] + self->half * self->dq[i];
         self->data->qvel[self->dof[i]] = self->dq[i];
+        self->bend[i] = 0.0;
     }
     Py_RETURN_NONE;
 }
@@ -139,7 +168,7 @@ static PyObject *joints_write(Joints *self, PyObject *efforts)
     if (!take(efforts, self->n, self->effort))
         return NULL;
     for (int i = 0; i < self->n; i++)
-        self->data->qfrc_applied[self->dof[i]] = self->effort[i];
+        self->data->qfrc_applied[self->dof[i]] = self->effort[i] - self->hold[i];
     gather(self->data->qvel, self->dof, self->n, self->before);
     Py_RETURN_NONE;
 }
@@ -150,6 +179,7 @@ static PyObject *joints_passed(Joints *self, PyObject *motors)
     if (!take(motors, self->n, self->effort))
         return NULL;
     const double rate = 1.0 / self->model->opt.timestep;
+    bend(self);
     for (int i = 0; i < self->n; i++)
         self->effort[i] -= self->rotor[i] * (rate * (self->data->qvel[self->dof[i]] - self->before[i]));
     return list(self->effort, self->n);
@@ -172,6 +202,7 @@ static void call(const Joints *self, int function) { mujoco[function].plain(self
 static PyObject *joints_prepare(Joints *self, PyObject *Py_UNUSED(nothing))
 {
     PyThreadState *interpreter = PyEval_SaveThread();
+    grip(self);
     call(self, POSITION);
     call(self, VELOCITY);
     PyEval_RestoreThread(interpreter);
@@ -292,14 +323,14 @@ static int take_indices(PyObject *sequence, int n, Py_ssize_t bound, int *out)
 
 static int joints_init(Joints *self, PyObject *args, PyObject *Py_UNUSED(kwargs))
 {
-    double half, quiet;
-    PyObject *model, *data, *functions, *dofs, *positions, *rotors, *owners;
+    double half, quiet, held;
+    PyObject *model, *data, *functions, *dofs, *positions, *rotors, *bristles, *owners;
     if (self->owners != NULL) {
         PyErr_SetString(PyExc_TypeError, "it is made once");
         return -1;
     }
-    if (!PyArg_ParseTuple(args, "OOO!OOOddO", &model, &data, &PyTuple_Type, &functions, &dofs, &positions, &rotors,
-                          &half, &quiet, &owners))
+    if (!PyArg_ParseTuple(args, "OOO!OOOOdddO", &model, &data, &PyTuple_Type, &functions, &dofs, &positions, &rotors,
+                          &bristles, &half, &quiet, &held, &owners))
         return -1;
     if (PyTuple_GET_SIZE(functions) != FUNCTIONS) {
         PyErr_Format(PyExc_ValueError, "%d functions are needed", FUNCTIONS);
@@ -317,9 +348,10 @@ static int joints_init(Joints *self, PyObject *args, PyObject *Py_UNUSED(kwargs)
     self->n = (int)count;
     self->half = half;
     self->quiet = quiet;
+    self->held = held;
     self->owners = Py_NewRef(owners);
     self->dof = PyMem_Calloc(2 * (size_t)count + 1, sizeof(int));
-    self->rotor = PyMem_Calloc(5 * (size_t)count + 1, sizeof(double));
+    self->rotor = PyMem_Calloc((7 + BRISTLE_ROW) * (size_t)count + 1, sizeof(double));
     if (self->dof == NULL || self->rotor == NULL) {
         PyErr_NoMemory();
         return -1;
@@ -329,9 +361,15 @@ static int joints_init(Joints *self, PyObject *args, PyObject *Py_UNUSED(kwargs)
     self->before = self->effort + count;
     self->q = self->before + count;
     self->dq = self->q + count;
+    self->bend = self->dq + count;
+    self->hold = self->bend + count;
+    self->bristle = self->hold + count;
     const int taken = take_indices(dofs, self->n, self->model->nv, self->dof)
                       && take_indices(positions, self->n, self->model->nq, self->position)
-                      && take(rotors, self->n, self->rotor);
+                      && take(rotors, self->n, self->rotor)
+                      && take(bristles, self->n * BRISTLE_ROW, self->bristle);
+    for (int i = 0; i < self->n; i++)
+        self->bristly = self->bristly || self->bristle[i * BRISTLE_ROW + BRISTLE_BREAKAWAY] != 0.0;
     return taken ? 0 : -1;
 }
 

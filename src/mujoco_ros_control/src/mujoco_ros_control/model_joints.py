@@ -37,7 +37,7 @@ class ModelJoints:
         """Another scene, in which the joints are already where they shall go on."""
         names = list(self.losses)
         self._scene, self._dofs, positions = scene, scene.dofs(names), scene.positions(names)
-        self._engine = make_joints(scene.m, scene.d, self._dofs, positions, self.joints.zeros, self._half, 0.0)
+        self._engine = make_joints(scene.m, scene.d, self._dofs, positions, list(self.losses.values()), self._half)
 
     def _inertias(self) -> list[float]:
         return self._scene.inertias(self._dofs)

@@ -11,12 +11,9 @@ from hric_control import urdf
 from hric_control.parameters import choice
 from hric_control.plant import FloatArray, JointReaction, Mode
 from hric_control.plants import MovingJoints, StopMemory, WindowlessConfig
-from mujoco_ros_control.joints import install_friction, make_joints
+from mujoco_ros_control.joints import HELD, install_friction, make_joints
 from mujoco_ros_control.scene import Scene
 
-HELD = 1e13
-"""Rotor inertia of a joint that a brake or a drive holds: nothing else moves it [kg m^2]. Under 3 kg a braked Panda
-sinks by 7e-10 rad in 20 s."""
 _FAR = 1e9
 """A stop that no joint reaches [rad or m]."""
 
@@ -87,7 +84,7 @@ class Robot:
         self._ids = scene.joint_ids(self._names)
         half, quiet = self._config.half_step, self._divergence.quiet
         self._engine = make_joints(
-            scene.m, scene.d, self._dofs, scene.positions(self._names), self._rotors, half, quiet
+            scene.m, scene.d, self._dofs, scene.positions(self._names), list(self.losses.values()), half, quiet
         )
         self._read()
         for i in self._stops.waiting:
@@ -166,10 +163,10 @@ class Robot:
     def _in_stages(self, values: list[float], push: Callable[[], None] | None) -> None:
         """A step in which joints are held, by efforts that follow from what else acts."""
         d = self._d
+        self._engine.prepare()
         self._engine.write(values)
         for i in self._held:
             d.qfrc_applied[self._dofs[i]] = HELD * self._acceleration(i, values[i])
-        self._engine.prepare()
         if push is not None:
             push()
         self._engine.accelerate()

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hric_control.geometry import FloatArray
-from hric_control.plants import Springs, friction_force
+from hric_control.plants import Springs
 
 RETURN = 0.2
 """Share of an overlap that rigid contact takes back in one step; the same as the usual engines' (project default,
@@ -92,7 +92,15 @@ def push_apart(
         )
         point.reading, point.closing, point.force = done.reading, speed, np.zeros(3)
         if done.mean > 0.0:
-            point.force = done.mean * point.normal - friction_force(done.mean, friction, point.normal, point.J @ u)
+            relative = np.array([point.J @ u, point.J @ before])
+            rub = springs.rub(
+                (point.a, point.b),
+                friction * done.mean,
+                point.normal,
+                relative,
+                lambda along, J=point.J: float(along @ J @ response @ J.T @ along),
+            )
+            point.force = done.mean * point.normal + rub
             efforts += point.J.T @ point.force
     return efforts
 

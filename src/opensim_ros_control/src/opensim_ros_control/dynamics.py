@@ -27,11 +27,16 @@ class Dynamics:
 
     def __init__(self, engine: Engine, inertia: FloatArray, friction: FloatArray | None) -> None:
         self.engine, self._friction = engine, friction
-        self._rotors, self._B = inertia, np.diag(inertia)
-        self._bare = not inertia.any() and not engine.constraints
+        self._rotors = inertia
+        self.add_inertia(0.0)
         self._all = np.arange(engine.nu, dtype=np.intp)
         self._pull = np.zeros(engine.nu)  # G' nu of the last evaluation
         self.brake(())
+
+    def add_inertia(self, inertia: FloatArray | float) -> None:
+        """Have this beside the rotors from now on, shape (nu,) [kg m^2]."""
+        self._B = self._rotors + inertia
+        self._bare = not self._B.any() and not self.engine.constraints
 
     def brake(self, braked: Sequence[int]) -> None:
         """These coordinates do not move from now on, the others do."""
@@ -47,7 +52,7 @@ class Dynamics:
             tau = rubbed(tau, y[engine.nu : 2 * engine.nu], self._friction)
         if self._bare and not self._braked:
             return a + engine.divided_by_mass(tau)
-        self._inertia, self._drive = balance(engine.mass_matrix(), self._rotors, a, tau)
+        self._inertia, self._drive = balance(engine.mass_matrix(), self._B, a, tau)
         if not self._braked and not engine.constraints:
             return self._solve(self._inertia, self._drive)
         return self._constrained(self._drive)
@@ -80,7 +85,7 @@ class Dynamics:
         joints."""
         n, free = self.engine.nu, self._free
         K = np.zeros((n, n))
-        A = (self.engine.mass_matrix() + self._B)[np.ix_(free, free)]
+        A = (self.engine.mass_matrix() + np.diag(self._B))[np.ix_(free, free)]
         inverse = np.linalg.inv(A)
         if self.engine.constraints:
             G = self.engine.constraint_jacobian()[:, free]
@@ -105,7 +110,7 @@ class Dynamics:
             return y
         self.engine.put_y(y)
         self.engine.acceleration()
-        M = self.engine.mass_matrix() + self._B
+        M = self.engine.mass_matrix() + np.diag(self._rotors)
         free = self._free
         A, new = M[np.ix_(free, free)], np.zeros(n)
         new[free] = u[free] + np.linalg.solve(A, M[free][:, braked] @ u[braked])

@@ -9,14 +9,22 @@ import numpy as np
 from hric_control.errors import CommandError
 from hric_control.parameters import flag, number
 from hric_control.plant import FloatArray, Mode
-from hric_control.plants import Divergence, Losses, StopMemory, WindowlessConfig, law_jacobian, sigmoid_parameters
+from hric_control.plants import (
+    Divergence,
+    Losses,
+    StopMemory,
+    WindowlessConfig,
+    breakaways,
+    law_jacobian,
+    sigmoid_parameters,
+)
 from hric_control.urdf import ONE_COORDINATE, mimic_laws
 from opensim_ros_control.dynamics import Dynamics
 from opensim_ros_control.engine import Engine
 from opensim_ros_control.integrators import IntegrationError, ManagerSteps, OwnSteps, Step, Touch
 from opensim_ros_control.joint_efforts import JointEfforts, Row
 from opensim_ros_control.robot_model import RobotModel
-from opensim_ros_control.stages import cut
+from opensim_ros_control.stages import bend, cut, gripped
 
 
 @dataclass(frozen=True)
@@ -97,6 +105,7 @@ class Robot:
         inertia = np.zeros(engine.nu)
         inertia[self.user] = config.rotor_inertia
         friction = self._friction()
+        self._bristles, self._bend = self._bristle_rows(), np.zeros(engine.nu)
         self._dynamics = Dynamics(engine, inertia, friction)
         sticking = self._sticking() if config.friction == "coulomb" else {}
         self._rows = JointEfforts(sticking, self.stops, self._indices, config.time_step)
@@ -132,6 +141,17 @@ class Robot:
         phi = sigmoid_parameters(self.config.friction_parameters, self.joint_names)
         rows = np.zeros((self.engine.nu, len(Losses().sigmoid_row())))
         rows[self.user] = [Losses(sigmoid=of_joint).sigmoid_row() for of_joint in phi]
+        return rows
+
+    def _bristle_rows(self) -> FloatArray | None:
+        """A row of the bristle per coordinate, where there is one."""
+        held = [0.0] * len(self.user)
+        if self.config.friction == "identified":
+            held = breakaways(self.config.friction_parameters, self.joint_names)
+        if not any(held):
+            return None
+        rows = np.array([Losses().bristle_row()] * self.engine.nu)
+        rows[self.user] = [Losses(breakaway=of_joint).bristle_row() for of_joint in held]
         return rows
 
     def build_again(self, prepare: Callable[[Engine], None] | None = None) -> None:
@@ -179,6 +199,7 @@ class Robot:
         self.effort = self.motor_effort = [0.0] * len(q)
         self.stops.restart([self.q[index] for index in self._indices])
         self._rows.forget()
+        self._bend[:] = 0.0
         self._close_brakes()
 
     def put_coordinates(self, indices: Sequence[int], q: Sequence[float], dq: Sequence[float]) -> None:
@@ -244,7 +265,7 @@ class Robot:
             braked += [index for index in self._indices if index not in (*self.user, *followers)]
         self._braked = [on or mode is Mode.BRAKE for _, mode, on in modes]
         self._driven = [mode in (Mode.VELOCITY, Mode.POSITION) and not on for _, mode, on in modes]
-        self._any_braked, self._any_driven = bool(braked), any(self._driven)
+        self._held, self._any_braked, self._any_driven = braked, bool(braked), any(self._driven)
         self._rows.drives = []
         self._dynamics.brake(braked)
         y = self._dynamics.stopped(self.y)
@@ -287,7 +308,18 @@ class Robot:
             self._finish(self._by_manager(tau), efforts)
         else:
             tau = tau if self.external is None else tau + self.external
+            if self._bristles is not None:
+                tau = tau - self._grip(self._bristles)
             self._finish(self._own_step(self.time, self.y, tau, self.touch), efforts)
+
+    def _grip(self, rows: FloatArray) -> FloatArray:
+        """What the bristles of the joints that no brake holds take in the coming step, shape (nu,) [N m or N]."""
+        n = self.engine.nu
+        held, inertia = gripped(self.y[n : 2 * n], self._bend, rows, self.config.time_step)
+        if self._any_braked:
+            held[self._held], inertia[self._held] = 0.0, 0.0
+        self._dynamics.add_inertia(inertia)
+        return held
 
     def _by_manager(self, tau: FloatArray) -> Step:
         try:
@@ -299,6 +331,8 @@ class Robot:
         self.time += self.config.time_step
         before = self.u
         self._set_y(step.y)
+        if self._bristles is not None:
+            bend(step.y[self.engine.nu : 2 * self.engine.nu], self._bend, self._bristles, self.config.time_step)
         self._divergence.check(self._of_joints(self.q), self._of_joints(self.u))
         self.effort = self.motor_effort = self._motor_efforts(step, efforts)
         if self._rotors is not None:

@@ -108,6 +108,52 @@ FUNCTION(rubbed)
     return made;
 }
 
+/* Numbers of the rows of bristles, their bends and the speeds, and how many; -1 with an error set. */
+static npy_intp take_bristles(PyObject *const *given, double *taken[3])
+{
+    const npy_intp n = length(given[0]);
+    taken[0] = n < 0 ? NULL : numbers(given[0], n);
+    taken[1] = taken[0] == NULL ? NULL : numbers(given[1], n);
+    taken[2] = taken[1] == NULL ? NULL : numbers(given[2], n * BRISTLE_ROW);
+    return taken[2] == NULL ? -1 : n;
+}
+
+FUNCTION(gripped)
+{
+    double *taken[3], *hold, *inertia;
+    if (!expect(count, 4, "gripped(u, bend, rows, step)"))
+        return NULL;
+    const double step = PyFloat_AsDouble(given[3]);
+    const npy_intp n = PyErr_Occurred() ? -1 : take_bristles(given, taken);
+    PyObject *holding = n < 0 ? NULL : make(1, n, &hold);
+    PyObject *added = holding == NULL ? NULL : make(1, n, &inertia);
+    if (added == NULL) {
+        Py_XDECREF(holding);
+        return NULL;
+    }
+    for (npy_intp i = 0; i < n; i++) {
+        const double *row = taken[2] + i * BRISTLE_ROW;
+        double slope = 0.0;
+        hold[i] = row[BRISTLE_BREAKAWAY] == 0.0 ? 0.0 : bristle(row, step, taken[1][i], taken[0][i], &slope);
+        hold[i] += slope * taken[0][i];
+        inertia[i] = step * slope;
+    }
+    return Py_BuildValue("NN", holding, added);
+}
+
+FUNCTION(bend)
+{
+    double *taken[3];
+    if (!expect(count, 4, "bend(u, bend, rows, step)"))
+        return NULL;
+    const double step = PyFloat_AsDouble(given[3]);
+    const npy_intp n = PyErr_Occurred() ? -1 : take_bristles(given, taken);
+    for (npy_intp i = 0; i < n; i++)
+        if (taken[2][i * BRISTLE_ROW + BRISTLE_BREAKAWAY] != 0.0)
+            taken[1][i] = bristle_bent(taken[2] + i * BRISTLE_ROW, step, taken[1][i], taken[0][i]);
+    return n < 0 ? NULL : Py_NewRef(Py_None);
+}
+
 FUNCTION(balance)
 {
     if (!expect(count, 4, "balance(M, rotors, a, tau)"))
@@ -240,6 +286,8 @@ static PyMethodDef methods[] = {
     METHOD(memory, "(first, last, size)"),
     METHOD(cut, "(values, low, high)"),
     METHOD(rubbed, "(tau, u, rows)"),
+    METHOD(gripped, "(u, bend, rows, step)"),
+    METHOD(bend, "(u, bend, rows, step)"),
     METHOD(balance, "(M, rotors, a, tau)"),
     METHOD(solve, "(A, b)"),
     METHOD(rate, "(y, x)"),

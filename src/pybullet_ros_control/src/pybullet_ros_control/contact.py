@@ -16,7 +16,7 @@ import pybullet
 
 from hric_control.geometry.transforms import cross, homogeneous, rotation_from_quaternion
 from hric_control.plant import Contact, FloatArray
-from hric_control.plants import Springs, Surface, combine, faces, friction_force
+from hric_control.plants import Springs, Surface, combine, faces
 from pybullet_ros_control.engine import Body, Engine
 from pybullet_ros_control.external_forces import ExternalForces, Mobility
 from pybullet_ros_control.model_joints import ModelJoints
@@ -159,20 +159,24 @@ class PenaltyContact:
         position, depth = faces.centre(corners)
         relative = a.velocities(position) - b.velocities(position)
         speed, before = (-relative @ normal).tolist()
-        inverse_mass = sum(self._mobility.inverse_mass(link.body, link.index, position, normal) for link in (a, b))
+
+        def inverse_mass(direction: FloatArray) -> float:
+            return sum(self._mobility.inverse_mass(link.body, link.index, position, direction) for link in (a, b))
+
         name_a, name_b = _names(a.body, a.index), _names(b.body, b.index)
         done = self.springs.push(
             (name_a, name_b),
             depth - 0.5 * step * speed,
             speed,
             (speed - before) / step,
-            inverse_mass,
+            inverse_mass(normal),
             (stiffness, damping),
         )
         if done.mean <= 0.0:
             return
         at, direction = tuple(position.tolist()), tuple(normal.tolist())
-        force = (done.mean * normal - friction_force(done.mean, friction, normal, relative[0])).tolist()
+        rub = self.springs.rub((name_a, name_b), friction * done.mean, normal, relative, inverse_mass)
+        force = (done.mean * normal + rub).tolist()
         forces.apply(a.body, a.index, force, None, at)
         forces.apply(b.body, b.index, [-f for f in force], None, at)
         self.last.append(

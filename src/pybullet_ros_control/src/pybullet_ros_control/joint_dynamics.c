@@ -2,8 +2,8 @@
 
    All in the frame of the world, about its origin. Composite-rigid-body and Newton-Euler algorithms as in Featherstone,
    Rigid Body Dynamics Algorithms (2008), ch. 5 and 6. */
+#include "hric_control/friction.h"
 #include "hric_control/python_numbers.h"
-
 #include "hric_control/factors.h"
 #include "hric_control/rigid_body.h"
 
@@ -18,8 +18,8 @@ typedef struct {
     double parent, slides;
     double R_parent_joint[9], p_parent_joint[3], axis[3];
     double mass, com[3], inertia[9];
-    double rotor, coulomb, damping, sigmoid[3], rest; /* sigmoid: a (tanh(b (v + c)) - rest) */
-    double leader, multiplier;                        /* of a joint that mimics another; else -1 and anything */
+    double rotor, coulomb, damping, sigmoid[FRICTION_ROW], bristle[BRISTLE_ROW];
+    double leader, multiplier; /* of a joint that mimics another; else -1 and anything */
 } Constants;
 
 enum { ROW = sizeof(Constants) / sizeof(double) };
@@ -45,6 +45,7 @@ typedef struct {
     /* n numbers each */
     double *q, *dq, *tau, *external, *prescribed, *bias, *bias0, *w;
     double *x, *loss, *slope, *predicted, *engine, *friction, *velocity, *inertia, *keep;
+    double *bend, *grip; /* of the bristles, and what they take per speed at the end of the step */
     int *driven;
     /* n x n numbers each */
     double *M, *A, *gain;
@@ -176,10 +177,26 @@ static void losses(Dynamics *self, const double *u)
         self->loss[i] = c->damping * u[i];
         self->slope[i] = c->damping;
         if (c->sigmoid[0] != 0.0) {
-            double t = tanh(c->sigmoid[1] * (u[i] + c->sigmoid[2]));
-            self->loss[i] += c->sigmoid[0] * (t - c->rest);
-            self->slope[i] += c->sigmoid[0] * c->sigmoid[1] * (1.0 - t * t);
+            double t = tanh(c->sigmoid[FRICTION_SLOPE] * (u[i] + c->sigmoid[FRICTION_OFFSET]));
+            self->loss[i] += c->sigmoid[FRICTION_SIZE] * (t - c->sigmoid[FRICTION_REST]);
+            self->slope[i] += c->sigmoid[FRICTION_SIZE] * c->sigmoid[FRICTION_SLOPE] * (1.0 - t * t);
         }
+    }
+}
+
+/* Add what the bristles take, as far as it does not follow from the acceleration x of this pass; its part that does is
+   their grip. The end of the step is expected where the pass before has it. */
+static void grip(Dynamics *self, int first)
+{
+    for (int i = 0; i < self->n; i++) {
+        const Constants *c = &self->constants[i];
+        self->grip[i] = 0.0;
+        if (c->bristle[BRISTLE_BREAKAWAY] == 0.0 || self->driven[i])
+            continue;
+        const double end = self->dq[i] + (first ? 0.0 : self->dt * self->x[i]);
+        self->loss[i] += bristle(c->bristle, self->dt, self->bend[i], end, &self->grip[i]);
+        self->loss[i] += self->grip[i] * self->dq[i];
+        self->grip[i] *= self->dt;
     }
 }
 
@@ -275,15 +292,16 @@ static void accelerate(Dynamics *self, int first)
     double lean = self->passes > 0 ? 0.5 * self->dt : 0.0; /* losses follow the velocity in the middle of the step */
     int fresh = first || self->lossy; /* the matrix of the first pass serves all, unless a slope is in it */
     bias(self, self->w, self->bias);
-    if (self->lossy)
+    if (self->lossy) {
         losses(self, self->w);
-    else
+        grip(self, first);
+    } else
         memset(self->loss, 0, sizeof(double) * (size_t)n);
     if (fresh)
         memcpy(self->A, self->M, sizeof(double) * (size_t)(n * n));
     for (int i = 0; i < n; i++) {
         if (fresh)
-            self->A[i * n + i] += self->inertia[i] + lean * self->slope[i];
+            self->A[i * n + i] += self->inertia[i] + lean * self->slope[i] + self->grip[i];
         if (self->driven[i]) {
             self->x[i] = LOCKED * self->prescribed[i];
             continue;
@@ -307,7 +325,7 @@ static void accelerate(Dynamics *self, int first)
     if (self->coupled)
         find_keep(self, lean);
     for (int i = 0; i < n; i++)
-        self->loss[i] += lean * self->slope[i] * self->x[i];
+        self->loss[i] += (lean * self->slope[i] + self->grip[i]) * self->x[i];
 }
 
 /* -- Python -------------------------------------------------------------------------------------------------------- */
@@ -346,6 +364,8 @@ static PyObject *dynamics_torque(Dynamics *self, PyObject *const *given, Py_ssiz
     if (self->predicting)
         update_engine_effort(self);
     for (int i = 0; i < n; i++) {
+        if (self->predicting && self->constants[i].bristle[BRISTLE_BREAKAWAY] != 0.0)
+            self->bend[i] = bristle_bent(self->constants[i].bristle, self->dt, self->bend[i], self->dq[i]);
         self->inertia[i] = self->constants[i].rotor;
         self->driven[i] = 0;
         self->w[i] = self->dq[i];
@@ -383,6 +403,7 @@ static PyObject *dynamics_forget(Dynamics *self, PyObject *Py_UNUSED(none))
 {
     self->predicting = self->adding = 0;
     memset(self->friction, 0, sizeof(double) * (size_t)self->n);
+    memset(self->bend, 0, sizeof(double) * (size_t)self->n);
     memset(self->driven, 0, sizeof(int) * (size_t)self->n);
     Py_RETURN_NONE;
 }
@@ -560,7 +581,9 @@ static int take_rows(Dynamics *self, PyObject *rows)
         self->leader[i] = self->constants[i].leader < 0.0 ? -1 : (int)self->constants[i].leader;
         self->coupled = self->coupled || self->leader[i] >= 0;
         self->sticking = self->sticking || self->constants[i].coulomb > 0.0;
-        self->lossy = self->lossy || self->constants[i].damping != 0.0 || self->constants[i].sigmoid[0] != 0.0;
+        self->lossy = self->lossy || self->constants[i].damping != 0.0
+                      || self->constants[i].sigmoid[FRICTION_SIZE] != 0.0
+                      || self->constants[i].bristle[BRISTLE_BREAKAWAY] != 0.0;
     }
     return 0;
 }
@@ -579,7 +602,7 @@ static int dynamics_init(Dynamics *self, PyObject *args, PyObject *Py_UNUSED(kwa
     if (count < 0)
         return -1;
     self->n = (int)count;
-    const size_t vectors = 16, size = (size_t)count;
+    const size_t vectors = 18, size = (size_t)count;
     self->constants = PyMem_Calloc(size + 1, sizeof(Constants));
     self->parent = PyMem_Calloc(3 * size + 1, sizeof(int));
     self->poses = PyMem_Calloc(size + 1, sizeof(Pose));
@@ -597,10 +620,10 @@ static int dynamics_init(Dynamics *self, PyObject *args, PyObject *Py_UNUSED(kwa
     self->v = self->forces + size;
     self->a = self->v + size;
     self->composites = self->bodies + size;
-    double **places[] = {&self->q,        &self->dq,       &self->tau,       &self->prescribed,
-                         &self->bias,     &self->bias0,    &self->w,         &self->x,
-                         &self->loss,     &self->slope,    &self->predicted, &self->engine,
-                         &self->friction, &self->velocity, &self->inertia,   &self->keep};
+    double **places[] = {&self->q,         &self->dq,     &self->tau,      &self->prescribed, &self->bias,
+                         &self->bias0,     &self->w,      &self->x,        &self->loss,       &self->slope,
+                         &self->predicted, &self->engine, &self->friction, &self->velocity,   &self->inertia,
+                         &self->keep,      &self->bend,   &self->grip};
     for (size_t k = 0; k < vectors; k++)
         *places[k] = self->block + k * size;
     self->M = self->block + vectors * size;

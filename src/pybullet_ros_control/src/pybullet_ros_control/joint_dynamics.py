@@ -183,6 +183,7 @@ def _row(
         loss.coulomb,
         loss.damping,
         *loss.sigmoid_row(),
+        *loss.bristle_row(),
         *follows,
     ]
 

@@ -8,17 +8,26 @@ from hric_control.plants.bushings import BushingLaw, Bushings, Motion
 from hric_control.plants.config import PlantConfig, WindowlessConfig, rotor_inertia
 from hric_control.plants.divergence import DivergedError, Divergence
 from hric_control.plants.engine_plant import EnginePlant
-from hric_control.plants.friction import PHI, Phi, sigmoid_parameters, sigmoid_torque
+from hric_control.plants.friction import (
+    BREAKAWAY,
+    PHI,
+    Phi,
+    breakaways,
+    bristle_torque,
+    sigmoid_parameters,
+    sigmoid_torque,
+)
 from hric_control.plants.masks import load_masks, masked
 from hric_control.plants.models import Model, Models, model_of_object, model_of_urdf, payload
 from hric_control.plants.moving_joints import Losses, MovingJoints, law_jacobian
 from hric_control.plants.spring_step import Springs
 from hric_control.plants.stops import StopLaw, StopMemory, reciprocals
-from hric_control.plants.surfaces import SurfaceRule, Surfaces, combine, friction_force
+from hric_control.plants.surfaces import SurfaceRule, Surfaces, combine
 from hric_control.plants.worlds import PLAIN_LINK, WorldObject, load_surfaces, load_world
 from hric_control.plants.wrenches import Wrenches
 
 __all__ = [
+    "BREAKAWAY",
     "PHI",
     "PLAIN_LINK",
     "BushingLaw",
@@ -42,8 +51,9 @@ __all__ = [
     "WindowlessConfig",
     "WorldObject",
     "Wrenches",
+    "breakaways",
+    "bristle_torque",
     "combine",
-    "friction_force",
     "law_jacobian",
     "load_masks",
     "load_surfaces",

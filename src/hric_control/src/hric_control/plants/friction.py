@@ -1,5 +1,17 @@
-"""The joint friction that was identified on the Panda: a sigmoid of the velocity."""
+"""Friction of a joint: the sigmoid of the velocity that was identified on the Panda, and a bristle that holds the joint
+at rest.
 
+The sigmoid is zero at rest, so that by itself it lets a joint creep under the smallest effort. The bristle bends by the
+way z of the joint and takes breakaway * z/GIVE, up to a bound that falls with the speed from the breakaway at rest to
+nothing at FADE:
+    dz/dt = dq while |z| < GIVE (1 - (dq/FADE)^2)^2, else z follows this bound.
+This is the elasto-plastic law (Dupont, Hayward, Armstrong, Altpeter, Single state elastoplastic friction models, IEEE
+Transactions on Automatic Control 47, 2002) in its limit, with no creep at all below the bound. LuGre's was not taken:
+its bristles give a little in every cycle of a load below the breakaway, and noise alone would walk the arm away.
+Beyond FADE the sigmoid acts alone, as it was identified. A bristle gives back no more than it has stored.
+"""
+
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -12,6 +24,14 @@ from hric_control.parameters import as_number
 PHI = ("phi1", "phi2", "phi3")
 Phi = tuple[float, float, float]
 """phi1 [N m], phi2 [s/rad], phi3 [rad/s] of one joint."""
+BREAKAWAY = "breakaway"
+"""Key beside phi1 to phi3: effort that a joint at rest withstands by its bristle [N m]; left out: none."""
+GIVE = 1e-4
+"""Bend of a bristle at breakaway [rad] (project default, unconfirmed; published presliding distances of gears are 1e-5 to
+1e-3 rad)."""
+FADE = 0.1
+"""Speed from which on a bristle holds nothing [rad/s] (project default, unconfirmed: what the published sigmoid leaves of
+a real arm's log near rest, 0.05 to 0.2 N m, fades between 0.1 and 0.3 rad/s)."""
 
 
 def sigmoid_torque(dq: npt.NDArray[np.float64], phi: Sequence[float]) -> npt.NDArray[np.float64]:
@@ -54,4 +74,45 @@ def sigmoid_parameters(parameters: Any, joint_names: Sequence[str]) -> list[Phi]
                 f"friction_parameters: phi1, phi2 and phi3 of {joint} are missing or not numbers; got "
                 f"{dict(parameters)}"
             ) from error
+    return result
+
+
+def bristle_torque(dq: npt.NDArray[np.float64], time: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """What a bristle of breakaway 1 N m takes along a motion that starts at rest, as a plant takes it away.
+
+    Args:
+        dq: velocity of the joint, shape (m,) [rad/s].
+        time: rising, shape (m,) [s].
+
+    Returns:
+        shape (m,) [N m]; it is proportional to the breakaway.
+    """
+    bound = np.maximum(1.0 - (dq / FADE) ** 2, 0.0) ** 2
+    ways = np.diff(time, prepend=time[:1]) * dq / GIVE
+    bend, course = 0.0, []
+    for way, most in zip(ways.tolist(), bound.tolist(), strict=True):
+        bend = min(max(bend + way, -most), most)
+        course.append(bend)
+    return np.array(course)
+
+
+def breakaways(parameters: Mapping[str, Any], joint_names: Sequence[str]) -> list[float]:
+    """Breakaway of each joint [N m], of parameters that `sigmoid_parameters` takes.
+
+    Raises:
+        ParameterError: a value is not a finite number of 0 or more.
+    """
+    whole, result = parameters.get(BREAKAWAY, [0.0] * len(joint_names)), []
+    for i, joint in enumerate(joint_names):
+        try:
+            own = parameters.get(joint)
+            value = as_number(whole[i] if own is None else own.get(BREAKAWAY, 0.0))
+        except (IndexError, TypeError, ValueError):
+            value = math.nan
+        if not 0.0 <= value < math.inf:
+            raise ParameterError(
+                f"friction_parameters: {BREAKAWAY} of {joint} must be a finite number of 0 or more [N m]; got "
+                f"{dict(parameters)}"
+            )
+        result.append(value)
     return result

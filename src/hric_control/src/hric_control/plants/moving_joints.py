@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -12,7 +12,7 @@ from hric_control.errors import CommandError, UnknownNameError
 from hric_control.plant import FloatArray, Mode
 from hric_control.plants.config import PlantConfig
 from hric_control.plants.divergence import Divergence
-from hric_control.plants.friction import Phi, sigmoid_parameters
+from hric_control.plants.friction import FADE, GIVE, Phi, breakaways, sigmoid_parameters
 
 T = TypeVar("T")
 
@@ -26,17 +26,23 @@ class Losses:
         coulomb: Coulomb friction [N m].
         damping: viscous friction [N m s/rad].
         sigmoid: phi1 [N m], phi2 [s/rad], phi3 [rad/s] of `hric_control.plants.friction`.
+        breakaway: of its bristle [N m].
     """
 
     rotor: float = 0.0
     coulomb: float = 0.0
     damping: float = 0.0
     sigmoid: Phi = (0.0, 0.0, 0.0)
+    breakaway: float = 0.0
 
     def sigmoid_row(self) -> list[float]:
         """a, b, c, d of the sigmoid as a (tanh(b (dq + c)) - d): the same curve without overflow at high speed."""
         phi1, phi2, phi3 = self.sigmoid
         return [0.5 * phi1, 0.5 * phi2, phi3, math.tanh(0.5 * phi2 * phi3)]
+
+    def bristle_row(self) -> list[float]:
+        """Breakaway [N m], bend there [rad], and speed from which on it holds nothing [rad/s]."""
+        return [self.breakaway, GIVE, FADE]
 
 
 Follower = tuple[int, int, float, float]
@@ -160,16 +166,17 @@ class MovingJoints:
 
     def losses(self, config: PlantConfig) -> list[Losses]:
         """Of all moving joints."""
-        sigmoid = [(0.0, 0.0, 0.0)] * len(self.joints)
-        if config.friction == "identified":
-            for i, phi in zip(self.user, sigmoid_parameters(config.friction_parameters, self.actuated), strict=True):
-                sigmoid[i] = phi
-        return [
-            Losses(rotor, joint.friction if config.friction == "coulomb" else 0.0, joint.damping, phi)
-            for rotor, joint, phi in zip(
-                self.spread(config.rotor_inertia, self.zeros), self.joints, sigmoid, strict=True
-            )
+        coulomb = config.friction == "coulomb"
+        losses = [
+            Losses(rotor, joint.friction if coulomb else 0.0, joint.damping)
+            for rotor, joint in zip(self.spread(config.rotor_inertia, self.zeros), self.joints, strict=True)
         ]
+        if config.friction == "identified":
+            phis = sigmoid_parameters(config.friction_parameters, self.actuated)
+            held = breakaways(config.friction_parameters, self.actuated)
+            for i, phi, breakaway in zip(self.user, phis, held, strict=True):
+                losses[i] = replace(losses[i], sigmoid=phi, breakaway=breakaway)
+        return losses
 
     def divergence(self, time_step: float) -> Divergence:
         """The check of these joints after each step of `time_step` [s]."""

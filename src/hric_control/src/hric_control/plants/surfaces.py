@@ -1,17 +1,12 @@
 """How surfaces respond to contact: rigid, or by a spring with damping and friction (penalty contact)."""
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 
 from hric_control.errors import ParameterError, UnknownNameError, check_known
 from hric_control.parameters import Settings, choice, number, text
-from hric_control.plant import FloatArray, Surface
-
-SLIP_VELOCITY = 1e-3
-"""Friction of a penalty contact grows linearly up to this sliding speed [m/s] (project default, unconfirmed); a spring
-has no memory to stick with."""
+from hric_control.plant import Surface
 
 
 @dataclass(frozen=True)
@@ -92,18 +87,3 @@ def combine(first: Surface, second: Surface) -> tuple[float, float, float] | Non
     if not stiffnesses:
         return None
     return 1.0 / sum(1.0 / k for k in stiffnesses), max(first.damping, second.damping), first.friction * second.friction
-
-
-def friction_force(load: float, friction: float, normal: FloatArray, relative: FloatArray) -> FloatArray:
-    """What friction takes from the force on a, shape (3,) [N].
-
-    Args:
-        load: normal force [N].
-        friction: coefficient.
-        normal: from b to a, unit vector, shape (3,).
-        relative: velocity of a seen from b at the contact, shape (3,) [m/s].
-    """
-    sliding = relative - (relative @ normal) * normal
-    speed = math.sqrt(float(sliding @ sliding))
-    across: FloatArray = friction * load / max(speed, SLIP_VELOCITY) * sliding
-    return across

@@ -11,11 +11,10 @@ from typing import Any
 import numpy as np
 import yaml
 
-from franka_hw_interface.friction_file import read_friction
+from franka_hw_interface.friction_file import read_parameters
 from hric_control import yaml_text
 from hric_control.errors import ParameterError
 from hric_control.parameters import declared
-from hric_control.plants import PHI
 from hric_experiments.definition.experiment import ExperimentError, MetricsSpec, RobotSpec
 
 SHORTCUTS: dict[str, tuple[str, str]] = {
@@ -111,13 +110,7 @@ def _friction(raw: dict[str, Any], value: Any, text: str) -> str:
     """Set the friction of the plant. Returns that of the description, which has Coulomb's values as part of the
     identified ones."""
     if isinstance(value, str) and value.endswith((".yaml", ".yml")):
-        phis = zip(*read_friction(Path(value).expanduser()), strict=True)
-        _assign(
-            raw,
-            ["robot", "plant", "friction_parameters"],
-            {name: list(phi) for name, phi in zip(PHI, phis, strict=True)},
-            text,
-        )
+        _assign(raw, ["robot", "plant", "friction_parameters"], read_parameters(Path(value).expanduser()), text)
         value = "identified"
     if value not in FRICTIONS:
         raise ExperimentError(

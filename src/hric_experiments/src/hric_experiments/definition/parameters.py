@@ -14,7 +14,7 @@ from hric_control import plugins, yaml_text
 from hric_control.errors import HricError, check_known
 from hric_control.geometry import quaternion_from_rotation, transform_from_rpy
 from hric_control.magnitudes import likely_unit
-from hric_control.plants import PHI, resources, sigmoid_parameters
+from hric_control.plants import BREAKAWAY, PHI, breakaways, resources, sigmoid_parameters
 from hric_control.sim.robot_hw_sim import RobotHWSim
 from hric_control.trial.c3d import located
 from hric_experiments.definition.experiment import Experiment, ExperimentError, RobotSpec, Setpoint, package_path
@@ -221,15 +221,14 @@ def _friction(spec: RobotSpec) -> dict[str, Any]:
     if friction != "identified":
         return {"friction": friction}
     published = panda_description.friction_parameters(spec.arm_id)
-    values = sigmoid_parameters(spec.plant.get("friction_parameters") or published, list(published))
+    chosen = spec.plant.get("friction_parameters") or published
+    values = [dict(zip(PHI, phi, strict=True)) for phi in sigmoid_parameters(chosen, list(published))]
+    held = breakaways(chosen, list(published))
+    if BREAKAWAY in chosen or any(held):
+        values = [{**phi, BREAKAWAY: value} for phi, value in zip(values, held, strict=True)]
     # By the joints' names, as the control box takes them: a fitted file has the values in their order, whatever the arm
     # is called.
-    return {
-        "friction": friction,
-        "friction_parameters": {
-            joint: dict(zip(PHI, phi, strict=True)) for joint, phi in zip(published, values, strict=True)
-        },
-    }
+    return {"friction": friction, "friction_parameters": dict(zip(published, values, strict=True))}
 
 
 def joint_limits(experiment: Experiment) -> dict[str, dict[str, Any]]:
