@@ -42,7 +42,7 @@ def test_a_joint_gives_a_little_up_to_its_breakaway_and_slides_beyond(make_plant
     up, _ = pushed(plant, ramp)
     assert up[len(ramp) // 2, 0] - 0.3 == pytest.approx(0.49 * GIVE, rel=0.05)
     held, _ = pushed(plant, [0.98 * BREAKAWAY] * round(0.3 / dt))
-    assert 0.97 * GIVE < held[-1, 0] - 0.3 < 1.1 * GIVE and abs(held[-1, 0] - held[len(held) // 2, 0]) < 0.01 * GIVE
+    assert 0.97 * GIVE < held[-1, 0] - 0.3 < 1.1 * GIVE and abs(held[-1, 0] - held[len(held) // 2, 0]) < 0.05 * GIVE
     slid, _ = pushed(plant, [1.02 * BREAKAWAY] * round(0.3 / dt))
     assert slid[-1, 0] - 0.3 > 3.0 * GIVE
 

@@ -13,18 +13,20 @@ from simulated_arm_log import FRICTION, LOAD_COM, LOAD_INERTIA, sigmoid
 
 import panda_description
 from franka_hw_interface.arm_log import ArmLog, LogError, check_log
-from franka_hw_interface.friction_file import friction_text, read_friction
+from franka_hw_interface.friction_file import friction_text, read_friction, read_parameters
 from franka_hw_interface.friction_fit import JointFriction, fit_friction
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.limits import franka_limits
 from franka_hw_interface.log_signals import condition
 from franka_hw_interface.model_check import ModelCheck, check, inverse_dynamics
 from hric_control.errors import ParameterError
+from hric_control.plants import bristle_torque
 
 NAMES = tuple(f"panda_joint{i}" for i in range(1, 8))
 COLUMNS = ("t", *(f"{name}{i}" for name in ("q", "dq", "tau") for i in range(1, 8)))
 PUBLISHED = [(phi["phi1"], phi["phi2"], phi["phi3"]) for phi in panda_description.friction_parameters().values()]
 KNOWN = [tuple(phi) for phi in FRICTION.tolist()]
+BREAKAWAY = [0.3, 0.5, 0.2, 0.4, 0.15, 0.1, 0.05]
 
 
 @pytest.fixture(scope="module")
@@ -100,6 +102,17 @@ def test_so_with_the_noise_of_a_real_arm_and_a_clock_that_jitters_and_loses_samp
     errors = [curve_error(fit, phi) for fit, phi in zip(fits, FRICTION, strict=True)]
     print("\nlargest error of the friction torque, of its maximum:", " ".join(f"{error:.4f}" for error in errors))
     assert max(errors) < 0.05
+
+
+def test_the_fit_finds_the_breakaway_of_joints_that_stick(model: KdlFrankaModel, log: ArmLog) -> None:
+    stuck = np.column_stack([bristle_torque(column, log.time) for column in log.dq.T]) * BREAKAWAY
+    sticking = ArmLog(NAMES, log.time, log.q, log.dq, log.tau + stuck, COLUMNS, log.rows, "line")
+    fits = fit_friction(compared(model, sticking), PUBLISHED)
+    assert np.abs(np.array([fit.breakaway for fit in fits]) - BREAKAWAY).max() < 0.05
+    assert max(curve_error(fit, phi) for fit, phi in zip(fits, FRICTION, strict=True)) < 0.05
+    signals = condition(sticking)
+    left = [check(model, NAMES, signals, KNOWN, breakaway=held).rms.sum() for held in ((), BREAKAWAY)]
+    assert left[1] < 0.1 < 0.5 * left[0]
 
 
 def test_with_the_true_friction_nothing_is_left_and_without_it_friction_is(model: KdlFrankaModel, log: ArmLog) -> None:
@@ -228,6 +241,10 @@ def test_a_commanded_torque_without_gravity_is_refused(urdf: str, model: KdlFran
             "phi3 of joint1 to joint7; missing: joint3",
         ),
         ("".join(f"joint{i}: {{phi1: 1, phi2: .nan, phi3: 0}}\n" for i in range(1, 8)), "must give finite numbers"),
+        (
+            "".join(f"joint{i}: {{phi1: 1, phi2: 1, phi3: 0, breakaway: -1}}\n" for i in range(1, 8)),
+            "and breakaway from 0 on",
+        ),
         ("{phi1: [1, 2], phi2: [1, 2], phi3: [0, 0]}", "must give finite numbers phi1, phi2 and phi3"),
     ],
 )
@@ -245,6 +262,9 @@ def test_a_friction_file_may_have_lists_and_any_prefix(tmp_path: Path) -> None:
         f"phi1: {FRICTION[:, 0].tolist()}\nphi2: {FRICTION[:, 1].tolist()}\nphi3: {FRICTION[:, 2].tolist()}\n"
     )
     assert read_friction(path) == KNOWN
+    assert "breakaway" not in read_parameters(path)
+    path.write_text(path.read_text() + f"breakaway: {BREAKAWAY}\n")
+    assert read_parameters(path)["breakaway"] == BREAKAWAY
     path.write_text(
         "".join(f"left_joint{i + 1}: {{phi1: {a}, phi2: {b}, phi3: {c}}}\n" for i, (a, b, c) in enumerate(KNOWN))
     )

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+import pinocchio
 import pytest
 import simulated_arm_log as simulated
 import yaml
@@ -254,6 +255,28 @@ def test_hand_load_and_inertial_set_belong_to_the_model(data, tmp_path: Path, ca
     assert "inertials thesis" in thesis and total(thesis) > total(
         out
     )  # the sets differ in inertia alone, and the motion is slow
+
+
+def without_hand(data: simulated.Simulated) -> simulated.Simulated:
+    """The log of an arm that made the same motion without a hand."""
+    ddq = np.gradient(data.dq, data.time, axis=0)
+    needed = []
+    for hand in (True, False):
+        model = pinocchio.buildModelFromXML(panda_description.load(hand=hand, meshes=False, collision=False))
+        rest, work = np.zeros(model.nq - 7), model.createData()
+        rows = [[np.concatenate([part, rest]) for part in row] for row in zip(data.q, data.dq, ddq, strict=True)]
+        needed.append(np.array([pinocchio.rnea(model, work, *row)[:7] for row in rows]))
+    return simulated.Simulated(data.time, data.q, data.dq, data.tau - needed[0] + needed[1])
+
+
+def test_whether_the_arm_had_a_hand_is_tried_where_nobody_says(data, tmp_path: Path, capsys) -> None:
+    bare = write_csv(tmp_path / "bare.csv", columns(without_hand(data)))
+    out = called(capsys, bare, TEXT)[1]
+    assert "without hand" in out and "hand not given (--hand, --no-hand): the residual's sum is" in out
+    wrong = called(capsys, bare, TEXT, "--hand")[1]
+    assert "with hand" in wrong and "hand not given" not in wrong and total(wrong) > 2.0 * total(out)
+    right = called(capsys, write_csv(tmp_path / "arm.csv", columns(data)), TEXT)[1]
+    assert "with hand" in right and total(right) == pytest.approx(total(out), rel=0.05)
 
 
 def joint_state(

@@ -20,6 +20,7 @@ JOINTS = tuple(f"joint{i}" for i in range(1, 8))
 _NAME = re.compile(r"(?:.*_)?(joint[1-7])")
 _LAW = """\
 # tau_f = phi1 / (1 + exp(-phi2 (dq + phi3))) - phi1 / (1 + exp(-phi2 phi3)), zero at rest. phi1 [N m], phi2 [s/rad], phi3 [rad/s].
+# breakaway [N m]: what the joint withstands at rest.
 """  # noqa: E501
 
 
@@ -64,6 +65,7 @@ def friction_text(fits: Sequence[JointFriction], about: Iterable[str]) -> str:
     """Contents of such a file: a joint a line, with what the fit says of it as a comment; about: lines of its head."""
     rows = []
     for one in fits:
-        values = ", ".join(f"{name}: {value:.6f}" for name, value in zip(PHI, one.phi, strict=True))
+        named = zip((*PHI, BREAKAWAY), (*one.phi, one.breakaway), strict=True)
+        values = ", ".join(f"{name}: {value:.6f}" for name, value in named)
         rows.append(f"{one.joint}: {{{values}}}  # {one.summary()}\n")
     return "".join([*(f"# {line}\n" for line in about), _LAW, *rows])

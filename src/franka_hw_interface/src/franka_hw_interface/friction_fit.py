@@ -1,5 +1,5 @@
-"""Identifies joint friction from what a rigid-body model leaves of a log: the sigmoid of each joint by nonlinear least
-squares."""
+"""Identifies joint friction from what a rigid-body model leaves of a log: the sigmoid and the breakaway of each joint by
+nonlinear least squares."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
-from franka_hw_interface.model_check import ModelCheck, friction_torque, root_mean_square
+from franka_hw_interface.model_check import ModelCheck, bristles, friction_torque, root_mean_square
 from hric_control.geometry import FloatArray
 from hric_control.plants import Phi, sigmoid_torque
 
@@ -19,8 +19,8 @@ MIN_TIME = 0.5
 LOOSE = 0.3
 """Relative standard deviation beyond which a parameter is called loosely determined; default chosen by this project,
 unconfirmed [1]."""
-BOUNDS = ((0.0, 0.1, -1.0), (50.0, 1000.0, 1.0))
-"""Of phi1 [N m], phi2 [s/rad] and phi3 [rad/s]: far beyond what any joint has."""
+BOUNDS = ((0.0, 0.1, -1.0, 0.0), (50.0, 1000.0, 1.0, 50.0))
+"""Limits of phi1 [N m], phi2 [s/rad], phi3 [rad/s] and breakaway [N m]: far beyond what any joint has."""
 STARTS = ((1.0, 5.0, 0.0), (0.5, 30.0, 0.0))
 """Where the search begins beside the values before: a soft and a steep sigmoid, since a steep one is flat far from its
 bend."""
@@ -37,6 +37,7 @@ class JointFriction:
         speeds: lowest and highest velocity of the log [rad/s].
         rms_before, rms: residual with the values before and with phi [N m].
         fitted: False: the motion does not determine it, and phi is what it was before.
+        breakaway: of its bristle [N m].
     """
 
     joint: str
@@ -46,6 +47,7 @@ class JointFriction:
     rms_before: float
     rms: float
     fitted: bool
+    breakaway: float = 0.0
 
     def loose(self) -> list[str]:
         """Parameters that this log determines loosely: phi1 and phi2 by their relative deviation, phi3 by that of the
@@ -69,7 +71,7 @@ class JointFriction:
 
 
 def fit_friction(check: ModelCheck, before: Sequence[Phi]) -> list[JointFriction]:
-    """Fit the sigmoid, and nothing else, to what M(q) ddq + C dq + g leaves of the measured torque.
+    """Fit sigmoid and breakaway, and nothing else, to what M(q) ddq + C dq + g leaves of the measured torque.
 
     A joint that was not faster than `MOVING` for `MIN_TIME` in each direction keeps its values.
 
@@ -79,35 +81,37 @@ def fit_friction(check: ModelCheck, before: Sequence[Phi]) -> list[JointFriction
     """
     remaining = (check.signals.tau - check.rigid)[check.signals.kept]
     with_before = remaining - check.signals.low_pass(friction_torque(check.signals.dq, before))[check.signals.kept]
-    found = []
+    fits, bent = [], check.signals.low_pass(bristles(check.signals))[check.signals.kept]
     for j, joint in enumerate(check.joint_names):
         velocity = check.velocity[:, j]
         speeds, rms = (float(velocity.min()), float(velocity.max())), float(root_mean_square(with_before[:, j]))
         kept = JointFriction(joint, before[j], (np.inf,) * 3, speeds, rms, rms, False)
         moved = min((velocity > MOVING).sum(), (velocity < -MOVING).sum()) >= MIN_TIME * check.signals.rate
-        found.append(_fitted(check, j, remaining[:, j], kept) if moved else kept)
-    return found
+        fits.append(_fitted(check, j, (remaining[:, j], bent[:, j]), kept) if moved else kept)
+    return fits
 
 
-def _fitted(check: ModelCheck, j: int, remaining: FloatArray, before: JointFriction) -> JointFriction:
-    signals = check.signals
+def _fitted(check: ModelCheck, j: int, curves: tuple[FloatArray, FloatArray], before: JointFriction) -> JointFriction:
+    """Fit one joint; curves: what the rigid model leaves, and the bristle of 1 N m, shape (k,) each [N m]."""
+    signals, (remaining, bent) = check.signals, curves
 
-    def residual(phi: FloatArray) -> FloatArray:
-        return signals.low_pass(sigmoid_torque(signals.dq[:, j], tuple(phi)))[signals.kept] - remaining
+    def residual(values: FloatArray) -> FloatArray:
+        sliding = signals.low_pass(sigmoid_torque(signals.dq[:, j], tuple(values[:3])))[signals.kept]
+        return sliding + values[3] * bent - remaining
 
     low, high = np.array(BOUNDS)
-    starts = [np.clip(start, low + 1e-6, high - 1e-6) for start in (before.phi, *STARTS)]
+    starts = [np.clip((*start, 0.1), low + 1e-6, high - 1e-6) for start in (before.phi, *STARTS)]
     best = min(
-        (least_squares(residual, start, bounds=BOUNDS, x_scale=(1.0, 10.0, 0.1)) for start in starts),
+        (least_squares(residual, start, bounds=BOUNDS, x_scale=(1.0, 10.0, 0.1, 0.1)) for start in starts),
         key=lambda result: result.cost,
     )
     # Neighbouring samples of a filtered residual are correlated: 2 cut-off duration of them are independent.
-    independent = max(2.0 * signals.cutoff * signals.duration, 4.0)
-    variance = float(np.mean(best.fun**2)) * independent / (independent - 3.0)
+    independent = max(2.0 * signals.cutoff * signals.duration, 5.0)
+    variance = float(np.mean(best.fun**2)) * independent / (independent - 4.0)
     _, singular, directions = np.linalg.svd(best.jac, full_matrices=False)
     with np.errstate(divide="ignore"):
         spread = np.sqrt(variance * (len(remaining) / independent) * ((directions.T / singular) ** 2).sum(axis=1))
-    phi1, phi2, phi3 = map(float, best.x)
+    phi1, phi2, phi3, breakaway = map(float, best.x)
     rms = float(root_mean_square(best.fun))
     return replace(
         before,
@@ -115,4 +119,5 @@ def _fitted(check: ModelCheck, j: int, remaining: FloatArray, before: JointFrict
         deviation=(float(spread[0]), float(spread[1]), float(spread[2])),
         rms=rms,
         fitted=True,
+        breakaway=breakaway,
     )

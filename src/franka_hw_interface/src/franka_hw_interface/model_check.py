@@ -10,7 +10,7 @@ from franka_hw_interface.arm_log import LogError
 from franka_hw_interface.log_signals import Signals
 from franka_hw_interface.model import FrankaModel
 from hric_control.geometry import FloatArray
-from hric_control.plants import Phi, sigmoid_torque
+from hric_control.plants import Phi, bristle_torque, sigmoid_torque
 
 Counting = Callable[[range], Iterable[int]]
 """Goes through a range, and may show how far it is."""
@@ -18,6 +18,9 @@ Counting = Callable[[range], Iterable[int]]
 VALID_SCALE = (0.2, 5.0)
 """Measured torque as a multiple of the model's; beyond, it is something else. A forgotten load or another inertial set
 stays within."""
+
+COARSE = 500
+"""Instants that tell two models apart (project default, unconfirmed)."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +31,7 @@ class ModelCheck:
         joint_names: order of the columns.
         signals: the log.
         rigid: M(q) ddq + C(q, dq) dq + g(q), shape (m, j) [N m].
-        friction: friction of the model at dq, shape (m, j) [N m].
+        friction: friction of the model along the motion, shape (m, j) [N m].
     """
 
     joint_names: tuple[str, ...]
@@ -99,12 +102,28 @@ def friction_torque(dq: FloatArray, friction: Sequence[Phi] | None) -> FloatArra
     return np.column_stack([sigmoid_torque(column, phi) for column, phi in zip(dq.T, friction, strict=True)])
 
 
+def coarse_rms(model: FrankaModel, signals: Signals, friction: Sequence[Phi] | None) -> float:
+    """Return the sum over the joints of the residual's RMS [N m] on a few hundred instants, by which models are told
+    apart."""
+    kept = signals.tau[signals.kept]
+    part = slice(None, None, -(-len(kept) // COARSE))
+    q, dq, ddq, tau = (values[signals.kept][part] for values in (signals.q, signals.dq, signals.ddq, signals.tau))
+    residual = tau - inverse_dynamics(model, q, dq, ddq) - friction_torque(dq, friction)
+    return float(root_mean_square(residual).sum())
+
+
+def bristles(signals: Signals) -> FloatArray:
+    """Bristle of each joint along the log with a breakaway of 1 N m, shape (m, j) [N m]."""
+    return np.column_stack([bristle_torque(column, signals.time) for column in signals.dq.T])
+
+
 def check(
     model: FrankaModel,
     joint_names: Sequence[str],
     signals: Signals,
     friction: Sequence[Phi] | None = None,
     counting: Counting = iter,
+    breakaway: Sequence[float] = (),
 ) -> ModelCheck:
     """Compare.
 
@@ -117,12 +136,16 @@ def check(
         signals: the log, filtered.
         friction: phi1, phi2, phi3 of each joint; None: none.
         counting: goes through the instants, the part that takes time.
+        breakaway: of each joint's bristle [N m]; empty: none.
 
     Raises:
         LogError: the measured torque is not that of such an arm.
     """
     rigid = signals.low_pass(inverse_dynamics(model, signals.q, signals.dq, signals.ddq, counting))
-    checked = ModelCheck(tuple(joint_names), signals, rigid, signals.low_pass(friction_torque(signals.dq, friction)))
+    torque = friction_torque(signals.dq, friction)
+    if any(breakaway):
+        torque = torque + bristles(signals) * breakaway
+    checked = ModelCheck(tuple(joint_names), signals, rigid, signals.low_pass(torque))
     expected = rigid[signals.kept]
     scale = float((checked.measured * expected).sum() / (expected * expected).sum())
     if not VALID_SCALE[0] <= scale <= VALID_SCALE[1]:

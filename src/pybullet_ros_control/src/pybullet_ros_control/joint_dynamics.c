@@ -269,7 +269,7 @@ static void find_keep(Dynamics *self, double lean)
     for (int i = 0; i < n; i++) {
         if (self->leader[i] < 0)
             continue;
-        keep[i] = (self->inertia[i] + lean * self->slope[i]) * self->x[i] - keep[i];
+        keep[i] = (self->inertia[i] + lean * self->slope[i] + self->grip[i]) * self->x[i] - keep[i];
         for (int k = 0; k < n; k++)
             keep[i] += self->M[i * n + k] * self->x[k];
         if (self->sticking)

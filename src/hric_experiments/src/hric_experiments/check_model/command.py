@@ -30,17 +30,21 @@ def main(arguments: Sequence[str]) -> int:
     if given.fitted is not None and given.fit is None:
         raise LogError("-o names the file of a fit; valid: with --fit friction")
     source = sources.find(given)
+    friction, breakaway, named = sources.friction(given, source)
     model, description, described = sources.model(given, source)
-    friction, named = sources.friction(given, source)
     check_log(source.log, *sources.ranges(description, source.log.joint_names))
     signals = condition(source.log, given.cutoff)
+    hand = sources.try_hand(given, source, lambda other: model_check.coarse_rms(other, signals, friction))
+    if hand.given is not given:
+        model, description, described = sources.model(hand.given, source)
     counting = functools.partial(tqdm, unit=" instants", desc="model", disable=not sys.stderr.isatty(), leave=False)
-    check = model_check.check(model, source.log.joint_names, signals, friction, counting)
+    check = model_check.check(model, source.log.joint_names, signals, friction, counting, breakaway)
     about = [
         f"{source.name}: {len(source.log.time)} samples, {signals.duration:.3f} s of "
         f"{signals.time[-1] - signals.time[0]:.3f} s count",
         signals.summary(),
         f"model: {described}; friction {named}",
+        *hand.lines,
     ]
     fits = fit_friction(check, friction or sources.published()) if given.fit else []
     text = report.render(check, about) + (f"\n{report.render_fit(fits)}" if fits else "")
@@ -87,9 +91,9 @@ def _add_log(add: Callable[..., Any]) -> None:
     add("--arm-id", default="", help="prefix of the joints (default: that of the bag's only arm, else panda)")
     add("--inertials", choices=INERTIAL_SETS, help="inertial set (default: the run's, else barycentric)")
     add(
-        "--no-hand",
-        action="store_true",
-        help="the arm had no hand (default: the run's robot, else with the Franka hand)",
+        "--hand",
+        action=argparse.BooleanOptionalAction,
+        help="the arm had the Franka hand, or none (default: the run's robot, else what fits the log better)",
     )
     add(
         "--urdf",

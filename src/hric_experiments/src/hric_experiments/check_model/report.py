@@ -30,8 +30,8 @@ def render(check: ModelCheck, about: Sequence[str]) -> str:
 def render_fit(fits: Sequence[JointFriction]) -> str:
     """Fitted friction with standard deviations."""
     cells = [
-        ["joint", "phi1", "+-", "phi2", "+-", "phi3", "+-", "residual RMS"],
-        ["", "N m", "", "s/rad", "", "rad/s", "", "N m"],
+        ["joint", "phi1", "+-", "phi2", "+-", "phi3", "+-", "breakaway", "residual RMS"],
+        ["", "N m", "", "s/rad", "", "rad/s", "", "N m", "N m"],
     ]
     for one in fits:
         values = [
@@ -39,8 +39,8 @@ def render_fit(fits: Sequence[JointFriction]) -> str:
             for pair in zip(one.phi, one.deviation, strict=True)
             for text in (f"{pair[0]:.4f}", f"{pair[1]:.1g}" if one.fitted else "-")
         ]
-        cells.append([one.joint, *values, f"{one.rms:.3f}"])
-    cells.append(["sum", *[""] * 6, f"{sum(one.rms for one in fits):.3f}"])
+        cells.append([one.joint, *values, f"{one.breakaway:.3f}", f"{one.rms:.3f}"])
+    cells.append(["sum", *[""] * 7, f"{sum(one.rms for one in fits):.3f}"])
     notes = [f"{one.joint}: {one.summary()}" for one in fits if not one.fitted or one.loose()]
     return (
         "\n".join(

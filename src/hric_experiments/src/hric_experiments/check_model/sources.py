@@ -2,23 +2,25 @@
 and the run."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import panda_description
 from franka_hw_interface.arm_log import ArmLog, LogError
-from franka_hw_interface.friction_file import JOINTS, read_friction
+from franka_hw_interface.friction_file import JOINTS, read_parameters
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from hric_bags.run_folder import runs_root
-from hric_control.plants import Phi, sigmoid_parameters
+from hric_control.plants import Phi, breakaways, sigmoid_parameters
 from hric_control.plants.resources import read_description
 from hric_control.urdf import read
 from hric_experiments.check_model import csv_log
 
 FRICTIONS = ("none", "identified")
 PANDA = "panda"
+CLEARLY = 0.7
+"""Share of the residual that the other model has at most, to be the right one (project default, unconfirmed)."""
 
 
 @dataclass(frozen=True)
@@ -97,18 +99,59 @@ def model(given: argparse.Namespace, source: Source) -> tuple[KdlFrankaModel, st
 
 def _description(given: argparse.Namespace, source: Source, arm_id: str) -> tuple[str, str, Sequence[float] | None]:
     """URDF, what to call it, and gravity in the base where the URDF does not have its mounting [m/s^2]."""
-    own = given.inertials is not None or given.no_hand
+    own = given.inertials is not None or given.hand is not None
     if given.urdf is not None:
         if own:
-            raise LogError("--urdf brings its own inertials and hand; valid: without --inertials and --no-hand")
+            raise LogError("--urdf brings its own inertials and hand; valid: without --inertials, --hand and --no-hand")
         return read_description(given.urdf), given.urdf.name, None
     if source.urdf and not own:
         return source.urdf, "robot.urdf of the run", None
-    hand = not given.no_hand and (not source.urdf or f'"{arm_id}_hand"' in source.urdf)
+    hand = _has_hand(source, arm_id) if given.hand is None else given.hand
     name = given.inertials or "barycentric"
     text = panda_description.load(arm_id=arm_id, hand=hand, inertials=name, meshes=False, collision=False)
     mounted = KdlFrankaModel(source.urdf, arm_id).gravity_base.tolist() if source.urdf else None
     return text, f"inertials {name}, {'with' if hand else 'without'} hand", mounted
+
+
+def _has_hand(source: Source, arm_id: str) -> bool:
+    """Return True if the run's robot has the hand, or nothing is known of the robot."""
+    return not source.urdf or f'"{arm_id}_hand"' in source.urdf
+
+
+@dataclass(frozen=True)
+class HandTrial:
+    """Outcome of a trial of the model with and without the hand.
+
+    Attributes:
+        given: arguments of the model to take.
+        lines: what to say of it.
+    """
+
+    given: argparse.Namespace
+    lines: tuple[str, ...] = ()
+
+
+def try_hand(
+    given: argparse.Namespace, source: Source, coarse_rms: Callable[[KdlFrankaModel], float]
+) -> HandTrial:
+    """Try the model with and without the hand where the arguments do not say which: take the one that fits a log of an
+    unknown arm, and warn where the other one fits better than the run's robot.
+
+    Args:
+        coarse_rms: gives the residual of a model [N m].
+    """
+    if given.hand is not None or given.urdf is not None:
+        return HandTrial(given)
+    with_hand = _has_hand(source, source.log.joint_names[0].removesuffix("joint1").rstrip("_"))
+    other = argparse.Namespace(**{**vars(given), "hand": not with_hand})
+    own_rms, other_rms = (coarse_rms(model(arguments, source)[0]) for arguments in (given, other))
+    better = other_rms < CLEARLY * own_rms
+    names = ("with the hand", "without a hand") if with_hand else ("without a hand", "with the hand")
+    sums = f"the residual's sum is {own_rms:.3g} N m {names[0]}, {other_rms:.3g} {names[1]}"
+    if source.urdf:
+        option = "--no-hand" if with_hand else "--hand"
+        return HandTrial(given, (f"WARNING: {sums}: try {option}, or hand:= of the run was wrong",) if better else ())
+    return HandTrial(other if better else given, (f"hand not given (--hand, --no-hand): {sums}",))
 
 
 def _loaded(made: KdlFrankaModel, load: Sequence[float] | None) -> str:
@@ -135,15 +178,15 @@ def published() -> list[Phi]:
     return sigmoid_parameters(values, list(values))
 
 
-def friction(given: argparse.Namespace, source: Source) -> tuple[list[Phi] | None, str]:
-    """Friction of the model (None: none), and what to call it.
+def friction(given: argparse.Namespace, source: Source) -> tuple[list[Phi] | None, list[float], str]:
+    """Sigmoid of each joint (None: none), its breakaway [N m], and what to call this friction.
 
     Raises:
         HricError: a file that cannot be used.
     """
     chosen = given.friction or source.friction
     if chosen == "none":
-        return None, "none"
+        return None, [], "none"
     if chosen != "identified":
         path = Path(chosen).expanduser()
         if not path.is_file():
@@ -151,7 +194,10 @@ def friction(given: argparse.Namespace, source: Source) -> tuple[list[Phi] | Non
                 f"--friction {chosen}: no such file; valid: {', '.join(FRICTIONS)}, or a YAML file as --fit friction "
                 "writes it"
             )
-        return read_friction(path), f"of {path.name}"
-    if given.friction is None and source.simulated:
-        return sigmoid_parameters(source.simulated, source.log.joint_names), "identified, as it acted in the simulation"
-    return published(), "identified (published values)"
+        parameters, joints, name = read_parameters(path), JOINTS, f"of {path.name}"
+    elif given.friction is None and source.simulated:
+        parameters, joints = source.simulated, source.log.joint_names
+        name = "identified, as it acted in the simulation"
+    else:
+        return published(), [], "identified (published values)"
+    return sigmoid_parameters(parameters, joints), breakaways(parameters, joints), name
