@@ -78,6 +78,8 @@ def likely_unit(value: Any, unit: str, low: float, high: float) -> str:
     """
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < NEVER_MEANT:
         return ""
+    if abs(value) <= min(high, largest(unit)):  # too small, or of the wrong sign: of that no unit is the reason
+        return ""
     for single in _SEPARATORS.split(unit):
         for other, size in MAGNITUDES[single].others.items() if single in MAGNITUDES else ():
             if low <= value * size <= min(high, largest(single)):
