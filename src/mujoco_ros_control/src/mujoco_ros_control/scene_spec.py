@@ -18,8 +18,8 @@ from hric_control.errors import DescriptionError
 from hric_control.geometry import FloatArray, MassProperties, quaternion_from_rotation
 from hric_control.meshes.canonical import hull_of
 from hric_control.plants import Losses, Model, Surface, combine, masked
-from hric_control.plants.bodies import moving_body
 from hric_control.plants.faces import Solid
+from hric_control.plants.models import moving_body
 from hric_control.urdf import ONE_COORDINATE, Joint, Shape, mimic_laws, solids
 
 _GEOMS = mujoco.mjtGeom

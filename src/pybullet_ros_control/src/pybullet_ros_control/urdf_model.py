@@ -23,7 +23,7 @@ from hric_control.errors import DescriptionError
 from hric_control.geometry import FloatArray, MassProperties, homogeneous
 from hric_control.geometry.transforms import inverse
 from hric_control.meshes.canonical import hull_of, mesh_of, obj_text
-from hric_control.plants.bodies import moving_body
+from hric_control.plants.models import moving_body
 from hric_control.urdf import (
     ONE_COORDINATE,
     Joint,

@@ -11,7 +11,7 @@ import numpy as np
 
 from hric_control.errors import DescriptionError
 from hric_control.geometry import MassProperties, judge
-from hric_control.plants.bodies import as_point
+from hric_control.plants.models import as_point
 
 # Tensors are written with few digits: a thin rod or a plate may miss the inequality by this part of its largest moment.
 # Project default, unconfirmed.

@@ -10,7 +10,7 @@ import numpy as np
 
 from hric_control.errors import DescriptionError, UnknownNameError
 from hric_control.geometry import MassProperties
-from hric_control.plants.bodies import moving_body
+from hric_control.plants.models import moving_body
 from hric_control.urdf import ONE_COORDINATE, Joint, Link, Robot
 from hric_control.urdf.mass_matrix import mass_matrix
 from urdf_to_osim import friction, inertia

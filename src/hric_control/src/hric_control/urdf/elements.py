@@ -21,8 +21,8 @@ DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORE
 def parse(document: str | bytes) -> Element:
     """Return the `<robot>` element of a document, with numbers as they are written.
 
-    Tags and attributes keep their prefix: a namespace means nothing, declared or not, as in urdfdom. What stands before
-    an XML declaration is passed over if it is blank.
+    Tags and attributes keep their prefix: a namespace means nothing, declared or not, as in urdfdom. Blank
+    text before an XML declaration is passed over.
 
     Args:
         document: text, or the bytes of a file, whose encoding is that of its declaration.
