@@ -54,6 +54,23 @@ def test_what_arrives_while_the_recorder_stands_is_in_the_bag_when_it_goes_on(ro
         )  # type: ignore[attr-defined]
 
 
+@pytest.mark.parametrize(("address", "local"), [("127.0.0.1", True), ("localhost", True), ("", False)])
+def test_it_listens_on_loopback_where_ros_is_and_elsewhere_if_ros_is(
+    ros: str,  # noqa: F811
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    address: str,
+    local: bool,
+) -> None:
+    monkeypatch.delenv("ROS_IP")
+    monkeypatch.setenv("ROS_HOSTNAME", address) if address else monkeypatch.delenv("ROS_HOSTNAME", raising=False)
+    recorder = record(tmp_path / "local.bag", ["/local"])
+    shown = subprocess.run(["ss", "-ltunpH"], capture_output=True, text=True, check=True).stdout
+    recorder.stop()
+    bound = [line.split()[4] for line in shown.splitlines() if f"pid={recorder.pid}," in line]
+    assert len(bound) >= 2 and all(place.startswith("127.0.0.1:") for place in bound) == local
+
+
 def test_all_topics_but_the_excluded_are_recorded_also_those_that_come_later(ros: str, tmp_path: Path) -> None:  # noqa: F811
     first, hidden = advertise("/all/first", UInt32), advertise("/all/hidden/one", UInt32)
     recorder = record(tmp_path / "all.bag", [], exclude="/all/hidden/.*|/rosout.*")

@@ -1,8 +1,11 @@
 """Emulated EMG over a real LSL outlet, read by the real inlet: stamps, numbers, restarts."""
 
 import os
+import socket
 import time
 from collections.abc import Callable
+from contextlib import closing, suppress
+from ipaddress import ip_address
 
 import numpy as np
 import pytest
@@ -82,6 +85,20 @@ def numbers(chunks: list[Chunk]) -> np.ndarray:
 
 def codes(chunks: list[Chunk]) -> np.ndarray:
     return np.concatenate([chunk.data[:, -1] for chunk in chunks])
+
+
+def test_every_socket_of_a_session_is_on_loopback(rig: Rig) -> None:
+    device, _ = rig.device()
+    device.start()
+    wait(lambda: rig.chunks)
+    bound = []
+    for file in os.listdir("/proc/self/fd"):
+        with suppress(OSError), closing(socket.socket(fileno=os.dup(int(file)))) as one:
+            if one.family in (socket.AF_INET, socket.AF_INET6):
+                bound.append(one.getsockname()[:2])
+    device.close()
+    assert len(bound) > 4
+    assert [(host, port) for host, port in bound if port and not ip_address(host).is_loopback] == []
 
 
 def test_stamps_are_the_times_of_the_samples_and_none_is_missing(rig: Rig) -> None:
