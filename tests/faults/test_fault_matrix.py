@@ -1,0 +1,332 @@
+"""Every command against every fault: full and broken disk, no more files, SIGKILL, a flipped bit. Each ends with one
+line and the documented exit code, and leaves nothing half-written; what was complete stays readable.
+
+A command that is new is in by itself, with the words of `DEFAULT`. All cells of the default run share one process that
+has loaded the commands, and each is a fork of it (cells.py); faults come from shim.c. The documented codes: 0 done, 1
+failed, 2 a mistake or an input that cannot be read, 3 and 4 findings or unfinished runs.
+"""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet
+import pytest
+import yaml
+
+from hric_bags.run_folder import RunFolder
+from hric_experiments.cli import COMMANDS
+
+pytestmark = pytest.mark.alone
+
+HERE = Path(__file__).resolve().parent
+SOURCES = HERE.parents[1] / "src"
+ENOSPC, EIO, EMFILE = "No space left on device", "Input/output error", "Too many open files"
+
+NODES = {
+    *("experiment", "recorder", "spawn", "supervisor", "robot", "spawner", "unspawner", "controller_manager"),
+    *("franka_gripper", "control_box", "emulated_arm", "emulated_motive", "natnet_client", "body", "camera", "emg"),
+    *("emulated_emg", "emulated_human", "emulated_plate", "force_plate", "live_plot", "live_view", "person"),
+    *("synchronizer", "synchronizer_cpp", "calibrate"),
+}
+"""Programs that need a master or wait for a peer: their faults are in tests/integration/test_killed.py."""
+NO_FILES = {"check_workstation", "schema"}
+"""Commands that neither read nor write a file of the user: of them standard output alone can fail."""
+DEFAULT = ["run"]
+RECIPES: dict[str, list[str]] = {
+    "run": ["pd_step", "duration:=0.2", "--runs", ".", "--quiet", "--no-figures"],
+    "run study": ["study.yaml", "--runs", ".", "--quiet", "--no-figures"],
+    "report": ["run", "--no-figures"],
+    "report figures": ["run", "--html"],
+    "compare": ["run", "run", "--output", "compared", "--no-figures"],
+    "export": ["run", "--format", "npz", "csv", "parquet", "bag", "sto", "--quiet"],
+    "export anonymised": ["run", "--format", "csv", "bag", "--anonymise", "--quiet"],
+    "health salvage": ["cut.bag", "--salvage", "--quiet"],
+    "describe": ["robot", "own.yaml"],
+    "list": [],
+    "schema": [],
+    "check_workstation": ["--help"],
+    "check_model": ["long", "--out", "checked", "--no-figures"],
+    "muscle_load": ["person", "--output", "load"],
+    "measure_stops": ["--speeds", "0.2", "--loads", "0", "-o", "stops.yaml"],
+    "speed_map": ["--x", "0.4", "0.5", "1", "--y", "0", "0.1", "1", "--z", "0.3", "0.4", "1", "-o", "map"],
+    "approaches": ["--count", "1", "--jobs", "1", "--output", "approaches.jsonl"],
+    "benchmark": ["--definition", "benchmark.yaml", "--without-references", "own_controller.yaml", "--jobs", "1",
+                  "--runs", ".", "--quiet"],
+    "sweep": ["sweep.yaml", "--jobs", "1", "--runs", ".", "--quiet"],
+    "fit_muscles": ["nobody.osim"],
+    "urdf": [],
+    "inertials": [],
+    "picture": ["nobody.osim", "nobody.png"],
+    "urdf_to_osim": ["run/robot.urdf", "-o", "model.osim"],
+    "xacro": ["run/robot.urdf"],
+}  # fmt: skip
+"""Words of each command, or of another form of it, in a folder with what `given` makes."""
+COSTLY = {
+    "sweep",
+    "benchmark",
+    "approaches",
+    "measure_stops",
+    "speed_map",
+    "report figures",
+    "run study",
+    "fit_muscles",
+}
+"""Of these the default run has the first fault alone that fits."""
+
+FAULTS: dict[str, dict[str, str]] = {
+    "nothing": {},
+    "disk full at once": {"FAULT_CALL": "write", "FAULT_NTH": "1", "FAULT_ERRNO": "28"},
+    "disk full later": {"FAULT_CALL": "write", "FAULT_NTH": "4", "FAULT_ERRNO": "28"},
+    "disk broken": {"FAULT_CALL": "write", "FAULT_NTH": "2", "FAULT_ERRNO": "5"},
+    "disk unreadable": {"FAULT_CALL": "read", "FAULT_NTH": "2", "FAULT_ERRNO": "5"},
+    "no more files": {"FAULT_CALL": "open", "FAULT_NTH": "3", "FAULT_ERRNO": "24"},
+    "killed": {"FAULT_CALL": "write", "FAULT_NTH": "3", "FAULT_ERRNO": "0"},
+    "flipped bit in run.yaml": {"FLIP": "run.yaml"},
+    "flipped bit in the bag": {"FLIP": "*.bag"},
+    "flipped bit in metrics.json": {"FLIP": "metrics.json"},
+}
+MESSAGES = {"28": ENOSPC, "5": EIO, "24": EMFILE}
+INPUTS = {"run", "long", "person", "cut.bag"}
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A command, or a form of it, and a fault."""
+
+    command: str
+    fault: str
+
+    @property
+    def program(self) -> Path:
+        """File of the command's node."""
+        (path,) = SOURCES.glob(f"*/nodes/{self.command.split()[0]}")
+        return path
+
+    @property
+    def words(self) -> list[str]:
+        """Words after the command."""
+        return RECIPES.get(self.command, DEFAULT)
+
+    @property
+    def fits(self) -> bool:
+        """False where there is nothing that the fault could hit."""
+        reads = INPUTS & set(self.words)
+        if "flipped" in self.fault:
+            return bool(reads) and not ("metrics" in self.fault and "cut.bag" in self.words)
+        return self.command not in NO_FILES or self.fault == "disk full at once" or self.fault == "nothing"
+
+
+def commands() -> list[str]:
+    """Names of all commands, and their further forms."""
+    programs = {path.name for path in SOURCES.glob("*/nodes/*")}
+    assert programs >= set(COMMANDS) and programs >= NODES
+    return sorted(programs - NODES | set(RECIPES))
+
+
+def cells() -> Iterator[Any]:
+    """The matrix; what costs much is in the default run once for each command."""
+    for command in commands():
+        fitting = [cell for fault in FAULTS if (cell := Cell(command, fault)).fits]
+        quick = [cell for cell in fitting if command not in COSTLY or cell.fault in ("disk full later",)]
+        for cell in fitting:
+            marks = [] if cell in quick else [pytest.mark.slow]
+            yield pytest.param(cell, id=f"{command}, {cell.fault}", marks=marks)
+
+
+@dataclass(frozen=True)
+class Ended:
+    """A cell that has run.
+
+    Attributes:
+        folder: in which it ran.
+        code: exit code, or minus the signal that killed it.
+        lines: of stderr, without progress.
+        hit: whether the fault came to pass.
+        spent: processor time [s].
+    """
+
+    folder: Path
+    code: int
+    lines: list[str]
+    hit: bool
+    spent: float
+
+
+SHORT = {"duration:=0.2"}
+
+
+@pytest.fixture(scope="session")
+def given(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder with a run of 0.2 s, one with a person, a longer one, a bag that was cut off, and files."""
+    from hric_experiments import cli
+
+    folder = tmp_path_factory.mktemp("given")
+    options = ["--runs", str(folder / "made"), "--quiet", "--no-figures"]
+    for name, words in (
+        ("run", ["pd_step", "duration:=0.2"]),
+        ("person", ["co_transport", "duration:=0.3"]),
+        ("long", ["pd_step", "duration:=2.7"]),
+    ):
+        assert cli.COMMANDS["run"]([*words, *options]) == 0
+        made = (folder / "made" / "latest").resolve()
+        shutil.move(made, folder / name)
+    shutil.rmtree(folder / "made")
+    (bag,) = (folder / "run").glob("*.bag")
+    (folder / "cut.bag").write_bytes(bag.read_bytes()[: bag.stat().st_size * 2 // 3])
+    (folder / "own.yaml").write_text(yaml.safe_dump({"extends": "pd_step", "changes": ["duration:=0.2"]}))
+    write_definitions(folder)
+    return folder
+
+
+def write_definitions(folder: Path) -> None:
+    """Files of a study, a sweep and a benchmark with runs of 0.2 s."""
+    form = {"experiment": "pd_step", "changes": ["duration:=0.2"], "runs": {"a": [], "b": ["kp:=150"]}}
+    study = {"description": "two gains", "forms": {"gains": form}}
+    (folder / "study.yaml").write_text(yaml.safe_dump(study))
+    kp = {
+        "paths": ["parameters.joint_pd_controller.kp"],
+        "unit": "N m/rad",
+        "text": "gain",
+        "distribution": {"kind": "uniform", "low": 100.0, "high": 200.0},
+    }
+    error = {"path": "setpoints.0.final_error_max", "unit": "rad", "text": "error"}
+    sweep = {"vary": {"kp": kp}, "sampler": {"kind": "random"}, "runs": 2, "outputs": {"error": error}}
+    head = {"description": "gains", "extends": "pd_step", "changes": ["duration:=0.2"]}
+    (folder / "sweep.yaml").write_text(yaml.safe_dump({**head, "sweep": sweep}))
+    content = yaml.safe_load((SOURCES / "hric_experiments/config/benchmark/collaborations.yaml").read_text())
+    one = content["collaborations"]["hand_guidance"]
+    one["changes"] = [*(text for text in one["changes"] if not text.startswith("duration")), "duration:=0.2"]
+    content |= {"collaborations": {"hand_guidance": one}, "seeds": [0]}
+    content["population"]["bodies"] = {"p50": content["population"]["bodies"]["p50"]}
+    (folder / "benchmark.yaml").write_text(yaml.safe_dump(content))
+    controller = {"description": "as it is", "changes": {"hand_guidance": ["duration:=0.2"]}}
+    (folder / "own_controller.yaml").write_text(yaml.safe_dump(controller))
+
+
+@pytest.fixture(scope="session")
+def shim(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The preload library, built."""
+    path = tmp_path_factory.mktemp("shim") / "shim.so"
+    subprocess.run(["cc", "-shared", "-fPIC", "-O2", "-o", path, HERE / "shim.c", "-ldl"], check=True)
+    return path
+
+
+@pytest.fixture(scope="session")
+def ended(
+    request: pytest.FixtureRequest, given: Path, shim: Path, tmp_path_factory: pytest.TempPathFactory
+) -> dict[Cell, Ended]:
+    """All cells of this test run, run."""
+    items = [item for item in request.session.items if item.path == Path(__file__) and hasattr(item, "callspec")]
+    chosen = dict.fromkeys(item.callspec.params["cell"] for item in items if "cell" in item.callspec.params)
+    root = tmp_path_factory.mktemp("cells")
+    requests = [prepared(cell, root / str(number), given) for number, cell in enumerate(chosen)]
+    environment = os.environ | {"LD_PRELOAD": str(shim), "OPENBLAS_NUM_THREADS": "1", "MPLBACKEND": "agg"}
+    done = subprocess.run(
+        [sys.executable, str(HERE / "cells.py")],
+        input=json.dumps(requests),
+        capture_output=True,
+        text=True,
+        env=environment,
+    )
+    assert done.returncode == 0, done.stderr
+    found = {}
+    for cell, asked, (code, spent) in zip(chosen, requests, json.loads(done.stdout), strict=True):
+        lines = [line for line in Path(asked["stderr"]).read_text().splitlines() if not re.search(r", step \d", line)]
+        found[cell] = Ended(Path(asked["folder"]), code, lines, Path(asked["hit"]).exists(), spent)
+    return found
+
+
+def prepared(cell: Cell, root: Path, given: Path) -> dict[str, Any]:
+    """Request to run a cell, in a folder of its own."""
+    folder = root / "here"
+    shutil.copytree(given, folder, symlinks=True)
+    fault = dict(FAULTS[cell.fault])
+    if pattern := fault.pop("FLIP", ""):
+        flip(folder, cell, pattern)
+    if fault:
+        config = ":".join(map(str, SOURCES.glob("*/config"))) if fault["FAULT_CALL"] != "write" else ""
+        fault |= {"FAULT_UNDER": f"{folder}:{config}", "FAULT_HIT": str(root / "hit")}
+    own = {"HRIC_RUNS": str(folder), "HOME": str(folder / "home"), "XDG_CACHE_HOME": str(folder / "home")}
+    return {
+        "program": str(cell.program),
+        "words": cell.words,
+        "folder": str(folder),
+        "environment": own | fault,
+        "stderr": str(root / "stderr.txt"),
+        "hit": str(root / "hit"),
+        "timeout": 120.0,
+    }
+
+
+def flip(folder: Path, cell: Cell, pattern: str) -> None:
+    """Flip a bit in the middle of each file that the command reads."""
+    for name in INPUTS & set(cell.words):
+        paths = [folder / name] if name.endswith(".bag") else list((folder / name).glob(pattern))
+        for path in paths:
+            content = bytearray(path.read_bytes())
+            content[len(content) // 2] ^= 0x10
+            path.write_bytes(content)
+
+
+READERS: dict[str, Callable[[Path], object]] = {
+    ".json": lambda path: json.loads(path.read_text()),
+    ".yaml": lambda path: yaml.safe_load(path.read_text()),
+    ".npz": lambda path: [array.shape for array in np.load(path).values()],
+    ".parquet": pyarrow.parquet.read_table,
+    ".csv": lambda path: path.read_text().splitlines()[-1],
+}
+"""How a file is read to its end, by its ending."""
+
+
+def half_written(folder: Path, flipped: str) -> list[str]:
+    """Files that are there by their own name and cannot be read."""
+    found = []
+    for path in folder.rglob("*"):
+        visible = not any(part.startswith(".") for part in path.relative_to(folder).parts)
+        if visible and path.is_file() and path.suffix in READERS and not (flipped and path.match(flipped)):
+            try:
+                READERS[path.suffix](path)
+            except Exception as error:
+                found.append(f"{path.relative_to(folder)}: {error}")
+    return found
+
+
+@pytest.mark.parametrize("cell", cells())
+def test_a_fault_is_one_line_and_the_right_code_and_nothing_is_half_written(
+    cell: Cell, ended: dict[Cell, Ended]
+) -> None:
+    result = ended[cell]
+    said = "\n".join(result.lines)
+    assert "Traceback" not in said and "Exception ignored" not in said, said
+    fault = FAULTS[cell.fault]
+    if cell.fault == "killed" and result.hit:
+        assert result.code == -9, said
+    elif fault.get("FAULT_ERRNO") and result.hit:
+        message = MESSAGES[fault["FAULT_ERRNO"]]
+        assert result.code in (1, 2, 3, 4) if fault["FAULT_CALL"] != "write" else result.code in (1, 3), said
+        assert len(result.lines) == 1 and message in said, said
+    elif cell.fault == "nothing" or fault.get("FAULT_ERRNO"):
+        assert result.code in (0, 3, 4) or not {"nobody.osim"}.isdisjoint(cell.words), said
+    else:
+        assert result.code in (0, 1, 2, 3, 4) and len(result.lines) <= 1, said
+    assert half_written(result.folder, fault.get("FLIP", "")) == []
+    for path in result.folder.glob("*/run.yaml"):
+        if not fault.get("FLIP"):
+            assert RunFolder(path.parent).read().get("status") != "running", path
+
+
+def test_what_the_matrix_has(ended: dict[Cell, Ended], record_property: Callable[[str, object], None]) -> None:
+    record_property("cells", len(ended))
+    assert {cell.command for cell in ended} == set(commands())
+    assert {cell.fault for cell in ended} == set(FAULTS)
+    hits: Sequence[Cell] = [cell for cell, result in ended.items() if result.hit]
+    assert {cell.fault for cell in hits} == {name for name, fault in FAULTS.items() if "FAULT_ERRNO" in fault}
