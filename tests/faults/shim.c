@@ -63,7 +63,7 @@ static int fails_at(const char* call, int file)
     return 0;
   snprintf(link, sizeof link, "/proc/self/fd/%d", file);
   const ssize_t length = readlink(link, path, sizeof path - 1);
-  if (length < 0)
+  if (length < 0 || path[0] != '/')  // a pipe or a socket
     return 0;
   path[length] = 0;
   return fails(call, path);

@@ -9,6 +9,7 @@ from typing import Any, Protocol
 
 from rosbags.highlevel import AnyReader, AnyReaderError
 from rosbags.interfaces import Connection
+from rosbags.rosbag1.reader import ReaderError
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 from tqdm import tqdm
@@ -169,7 +170,15 @@ class PartsReader(AnyReader):
         start: int | None = None,
         stop: int | None = None,
     ) -> Generator[Any, None, None]:
-        """Yield messages as AnyReader does, each once."""
+        """Yield messages as AnyReader does, each once. Raises AnyReaderError where the bag is damaged."""
+        try:
+            yield from self._messages(connections, start, stop)
+        except ReaderError as error:
+            raise AnyReaderError(*error.args) from error
+
+    def _messages(
+        self, connections: Collection[Connection], start: int | None, stop: int | None
+    ) -> Generator[Any, None, None]:
         if len(self.readers) == 1:
             yield from self.readers[0].messages(connections, start, stop)
             return

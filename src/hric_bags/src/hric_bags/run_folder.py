@@ -76,7 +76,8 @@ class RunFolder:
             root.mkdir(parents=True, exist_ok=True)
             folder = _make_unique(root, name)
         except OSError as error:
-            raise RunFolderError(f"cannot make a run folder in {root}: {error.strerror or error}") from error
+            with failing():
+                raise RunFolderError(f"cannot make a run folder in {root}: {error.strerror or error}") from error
         made = cls(folder)
         if (lock := _lock(folder)) is not None:
             made._release = weakref.finalize(made, os.close, lock)

@@ -37,6 +37,12 @@ class FailureError(HricError):
     exit_code = FAILURE
 
 
+def refused_by_system(error: OSError) -> FailureError:
+    """Return the error for what the system refused: its reason, and the file where the system names one."""
+    where = f"{error.filename}: " if error.filename else ""
+    return FailureError(f"{where}{error.strerror or error}")
+
+
 @contextmanager
 def failing() -> Iterator[None]:
     """What goes wrong within is a failure, whatever its type: the user's words were accepted before."""

@@ -15,7 +15,7 @@ from contextlib import contextmanager, suppress
 from functools import partial
 from typing import Any
 
-from hric_control.errors import FAILURE, HricError
+from hric_control.errors import HricError, refused_by_system
 
 INTERRUPTED_CODE = 130
 """Exit code of a command that Ctrl-C ended, as shells have it."""
@@ -117,18 +117,28 @@ def run_command(
         the exit code: of the work, or of the HricError; FAILURE where the system refused a file or a socket.
     """
     try:
-        return work() or 0
+        try:
+            code = work() or 0
+            _flush()
+            return code
+        except OSError as error:
+            if error.errno is None or error.errno == errno.EPIPE:
+                raise
+            raise refused_by_system(error) from error
     except HricError as error:
         (report or partial(print, file=sys.stderr))(f"{name}: {error}")
         return error.exit_code
-    except OSError as error:
-        if error.errno is None or error.errno == errno.EPIPE:
-            raise
-        where = f"{error.filename}: " if error.filename else ""
-        (report or partial(print, file=sys.stderr))(f"{name}: {where}{error.strerror}")
-        return FAILURE
     except KeyboardInterrupt:
         return interrupted
+
+
+def _flush() -> None:
+    """Write what was printed. Where that cannot be, Python does not try it once more at the end of the process."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise
 
 
 def run_server(name: str, work: Callable[[], None], report: Callable[[str], object] | None = None) -> int:

@@ -179,7 +179,7 @@ def process_xacro(path: Path, mappings: dict[str, str]) -> minidom.Document:
         try:
             document: minidom.Document = xacro.process_file(str(path), mappings=mappings)
         except (xacro.XacroException, ExpatError) as error:
-            raise DescriptionError(f"{path.name}: {error}") from error
+            raise DescriptionError(f"{path.name}: {'; '.join(str(error).splitlines())}") from error
     return document
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from hric_control.errors import CommandError, ParameterError
+from hric_control.errors import CommandError, ParameterError, failing
 from urdf_to_osim.converter import Conversion
 from urdf_to_osim.geometry import lay, refer
 
@@ -50,7 +50,8 @@ def write(
         with tempfile.TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent) as name:
             return _write(conversion, path, Path(name), check, cache)
     except OSError as error:
-        raise CommandError(f"output {path} cannot be written: {error.strerror or error} ({error.filename})") from error
+        with failing():
+            raise CommandError(f"output {path} cannot be written: {error.strerror or error}") from error
 
 
 def _write(

@@ -20,7 +20,7 @@ from hric_assessment.verdict.moment import picture
 from hric_assessment.verdict.result import Verdict
 from hric_bags import files
 from hric_bags.run_folder import runs_root
-from hric_control.errors import MISTAKE, HricError, check_known
+from hric_control.errors import MISTAKE, HricError, check_known, refused_by_system
 
 FILE = "verdict.json"
 SEVERITY = (0, 4, 1)
@@ -41,6 +41,8 @@ def run(arguments: Sequence[str]) -> int:
     except HricError as error:
         error.exit_code = MISTAKE  # whatever failed: 1 is "above limits"
         raise
+    except OSError as error:
+        raise HricError(str(refused_by_system(error))) from error
     except Exception as error:
         where = traceback.extract_tb(error.__traceback__)[-1]
         print(

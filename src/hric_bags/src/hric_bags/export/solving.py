@@ -11,7 +11,7 @@ from hric_bags import files
 from hric_bags.export.exporting import Request, export
 from hric_bags.export.recording import Source
 from hric_bags.export.table import ExportError, Table
-from hric_control.errors import HricError
+from hric_control.errors import HricError, failing
 
 
 class SolveError(HricError):
@@ -45,7 +45,8 @@ def exported(source: Source, kind: str, topic: str) -> Path:
     name = topic.strip("/").replace("/", ".")
     result = export(source, Request((kind,)))
     if kind in result.failures:
-        raise ExportError(result.failures[kind])
+        with failing():
+            raise ExportError(result.failures[kind])
     return next(path for path in result.files[kind] if path.name == f"{name}.{kind}")
 
 

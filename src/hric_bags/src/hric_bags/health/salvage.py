@@ -8,7 +8,7 @@ from typing import Any
 
 from hric_bags.chunked_writer import ChunkedWriter
 from hric_bags.health.bag_records import BagScan, Connection
-from hric_control.errors import HricError
+from hric_control.errors import HricError, failing
 
 ACTIVE, DAMAGED = ".active", ".damaged"
 
@@ -58,7 +58,8 @@ def salvage(path: Path) -> Salvaged:
             path.rename(original)
         temporary.rename(target)
     except OSError as error:
-        raise SalvageError(f"cannot salvage {path}: {error.strerror or error}") from error
+        with failing():
+            raise SalvageError(f"cannot salvage {path}: {error.strerror or error}") from error
     finally:
         temporary.unlink(missing_ok=True)
     return Salvaged(target, original, messages, scan.doubtful)

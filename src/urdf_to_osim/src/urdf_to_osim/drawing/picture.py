@@ -7,7 +7,7 @@ from pathlib import Path
 
 import opensim
 
-from hric_control.errors import HricError, ParameterError
+from hric_control.errors import FailureError, ParameterError
 from hric_control.kept import write_whole
 from hric_control.processes import run_command
 from urdf_to_osim.decorations import Look, load_scene
@@ -34,7 +34,7 @@ def picture(osim: Path, png: Path, pose: Mapping[str, float] | None = None, look
     try:
         write_whole(png, image)
     except OSError as error:
-        raise HricError(f"cannot write {png}: {error.strerror}") from error
+        raise FailureError(f"cannot write {png}: {error.strerror}") from error
     return scene.missing
 
 
