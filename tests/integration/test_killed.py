@@ -10,7 +10,9 @@ from typing import Any
 
 import pytest
 import yaml
-from live_system import LiveSystem, wait_for
+from live_system import ROOT, LiveSystem, wait_for
+
+from hric_bags.run_folder import RunFolder
 
 pytestmark = pytest.mark.alone
 Start = Callable[..., LiveSystem]
@@ -19,11 +21,11 @@ ENDS = 60.0
 """A bring-up that is stuck is not over by then [s]."""
 
 
-def kill(system: LiveSystem, program: str) -> None:
-    """End one process of a bring-up by SIGKILL."""
+def send(system: LiveSystem, program: str, number: signal.Signals) -> None:
+    """Send a signal to one process of a bring-up."""
     pids = [pid for pid, command in system.processes().items() if re.search(program, command)]
     assert len(pids) == 1, system.processes()
-    os.kill(pids[0], signal.SIGKILL)
+    os.kill(pids[0], number)
 
 
 @pytest.mark.parametrize(
@@ -42,9 +44,35 @@ def test_what_was_killed_is_in_run_yaml_and_nothing_outlives_the_bring_up(
     system = start("env:=sim", "rviz:=false", "record:=true", "controller:=none", "hand:=false")
     system.wait_output("  ready ")
     folder: Path = system.run_folder
-    kill(system, program)
+    send(system, program, signal.SIGKILL)
     assert system.wait(ENDS) not in (0, 2)
     wait_for(lambda: system.processes() == {}, 10.0, "the end of all processes")
     run: dict[str, Any] = yaml.safe_load((folder / "run.yaml").read_text())
     assert run["status"] == status and re.search(why, run.get("error") or run["reason"]), run
     assert run["finished"] and "Traceback" not in system.output, system.output
+
+
+@pytest.mark.parametrize(
+    ("program", "why"),
+    [
+        (r"/robot ", r"experiment ended with code 1"),
+        (r"/bag_recorder ", r"the bag was not closed within 10 s; what was recorded is in \S+\.active"),
+        pytest.param(r"/recorder ", r"experiment ended with code 1|recorder", marks=pytest.mark.slow),
+    ],
+    ids=["robot", "bag_recorder", "recorder"],
+)
+def test_a_peer_that_is_stopped_ends_the_experiment_with_one_line_and_a_failed_run(
+    program: str, why: str, start: Start, tmp_path: Path
+) -> None:
+    content = yaml.safe_load((ROOT / "src/hric_experiments/config/experiments/pd_step.yaml").read_text())
+    file = tmp_path / "short.yaml"
+    file.write_text(yaml.safe_dump(content | {"duration": 3.0}))
+    system = start("env:=sim", "rviz:=false", f"experiment:={file}")
+    system.wait_output("setpoints")
+    folder = system.run_folder
+    send(system, program, signal.SIGSTOP)
+    assert system.wait(3.0 * ENDS) == 1
+    wait_for(lambda: system.processes() == {}, 10.0, "the end of all processes")
+    run = RunFolder(folder).read()
+    assert run["status"] in ("failed", "interrupted") and re.search(why, run.get("error") or run["reason"]), run
+    assert "Traceback" not in system.output, system.output

@@ -2,8 +2,10 @@
 reports."""
 
 import contextlib
+import threading
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -35,6 +37,12 @@ RECORDER_GRACE = 5.0
 time]."""
 SENSORS_GRACE = 20.0
 """The same where every sample is to be recorded [s of wall time]."""
+
+
+ROBOT_TIMEOUT = 2.0
+"""How long the robot may take to list its controllers [s of wall time]; project default, unconfirmed."""
+RECORDER_TIMEOUT = 120.0
+"""How long the recorder may take to close its bag [s of wall time]: one of gigabytes on a slow disk."""
 
 
 class NotReady(FailureError):
@@ -171,11 +179,12 @@ class LiveExperiment:
             live_node.sleep(5 * POLL)
 
     def _missing_controllers(self) -> list[str]:
-        service = rospy.ServiceProxy("controller_manager/list_controllers", ListControllers)
+        service = "controller_manager/list_controllers"
         try:
-            running = {controller.name for controller in service().controller if controller.state == "running"}
-        except (rospy.ServiceException, rospy.ROSException):
-            return ["controller_manager/list_controllers"]
+            listed = _call(service, ListControllers, ROBOT_TIMEOUT).controller
+        except (rospy.ServiceException, rospy.ROSException, TimeoutError):
+            return [service]
+        running = {controller.name for controller in listed if controller.state == "running"}
         return [name for name in self.experiment.controllers if name not in running]
 
     def _send(self) -> tuple[list[float], float]:
@@ -215,12 +224,36 @@ class LiveExperiment:
 
     def _stop_recording(self) -> RunFolder:
         try:
-            response = rospy.ServiceProxy(STOP_SERVICE, Trigger)()
-        except rospy.ServiceException as error:
+            response = _call(STOP_SERVICE, Trigger, RECORDER_TIMEOUT)
+        except (rospy.ServiceException, TimeoutError) as error:
             raise FailureError(f"the recorder does not respond: {error}") from error
         if not response.success:
             raise FailureError(f"the recording could not be ended: {response.message}")
         return RunFolder(Path(response.message).parent)
+
+
+def _call(service: str, kind: Any, timeout: float) -> Any:
+    """Call a service without arguments.
+
+    Raises:
+        TimeoutError: no response after `timeout` [s of wall time]; a process that was stopped (SIGSTOP) takes the call
+            and never responds.
+    """
+    result: Future[Any] = Future()
+
+    def work() -> None:
+        try:
+            result.set_result(rospy.ServiceProxy(service, kind)())
+        except Exception as error:
+            result.set_exception(error)
+
+    threading.Thread(target=work, daemon=True).start()
+    deadline = time.monotonic() + timeout
+    while not result.done():
+        if time.monotonic() > deadline:
+            raise TimeoutError(f"no response of {service} within {timeout:g} s")
+        live_node.sleep(POLL)
+    return result.result()
 
 
 def run() -> None:
