@@ -12,9 +12,10 @@ from hric_control.magnitudes import MAGNITUDES
 from hric_control.parameters import Parameter, Settings, listing, mapping, number, numbers, per_joint
 
 URDF = """<robot name="r"><link name="a"/><link name="b"/><link name="c"/>
-<joint name="turn" type="revolute"><parent link="a"/><child link="b"/><limit lower="-1" upper="2" effort="1" velocity="1"/></joint>
-<joint name="slide" type="prismatic"><parent link="b"/><child link="c"/><limit lower="0" upper="0.2" effort="1" velocity="1"/>
-</joint></robot>"""
+<joint name="turn" type="revolute"><parent link="a"/><child link="b"/>
+<limit lower="-1" upper="2" effort="1" velocity="1"/></joint>
+<joint name="slide" type="prismatic"><parent link="b"/><child link="c"/>
+<limit lower="0" upper="0.2" effort="1" velocity="1"/></joint></robot>"""
 
 
 @pytest.mark.parametrize(

@@ -109,7 +109,9 @@ class Benchmark(Settings):
     tolerance: float = number(
         0.02, minimum=0.0, maximum=1.0, text="share of a value within which two are the same, for ranks and --compare"
     )
-    timeout: float = number(600.0, above=0.0, unit="s", text="of wall time for one run")
+    timeout: float = number(
+        600.0, above=0.0, unit="s", text="of processor time for one run, and of wall time in which it does nothing"
+    )
     collaborations: Mapping[str, Collaboration] = mapping(
         section(Collaboration),
         made=lambda given: {name: replace(one, name=name) for name, one in given.items()},

@@ -75,7 +75,9 @@ def _run(folder: Path | None, plan: Plan, before: Response | None, given: argpar
         own = engine.check(make_task(plan, 0, {}, ""))
         if before is not None:
             same([("what would run it now", own)], before)
-        folder = folder or _begin(plan, own, given)
+        if folder is None:
+            _probed(plan, engine, own["code"])
+            folder = _begin(plan, own, given)
         print(f"sweep: {folder}", flush=True)
         with Journal(folder) as journal, going_on_with(_command(folder)):
             supervisor = _supervised(folder, plan, journal, engine, own["code"], given.quiet)
@@ -88,6 +90,15 @@ def _run(folder: Path | None, plan: Plan, before: Response | None, given: argpar
         engine.close(now=now)
     print(summary(folder))
     return UNFINISHED_CODE if any(row["failure"] for row in supervisor.rows.values()) else 0
+
+
+def _probed(plan: Plan, engine: Engine, code: str) -> None:
+    """Try the variables; raises HricError: one has no effect, or values that cannot be."""
+    from hric_experiments.sweep import probe
+
+    print(f"trying each variable at both ends: {probe.runs_of(plan)} runs", flush=True)
+    for warning in probe.probe(plan, engine, code):
+        print(f"warning: {warning}", file=sys.stderr)
 
 
 def _command(folder: Path) -> str:

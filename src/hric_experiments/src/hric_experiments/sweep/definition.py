@@ -131,7 +131,12 @@ class SweepSection(Settings):
     outputs: Mapping[str, Output] = mapping(section(Output), text="numbers of each run, by name")
     exceedance: Exceedance | None = section(Exceedance, None, text="what is counted")
     objective: Objective | None = section(Objective, None, text="what a search goes for")
-    timeout: float = number(60.0, above=0.0, unit="s", text="of wall time for one run; its worker is killed then")
+    timeout: float = number(
+        60.0,
+        above=0.0,
+        unit="s",
+        text="of processor time for one run, and of wall time in which it does nothing; its worker is killed then",
+    )
     memory: float = number(MEMORY, above=0.0, unit="GB", text="that a worker may take")
     keep: Keep = section(Keep)
     quick: Quick = section(Quick)

@@ -33,6 +33,8 @@ NOT_SOURCES = {"test", "build", "__pycache__", "sweeps"}
 """Folders without such files; what a sweep file has is in the sweep itself."""
 ADDRESS = re.compile(r" at 0x[0-9a-f]+")
 """Of an object in a text of Python; each process has its own."""
+REFUSED = "refused"
+"""Key of the response to a run that did not begin, since its experiment cannot be."""
 LENGTH = 16
 """Characters of an id."""
 
@@ -45,8 +47,8 @@ def run(task: dict[str, Any]) -> dict[str, Any]:
 
     Returns:
         id, index, outputs (name -> number, None: there is none), failure (empty, or why the run failed, as it always
-        will), state_sha256, processor [s], wall [s], host; and columns, a file of NumPy's, where they are kept and
-        there are some.
+        will), state_sha256, processor [s], wall [s], host; columns, a file of NumPy's, where they are kept and there
+        are some; and refused, where the run did not begin.
     """
     began, wall = time.process_time(), time.perf_counter()
     response = _carried_out(task)
@@ -82,6 +84,8 @@ def _carried_out(task: dict[str, Any]) -> dict[str, Any]:
         failure = "MemoryError: the run took more memory than a worker may"
     except Exception as error:  # also one that nobody foresaw: it ends this run alone, not the others
         failure = reason(error)
+        if simulation is None and isinstance(error, HricError):
+            response[REFUSED] = True
     if simulation is not None and task.get("columns"):
         response.update(_columns(simulation))
     return {**response, "failure": failure, "state_sha256": state}

@@ -4,11 +4,14 @@ import ctypes
 import os
 import resource
 import signal
+import time
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as Late
 from contextlib import suppress
+from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 from pebble import ProcessExpired, ProcessPool
 
@@ -21,6 +24,9 @@ STARTING = 300.0
 """For a worker to load all that it needs, and to carry a reference run out [s]."""
 FIRST_TO_GO = 1000
 """Of /proc/self/oom_score_adj: where memory ends the kernel kills a worker, not the supervisor."""
+LEAST_PROGRESS = 0.02
+"""Processor time that a run which waits for a busy processor still gains within its timeout [s]; project default,
+unconfirmed: two ticks of the kernel's clock."""
 _PR_SET_PDEATHSIG = 1
 
 
@@ -40,6 +46,7 @@ class PebbleEngine:
             initializer=begin_worker,
             initargs=(os.getpid(), int(memory)),
         )
+        self._pool._pool_manager.task_manager.timeout = Patience().exhausted
 
     def submit(self, task: Task) -> "Future[Response]":
         """Take a task."""
@@ -65,6 +72,46 @@ class PebbleEngine:
         self._pool.join()
 
 
+class Patience:
+    """Which runs hang: by their processor time, not by wall time, which a busy machine takes from healthy ones."""
+
+    def __init__(self) -> None:
+        self._progress: dict[int, _Progress] = {}
+
+    def exhausted(self, task: Any) -> bool:
+        """Say if a task of pebble, in place of its own rule, has taken more than its timeout of processor time [s], or
+        has gained no more than `LEAST_PROGRESS` in as much wall time."""
+        if not task.started:
+            return False
+        now, used = time.monotonic(), processor_time(task.worker_id)
+        begun = self._progress.get(task.id)
+        if begun is None:
+            self._progress = {key: kept for key, kept in self._progress.items() if not kept.future.done()}
+            begun = self._progress[task.id] = _Progress(task.future, used, used, now)
+        if used - begun.last > LEAST_PROGRESS:
+            begun.last, begun.at = used, now
+        return used - begun.first > task.timeout or now - begun.at > task.timeout
+
+
+@dataclass
+class _Progress:
+    """Processor time of a run's process at its begin and when it last gained some [s], and when that was [s]."""
+
+    future: "Future[Response]"
+    first: float
+    last: float
+    at: float
+
+
+def processor_time(pid: int) -> float:
+    """Return what all threads of a process have used [s]; 0: it has ended."""
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return 0.0
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
 def _pass_on(done: "Future[Response]", response: "Future[Response]", task: Task) -> None:
     if done.cancelled():
         response.cancel()
@@ -73,7 +120,9 @@ def _pass_on(done: "Future[Response]", response: "Future[Response]", task: Task)
     if error is None:
         response.set_result(done.result())
     elif isinstance(error, Late):
-        response.set_exception(TimedOut(f"took longer than {task['timeout']:g} s"))
+        response.set_exception(
+            TimedOut(f"took more than {task['timeout']:g} s of processor time, or did nothing so long")
+        )
     elif isinstance(error, ProcessExpired):
         response.set_exception(Died(f"ended its worker ({_how(error.exitcode)})"))
     else:
