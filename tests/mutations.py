@@ -109,7 +109,7 @@ MUTATIONS = {
         "hric_control",
         "end = end - (end @ normal) * normal",
         "end = end + (end @ normal) * normal",
-        "plants",
+        "friction",
     ),
     "envelope": Mutation(
         "EMG is not rectified",

@@ -13,7 +13,7 @@ JOINTS = ["joint1", "joint2"]
 PHI = {"phi1": 0.6, "phi2": 8.0, "phi3": 0.03}
 BREAKAWAY = 1.2
 STILL = {"gravity": [0.0, 0.0, 0.0], "collision": False}
-FRICTION = {"friction": "identified", "friction_parameters": dict.fromkeys(JOINTS, {**PHI, "breakaway": BREAKAWAY})}
+FRICTION = {"friction": "identified", "friction_parameters": {name: {**PHI, "breakaway": BREAKAWAY} for name in JOINTS}}
 FORMS = [{}, {"rotor_inertia": 0.0}, {"integrator": "semi_implicit"}, {"time_step": 2.5e-4}]
 
 
@@ -70,7 +70,7 @@ def test_the_bristles_of_joints_take_energy_on_any_drive_and_forget_with_a_reset
 
 def test_a_fast_joint_has_the_identified_friction_alone(make_plant):
     """Bit for bit: beyond FADE the bristle holds nothing."""
-    without = {**FRICTION, "friction_parameters": dict.fromkeys(JOINTS, PHI)}
+    without = {**FRICTION, "friction_parameters": {name: PHI for name in JOINTS}}
     courses = []
     for friction in (FRICTION, without):
         plant = make_plant(two_link_urdf(axis="0 0 1"), JOINTS, **STILL, **friction)

@@ -82,7 +82,7 @@ def test_an_ideal_arm_is_read_as_without_sensors(make_device, make_arm) -> None:
         (["measured"], "no preset ['measured'] in robot/realism; valid: ideal, measured"),
         (
             {"preset": "measured", "q_nois": 1.0},
-            "no value 'q_nois' in robot/realism; valid: body_seed, breakaway, com_error, dq_noise, friction, friction_known",
+            "no value 'q_nois' in robot/realism; valid: body_seed, breakaway, com_error, dq_noise, friction",
         ),
         ({"q_noise": -1e-3}, "robot/realism/q_noise is -0.001; valid: a finite number of 0 or more [rad]"),
         (

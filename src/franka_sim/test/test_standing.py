@@ -60,7 +60,7 @@ def test_an_arm_that_is_guided_by_hand_stays_where_it_is_let_go(free_arm):
 
     def lead(time):
         T, twist = plant.link_state("panda_hand")
-        goal = begin + [0.0, 0.1 * min(time / 1.5, 1.0), 0.0]
+        goal = begin + np.array([0.0, 0.1 * min(time / 1.5, 1.0), 0.0])
         plant.apply_wrench(
             "panda_hand", 300.0 * (goal - T[:3, 3]) - 20.0 * twist[:3], [0.0] * 3, [0.0] * 3, plant.time_step
         )

@@ -21,8 +21,8 @@ def give(force, mass=MASS):
 
 
 def rubbed(drive, mass=MASS, contacts=1, bound=BOUND, start=0.0):
-    """Positions [m], speeds [m/s] and forces of friction [N] of a mass along x under `drive` [N], one each per step; each
-    contact has its share of the bound and does not know of the others."""
+    """Positions [m], speeds [m/s] and forces of friction [N] of a mass along x under `drive` [N], one each per step;
+    each contact has its share of the bound and does not know of the others."""
     springs, x, v, before, course = Springs(STEP), 0.0, start, start, []
     pairs = [("block", f"ground {i}") for i in range(contacts)]
     for force in drive:

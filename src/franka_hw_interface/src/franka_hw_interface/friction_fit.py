@@ -1,5 +1,5 @@
-"""Identifies joint friction from what a rigid-body model leaves of a log: the sigmoid and the breakaway of each joint by
-nonlinear least squares."""
+"""Joint friction from what a rigid-body model leaves of a log: the sigmoid and the breakaway of each joint by nonlinear
+least squares."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -97,7 +97,8 @@ def _fitted(check: ModelCheck, j: int, curves: tuple[FloatArray, FloatArray], be
 
     def residual(values: FloatArray) -> FloatArray:
         sliding = signals.low_pass(sigmoid_torque(signals.dq[:, j], tuple(values[:3])))[signals.kept]
-        return sliding + values[3] * bent - remaining
+        result: FloatArray = sliding + values[3] * bent - remaining
+        return result
 
     low, high = np.array(BOUNDS)
     starts = [np.clip((*start, 0.1), low + 1e-6, high - 1e-6) for start in (before.phi, *STARTS)]

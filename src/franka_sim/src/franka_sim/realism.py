@@ -94,7 +94,8 @@ class Realism(Settings):
     def known_friction(
         self, plant: Mapping[str, Any], joint_names: Sequence[str]
     ) -> Mapping[str, Mapping[str, float]] | None:
-        """Return the box's share of the plant's sigmoid, phi1 [N m], phi2 [s/rad], phi3 [rad/s] by joint; None: nothing.
+        """Return what the box knows of the plant's sigmoid, phi1 [N m], phi2 [s/rad], phi3 [rad/s] by joint; None: it
+        knows nothing.
 
         Args:
             plant: its parameters, after `with_friction`.

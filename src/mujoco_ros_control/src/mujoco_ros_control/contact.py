@@ -114,7 +114,9 @@ class PenaltyContact:
         if done.mean <= 0.0:
             return
         relative = np.array([J @ speeds, J @ before])
-        rub = self.springs.rub(pair, friction * done.mean, normal, relative, lambda along: self._inverse_mass(along @ J))
+        rub = self.springs.rub(
+            pair, friction * done.mean, normal, relative, lambda along: self._inverse_mass(along @ J)
+        )
         force = done.mean * normal + rub
         for body, sign in zip(bodies, (1.0, -1.0), strict=True):
             act(scene, body, sign * force, np.zeros(3), position)

@@ -366,8 +366,7 @@ static int joints_init(Joints *self, PyObject *args, PyObject *Py_UNUSED(kwargs)
     self->bristle = self->hold + count;
     const int taken = take_indices(dofs, self->n, self->model->nv, self->dof)
                       && take_indices(positions, self->n, self->model->nq, self->position)
-                      && take(rotors, self->n, self->rotor)
-                      && take(bristles, self->n * BRISTLE_ROW, self->bristle);
+                      && take(rotors, self->n, self->rotor) && take(bristles, self->n * BRISTLE_ROW, self->bristle);
     for (int i = 0; i < self->n; i++)
         self->bristly = self->bristly || self->bristle[i * BRISTLE_ROW + BRISTLE_BREAKAWAY] != 0.0;
     return taken ? 0 : -1;

@@ -6,6 +6,7 @@ same energy. Rigid contact is solved for the speeds at the end of the step, as t
 approach that would leave a point inside, forces that never pull, friction within its cone (projected Gauss-Seidel).
 """
 
+import functools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -98,11 +99,17 @@ def push_apart(
                 friction * done.mean,
                 point.normal,
                 relative,
-                lambda along, J=point.J: float(along @ J @ response @ J.T @ along),
+                functools.partial(_inverse_mass, point.J, response),
             )
             point.force = done.mean * point.normal + rub
             efforts += point.J.T @ point.force
     return efforts
+
+
+def _inverse_mass(J: FloatArray, response: FloatArray, along: FloatArray) -> float:
+    """Inverse effective mass along a unit vector [1/kg]; see Point and push_apart."""
+    row = along @ J
+    return float(row @ response @ row)
 
 
 def _axes(normal: FloatArray) -> FloatArray:

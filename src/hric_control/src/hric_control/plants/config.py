@@ -35,7 +35,9 @@ class PlantConfig(Settings):
     )
     friction: str = choice("none", "coulomb", "identified", text="joint friction")
     friction_parameters: Mapping[str, Any] = mapping(
-        default={}, unit="N m, s/rad, rad/s", text="`phi1`, `phi2`, `phi3`, each a list; or by joint"
+        default={},
+        unit="N m, s/rad, rad/s",
+        text="`phi1`, `phi2`, `phi3`, each a list; or by joint; and `breakaway` [N m], 0 if absent",
     )
     passive_joints: str = choice("free", "locked", text="joints without transmission")
     collision: bool = flag(True, text="collision shapes of the robot")

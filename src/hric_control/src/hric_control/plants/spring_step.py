@@ -32,7 +32,8 @@ _PARTS_PER_RADIAN = 4
 """More of them for a spring that is not."""
 _MAX_PARTS = 64
 BRISTLE_STIFFNESS = 1e6
-"""Of a bristle [N/m] (project default, unconfirmed; measured on metals 1e6 to 1e8 N/m): 10 N bend it by 0.01 mm."""
+"""Stiffness of a bristle [N/m] (project default, unconfirmed: no source; far stiffer than the spring along the normal):
+10 N bend it by 0.01 mm."""
 _SHARED = 4.0
 """C above: up to five contacts of one body, which do not know of each other, stay stable with a bristle of any
 stiffness (project default, unconfirmed)."""

@@ -131,9 +131,7 @@ class HandTrial:
     lines: tuple[str, ...] = ()
 
 
-def try_hand(
-    given: argparse.Namespace, source: Source, coarse_rms: Callable[[KdlFrankaModel], float]
-) -> HandTrial:
+def try_hand(given: argparse.Namespace, source: Source, coarse_rms: Callable[[KdlFrankaModel], float]) -> HandTrial:
     """Try the model with and without the hand where the arguments do not say which: take the one that fits a log of an
     unknown arm, and warn where the other one fits better than the run's robot.
 
