@@ -11,6 +11,7 @@ from synthetic import log_message, signals
 
 from hric_bags import reader as bag_reader
 from hric_control.robot_time.stamps import to_time
+from hric_experiments import cli
 from hric_experiments.analysis import collection, collection_record
 from hric_experiments.headless.bag_writer import BagWriter
 from hric_msgs.msg import MocapData, SampleChunk, SourceCount, SyncedSample, SyncLayout, SyncStatus
@@ -134,6 +135,47 @@ def test_what_is_not_in_the_bag_is_lost_though_no_driver_reports_it(tmp_path: Pa
 def test_stamps_are_held_against_the_time_code(tmp_path: Path) -> None:
     stamps = judged(write(tmp_path / "a.bag", late=0.003))["sources"][EMG]["stamps"]
     assert stamps["median"] == pytest.approx(0.003, abs=1e-6) and stamps["largest"] == pytest.approx(0.003, abs=1e-6)
+
+
+def numbered(codes: Any, stamps: Any, numbers: Any) -> Any:
+    return collection_record.Numbered("trigno EMG", 500.0, np.asarray(stamps), np.asarray(numbers), np.asarray(codes))
+
+
+COUNTS = collection_record.Counts(500.0, np.array([0.0]), np.array([0]), np.array([0]))
+
+
+def test_stamps_that_lag_behind_make_no_loss_of_a_time_code_within_the_second() -> None:
+    own = np.arange(700, 30_700)
+    stamps = own / 500.0 + np.where((own > 9_000) & (own < 10_500), 0.9, 0.0)
+    found = collection.source_sequence(numbered(own / 500.0 % 1.0, stamps, own - 700), COUNTS)
+    assert found is not None and (found == own).all()
+
+
+def test_samples_that_the_driver_missed_are_missing_from_the_sequence_though_they_fill_seconds() -> None:
+    own = np.delete(np.arange(700, 30_700), np.arange(5_000, 6_700))
+    found = collection.source_sequence(numbered(own / 500.0 % 1.0, own / 500.0, own - 700), COUNTS)
+    assert found is not None and (found == own).all()
+
+
+def test_a_driver_that_lost_count_of_whole_seconds_leaves_the_loss_unknown() -> None:
+    own = np.delete(np.arange(700, 30_700), np.arange(10_000, 11_000))
+    assert collection.source_sequence(numbered(own / 500.0 % 1.0, own / 500.0, np.arange(len(own))), COUNTS) is None
+
+
+def test_a_source_without_a_number_of_its_own_has_no_sequence() -> None:
+    came = collection_record.Numbered("lsl EMG", 500.0, np.arange(9) / 500.0, np.arange(9), None)
+    assert collection.source_sequence(came, COUNTS) is None
+
+
+def test_frames_go_on_after_the_last_number_of_their_counter(tmp_path: Path) -> None:
+    numbers = [(2**32 - 50 + k) % 2**32 for k in range(100) if k != 70]
+    with BagWriter(tmp_path / "a.bag") as bag:
+        bag.write("/control_log", log_message(0, 20, signals(20, 0.0)), 0.0)
+        for k, number in enumerate(numbers):
+            bag.write(FRAMES, stamped(MocapData(frame_number=number), k / FRAME_RATE, "base"), k / FRAME_RATE)
+    found = judged(tmp_path / "a.bag", None)["sources"][FRAMES]
+    assert (found["recorded"], found["driver_lost"], found["twice"]) == (99, 1, 0)
+    assert cli.main(["health", str(tmp_path / "a.bag"), "--quiet"]) == 3
 
 
 def test_without_an_interval_nothing_is_known_to_be_sent(tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """rosbags' reader of one bag with its index in arrays: 20 bytes for each message in place of 200, messages read several
 times as fast, and those of which fewer are requested not at all."""
 
+import re
 from collections import defaultdict
 from collections.abc import Collection, Generator, Iterator
 from pathlib import Path
@@ -39,6 +40,7 @@ class BagError(HricError):
 def damaged(path: Path, reason: object) -> BagError:
     """Return the error of a bag that cannot be read, with the command that finds out why; reason: what was raised."""
     text = " ".join(str(reason).split()) or type(reason).__name__
+    text = re.sub(r"\('(.*?)',\)", r"\1", text)  # arguments of an error in the text of another
     given = path.parent if (path.parent / "run.yaml").is_file() else path
     hint = f"cannot read {path.name}: {text}; try: rosrun hric_experiments health --salvage {given}"
     return BagError(foreign.describe(path) or hint)

@@ -17,6 +17,8 @@ TIMES = ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")
 HEADER = "std_msgs/msg/Header"
 FIRST_SECOND = 1_000_000_000
 """Before this time of the bag a stamp of 0 is one; later it means that there is none [ns]."""
+SINGLE = (float, int, str)
+"""Python types of single values."""
 Fields = Mapping[str, Sequence[str]]
 """Message type -> names of its fields, constants left out."""
 Timing = Callable[[int], float]
@@ -69,7 +71,7 @@ class Gatherer:
         return naming, [(field, units.UNITS.get((kind, field))) for field in fields if (kind, field) != (HEADER, "seq")]
 
     def _put(self, path: str, value: Any, unit: str, names: tuple[str, ...]) -> None:
-        if isinstance(value, float | int | str):
+        if isinstance(value, SINGLE):
             self._put_cell(path, value, unit, ())
         elif isinstance(value, np.ndarray):
             if len(value):

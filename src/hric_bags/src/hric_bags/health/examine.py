@@ -9,7 +9,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from hric_bags import text
+from hric_bags import foreign, text
 from hric_bags.health import checks
 from hric_bags.health.bag_records import BagScan
 from hric_bags.health.checks import Finding
@@ -68,7 +68,7 @@ def find(given: str, root: Path | None = None) -> tuple[list[Path], RunFolder | 
     if path.is_file():
         return _parts(path), None
     if not (path / "run.yaml").is_file() and (path.name.endswith((".bag", ACTIVE))):
-        raise HealthError(f"no bag {path}")
+        raise HealthError(foreign.describe(path) or f"no bag {path}")
     folder = RunFolder.open(given, root or runs_root())
     run = folder.read()
     return [
