@@ -46,8 +46,6 @@ def _mcap(head: bytes) -> str:
     size = int.from_bytes(head[len(_MCAP) + 9 : len(_MCAP) + 13], "little")
     profile = head[len(_MCAP) + 13 :][: min(size, 16)].decode("utf-8", "replace")
     if profile == "ros1":
-        return "an MCAP file of ROS 1; `mcap convert` does not go back to a bag: record or fetch it as .bag"
+        return "an MCAP file of ROS 1, which `rosbags-convert` does not read; record or fetch it as .bag"
     kind = "of ROS 2" if profile == "ros2" else f"(profile {profile or 'none'})"
-    return (
-        f"an MCAP file {kind}; in a folder with metadata.yaml `rosbags-convert --src FOLDER --dst NAME.bag` converts it"
-    )
+    return f"an MCAP file {kind}; `rosbags-convert --src FOLDER --dst NAME.bag` converts its folder with metadata.yaml"
