@@ -55,7 +55,7 @@ def names(monkeypatch: pytest.MonkeyPatch) -> None:
 )
 def test_an_open_port_is_refused_however_it_is_spelled_but_with_insecure(words: str) -> None:
     program, *rest = words.split()
-    with pytest.raises(dask_doors.DoorError, match="valid: .*--insecure"):
+    with pytest.raises(dask_doors.DoorError, match=r"valid: .*--insecure"):
         dask_doors.check(program, rest)
     encrypted, arguments = dask_doors.check(program, [*rest, "--insecure"])
     assert not encrypted and "--insecure" not in arguments

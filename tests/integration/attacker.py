@@ -50,7 +50,8 @@ def main() -> None:
     opened = [port for port in tcp if answers(address, port)]
     forge(address, udp, 3.0)
     pylsl.set_config_content(
-        f"[lab]\nSessionID = {sys.argv[3]}\nKnownPeers = {{{address}}}\n[multicast]\nResolveScope = site\n[log]\nlevel = -3\n"
+        f"[lab]\nSessionID = {sys.argv[3]}\nKnownPeers = {{{address}}}\n"
+        "[multicast]\nResolveScope = site\n[log]\nlevel = -3\n"
     )
     streams = [info.name() for info in pylsl.resolve_streams(3.0)]
     print(json.dumps({"opened": opened, "streams": streams}))

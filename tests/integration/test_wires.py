@@ -54,7 +54,7 @@ def experiment(folder: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def attacked(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Attacked]:
-    """Run once for all tests. Motion capture is told an address that the neighbour reaches, all else is told nothing."""
+    """Run once for all tests. The neighbour reaches the address of motion capture, by an argument, and no other."""
     folder = tmp_path_factory.mktemp("wires")
     with ExitStack() as stack:
         network = Network()

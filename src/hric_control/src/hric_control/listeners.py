@@ -1,7 +1,7 @@
 """Messages on their way to listeners. A socket that takes no more keeps nobody waiting: what is left waits for that
 listener alone, and beyond a limit it loses its own oldest messages.
 
-Nothing here blocks: each write takes what the socket has room for, and a thread sends the rest when there is room again.
+Nothing here blocks: each write takes what the socket has room for, and a thread sends the rest when there is room.
 """
 
 import logging
@@ -64,12 +64,12 @@ class Parcel(NamedTuple):
     Attributes:
         listeners: whom it goes to.
         data: [bytes].
-        count: of the messages.
+        number: of messages.
     """
 
     listeners: Sequence[Listener]
     data: bytes
-    count: int = 1
+    number: int = 1
 
 
 NOTHING = Parcel((), b"", 0)
@@ -103,7 +103,7 @@ class Dispatcher:
 
     def send(self, parcels: Sequence[Parcel]) -> None:
         """Write what the sockets take, and keep the rest; a listener that cannot be written to is closed."""
-        posts = [(listener, parcel.data, parcel.count) for parcel in parcels for listener in parcel.listeners]
+        posts = [(listener, parcel.data, parcel.number) for parcel in parcels for listener in parcel.listeners]
         broken: list[Listener] = []
         with self._changed:
             while posts:
@@ -129,7 +129,7 @@ class Dispatcher:
     def status(self) -> Status:
         """Who does not keep up."""
         with self._changed:
-            behind = [one for one in self._behind.values()]
+            behind = list(self._behind.values())
             return Status(
                 tuple(sorted(one.name for one in behind)), sum(one.size for one in behind), self._lost, self._closed
             )

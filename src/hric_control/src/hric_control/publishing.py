@@ -122,8 +122,8 @@ class PublishThread:
         self._calls.append(function)
 
     def hand_over(self, timeout: float) -> bool:
-        """Build and serialise what waits, and have it written while the caller goes on, once all listeners took what was
-        handed over before. One that needs longer than `timeout` [s] is not waited for again before it has caught up.
+        """Build and serialise what waits, and have it written while the caller goes on, once all listeners took what
+        was handed over before. One that needs longer than `timeout` [s] is not waited for until it has caught up.
         False when the thread itself is busy for so long: nothing is done then."""
         deadline = time.monotonic() + timeout
         if not self._acquire(deadline):

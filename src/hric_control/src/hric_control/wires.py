@@ -1,6 +1,6 @@
 """Every port that a program of the workspace opens: who listens where, who may speak, what waits for a peer that does
-not read, and what somebody can do who reaches it. The manual's page is made from this table, and a test compares it with
-the ports of a running system. Standard library only.
+not read, and what somebody can do who reaches it. The manual's page is made from this table, and a test compares it
+with the ports of a running system. Standard library only.
 """
 
 from collections.abc import Iterator
@@ -10,7 +10,7 @@ from ipaddress import ip_address
 ANY = (1024, 65535)
 """Any free port."""
 BACKLOG = (
-    "4 MiB for each listener, its oldest messages go; 10 minutes without reading: closed (`hric_control.listeners`)"
+    "4 MiB for each listener, its oldest messages go; 10 minutes without reading: closed (`hric_control/listeners.py`)"
 )
 ROS_ADDRESS = "loopback; `ROS_IP` or `ROS_HOSTNAME` of the user opens it"
 
@@ -257,7 +257,16 @@ WIRES = (
         "read the manual",
     ),
 )
-"""What listens. Everything else only connects: libfranka to an arm, the Trigno client, sweeps to their scheduler."""
+"""Everything that listens. All else only connects, as the Trigno client and sweeps do."""
+COLUMNS = (
+    "who listens",
+    "protocol",
+    "ports",
+    "where, and what opens it",
+    "who may speak",
+    "queue for each peer",
+    "a stranger who reaches it can",
+)
 
 
 def page() -> str:
@@ -268,12 +277,12 @@ def page() -> str:
 def _lines() -> Iterator[str]:
     yield "# Who listens where\n"
     yield (
-        "Every port that a program of this workspace opens. Nothing is open to other machines unless an argument says so. "
-        "This page is made from `hric_control.wires`, which a test compares with the ports of a running bring-up in a "
-        "network of its own, attacked by a neighbour.\n"
+        "Every port that a program of this workspace opens. Nothing is open to other machines unless an argument says "
+        "so. This page is made from `hric_control.wires`, which a test compares with the ports of a running bring-up in "
+        "a network of its own, attacked by a neighbour.\n"
     )
-    yield "| who listens | protocol | ports | where, and what opens it | who may speak | queue for each peer | a stranger who reaches it can |"
-    yield "|---|---|---|---|---|---|---|"
+    yield f"| {' | '.join(COLUMNS)} |"
+    yield "|---" * len(COLUMNS) + "|"
     for wire in WIRES:
         protocol = f"{wire.protocol} ({wire.transport.upper()})"
         cells = (wire.who, protocol, wire.port_text, wire.address, wire.speaks, wire.queue, wire.stranger)

@@ -13,7 +13,7 @@ struct search {
     long replaced;
 };
 
-static int replace(ElfW(Addr) base, const ElfW(Rela) *relocation)
+static int replace(ElfW(Addr) base, const ElfW(Rela) * relocation)
 {
     const uintptr_t slot = base + relocation->r_offset, page = (uintptr_t)sysconf(_SC_PAGESIZE);
     if (mprotect((void *)(slot & ~(page - 1)), 2 * page, PROT_READ | PROT_WRITE) != 0
@@ -24,7 +24,8 @@ static int replace(ElfW(Addr) base, const ElfW(Rela) *relocation)
 }
 
 /* The entries of bind() in a table of relocations. */
-static long replace_all(ElfW(Addr) base, const ElfW(Rela) *table, size_t size, const ElfW(Sym) *symbols, const char *names)
+static long replace_all(ElfW(Addr) base, const ElfW(Rela) * table, size_t size, const ElfW(Sym) * symbols,
+                        const char *names)
 {
     long replaced = 0;
     for (size_t i = 0; table != NULL && i < size / sizeof *table; i++)
@@ -47,17 +48,29 @@ static int visit(struct dl_phdr_info *info, size_t Py_UNUSED(size), void *data)
             continue;
         for (const ElfW(Dyn) *entry = (void *)(info->dlpi_addr + info->dlpi_phdr[i].p_vaddr); entry->d_tag; entry++)
             switch (entry->d_tag) {
-            case DT_JMPREL: calls = (void *)entry->d_un.d_ptr; break;
-            case DT_PLTRELSZ: size_of_calls = entry->d_un.d_val; break;
-            case DT_RELA: others = (void *)entry->d_un.d_ptr; break;
-            case DT_RELASZ: size_of_others = entry->d_un.d_val; break;
-            case DT_SYMTAB: symbols = (void *)entry->d_un.d_ptr; break;
-            case DT_STRTAB: names = (void *)entry->d_un.d_ptr; break;
+            case DT_JMPREL:
+                calls = (void *)entry->d_un.d_ptr;
+                break;
+            case DT_PLTRELSZ:
+                size_of_calls = entry->d_un.d_val;
+                break;
+            case DT_RELA:
+                others = (void *)entry->d_un.d_ptr;
+                break;
+            case DT_RELASZ:
+                size_of_others = entry->d_un.d_val;
+                break;
+            case DT_SYMTAB:
+                symbols = (void *)entry->d_un.d_ptr;
+                break;
+            case DT_STRTAB:
+                names = (void *)entry->d_un.d_ptr;
+                break;
             }
     }
     if (symbols != NULL && names != NULL)
         search->replaced += replace_all(info->dlpi_addr, calls, size_of_calls, symbols, names)
-            + replace_all(info->dlpi_addr, others, size_of_others, symbols, names);
+                            + replace_all(info->dlpi_addr, others, size_of_others, symbols, names);
     return 0;
 }
 
@@ -71,7 +84,8 @@ static PyObject *confine(PyObject *Py_UNUSED(module), PyObject *name)
 }
 
 static PyMethodDef functions[] = {
-    {"confine", confine, METH_O, "(part of the path of a loaded library) -> how many of its calls of bind() go to loopback now"},
+    {"confine", confine, METH_O,
+     "(part of the path of a loaded library) -> how many of its calls of bind() go to loopback now"},
     {0}};
 
 static struct PyModuleDef definition = {

@@ -67,7 +67,8 @@ end:
 }
 
 static PyMethodDef functions[] = {
-    {"send_now", send_now_all, METH_VARARGS, "(sockets' numbers, bytes for each) -> bytes that each took, or minus the error's number"},
+    {"send_now", send_now_all, METH_VARARGS,
+     "(sockets' numbers, bytes for each) -> bytes that each took, or minus the error's number"},
     {0}};
 
 static struct PyModuleDef definition = {
