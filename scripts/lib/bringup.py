@@ -8,6 +8,7 @@ early = EndAtOnce()
 import contextlib
 import os
 import signal
+import socket
 import sys
 import time
 from collections.abc import Callable, Mapping
@@ -26,6 +27,10 @@ from hric_control import yaml_text
 from hric_control.errors import FAILURE, HricError
 from hric_control.processes import describe_ending
 
+X11_PORT = 6000
+"""TCP port of display 0 (X Window System protocol)."""
+DISPLAY_TIMEOUT = 1.0
+"""For a display to accept a connection [s]; project default, unconfirmed."""
 PROBE_TIMEOUT = 1.0
 """How long the arm's control box may take to accept a connection [s]."""
 
@@ -50,8 +55,32 @@ class RequiredNodes(roslaunch.pmon.ProcessListener):
 
 
 def resolve_rviz(value: str) -> str:
-    """true or false; auto means true where a display is."""
-    return str(bool(os.environ.get("DISPLAY"))).lower() if value == "auto" else value
+    """true or false; auto means true where a display is. Raises given.ArgumentError: rviz would end without one."""
+    if value == "false":
+        return value
+    display = os.environ.get("DISPLAY", "")
+    shown = display_answers(display)
+    if value == "true" and not shown:
+        told = f"no display answers at DISPLAY={display}" if display else "DISPLAY is not set"
+        raise given.ArgumentError(f"rviz:=true needs a display, and {told}; valid: rviz:=false, or rviz:=auto")
+    return str(shown).lower()
+
+
+def display_answers(display: str) -> bool:
+    """Return True if an X server accepts connections there: "HOST:NUMBER", ":NUMBER" or "unix:NUMBER"."""
+    host, _, number = display.rpartition(":")
+    number = number.partition(".")[0]
+    if not number.isdigit():
+        return False
+    path = f"{host}:{number}" if host.startswith("/") else f"/tmp/.X11-unix/X{number}"
+    local = host in ("", "unix") or host.startswith("/")
+    return any(map(_accepts, [path, f"\0{path}"] if local else [(host, X11_PORT + int(number))]))
+
+
+def _accepts(address: Any) -> bool:
+    with socket.socket(socket.AF_UNIX if isinstance(address, str) else socket.AF_INET) as connection:
+        connection.settimeout(DISPLAY_TIMEOUT)
+        return connection.connect_ex(address) == 0
 
 
 def check_realism(value: str) -> None:

@@ -79,7 +79,7 @@ show_progress() {
     sleep 0.1
     ticks=$((ticks + 1))
     [ $((ticks % every)) = 0 ] || continue
-    line=$(printf '%3d %%  %d s of about %d s' "$("share_$share" "$log" 2>/dev/null || echo 0)" $((SECONDS - started)) "$expected")
+    line=$(printf '%3d %%  %d s, on an idle machine %d s in all' "$("share_$share" "$log" 2>/dev/null || echo 0)" $((SECONDS - started)) "$expected")
     if [ -t 1 ]; then printf '\r\033[K    %s' "$line"; else printf '    %s\n' "$line"; fi
   done
   [ ! -t 1 ] || printf '\r\033[K'

@@ -12,6 +12,7 @@ import pytest
 
 from hric_control import processes
 from hric_control.errors import FailureError, HricError, ParameterError, failing
+from hric_control.processes import UNREAD_CODE, run_command
 
 
 def test_only_the_calling_thread_gets_the_priority() -> None:
@@ -100,3 +101,29 @@ def test_a_command_returns_what_its_work_does_and_130_after_ctrl_c() -> None:
     assert processes.run_command("tool", lambda: 3) == 3
     assert processes.run_command("tool", interrupted) == 130
     assert processes.run_command("tool", interrupted, interrupted=0) == 0
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_command_whose_output_nobody_reads_any_more_ends_without_a_word(unbuffered: str) -> None:
+    code = (
+        "from hric_control.processes import run_command\n"
+        "raise SystemExit(run_command('x', lambda: [print('line') for _ in range(100_000)] and None))"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", code],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
+    )
+    assert process.stdout is not None and process.stderr is not None
+    assert process.stdout.readline() == b"line\n"
+    process.stdout.close()
+    assert (process.wait(60), process.stderr.read()) == (UNREAD_CODE, b"")
+
+
+def test_a_broken_pipe_that_is_not_the_output_is_no_quiet_end() -> None:
+    def work() -> None:
+        raise BrokenPipeError
+
+    with pytest.raises(BrokenPipeError):
+        run_command("x", work)

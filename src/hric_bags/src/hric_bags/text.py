@@ -1,5 +1,7 @@
 """Text for terminals and text files: aligned tables, and which step of a long computation is under way."""
 
+import re
+import shutil
 import sys
 import time
 from collections.abc import Sequence
@@ -13,6 +15,47 @@ def rows(cells: Sequence[Sequence[str]], head: int = 1) -> list[str]:
         first, *others = zip(row, widths, strict=True)
         lines.append("  ".join([first[0].ljust(first[1]), *(cell.rjust(width) for cell, width in others)]).rstrip())
     return [*lines[:head], "-" * sum(widths, 2 * (len(widths) - 1)), *lines[head:]]
+
+
+def show(report: str) -> None:
+    """Print a report; on a terminal, tables that are wider than it are folded."""
+    print(fitted(report, shutil.get_terminal_size().columns) if sys.stdout.isatty() else report)
+
+
+def fitted(report: str, width: int) -> str:
+    """Fold the tables of `rows` that are wider than a width [characters]: below each other, each part with the first
+    column."""
+    blocks = re.split(r"(\n\s*\n)", report)
+    return "".join(
+        _folded(block, width) if re.search(rf"^-{{{width + 1},}}$", block, re.M) else block for block in blocks
+    )
+
+
+def _folded(block: str, width: int) -> str:
+    """One table, with or without lines before it."""
+    lines = block.split("\n")
+    rule = next(i for i, line in enumerate(lines) if len(line) > width and not line.strip("-"))
+    heads = [(_spans([*lines[rule - head : rule], *lines[rule + 1 :]], len(lines[rule])), head) for head in (1, 2)]
+    spans, head = max(heads[:rule], key=lambda found: (len(found[0]), found[1]))
+    first = rule - head
+    parts: list[list[tuple[int, int]]] = []
+    for span in spans[1:]:
+        part = [*parts[-1], span] if parts else [spans[0], span]
+        fits = len(part) == 2 or sum(end - begin + 2 for begin, end in part) - 2 <= width
+        parts[len(parts) - fits if parts else 0 :] = [part if fits else [spans[0], span]]
+    tables = ["\n".join(_part(line, part) for line in lines[first:]) for part in parts]
+    return "\n".join(lines[:first] + ["\n\n".join(tables)]) if tables else block
+
+
+def _spans(lines: Sequence[str], width: int) -> list[tuple[int, int]]:
+    """Begin and end of each column of a table, between which no line has anything."""
+    columns = zip(*(line.ljust(width)[:width] for line in lines), strict=True)
+    filled = "".join("x" if "".join(column).strip() else " " for column in columns)
+    return [match.span() for match in re.finditer(r"x+(?: x+)*", filled)]
+
+
+def _part(line: str, spans: Sequence[tuple[int, int]]) -> str:
+    return "  ".join(line[begin:end].ljust(end - begin) for begin, end in spans).rstrip()
 
 
 class Steps:

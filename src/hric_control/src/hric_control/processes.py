@@ -2,9 +2,9 @@
 command."""
 
 import ctypes
-import errno
 import gc
 import os
+import select
 import signal
 import subprocess
 import sys
@@ -19,6 +19,8 @@ from hric_control.errors import HricError, refused_by_system
 
 INTERRUPTED_CODE = 130
 """Exit code of a command that Ctrl-C ended, as shells have it."""
+UNREAD_CODE = 141
+"""Exit code of a command whose output nobody reads any more (`| head`), as shells have it after SIGPIPE."""
 NICE = -10
 """Of the control loop's thread, 0 being everybody's: beside one that others have it gets nine tenths of a processor;
 project default, unconfirmed."""
@@ -121,8 +123,13 @@ def run_command(
             code = work() or 0
             _flush()
             return code
+        except BrokenPipeError:
+            if not _unread(output := sys.stdout.fileno()):
+                raise  # another pipe
+            os.dup2(os.open(os.devnull, os.O_WRONLY), output)  # for the interpreter's own flush
+            return UNREAD_CODE
         except OSError as error:
-            if error.errno is None or error.errno == errno.EPIPE:
+            if error.errno is None:
                 raise
             raise refused_by_system(error) from error
     except HricError as error:
@@ -136,9 +143,18 @@ def _flush() -> None:
     """Write what was printed. Where that cannot be, Python does not try it once more at the end of the process."""
     try:
         sys.stdout.flush()
+    except BrokenPipeError:
+        raise
     except OSError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise
+
+
+def _unread(output: int) -> bool:
+    """Return True if nobody can read what a descriptor of a pipe takes."""
+    poll = select.poll()
+    poll.register(output, 0)
+    return any(event & select.POLLERR for _, event in poll.poll(0))
 
 
 def run_server(name: str, work: Callable[[], None], report: Callable[[str], object] | None = None) -> int:

@@ -12,6 +12,7 @@ from typing import Any
 
 import yaml
 
+from hric_bags import text
 from hric_bags.run_folder import RunFolder, runs_root
 from hric_bags.text import Steps
 from hric_control.parameters import Settings, json_schema, read_yaml, whole
@@ -66,7 +67,7 @@ def run(arguments: Sequence[str]) -> int:
         figures=not given.no_figures,
     )
     if not given.quiet:
-        print(f"\n{result.metrics['report']}")
+        text.show(f"\n{result.metrics['report']}")
     else:
         print(
             "".join(f"unstable: {reason}\n" for reason in result.metrics["stability"]["reasons"]),
@@ -118,7 +119,14 @@ def _in_any_order(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> 
     """Options, `experiment` and `overrides` may be mixed: what has := is an override."""
     given = parser.parse_intermixed_args(list(arguments))
     words = [word for word in (given.experiment, *given.overrides) if word is not None]
+    for word in words:
+        key, sign, value = word.partition("=")
+        if sign and not key.endswith(":") and not Path(word).exists():
+            parser.error(f"{word!r} is no override; write {key}:={value}")
     given.overrides = [word for word in words if ":=" in word]
+    keys = [word.partition(":=")[0] for word in given.overrides]
+    if twice := sorted({key for key in keys if keys.count(key) > 1}):
+        parser.error(f"{', '.join(twice)} is given more than once; valid: each key once")
     names = [word for word in words if ":=" not in word]
     if len(names) != 1:
         valid = f"valid: {', '.join(experiment.names())}, or the path of a YAML file"
@@ -141,7 +149,7 @@ def _run_study(given: argparse.Namespace) -> int:
         progress=not given.quiet,
         figures=not given.no_figures,
     )
-    print(f"\n{result.metrics['report']}\nstudy: {result.folder}")
+    text.show(f"\n{result.metrics['report']}\nstudy: {result.folder}")
     if given.html:
         _study_pages(result.metrics, result.folder)
     if result.interrupted:
@@ -205,7 +213,7 @@ def report(arguments: Sequence[str]) -> int:
     folder = RunFolder.open(given.run, runs_root(given.runs))
     with contextlib.closing(Steps(STEPS + FIGURE_STEPS * (not given.no_figures))) as step:
         found = analyse(folder, figures=not given.no_figures, step=step)
-    print(f"{found['report']}\nrun folder: {folder.path}")
+    text.show(f"{found['report']}\nrun folder: {folder.path}")
     from hric_experiments.report_html.verdict import summary, verdict_of
 
     if (verdict := verdict_of(folder)) is not None:
@@ -292,7 +300,7 @@ def _compare(runs: Sequence[RunFolder], names: Sequence[str], folder: Path, give
     for other, name in zip(runs[1:], names[1:], strict=True):
         pair = folder if len(runs) == 2 else folder / other.path.name
         options = {"joint": given.joint, "fit": given.fit, "figures": not given.no_figures}
-        print(compare_runs(runs[0], other, pair, labels=(names[0], name), **options)["report"])
+        text.show(compare_runs(runs[0], other, pair, labels=(names[0], name), **options)["report"])
     print(f"comparison: {folder.absolute()}")
     if given.html:
         from hric_experiments import report_html

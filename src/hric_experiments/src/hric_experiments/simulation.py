@@ -222,6 +222,15 @@ class Simulation:
         self.close()
 
 
+def check(definition: Experiment) -> None:
+    """Build an experiment without running it, so that what robot, controllers and sensors refuse is known beforehand.
+
+    Raises:
+        HricError: the experiment cannot run.
+    """
+    Simulation(definition).close()
+
+
 def _definition(name: str | Experiment, overrides: dict[str, Any]) -> Experiment:
     if not isinstance(name, Experiment):
         return experiment.load(name, [f"{key}:={in_yaml(value)}" for key, value in overrides.items()])

@@ -21,6 +21,7 @@ from hric_control.parameters import (
     unknown,
     whole,
 )
+from hric_experiments import simulation
 from hric_experiments.definition import experiment, overrides
 from hric_experiments.definition.experiment import ExperimentError
 from hric_experiments.sweep.outputs import Output
@@ -235,7 +236,7 @@ def _check(found: Controller, benchmark: Benchmark) -> None:
             one = benchmark.collaborations.get(name, known[name])
             try:
                 words = arguments(benchmark, one, found, body)
-                experiment.parse(name, overrides.apply(experiment.read(one.extends), words))
+                simulation.check(experiment.parse(name, overrides.apply(experiment.read(one.extends), words)))
             except HricError as error:
                 raise ParameterError(f"changes.{name}: {error}") from error
     mistakes.raise_all()

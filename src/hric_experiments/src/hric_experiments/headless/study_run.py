@@ -16,6 +16,7 @@ from hric_control.errors import HricError
 from hric_control.local.node import LocalNode
 from hric_control.robot_app import RobotApp
 from hric_control.urdf import read
+from hric_experiments import simulation
 from hric_experiments.analysis import stability, study_human, study_tracking
 from hric_experiments.analysis.compare import compare
 from hric_experiments.analysis.run import bag_of
@@ -65,7 +66,7 @@ def run(
     """
     for form in forms:
         for name in form.runs:
-            form.definition(name, given)  # a mistake is reported before anything runs
+            simulation.check(form.definition(name, given))  # a mistake is reported before anything runs
     folder = RunFolder.create(root, study.name)
     head = {
         "study": study.name,

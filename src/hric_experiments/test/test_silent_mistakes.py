@@ -1,0 +1,92 @@
+"""Mistakes that change nothing, or make a run of something else, end each command at once: exit code 2, what would be
+valid, and nothing written."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from hric_experiments import cli
+
+PD = "parameters.joint_pd_controller"
+GUIDED = "run hand_guidance parameters.cartesian_impedance_controller"
+SUBJECT = "code: S1\nsex: male\nmass: {mass}\nheight: {height}\n"
+FILES = {
+    "heavy.yaml": SUBJECT.format(mass=75000, height=1.8),
+    "tall.yaml": SUBJECT.format(mass=75, height=180),
+    "wall.yaml": "objects:\n- {name: wall, shape: box, size: [600, 400, 20], pose: {xyz: [0.9, 0, 0]}}\n",
+    "far.yaml": "objects:\n- {name: wall, shape: box, size: [0.6, 0.4, 0.02], pose: {xyz: [900, 0, 0]}}\n",
+    "step.yaml": "robot: {hw: franka_sim/FrankaHWSim, parameters: {reflexs: false}}\ncontrollers: [joint_pd_controller]\n"
+    "parameters: {joint_pd_controller: {strict_gain: true}}\nduration: 1.0\n",
+    "study.yaml": "description: x\nforms: {a: {experiment: pd_step, runs: {b: [], c: ['" + PD + ".kpp:=10']}, "
+    "compared: [{runs: [b, c]}]}}\n",
+    "controller.yaml": "description: mine\nchanges: {contact: ['" + PD + ".kdd:=10']}\n",
+}
+MISTAKES = [
+    (f"run pd_step {PD}.kpp:=200", r"no parameter 'kpp' in /joint_pd_controller; .*did you mean kp\?"),
+    (f"run pd_step {PD}.profile.velocty:=1", r"no parameter 'velocty' .*did you mean velocity\?"),
+    (f"run pd_step {PD}.Kd:=5", r"no parameter 'Kd' in /joint_pd_controller; .*kd"),
+    (f"{GUIDED}.translational_stifness:=50", r"did you mean translational_stiffness\?"),
+    ("run pd_step parameters.joint_state_controller.rate:=10", r"no parameter 'rate' .*publish_rate"),
+    ("run pd_step robot.parameters.reflexs:=false", r"no parameter 'reflexs' in /robot; .*did you mean reflexes\?"),
+    ("run pd_step robot.parameters.controllog:=false", r"did you mean control_log\?"),
+    ("run pd_step 'robot.parameters.plant:={gravity: [0, 0, 0]}'", r"parameters\.plant has no effect; valid: robot\.plant"),
+    ("run pd_step robot.parameters.arm_id:=left", r"parameters\.arm_id has no effect; valid: robot\.arm_id"),
+    ("run pd_step robot.load.com:=[0,0,0.1]", r"load\.com has no effect .*valid: with robot\.load\.mass above 0"),
+    ("run pd_step friction:=none 'robot.plant.friction_parameters:={phi1: [1]}'", r"has no effect; valid: with .*friction: identified"),
+    ("run pd_step kp=200", r"'kp=200' is no override; write kp:=200"),
+    ("run pd_step kp:=100 kp:=200", r"kp is given more than once"),
+    ("run step.yaml", r"no parameter 'reflexs'"),
+    ("run study.yaml", r"no parameter 'kpp'"),
+    ("run pd_step q_start:=[0,-45,0,-135,0,90,45]", r"4 mistakes\n.*-45 deg would be -0\.785398 rad"),
+    ("run pd_step 'q_start:={panda_joint2: -5}'", r"/robot/q_start/panda_joint2 is -5\.0; .*-5 deg would be"),
+    (
+        "run pd_step setpoints.0.positions:=[0,-2,0,-2,0,2,2]",
+        r"panda_joint2 -2 rad is outside -1\.7628 to 1\.7628; -2 deg",
+    ),
+    ("run pd_step duration:=4000", r"4000 ms would be 4 s"),
+    ("run pd_step robot.load.mass:=750", r"valid: .* to 50 \[kg\]; 750 g would be 0\.75 kg"),
+    ("run pd_step kp:=50000", r"50000 N mm/rad would be 50 N m/rad"),
+    (f"run pd_step {PD}.profile.velocity:=57", r"57 deg/s would be 0\.994838 rad/s"),
+    ("run pd_step 'robot.description.rpy:=[0,0,90]'", r"90 deg would be 1\.5708 rad"),
+    ("run pd_step robot.plant.gravity:=[0,0,-9810]", r"-9810 mm/s\^2 would be -9\.81 m/s\^2"),
+    ("run pd_step robot.plant.time_step:=1", r"1 ms would be 0\.001 s"),
+    ("run pd_step world:=wall.yaml", r"size is .*600 mm would be 0\.6 m"),
+    ("run pd_step world:=far.yaml", r"xyz is .*900 mm would be 0\.9 m"),
+    ("run contact human.position:=[850,0]", r"850 mm would be 0\.85 m"),
+    ("run contact human.heading:=180", r"180 deg would be 3\.14159 rad"),
+    ("run contact human.subject:=heavy.yaml", r"30 to 200 \[kg\]; 75000 g would be 75 kg"),
+    ("run contact human.subject:=tall.yaml", r"1\.2 to 2\.2 \[m\]; 180 cm would be 1\.8 m"),
+    (
+        "run hand_guidance human.control.parameters.reference.points:=[[0.5,420,0,550]]",
+        r"at most 30 in size \[m, rad\]; 420 mm would be 0\.42 m",
+    ),
+    ("run marker_tracking mocap.base_from_mocap.xyz:=[100,0,0]", r"100 mm would be 0\.1 m"),
+    ("benchmark controller.yaml", r"changes\.contact: .*no parameter 'kdd' .*did you mean kd\?"),
+]
+"""Words after rosrun hric_experiments, and what the error says."""
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("home")
+    for name, content in FILES.items():
+        (folder / name).write_text(content)
+    return folder
+
+
+@pytest.mark.parametrize(("words", "message"), MISTAKES, ids=[words for words, _ in MISTAKES])
+def test_it_is_refused_with_what_is_valid_before_anything_is_written(
+    words: str, message: str, home: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(home)
+    monkeypatch.setenv("HRIC_RUNS", str(home / "runs"))
+    try:
+        code = cli.main(shlex.split(words))
+    except SystemExit as end:  # argparse's own
+        code = int(end.code or 0)
+    shown = capsys.readouterr()
+    assert code == 2, shown.out + shown.err
+    assert re.search(message, shown.err), shown.err
+    assert sorted(path.name for path in home.iterdir()) == sorted(FILES)
