@@ -107,6 +107,40 @@ def test_a_source_is_fast_where_its_messages_are_or_name_instants_between_them(
     assert resolved(made, PERIOD) is fast
 
 
+@pytest.mark.parametrize(
+    ("begin", "duration", "peak_time", "fast"),
+    [
+        (1.002, 0.011, 1.005, True),
+        (1.0023, 0.011, 1.0053, True),  # whole milliseconds apart, wherever they begin
+        (1.002, 0.0113, 1.005, False),
+        (1.005, 0.011, 1.005, False),  # the end alone is no instant of the message
+        (1.002, 0.003, 1.005, False),  # nor is the begin
+    ],
+)
+def test_a_source_with_a_single_message_is_fast_where_two_other_instants_are_whole_periods_from_it(
+    begin: float, duration: float, peak_time: float, fast: bool
+) -> None:
+    """Its message is of its peak."""
+    at = np.array([peak_time])
+    made = contact(5.0, duration=0.01, course={"time": at, "reached_time": at})
+    assert resolved(replace(made, begin=begin, duration=duration), PERIOD) is fast
+
+
+@pytest.mark.parametrize(("step", "fast"), [(0.001, True), (0.0015, False)])
+def test_two_messages_are_as_far_apart_as_the_evaluations_of_their_source(step: float, fast: bool) -> None:
+    assert resolved(contact(5.0, step=step, duration=2.0 * step), PERIOD) is fast
+
+
+def test_one_instant_that_is_stated_twice_and_rounded_is_one() -> None:
+    made = contact(5.0, step=0.005)
+    stated = replace(made.course, reached_time=np.full(40, made.begin + 0.198 + 1e-9), time=made.course.time - 0.005)
+    assert not resolved(replace(made, duration=0.198, course=stated), PERIOD)
+
+
+def test_a_contact_whose_messages_have_no_time_does_not_show_how_fast_its_source_is() -> None:
+    assert not resolved(contact(5.0, course={"time": np.full(20, math.nan)}), PERIOD)
+
+
 # -- force -------------------------------------------------------------------------------------------------------------
 
 
@@ -137,9 +171,34 @@ def test_one_message_gives_the_force_and_none_gives_nothing() -> None:
     assert only(contact(math.nan)).episode is None
 
 
-def test_an_episode_has_the_rate_of_its_source() -> None:
-    episode = only(contact(5.0)).episode
-    assert episode is not None and episode.rate == pytest.approx(1000.0)
+@pytest.mark.parametrize(
+    ("period", "step", "duration", "rate"),
+    [(PERIOD, 0.01, 0.2, 1000.0), (math.inf, 0.01, 0.2, 100.0), (math.inf, 0.02, 0.02, 50.0), (math.inf, 0.02, 0.0, 0.0)],
+    ids=["source", "messages", "begin and message", "one instant"],
+)
+def test_an_episode_has_the_rate_of_its_source_or_of_what_is_known_of_it(
+    period: float, step: float, duration: float, rate: float
+) -> None:
+    made = contact(5.0, step=step, duration=max(duration, step))
+    begin = made.course.time[0] if duration == 0.0 else made.begin
+    episode = only(replace(made, begin=begin), period=period).episode
+    assert episode is not None and episode.rate == pytest.approx(rate)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "peak"),
+    [
+        ("panda::panda_hand", "panda::gripper::finger", 160.0),
+        ("panda::arm::panda_hand", "panda::gripper::finger", 160.0),
+        ("panda_hand", "finger", 160.0),
+        ("panda::panda_hand", "wall::link", 100.0),
+    ],
+)
+def test_links_of_a_model_with_those_of_models_in_it_and_links_of_no_named_model_are_added(
+    first: str, second: str, peak: float
+) -> None:
+    episode = only(contact(100.0, other=first), contact(60.0, other=second)).episode
+    assert episode is not None and episode.whole.peak == pytest.approx(peak)
 
 
 @pytest.mark.parametrize(
@@ -181,6 +240,21 @@ def test_peaks_that_are_none_are_counted_too() -> None:
     reached[:3] = [math.nan, -1.0, math.inf]
     doubts = only(contact(sine(50.0), course={"reached": reached})).doubts
     assert "3 of 20 forces are not numbers or below 0" in doubts
+
+
+@pytest.mark.parametrize("force", [50.0, 50.04, 74.0])
+def test_a_force_above_the_peak_that_its_message_states_is_told_beyond_rounding(force: float) -> None:
+    told = ("a force is above the peak that its message states",) if force > 50.05 else ()
+    made = contact(np.array([10.0, force, 20.0]), duration=0.03, course={"reached": np.array([10.0, 50.0, 50.0])})
+    assert only(made).doubts == told
+
+
+@pytest.mark.parametrize(
+    ("impulse", "told"), [(None, False), (0.0, False), (0.5, False), (-0.1, True), (math.nan, True)]
+)
+def test_an_impulse_that_is_none_is_told(impulse: float | None, told: bool) -> None:
+    words = ("its impulse is not a number or below 0",) if told else ()
+    assert only(contact(sine(50.0), impulse=impulse)).doubts == words
 
 
 # -- what is not known -------------------------------------------------------------------------------------------------
@@ -260,8 +334,10 @@ FLAT = [10.0, 60.0, 60.0, 60.0, 20.0]
         ([60.0, 60.0, 20.0, 60.0, 60.0, 60.0, 20.0], True),
         ([60.0, 60.0, 60.0, 60.0, 60.0], False),
         ([60.0, 60.0, 60.0, 60.0, 20.0], True),
-        ([1.2, 60.0, 60.0, 60.0, 59.9, 59.8], True),
-        ([59.8, 59.9, 60.0, 60.0, 60.0, 1.2], True),
+        ([1.2, 60.0, 60.0, 60.0, 59.9, 59.83], True),
+        ([59.83, 59.9, 60.0, 60.0, 60.0, 1.2], True),
+        ([0.5, 60.0, 60.0, 60.0, 59.9, 59.83], False),
+        ([59.83, 59.9, 60.0, 60.0, 60.0, 0.5], False),
         ([20.0, 60.0, 60.0, 60.0, 60.0], True),
         ([10.0, 60.0, 60.0, 60.0, math.nan, 20.0], True),
     ],
@@ -309,6 +385,22 @@ def test_a_smooth_peak_of_any_size_length_and_resolution_is_not_flat(peak: float
                 return smooth if not quantum or quantum > 0.02 * peak else quantum * np.round(smooth / quantum)
 
             assert "flat top" not in sampled(force, round(1000.0 * length)), (length, phase)
+
+
+@pytest.mark.parametrize("count", [2, 3, 5, 9])
+@pytest.mark.parametrize(("share", "flat"), [(0.97, False), (1.03, True)])
+def test_a_top_is_flat_where_the_force_comes_to_it_steeper_than_to_twice_a_parabola(
+    count: int, share: float, flat: bool
+) -> None:
+    """A parabola a k^2 whose samples from -h to h differ by `spread` changes by spread (2 h + 3) / h^2 from h + 2 to
+    h + 1. The first sample of the top is a stated peak between two messages."""
+    half, spread, top = 0.5 * (count - 1), 0.019, 2.0
+    slope = share * 2.0 * spread * (2.0 * half + 3.0) / half**2
+    force = np.array([1.5 - slope, 1.5, *[top - spread] * (count - 1), 1.5, 1.5])
+    made = contact(force, duration=0.01 * len(force))
+    reached, times = made.course.reached.copy(), made.course.reached_time.copy()
+    reached[2:], times[2:] = top, made.course.time[2] - 0.003
+    assert bool(only(replace(made, course=replace(made.course, reached=reached, reached_time=times))).doubts) == flat
 
 
 @pytest.mark.parametrize(("stated", "flat"), [(1.017, True), (1.02, False)])

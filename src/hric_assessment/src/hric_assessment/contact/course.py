@@ -9,6 +9,7 @@ messages state count, not the instants of the messages: a clamp whose messages a
 force that is NaN, negative or infinite is no force.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -36,6 +37,8 @@ most this share of the force [1]. The force comes to it so steeply that a smooth
 many times more [1] (project defaults, unconfirmed)."""
 OFF_BEAT = 2
 """Instants of a contact between its messages that show that its source is faster than they are (project default)."""
+Samples = tuple[RegionForce, FloatArray, FloatArray, BoolArray]
+"""A contact, and its ascending times [s], forces [N] and True for each that can be used, shape (n,) each."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +66,8 @@ class Meeting:
 def end_of(contact: RegionForce) -> float:
     """Return when a contact ended, or the time of its last message, robot time [s]."""
     duration = contact.duration if np.isfinite(contact.duration) else 0.0
-    return float(max([contact.begin + duration, *contact.course.time[np.isfinite(contact.course.time)][-1:]]))
+    times = contact.course.time[np.isfinite(contact.course.time)]
+    return max(contact.begin + duration, float(times.max(initial=-np.inf)))
 
 
 def meetings(
@@ -98,50 +102,55 @@ def resolved(contact: RegionForce, period: float) -> bool:
     messages, and all instants are whole periods apart: a source that evaluates 1000 times a second and publishes 200
     messages.
     """
-    course, limit = contact.course, period * (1.0 + RATE_TOLERANCE)
-    time = np.unique(course.time[np.isfinite(course.time)])
+    time = np.unique(contact.course.time[np.isfinite(contact.course.time)])
     if not len(time):
         return False
-    beat = float(np.median(np.diff(time))) if len(time) > 1 else np.inf
-    if beat <= limit:
+    beat = _period(time)
+    if beat <= period * (1.0 + RATE_TOLERANCE):
         return True
-    stated = np.concatenate([[contact.begin, end_of(contact)], course.reached_time])
-    stated = np.unique(stated[np.isfinite(stated)])
-    beats = (stated - time[0]) / beat if np.isfinite(beat) else np.where(stated == time[0], 0.0, 0.5)
-    off_beat = stated[np.abs(beats - np.round(beats)) * min(beat, 1.0) > SAME_INSTANT]
-    steps = (np.concatenate([time, off_beat]) - time[0]) / period
-    return len(off_beat) >= OFF_BEAT and bool((np.abs(steps - np.round(steps)) * period <= SAME_INSTANT).all())
+    stated = np.concatenate([[contact.begin, end_of(contact)], contact.course.reached_time])
+    off_beat = [instant for instant in np.sort(stated[np.isfinite(stated)]) if _off(instant - time[0], beat)]
+    if any(_off(instant - time[0], period) for instant in (*time, *off_beat)):
+        return False
+    return 1 + int((np.diff(off_beat) > SAME_INSTANT).sum()) >= OFF_BEAT
+
+
+def _period(time: FloatArray) -> float:
+    """Return the median time between ascending instants [s]; infinite: there is one."""
+    return float(np.median(np.diff(time).tolist() or [np.inf]))
+
+
+def _off(offset: float, period: float) -> bool:
+    """True if an offset is no whole number of periods [s]; of an infinite period there is none but 0."""
+    return abs(math.remainder(offset, period)) > SAME_INSTANT
 
 
 def _meeting(contacts: list[RegionForce], source_period: float, recorded_until: float, table: EpisodeTable) -> Meeting:
-    courses = [_samples(contact) for contact in contacts]
-    doubts = dict.fromkeys(
-        doubt
-        for contact, (time, force, _) in zip(contacts, courses, strict=True)
-        for doubt in _doubts(contact, time, force, recorded_until)
-    )
+    samples = [_samples(contact) for contact in contacts]
+    doubts = [doubt for contact, time, force, _ in samples for doubt in _doubts(contact, time, force, recorded_until)]
     lasted = max(map(end_of, contacts)) - contacts[0].begin
     if not all(contact.ended for contact in contacts) and lasted <= table["transient_time"] + STAMP:
-        doubts["it had not ended when the recording did"] = None
+        doubts.append("it had not ended when the recording did")
     needed = 1.0 / table["rate"]
     if source_period > needed * (1.0 + RATE_TOLERANCE) and not all(resolved(one, needed) for one in contacts):
-        doubts[f"a blow needs {table['rate']:g} samples a second, and its messages do not show that it has them"] = None
+        doubts.append(f"a blow needs {table['rate']:g} samples a second, and its messages do not show that it has them")
+    unique_doubts = tuple(dict.fromkeys(doubts))
     models: dict[str, list[tuple[FloatArray, FloatArray]]] = {}
-    for contact, (time, force, usable) in zip(contacts, courses, strict=True):
+    for contact, time, force, usable in samples:
         if _usable(contact).any() and usable.any():
-            models.setdefault(contact.other.rpartition("::")[0], []).append((time[usable], force[usable]))
-    known = [pair for pairs in models.values() for pair in pairs]
-    if not known:
-        return Meeting(None, tuple(contacts), tuple(doubts), None)
-    times = np.unique(np.concatenate([time for time, _ in known]))
+            model = contact.other.rpartition("::")[0].partition("::")[0]  # of a nested one the whole; "": not named
+            models.setdefault(model, []).append((time[usable], force[usable]))
+    if not models:
+        return Meeting(None, tuple(contacts), unique_doubts, None)
+    times = np.unique(np.concatenate([time for own in models.values() for time, _ in own]))
     total = np.max(
         [sum(np.interp(times, *pair, left=0.0, right=0.0) for pair in own) for own in models.values()], axis=0
     )
-    rate = 1.0 / float(np.median(np.diff(times))) if len(times) > 1 else 0.0
-    episode = cut(times, total, table, rate if not np.isfinite(source_period) else 1.0 / source_period)
+    period = source_period if np.isfinite(source_period) else _period(times)
+    episode = cut(times, total, table, 1.0 / period)
     impulse = sum(contact.impulse or 0.0 for contact in contacts)
     episode = replace(episode, whole=replace(episode.whole, impulse=impulse))
-    return Meeting(episode, tuple(contacts), tuple(doubts), _unknown_peak(contacts, courses, episode, table))
+    return Meeting(episode, tuple(contacts), unique_doubts, _unknown_peak(samples, episode, table))
 
 
 def _usable(contact: RegionForce) -> BoolArray:
@@ -149,9 +158,8 @@ def _usable(contact: RegionForce) -> BoolArray:
     return np.isfinite(contact.course.force) & (contact.course.force >= 0.0)
 
 
-def _samples(contact: RegionForce) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """(times [s], forces [N], whether each can be used) of one contact, shape (n,) each, with its begin and its peaks,
-    which may lie between two messages."""
+def _samples(contact: RegionForce) -> Samples:
+    """Return the samples of one contact, with its begin and its peaks, which may lie between two messages."""
     course = contact.course
     rose = course.reached != np.concatenate([[0.0], course.reached[:-1]])  # NaN differs, too
     at = np.where(np.isfinite(course.reached_time), course.reached_time, course.time)[rose]
@@ -163,7 +171,7 @@ def _samples(contact: RegionForce) -> tuple[FloatArray, FloatArray, BoolArray]:
     order = np.lexsort((np.where(usable, -force, np.inf), time))  # of one instant the largest force comes first
     time, force, usable = time[order], force[order], usable[order]
     first = np.concatenate([[True], np.diff(time) > 0.0])
-    return time[first], force[first], usable[first]
+    return contact, time[first], force[first], usable[first]
 
 
 def _doubts(contact: RegionForce, time: FloatArray, force: FloatArray, recorded_until: float) -> list[str]:
@@ -179,7 +187,7 @@ def _doubts(contact: RegionForce, time: FloatArray, force: FloatArray, recorded_
     stated = contact.begin + course.since_begin
     if not (np.abs(course.time - stated) <= CLOCKS).all() or not contact.duration >= 0.0:
         found.append("its messages are not of the time that begin and duration state")
-    if _flat(contact, time[1:], force[1:]):  # without the begin, which has no message
+    if not bad.any() and _flat(contact, time[1:], force[1:]):  # without the begin, which has no message
         found.append(f"the force has a flat top at {force.max():.1f} N, as of a sensor at its range")
     if contact.interrupted:
         found.append("messages in between have neither the contact nor its end, as those of a second publisher")
@@ -192,40 +200,29 @@ def _doubts(contact: RegionForce, time: FloatArray, force: FloatArray, recorded_
 def _flat(contact: RegionForce, time: FloatArray, force: FloatArray) -> bool:
     """True if the largest force is held, but for the noise of a sensor, between steep sides: FLAT messages long, or
     from a message to a peak that is stated for another instant."""
-    if not len(force) or not np.isfinite(force).all() or not force.max() > 0.0:
-        return False
     between = np.abs(time[:, None] - contact.course.time[None, :]).min(axis=1) > SAME_INSTANT
-    steps = np.abs(np.diff(force))
-    quantum = float(steps[steps > 1e-9 * force.max()].min(initial=np.inf))
-    coarse = np.isfinite(quantum) and bool((np.abs(force / quantum - np.round(force / quantum)) < 1e-6).all())
-    noise = min(max(NOISE, quantum if coarse and quantum <= COARSEST * force.max() else 0.0), COARSEST * force.max())
-    at_top = np.concatenate([[False], force >= force.max() - noise * (1.0 + 1e-6), [False]])
-    edges = np.flatnonzero(np.diff(at_top))
-    padded = np.concatenate([[0.0, 0.0], force, [0.0, 0.0]])  # a contact begins and ends without force
-    for first, end in zip(edges[::2], edges[1::2], strict=True):  # rows of `force`, end exclusive
+    top, steps = float(force.max(initial=0.0)), np.abs(np.diff(force))
+    quantum = float(steps[steps > 1e-9].min(initial=np.inf))
+    if not (np.abs(force / quantum - np.round(force / quantum)) < 1e-6).all():
+        quantum = 0.0  # the sensor has no steps
+    noise = min(max(NOISE, quantum), COARSEST * top)
+    edges = np.flatnonzero(np.diff(np.pad(force >= top - noise * (1.0 + 1e-6), 1)))
+    slope = np.diff(np.pad(force, 2))  # a contact begins and ends without force
+    for first, end in edges.reshape(-1, 2):  # rows of `force`, end exclusive
         enough = end - first >= FLAT or (end - first >= 2 and between[first:end].any())
-        rise = padded[first + 1] - padded[first] if first > 0 else 0.0
-        fall = padded[end + 2] - padded[end + 3] if end < len(force) else 0.0
         half = 0.5 * (end - first - 1)  # of a parabola a k^2 that changes by a (2 k + 3) before its top
         smooth = SMOOTHEST * np.ptp(force[first:end]) * (2.0 * half + 3.0) / max(half, 0.5) ** 2
-        if enough and max(rise, fall) > max(SLOPE * force.max(), QUANTA * quantum if coarse else 0.0, smooth):
+        if enough and max(slope[first], -slope[end + 2]) > max(SLOPE * top, QUANTA * quantum, smooth):
             return True
     return False
 
 
-def _unknown_peak(
-    contacts: Sequence[RegionForce],
-    courses: Sequence[tuple[FloatArray, FloatArray, BoolArray]],
-    episode: Episode,
-    table: EpisodeTable,
-) -> float | None:
-    """Largest force of the held part where samples are farther apart than may be bridged; peaks that the messages state
-    bound it [N]."""
-    held = episode.whole.begin + table["transient_time"]
-    total, any_unknown = 0.0, False
-    for contact, (time, _, usable) in zip(contacts, courses, strict=True):
-        window = max(held, contact.begin), end_of(contact)
-        if window[1] > window[0]:
-            any_unknown |= bool(unknown(time, usable, window, verdict_table()["max_gap"]))
-        total += max(contact.course.reached[np.isfinite(contact.course.reached)], default=0.0)
-    return total if any_unknown else None
+def _unknown_peak(samples: Sequence[Samples], episode: Episode, table: EpisodeTable) -> float | None:
+    """Return the largest force of the held part where samples are farther apart than may be bridged; peaks that the
+    messages state bound it [N]."""
+    held, max_gap = episode.whole.begin + table["transient_time"], verdict_table()["max_gap"]
+    bound, any_unknown = 0.0, False
+    for contact, time, _, usable in samples:
+        any_unknown |= bool(unknown(time, usable, (max(held, contact.begin), end_of(contact)), max_gap))
+        bound += float(contact.course.reached[np.isfinite(contact.course.reached)].max(initial=0.0))
+    return bound if any_unknown else None
