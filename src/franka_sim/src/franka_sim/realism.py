@@ -14,6 +14,7 @@ from hric_control.errors import UnknownNameError
 from hric_control.node import REQUIRED
 from hric_control.parameters import Settings, choice, declared, number, numbers, per_joint, whole
 from hric_control.plants import BREAKAWAY, PHI, sigmoid_parameters
+from hric_control.urdf import elements
 
 JOINTS = 7
 MAX_MASS_ERROR = 0.3
@@ -54,7 +55,7 @@ class Realism(Settings):
             return urdf_xml
         rng = np.random.default_rng(self.body_seed)
         draws = np.clip(rng.standard_normal((JOINTS, 4)), -CUT_OFF, CUT_OFF)
-        root = ElementTree.fromstring(urdf_xml)
+        root = elements.parse(urdf_xml)
         links = {link.get("name"): link for link in root.iterfind("link")}
         for i, (mass_error, com_error, draw) in enumerate(
             zip(self.mass_error, self.com_error, draws, strict=True), start=1

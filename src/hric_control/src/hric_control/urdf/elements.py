@@ -117,5 +117,7 @@ def origin(element: Element, where: str) -> FloatArray:
         length = float(np.linalg.norm(quaternion))
         if "rpy" in tag.attrib or not length:
             raise DescriptionError(f"{where}: <origin> needs either rpy, or quat_xyzw of a length other than 0")
-        return homogeneous(rotation_from_quaternion(quaternion / length), numbers(tag, "xyz", 3, "0 0 0", where))
+        return homogeneous(
+            rotation_from_quaternion((quaternion / length).tolist()), numbers(tag, "xyz", 3, "0 0 0", where)
+        )
     return transform_from_rpy(numbers(tag, "xyz", 3, "0 0 0", where), numbers(tag, "rpy", 3, "0 0 0", where))
