@@ -1,6 +1,7 @@
 """Robots of others: every description of PyPI's example-robot-data is read as pinocchio reads it, through urdfdom, or
 refused where it cannot be meant."""
 
+import os
 import sysconfig
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,7 +13,6 @@ import pytest
 from hric_control import plugins, urdf
 from hric_control.errors import DescriptionError
 from hric_control.plants import resources
-from hric_control.plants.divergence import DivergedError
 from hric_control.plants.resources import read_description
 from hric_control.transmission import parse_transmissions
 
@@ -27,6 +27,8 @@ NO_TRANSMISSIONS = {
     "talos_data/robots/talos_left_arm.urdf": "transmission arm_left_1_trans: no joint 'arm_left_1_joint'",
 }
 """Descriptions that were cut from larger ones, with transmissions of joints that are gone."""
+NO_JOINTS = "hector_description/robots/quadrotor_base.urdf", "iris_description/robots/iris_simple.urdf"
+"""Descriptions of one body, which no plant can drive."""
 ENGINES = ("pybullet_ros_control/PyBulletPlant", "mujoco_ros_control/MujocoPlant", "opensim_ros_control/OpenSimPlant")
 MASSLESS = "romeo.urdf", "romeo_laas_small.urdf"
 """Robots with fingers at the end that have no mass: no engine can accelerate them, and pinocchio's mass matrix is
@@ -41,7 +43,7 @@ def package(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     (root / "example-robot-data/robots").symlink_to(DATA)
     (root / "example-robot-data/package.xml").write_text("<package><name>example-robot-data</name></package>")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("ROS_PACKAGE_PATH", str(root))
+        patch.setenv("ROS_PACKAGE_PATH", f"{root}{os.pathsep}{os.environ['ROS_PACKAGE_PATH']}")
         yield root
 
 
@@ -92,7 +94,7 @@ def test_transmissions_are_read_or_left_out_with_one_warning(caplog: pytest.LogC
 
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES, ids=lambda engine: engine.partition("/")[2])
-@pytest.mark.parametrize("name", [name for name in ROBOTS if name not in REFUSED])
+@pytest.mark.parametrize("name", [name for name in ROBOTS if name not in (*REFUSED, *NO_JOINTS)])
 def test_a_robot_loads_on_every_engine(name: str, engine: str, package: Path) -> None:
     assert resources.package_path("example-robot-data") == package / "example-robot-data"
     text = read_description(ROBOTS[name])
@@ -102,12 +104,9 @@ def test_a_robot_loads_on_every_engine(name: str, engine: str, package: Path) ->
     try:
         plant = plugins.find(plugins.PLANT, engine)(text, [joint.name for joint in joints], {})
     except DescriptionError as error:
-        assert (name.endswith(MASSLESS) and "mass" in str(error)) or not joints, error
+        assert name.endswith(MASSLESS) and "mass" in str(error)
         return
     try:
         plant.reset([min(max(0.0, joint.lower), joint.upper) for joint in joints])
-        plant.step()
-    except DivergedError:
-        pass  # its links overlap where its joints are at zero
     finally:
         plant.close()
