@@ -23,20 +23,19 @@ class Dynamics:
         engine: the model.
         inertia: of the rotors, shape (nu,) [kg m^2].
         friction: a row per coordinate beyond the model's own forces, see `stages.rubbed`; None for none.
+
+    Attributes:
+        rotors: their inertia, as given.
+        inertia: that acts in the joints in place of the rotors' from now on, shape (nu,) [kg m^2].
     """
 
     def __init__(self, engine: Engine, inertia: FloatArray, friction: FloatArray | None) -> None:
         self.engine, self._friction = engine, friction
-        self._rotors = inertia
-        self.add_inertia(0.0)
+        self.rotors = self.inertia = inertia
+        self._bare = not inertia.any() and not engine.constraints
         self._all = np.arange(engine.nu, dtype=np.intp)
         self._pull = np.zeros(engine.nu)  # G' nu of the last evaluation
         self.brake(())
-
-    def add_inertia(self, inertia: FloatArray | float) -> None:
-        """Have this beside the rotors from now on, shape (nu,) [kg m^2]."""
-        self._B = self._rotors + inertia
-        self._bare = not self._B.any() and not self.engine.constraints
 
     def brake(self, braked: Sequence[int]) -> None:
         """These coordinates do not move from now on, the others do."""
@@ -50,11 +49,11 @@ class Dynamics:
         self._a = a = engine.acceleration()
         if self._friction is not None:
             tau = rubbed(tau, y[engine.nu : 2 * engine.nu], self._friction)
-        if self._bare and not self._braked:
+        if self._bare and self.inertia is self.rotors and not self._braked:
             return a + engine.divided_by_mass(tau)
-        self._inertia, self._drive = balance(engine.mass_matrix(), self._B, a, tau)
+        self._A, self._drive = balance(engine.mass_matrix(), self.inertia, a, tau)
         if not self._braked and not engine.constraints:
-            return self._solve(self._inertia, self._drive)
+            return self._solve(self._A, self._drive)
         return self._constrained(self._drive)
 
     @staticmethod
@@ -67,7 +66,7 @@ class Dynamics:
         free, x = self._free, np.zeros_like(drive)
         if len(free) == 0:
             return x
-        A = self._inertia[np.ix_(free, free)]
+        A = self._A[np.ix_(free, free)]
         if not self.engine.constraints:
             x[free] = self._solve(A, drive[free])
             return x
@@ -85,7 +84,7 @@ class Dynamics:
         joints."""
         n, free = self.engine.nu, self._free
         K = np.zeros((n, n))
-        A = (self.engine.mass_matrix() + np.diag(self._B))[np.ix_(free, free)]
+        A = (self.engine.mass_matrix() + np.diag(self.inertia))[np.ix_(free, free)]
         inverse = np.linalg.inv(A)
         if self.engine.constraints:
             G = self.engine.constraint_jacobian()[:, free]
@@ -98,7 +97,7 @@ class Dynamics:
         """Efforts of the brakes with du/dt = x in the state that was evaluated last, shape (nu,), zero for free joints
         [N m]."""
         efforts = np.zeros_like(x)
-        efforts[self._braked] = (self._inertia @ x - self._drive - self._pull)[self._braked]
+        efforts[self._braked] = (self._A @ x - self._drive - self._pull)[self._braked]
         return efforts
 
     def stopped(self, y: FloatArray) -> FloatArray:
@@ -110,7 +109,7 @@ class Dynamics:
             return y
         self.engine.put_y(y)
         self.engine.acceleration()
-        M = self.engine.mass_matrix() + np.diag(self._rotors)
+        M = self.engine.mass_matrix() + np.diag(self.rotors)
         free = self._free
         A, new = M[np.ix_(free, free)], np.zeros(n)
         new[free] = u[free] + np.linalg.solve(A, M[free][:, braked] @ u[braked])

@@ -24,7 +24,7 @@ from opensim_ros_control.engine import Engine
 from opensim_ros_control.integrators import IntegrationError, ManagerSteps, OwnSteps, Step, Touch
 from opensim_ros_control.joint_efforts import JointEfforts, Row
 from opensim_ros_control.robot_model import RobotModel
-from opensim_ros_control.stages import bend, cut, gripped
+from opensim_ros_control.stages import cut, gripped
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,9 @@ class Robot:
         inertia = np.zeros(engine.nu)
         inertia[self.user] = config.rotor_inertia
         friction = self._friction()
-        self._bristles, self._bend = self._bristle_rows(), np.zeros(engine.nu)
+        self._bristles = self._bristle_rows()
+        self._gripping = self._bristles
+        self._bend, self._bent = np.zeros(engine.nu), 0.0
         self._dynamics = Dynamics(engine, inertia, friction)
         sticking = self._sticking() if config.friction == "coulomb" else {}
         self._rows = JointEfforts(sticking, self.stops, self._indices, config.time_step)
@@ -199,7 +201,7 @@ class Robot:
         self.effort = self.motor_effort = [0.0] * len(q)
         self.stops.restart([self.q[index] for index in self._indices])
         self._rows.forget()
-        self._bend[:] = 0.0
+        self._bend[:], self._bent = 0.0, 0.0
         self._close_brakes()
 
     def put_coordinates(self, indices: Sequence[int], q: Sequence[float], dq: Sequence[float]) -> None:
@@ -265,7 +267,10 @@ class Robot:
             braked += [index for index in self._indices if index not in (*self.user, *followers)]
         self._braked = [on or mode is Mode.BRAKE for _, mode, on in modes]
         self._driven = [mode in (Mode.VELOCITY, Mode.POSITION) and not on for _, mode, on in modes]
-        self._held, self._any_braked, self._any_driven = braked, bool(braked), any(self._driven)
+        self._any_braked, self._any_driven = bool(braked), any(self._driven)
+        if self._bristles is not None:  # a brake leaves them nothing to hold
+            self._gripping = self._bristles.copy()
+            self._gripping[braked] = Losses().bristle_row()
         self._rows.drives = []
         self._dynamics.brake(braked)
         y = self._dynamics.stopped(self.y)
@@ -308,18 +313,16 @@ class Robot:
             self._finish(self._by_manager(tau), efforts)
         else:
             tau = tau if self.external is None else tau + self.external
-            if self._bristles is not None:
-                tau = tau - self._grip(self._bristles)
+            if self._gripping is not None:
+                tau = self._grip(tau, self._gripping)
             self._finish(self._own_step(self.time, self.y, tau, self.touch), efforts)
 
-    def _grip(self, rows: FloatArray) -> FloatArray:
-        """What the bristles of the joints that no brake holds take in the coming step, shape (nu,) [N m or N]."""
-        n = self.engine.nu
-        held, inertia = gripped(self.y[n : 2 * n], self._bend, rows, self.config.time_step)
-        if self._any_braked:
-            held[self._held], inertia[self._held] = 0.0, 0.0
-        self._dynamics.add_inertia(inertia)
-        return held
+    def _grip(self, tau: FloatArray, rows: FloatArray) -> FloatArray:
+        """Return the efforts, shape (nu,), that the bristles leave in the coming step [N m or N]."""
+        n, dynamics, step = self.engine.nu, self._dynamics, self.config.time_step
+        tau, dynamics.inertia = gripped(tau, dynamics.rotors, self.y[n : 2 * n], self._bend, rows, self._bent, step)
+        self._bent = step
+        return tau
 
     def _by_manager(self, tau: FloatArray) -> Step:
         try:
@@ -331,8 +334,6 @@ class Robot:
         self.time += self.config.time_step
         before = self.u
         self._set_y(step.y)
-        if self._bristles is not None:
-            bend(step.y[self.engine.nu : 2 * self.engine.nu], self._bend, self._bristles, self.config.time_step)
         self._divergence.check(self._of_joints(self.q), self._of_joints(self.u))
         self.effort = self.motor_effort = self._motor_efforts(step, efforts)
         if self._rotors is not None:

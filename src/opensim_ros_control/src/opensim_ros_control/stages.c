@@ -108,50 +108,34 @@ FUNCTION(rubbed)
     return made;
 }
 
-/* Numbers of the rows of bristles, their bends and the speeds, and how many; -1 with an error set. */
-static npy_intp take_bristles(PyObject *const *given, double *taken[3])
-{
-    const npy_intp n = length(given[0]);
-    taken[0] = n < 0 ? NULL : numbers(given[0], n);
-    taken[1] = taken[0] == NULL ? NULL : numbers(given[1], n);
-    taken[2] = taken[1] == NULL ? NULL : numbers(given[2], n * BRISTLE_ROW);
-    return taken[2] == NULL ? -1 : n;
-}
-
 FUNCTION(gripped)
 {
-    double *taken[3], *hold, *inertia;
-    if (!expect(count, 4, "gripped(u, bend, rows, step)"))
+    if (!expect(count, 7, "gripped(tau, rotors, u, bend, rows, before, step)"))
         return NULL;
-    const double step = PyFloat_AsDouble(given[3]);
-    const npy_intp n = PyErr_Occurred() ? -1 : take_bristles(given, taken);
-    PyObject *holding = n < 0 ? NULL : make(1, n, &hold);
-    PyObject *added = holding == NULL ? NULL : make(1, n, &inertia);
-    if (added == NULL) {
-        Py_XDECREF(holding);
+    const double before = PyFloat_AsDouble(given[5]), step = PyFloat_AsDouble(given[6]);
+    const npy_intp n = PyErr_Occurred() ? -1 : length(given[0]);
+    const double *tau = n < 0 ? NULL : numbers(given[0], n);
+    const double *rotor = tau == NULL ? NULL : numbers(given[1], n);
+    const double *u = rotor == NULL ? NULL : numbers(given[2], n);
+    double *bend = u == NULL ? NULL : numbers(given[3], n), *left, *inertia;
+    const double *rows = bend == NULL ? NULL : numbers(given[4], n * BRISTLE_ROW);
+    PyObject *leaving = rows == NULL ? NULL : make(1, n, &left);
+    PyObject *leaning = leaving == NULL ? NULL : make(1, n, &inertia);
+    if (leaning == NULL) {
+        Py_XDECREF(leaving);
         return NULL;
     }
     for (npy_intp i = 0; i < n; i++) {
-        const double *row = taken[2] + i * BRISTLE_ROW;
-        double slope = 0.0;
-        hold[i] = row[BRISTLE_BREAKAWAY] == 0.0 ? 0.0 : bristle(row, step, taken[1][i], taken[0][i], &slope);
-        hold[i] += slope * taken[0][i];
-        inertia[i] = step * slope;
+        const double *row = rows + i * BRISTLE_ROW;
+        double slope = 0.0, hold = 0.0;
+        if (row[BRISTLE_BREAKAWAY] != 0.0) {
+            bend[i] = bristle_bent(row, before, bend[i], u[i]);
+            hold = bristle(row, step, bend[i], u[i], &slope);
+        }
+        left[i] = tau[i] - hold - slope * u[i];
+        inertia[i] = rotor[i] + step * slope;
     }
-    return Py_BuildValue("NN", holding, added);
-}
-
-FUNCTION(bend)
-{
-    double *taken[3];
-    if (!expect(count, 4, "bend(u, bend, rows, step)"))
-        return NULL;
-    const double step = PyFloat_AsDouble(given[3]);
-    const npy_intp n = PyErr_Occurred() ? -1 : take_bristles(given, taken);
-    for (npy_intp i = 0; i < n; i++)
-        if (taken[2][i * BRISTLE_ROW + BRISTLE_BREAKAWAY] != 0.0)
-            taken[1][i] = bristle_bent(taken[2] + i * BRISTLE_ROW, step, taken[1][i], taken[0][i]);
-    return n < 0 ? NULL : Py_NewRef(Py_None);
+    return Py_BuildValue("NN", leaving, leaning);
 }
 
 FUNCTION(balance)
@@ -286,8 +270,7 @@ static PyMethodDef methods[] = {
     METHOD(memory, "(first, last, size)"),
     METHOD(cut, "(values, low, high)"),
     METHOD(rubbed, "(tau, u, rows)"),
-    METHOD(gripped, "(u, bend, rows, step)"),
-    METHOD(bend, "(u, bend, rows, step)"),
+    METHOD(gripped, "(tau, rotors, u, bend, rows, before, step)"),
     METHOD(balance, "(M, rotors, a, tau)"),
     METHOD(solve, "(A, b)"),
     METHOD(rate, "(y, x)"),

@@ -19,11 +19,13 @@ cut: Callable[[Sequence[float], Sequence[float], Sequence[float]], tuple[list[fl
 rubbed: Callable[[FloatArray, FloatArray, FloatArray], FloatArray] = _built.rubbed
 """(tau, u, rows): tau - a (tanh(b (u + c)) - d) with the rows a, b, c, d of `hric_control.plants.moving_joints`, shapes
 (n,), (n,), (n, 4)."""
-gripped: Callable[[FloatArray, FloatArray, FloatArray, float], tuple[FloatArray, FloatArray]] = _built.gripped
-"""(u, bend, rows, step): what the bristles take over a step that begins with speeds u, shape (n,), and the inertia that
-is added for it, shape (n,); bend: shape (n,), rows: of `Losses.bristle_row`, shape (n, 3)."""
-bend: Callable[[FloatArray, FloatArray, FloatArray, float], None] = _built.bend
-"""(u, bend, rows, step): write the bends after a step that ended with speeds u into bend in place."""
+gripped: Callable[
+    [FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, float, float], tuple[FloatArray, FloatArray]
+] = _built.gripped
+"""(tau, rotors, u, bend, rows, before, step): the efforts tau that the bristles leave over a step that begins with
+speeds u, and the inertia of the rotors with what stands for the bristles' part that follows from the step's end, shape
+(n,) each. The bends, shape (n,), are first brought over the step before, of 0 s after a reset, in place; rows: of
+`Losses.bristle_row`, shape (n, 3)."""
 balance: Callable[[FloatArray, FloatArray, FloatArray, FloatArray], tuple[FloatArray, FloatArray]] = _built.balance
 """(M, b, a, tau): (M + diag(b), M a + tau), shapes (n, n), (n,), (n,), (n,); M symmetric."""
 solve: Callable[[FloatArray, FloatArray], FloatArray | None] = _built.solve

@@ -27,8 +27,8 @@ Phi = tuple[float, float, float]
 BREAKAWAY = "breakaway"
 """Key beside phi1 to phi3: effort that a joint at rest withstands by its bristle [N m]; left out: none."""
 GIVE = 1e-4
-"""Bend of a bristle at breakaway [rad] (project default, unconfirmed: no source for this arm; 1e-5 to 1e-3 rad would do,
-and the drift at rest is of this size)."""
+"""Bend of a bristle at breakaway [rad] (project default, unconfirmed: no source for this arm; 1e-5 to 1e-3 rad would
+do, and the drift at rest is of this size)."""
 FADE = 0.1
 """Speed from which on a bristle holds nothing [rad/s] (project default, unconfirmed: what the published sigmoid leaves
 of a real arm's log near rest, 0.05 to 0.2 N m, fades between 0.1 and 0.3 rad/s)."""
