@@ -224,7 +224,7 @@ class BagScan:
         text = {key: value.decode("utf-8", "replace") for key, value in inner.items()}
         number = LENGTH.unpack(fields[b"conn"])[0]
         # The topic is in the record's header: the one in the data is that before remapping.
-        found = Connection(
+        connection = Connection(
             fields[b"topic"].decode("utf-8", "replace"),
             text.get(b"type", ""),
             text.get(b"md5sum", ""),
@@ -232,12 +232,12 @@ class BagScan:
             text.get(b"callerid", ""),
             text.get(b"latching", "0") == "1",
         )
-        known = self.connections.setdefault(number, found)
-        if known == found:
+        known = self.connections.setdefault(number, connection)
+        if known == connection:
             return
         self.damage.append(f"two records of the connection {number} ({known.topic}) differ")
-        if confirmed or _is_sound(found, text.get(b"topic", "")) > _is_sound(known, text.get(b"topic", "")):
-            self.connections[number] = found
+        if confirmed or _is_sound(connection, text.get(b"topic", "")) > _is_sound(known, text.get(b"topic", "")):
+            self.connections[number] = connection
 
 
 def _is_sound(connection: Connection, topic: str) -> bool:
@@ -258,11 +258,11 @@ def _store(connection: Connection) -> Typestore | None:
 
 def _entries(view: FileView, index: list[Record]) -> dict[int | None, tuple[int, bytes]]:
     """Return what the index of a chunk has: offset in the chunk -> (number of the connection, time)."""
-    found: dict[int | None, tuple[int, bytes]] = {}
+    entries: dict[int | None, tuple[int, bytes]] = {}
     for record in index:
         number = LENGTH.unpack(record.fields[b"conn"])[0]
-        found.update((offset, (number, time)) for time, offset in _unpacked(_ENTRY, view, record))
-    return found
+        entries.update((offset, (number, time)) for time, offset in _unpacked(_ENTRY, view, record))
+    return entries
 
 
 def _unpacked(layout: struct.Struct, view: FileView, record: Record) -> Iterator[tuple[Any, ...]]:

@@ -94,9 +94,9 @@ def walk(view: View, begin: int, kinds: tuple[int, ...]) -> Iterator[Record]:
     size, record = len(view), _record(view, begin, kinds)
     while begin < size:
         if record is None:
-            found = _search(view, begin + 1, kinds)
-            yield Record(0, {}, begin, begin, found)
-            begin, record = found, _record(view, found, kinds)
+            following_offset = _search(view, begin + 1, kinds)
+            yield Record(0, {}, begin, begin, following_offset)
+            begin, record = following_offset, _record(view, following_offset, kinds)
             continue
         following = _record(view, record.end, kinds) if record.end < size else None
         if (record.kind == CHUNK and record.end == record.start) or (record.end != size and following is None):
@@ -109,12 +109,12 @@ def walk(view: View, begin: int, kinds: tuple[int, ...]) -> Iterator[Record]:
 def _find_end(view: View, record: Record, kinds: tuple[int, ...]) -> None:
     """Set the end of a record whose length leads to no record."""
     chunk, stated = record.kind == CHUNK, record.end
-    found = _search(view, record.start, tuple(kind for kind in kinds if not chunk or kind != CONNECTION))
-    padded = record.start < stated <= found and not any(view[stated:found])
-    record.end = found if chunk and not padded else min(stated, found)
-    record.certain = (chunk and padded) or stated > found < len(view)
+    following_offset = _search(view, record.start, tuple(kind for kind in kinds if not chunk or kind != CONNECTION))
+    padded = record.start < stated <= following_offset and not any(view[stated:following_offset])
+    record.end = following_offset if chunk and not padded else min(stated, following_offset)
+    record.certain = (chunk and padded) or stated > following_offset < len(view)
     record.exact = record.end == stated
-    record.open = chunk and found == len(view) and not record.start < stated <= found
+    record.open = chunk and following_offset == len(view) and not record.start < stated <= following_offset
 
 
 def _search(view: View, start: int, kinds: tuple[int, ...]) -> int:
