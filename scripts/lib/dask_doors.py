@@ -22,7 +22,7 @@ class DoorError(Exception):
 
 
 def is_local(host: str) -> bool:
-    """True if every address that `host` stands for is on loopback. Raises DoorError: it stands for none."""
+    """True if every address of `host` is on loopback. Raises DoorError: it has none."""
     try:
         found = {info[4][0] for info in socket.getaddrinfo(host, None)}
     except (OSError, UnicodeError) as error:
@@ -32,7 +32,7 @@ def is_local(host: str) -> bool:
 
 
 def host_of(text: str) -> str:
-    """Return the host of an address, with or without a scheme, brackets and port; "" stands for all interfaces."""
+    """Return the host of an address, with or without a scheme, brackets and port; "" means all interfaces."""
     rest = text.rpartition("://")[2]
     if rest.startswith("["):
         return rest[1:].partition("]")[0]
@@ -63,9 +63,9 @@ def check(program: str, words: list[str]) -> tuple[bool, list[str]]:
     options = vars(given)
     if not re.fullmatch("[1-9][0-9]*", given.workers):
         raise DoorError(f"--workers {given.workers}; valid: 1 or more")
-    places = {option: value for option in LISTENING if (value := options[option[2:].replace("-", "_")]) is not None}
+    binds = {option: value for option in LISTENING if (value := options[option[2:].replace("-", "_")]) is not None}
     pages = given.dashboard_address or f"{LOOPBACK}:0"
-    reached = [f"{option} {value}" for option, value in places.items() if is_open(option, value)]
+    reached = [f"{option} {value}" for option, value in binds.items() if is_open(option, value)]
     if peer and not is_local(host_of(peer)):
         reached.insert(0, peer)
     encrypted = bool(reached) and not given.insecure
@@ -77,9 +77,9 @@ def check(program: str, words: list[str]) -> tuple[bool, list[str]]:
         )
     if not given.insecure and is_open("--dashboard-address", pages):
         raise DoorError(f"--dashboard-address {pages} is open to all; valid: {LOOPBACK}:PORT, or --insecure")
-    if not places and not reached:
-        places["--host"] = host_of(peer) if peer and host_of(peer) != "localhost" else LOOPBACK
-    arguments = [peer] * bool(peer) + [word for option, value in places.items() for word in (option, value)]
+    if not binds and not reached:
+        binds["--host"] = host_of(peer) if peer and host_of(peer) != "localhost" else LOOPBACK
+    arguments = [peer] * bool(peer) + [word for option, value in binds.items() for word in (option, value)]
     if program == "worker":  # runs have processes and a bound of memory of their own below these
         arguments += ["--nworkers", given.workers, "--nthreads", "1", "--memory-limit", "0"]
     return encrypted, [*arguments, "--dashboard-address", pages, *others]

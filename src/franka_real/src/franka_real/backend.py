@@ -10,7 +10,7 @@ from franka_hw_interface.command_set import ArmCommand
 from franka_hw_interface.modes import Mode
 from franka_real.settings import Settings
 from hric_control.errors import FailureError
-from hric_control.native.loopback import confine
+from hric_control.native.sockets import confine
 
 
 class RobotError(FailureError):

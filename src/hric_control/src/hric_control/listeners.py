@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from socket import socket
 from typing import NamedTuple
 
-from hric_control.native.sending import send_now
+from hric_control.native.sockets import send_now
 
 LOG = logging.getLogger("hric.control.listeners")
 LIMIT = 4 << 20

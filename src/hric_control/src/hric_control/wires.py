@@ -21,7 +21,7 @@ class Wire:
 
     Args:
         who: what listens.
-        programs: names of files of which one stands on its command line; none: any node.
+        programs: names of files, one of which is on its command line; none: any node.
         protocol: what is spoken.
         transport: "tcp" or "udp".
         ports: first and last.

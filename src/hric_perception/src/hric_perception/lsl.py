@@ -11,7 +11,7 @@ import numpy as np
 import pylsl
 
 from hric_control.errors import FailureError, ParameterError
-from hric_control.native.loopback import confine
+from hric_control.native.sockets import confine
 from hric_control.parameters import Settings, text
 from hric_perception.chunk import FloatArray, Layout
 from hric_perception.stream import Driver, SampleStream, StreamHealth

@@ -1,4 +1,4 @@
-/* Keeps a loaded library on loopback: see loopback.py. */
+/* Keeps a loaded library on loopback: see sockets.py. */
 #define _GNU_SOURCE
 #include <Python.h>
 

@@ -1,4 +1,4 @@
-/* Writes to many sockets in one call, without the interpreter in between: see sending.py. */
+/* Writes to many sockets in one call, without the interpreter in between: see sockets.py. */
 #include <Python.h>
 
 #include <errno.h>
