@@ -278,7 +278,7 @@ def _lines() -> Iterator[str]:
     yield "# Who listens where\n"
     yield (
         "Every port that a program of this workspace opens. Nothing is open to other machines unless an argument says "
-        "so. This page is made from `hric_control.wires`, which a test compares with the ports of a running bring-up in "
+        "so. This page is made from `hric_control.wires`, which a test compares with the ports of a bring-up in "
         "a network of its own, attacked by a neighbour.\n"
     )
     yield f"| {' | '.join(COLUMNS)} |"
