@@ -4,7 +4,7 @@ newest that has a recording."""
 import fcntl
 import os
 import weakref
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
@@ -56,7 +56,7 @@ class RunFolder:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._release: weakref.finalize | None = None
+        self._release: Callable[[], object] | None = None
         """Frees the lock; None: this object did not make the run, or the run has ended."""
 
     @classmethod

@@ -292,7 +292,8 @@ class Anonymiser:
 
 
 def _values(message: Any) -> list[tuple[str, Any]]:
-    return [(name, getattr(message, name)) for name in _fields(type(message))]
+    kind: Any = type(message)
+    return [(name, getattr(message, name)) for name in _fields(kind)]
 
 
 @cache

@@ -135,7 +135,12 @@ class LocalNode(Namespaced):
         entry.callbacks.append(deliver)
         if entry.latched is not None:
             deliver(entry.latched)
-        return Undoable(lambda: (entry.callbacks.remove(deliver), refused.finish()))
+
+        def undo() -> None:
+            entry.callbacks.remove(deliver)
+            refused.finish()
+
+        return Undoable(undo)
 
     def service(self, name: str, service_type: type, handler: Callable[[Any], Any]) -> Undoable:
         """Serve; `call` reaches it."""

@@ -195,7 +195,11 @@ class RosNode(Namespaced):
             except HricError as error:
                 refused(f"{full}: {error}")
 
-        registration = Undoable(lambda: (subscriber.unregister(), refused.finish()))
+        def undo() -> None:
+            subscriber.unregister()
+            refused.finish()
+
+        registration = Undoable(undo)
         subscriber = rospy.Subscriber(full, message_type, deliver, queue_size=queue_size or None, tcp_nodelay=True)
         return registration
 
