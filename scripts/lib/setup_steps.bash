@@ -140,7 +140,9 @@ missing_packages() {
 
 requirements_of() { if [ "$1" = run ]; then echo scripts/requirements.txt; else echo "scripts/requirements-$1.txt"; fi; }
 
-python_key() { hash_of "$ws" "$(cat scripts/requirements.txt "$(requirements_of "$1")")"; }
+locked_of() { echo "scripts/locked/$1.txt"; }
+
+python_key() { hash_of "$ws" "$(cat "$(locked_of run)" "$(locked_of "$1")")"; }
 
 # Whatever changes the build: of packages that have messages or compiled code. A package of Python alone is found where it is.
 build_inputs() {
@@ -205,7 +207,7 @@ install_python() {
     [ -d "$logs" ] || as_user mkdir -p "$logs"
     as_user touch "$logs/setup-pip.log.begin"
     step "Installing the pinned Python packages$(about_part "$part")" pip pip 60 as_user env PATH=$plain_path .venv/bin/python3 -m pip install \
-      --disable-pip-version-check --progress-bar off -r "$(requirements_of "$part")"
+      --disable-pip-version-check --progress-bar off --no-deps --require-hashes -r "$(locked_of "$part")"
     if [ "$part" = run ]; then
       check_python
       # What nothing here uses: models that come with PyBullet, but for the Panda's meshes and those of tests; headers of the rigid-body library.

@@ -1,0 +1,81 @@
+"""Write the software bill of materials of the Python environment, and check the licences of all pinned packages.
+
+python3 scripts/lib/licences.py: build/sbom.cdx.json (CycloneDX), and exit code 1 where a licence is neither allowed nor
+a named exception in pyproject.toml, [tool.hric.licences]. Packages of Debian are Debian's, and are not checked.
+"""
+
+import json
+import re
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+WORKSPACE = Path(__file__).resolve().parents[2]
+BILL = WORKSPACE / "build/sbom.cdx.json"
+_PINNED = re.compile(r"^([\w.-]+)==([\w.]+)", re.MULTILINE)
+
+
+def normal(name: str) -> str:
+    """Return the name of a package as indices compare it (PEP 503)."""
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def pinned() -> set[tuple[str, str]]:
+    """Return name and version of each package that scripts/setup installs."""
+    files = (WORKSPACE / "scripts/locked").glob("*.txt")
+    return {(normal(name), version) for path in files for name, version in _PINNED.findall(path.read_text())}
+
+
+def bill() -> dict[str, Any]:
+    """Write the bill of materials of the environment and return it."""
+    BILL.parent.mkdir(exist_ok=True)
+    tool = [sys.executable, "-m", "cyclonedx_py", "environment", "--no-validate", "--output-reproducible"]
+    command = [*tool, "--of", "JSON", "-o", str(BILL), sys.executable]
+    subprocess.run(command, check=True, stderr=subprocess.DEVNULL)
+    content: dict[str, Any] = json.loads(BILL.read_text())
+    return content
+
+
+def licences(component: Mapping[str, Any]) -> list[str]:
+    """Return what a component of the bill says of its licence: SPDX expressions, ids, and names of classifiers."""
+    entries = component.get("licenses", [])
+    return [entry.get("expression") or entry["license"].get("id") or entry["license"]["name"] for entry in entries]
+
+
+def refusals(content: Mapping[str, Any], installed: set[tuple[str, str]], rules: Mapping[str, Any]) -> Iterator[str]:
+    """Say which of the installed packages have a licence that the rules do not allow.
+
+    Args:
+        content: bill of materials.
+        installed: names and versions to check.
+        rules: allowed (expressions), exceptions (licence and reason by package).
+    """
+    allowed, exceptions = set(rules["allowed"]), rules["exceptions"]
+    for component in content["components"]:
+        name, found = normal(component["name"]), licences(component)
+        if (name, component["version"]) not in installed or name in exceptions:
+            continue
+        if not found or not all(_permits(licence, allowed) for licence in found):
+            said = ", ".join(found) or "no licence in its metadata"
+            yield f"{component['name']} {component['version']}: {said}; valid: an allowed licence, or an exception"
+
+
+def _permits(expression: str, allowed: set[str]) -> bool:
+    """Whether one of its alternatives has allowed licences only."""
+    alternatives = expression.split(" OR ")
+    return any(all(part in allowed for part in alternative.split(" AND ")) for alternative in alternatives)
+
+
+def main() -> int:
+    """Write and check; returns the exit code."""
+    rules = tomllib.loads((WORKSPACE / "pyproject.toml").read_text())["tool"]["hric"]["licences"]
+    problems = list(refusals(bill(), pinned(), rules))
+    print("\n".join([*problems, f"bill of materials: {BILL}"]))
+    return int(bool(problems))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
