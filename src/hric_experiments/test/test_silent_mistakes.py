@@ -17,7 +17,8 @@ FILES = {
     "tall.yaml": SUBJECT.format(mass=75, height=180),
     "wall.yaml": "objects:\n- {name: wall, shape: box, size: [600, 400, 20], pose: {xyz: [0.9, 0, 0]}}\n",
     "far.yaml": "objects:\n- {name: wall, shape: box, size: [0.6, 0.4, 0.02], pose: {xyz: [900, 0, 0]}}\n",
-    "step.yaml": "robot: {hw: franka_sim/FrankaHWSim, parameters: {reflexs: false}}\ncontrollers: [joint_pd_controller]\n"
+    "step.yaml": "robot: {hw: franka_sim/FrankaHWSim, parameters: {reflexs: false}}\n"
+    "controllers: [joint_pd_controller]\n"
     "parameters: {joint_pd_controller: {strict_gain: true}}\nduration: 1.0\n",
     "study.yaml": "description: x\nforms: {a: {experiment: pd_step, runs: {b: [], c: ['" + PD + ".kpp:=10']}, "
     "compared: [{runs: [b, c]}]}}\n",
@@ -31,10 +32,16 @@ MISTAKES = [
     ("run pd_step parameters.joint_state_controller.rate:=10", r"no parameter 'rate' .*publish_rate"),
     ("run pd_step robot.parameters.reflexs:=false", r"no parameter 'reflexs' in /robot; .*did you mean reflexes\?"),
     ("run pd_step robot.parameters.controllog:=false", r"did you mean control_log\?"),
-    ("run pd_step 'robot.parameters.plant:={gravity: [0, 0, 0]}'", r"parameters\.plant has no effect; valid: robot\.plant"),
+    (
+        "run pd_step 'robot.parameters.plant:={gravity: [0, 0, 0]}'",
+        r"parameters\.plant has no effect; valid: robot\.plant",
+    ),
     ("run pd_step robot.parameters.arm_id:=left", r"parameters\.arm_id has no effect; valid: robot\.arm_id"),
     ("run pd_step robot.load.com:=[0,0,0.1]", r"load\.com has no effect .*valid: with robot\.load\.mass above 0"),
-    ("run pd_step friction:=none 'robot.plant.friction_parameters:={phi1: [1]}'", r"has no effect; valid: with .*friction: identified"),
+    (
+        "run pd_step friction:=none 'robot.plant.friction_parameters:={phi1: [1]}'",
+        r"has no effect; valid: with .*friction: identified",
+    ),
     ("run pd_step kp=200", r"'kp=200' is no override; write kp:=200"),
     ("run pd_step kp:=100 kp:=200", r"kp is given more than once"),
     ("run step.yaml", r"no parameter 'reflexs'"),
@@ -43,7 +50,7 @@ MISTAKES = [
     ("run pd_step 'q_start:={panda_joint2: -5}'", r"/robot/q_start/panda_joint2 is -5\.0; .*-5 deg would be"),
     (
         "run pd_step setpoints.0.positions:=[0,-2,0,-2,0,2,2]",
-        r"panda_joint2 -2 rad is outside -1\.7628 to 1\.7628; -2 deg",
+        r"outside -1\.7628 to 1\.7628; -2 deg",
     ),
     ("run pd_step duration:=4000", r"4000 ms would be 4 s"),
     ("run pd_step robot.load.mass:=750", r"valid: .* to 50 \[kg\]; 750 g would be 0\.75 kg"),

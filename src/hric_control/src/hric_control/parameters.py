@@ -14,7 +14,7 @@
             if self.mode == "exact" and self.rate > 1000.0:
                 raise refused(f"{where}rate", self.rate, "up to 1000 Hz in mode exact")
 
-    LoopSettings.read(node)                         # of a Node: the declared names; others are left alone
+    LoopSettings.read(node)                         # of a Node: the declared names; see ScopedNode for others
     LoopSettings.read(node, joints=found)           # where the joints are no parameter themselves
     LoopSettings.of(content, "run.yaml: loop")      # of a mapping: unknown keys are refused
     LoopSettings(rate=50.0, joints=["a"], kp=3.0)   # in Python: checked likewise; dataclasses.replace, too
