@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pybullet
 
-from hric_control.geometry.transforms import cross, homogeneous, rotation_from_quaternion
+from hric_control.geometry.transforms import cross, homogeneous, inverse, rotation_from_quaternion
 from hric_control.plant import Contact, FloatArray
 from hric_control.plants import Springs, Surface, combine, faces
 from pybullet_ros_control.engine import Body, Engine
@@ -196,7 +196,7 @@ class PenaltyContact:
     def _solids_of(self, link: _Link) -> list[faces.Solid]:
         key = (link.body.id, link.index)
         if key not in self._solids:
-            self._solids[key] = solids(link.body, link.index, self._engine.client)
+            self._solids[key] = solids(link.body, link.index, self._engine)
         return self._solids[key]
 
     def _link(self, body: Body, index: int) -> _Link:
@@ -232,17 +232,16 @@ def rigid_contacts(engine: Engine, bodies: Mapping[int, Body]) -> list[Contact]:
     return result
 
 
-def solids(body: Body, index: int, client: int) -> list[faces.Solid]:
-    """Shapes of an engine link, in the frame of its centre of mass. A mesh beside other shapes is left out: the engine
-    does not give its corners."""
-    data = pybullet.getCollisionShapeData(body.id, index, physicsClientId=client)
+def solids(body: Body, index: int, engine: Engine) -> list[faces.Solid]:
+    """Shapes of an engine link, in the frame of its centre of mass. A mesh beside other shapes is left out."""
+    data = pybullet.getCollisionShapeData(body.id, index, physicsClientId=engine.client)
     found = []
     for shape in data:
         T = homogeneous(rotation_from_quaternion(shape[6]), shape[5])
         solid = _solid(shape[2], shape[3], T)
-        if solid is None and shape[2] == pybullet.GEOM_MESH and len(data) == 1:
-            count, corners = pybullet.getMeshData(body.id, index, physicsClientId=client)
-            solid = faces.Solid("hull", (), np.eye(4), np.array(corners)) if count > 0 else None
+        if solid is None and shape[2] == pybullet.GEOM_MESH and len(data) == 1 and body.model is not None:
+            corners = body.model.hulls[body.link_names[index]]
+            solid = faces.Solid("hull", (), inverse(engine.inertial_frame(body, index)), corners)
         if solid is not None:
             found.append(solid)
     return found

@@ -137,7 +137,8 @@ class Engine:
         Raises:
             HricError: the engine refuses it.
         """
-        flags = pybullet.URDF_USE_INERTIA_FROM_FILE
+        # A cylinder would be a hull of 64 corners with a skin of 1 mm.
+        flags = pybullet.URDF_USE_INERTIA_FROM_FILE | pybullet.URDF_USE_IMPLICIT_CYLINDER
         if self_collision:  # what is left out of it is the plant's to say, not the engine's
             flags |= pybullet.URDF_USE_SELF_COLLISION | pybullet.URDF_USE_SELF_COLLISION_INCLUDE_PARENT
         T = T_world_root @ model.T_root_base

@@ -35,6 +35,7 @@ from hric_control.urdf import (
     write_shape,
 )
 from hric_control.urdf.writing import text
+from pybullet_ros_control.hulls import without_skin
 
 PIECE = 8191
 """Longest line that the engine reads as one, with its line break [bytes]; it breaks a longer one after each piece, also
@@ -71,8 +72,9 @@ class EngineModel:
         tops: for every link of the description, the one that names the rigid cluster it belongs to, and its pose in
             that.
         root: of the description.
-        files: meshes by the name that the xml has, to lie beside it.
         description: that it was made of.
+        files: meshes by the name that the xml has, to lie beside it.
+        hulls: by engine link, corners of the hull of its last mesh, in its frame, shape (n, 3) [m].
     """
 
     name: str
@@ -86,8 +88,9 @@ class EngineModel:
     placements: dict[str, tuple[str, FloatArray]]
     tops: dict[str, Frame]
     root: str
-    files: dict[str, bytes]
     description: Robot
+    files: dict[str, bytes]
+    hulls: dict[str, FloatArray]
 
 
 @dataclass
@@ -156,6 +159,7 @@ class _Preparation:
         self.placements: dict[str, tuple[str, FloatArray]] = {}
         self.frames: dict[str, Frame] = {}
         self.files: dict[str, bytes] = {}
+        self.hulls: dict[str, FloatArray] = {}
 
     def mass(self, cluster: _Cluster) -> MassProperties:
         members = (
@@ -191,11 +195,17 @@ class _Preparation:
             T_parent_shape = T @ shape.T_link_shape
             if shape.kind == "mesh":
                 drawn = purpose == "visual"
-                text = mesh_of(shape) if drawn else obj_text(hull_of(shape), "a hull").encode()
+                text = mesh_of(shape) if drawn else self.hull_text(parent, shape, T_parent_shape)
                 shape = replace(shape, size=(1.0, 1.0, 1.0), address=f"{hashlib.sha256(text).hexdigest()}.obj")
                 self.files[shape.address] = text
             if all(shape.size):
                 write_shape(parent, purpose, shape, T_parent_shape)
+
+    def hull_text(self, parent: Element, shape: Shape, T_parent_shape: FloatArray) -> bytes:
+        """Return the hull of a mesh for the engine, and keep what it collides as."""
+        hull = hull_of(shape)
+        self.hulls[parent.get("name", "")] = hull.vertices @ T_parent_shape[:3, :3].T + T_parent_shape[:3, 3]
+        return obj_text(without_skin(hull), "a hull").encode()
 
     def write_cluster(self, cluster: _Cluster, moving: bool) -> None:
         top = self.write_link(cluster.top, self.mass(cluster) if moving else MassProperties())
@@ -255,8 +265,9 @@ class _Preparation:
             self.placements,
             {name: Frame(cluster.top, cluster.poses[name]) for name, cluster in self.of.items()},
             self.robot.root,
-            self.files,
             self.robot,
+            self.files,
+            self.hulls,
         )
 
 
