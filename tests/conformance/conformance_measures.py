@@ -20,8 +20,8 @@ ENGINES = {
 INSTANT = 1e-6
 """Step whose change of speed is the acceleration at a state [s]: shorter than the time constant of any law, long enough
 that the change has ten digits."""
-SKIN = 2e-3
-"""PyBullet adds 1 mm to the hull of each mesh: two of them touch there before they do on other engines [m]."""
+ROUND = 1e-3
+"""PyBullet rounds the corners of meshes: two of them may overlap by so much before they touch there [m]."""
 TOUCHING = 1e-6
 """Overlap below which shapes lie on each other, which engines may call contact or not [m]."""
 
@@ -115,6 +115,6 @@ def contacts_at_rest(engine: str, urdf: str) -> dict[Pair, float]:
     return found
 
 
-def surely(contacts: dict[Pair, float], skin: float = 0.0) -> set[Pair]:
-    """Pairs that overlap by more than touching, and a skin [m]."""
-    return {pair for pair, depth in contacts.items() if depth > TOUCHING + skin}
+def overlapping(contacts: dict[Pair, float], by: float = TOUCHING) -> set[Pair]:
+    """Pairs that overlap by more than that [m]."""
+    return {pair for pair, depth in contacts.items() if depth > by}

@@ -151,7 +151,23 @@ CONTACTS = {
 }  # fmt: skip
 """Links that overlap, and the pairs of them that touch: those between which more than one joint moves."""
 
-ADDRESS = "package://example-robot-data/"
+PUBLIC = (
+    "a1.urdf",
+    "allegro_left_hand.urdf",
+    "anymal-kinova.urdf",
+    "double_pendulum_continuous.urdf",
+    "g1_29dof_with_hand_rev_1_0.urdf",
+    "kinova.urdf",
+    "panda_collision.urdf",
+    "pr2.urdf",
+    "romeo_small.urdf",
+    "so100.urdf",
+    "solo12.urdf",
+    "ur5_robot.urdf",
+    "xarm7.urdf",
+    "z1.urdf",
+)
+"""Public arms, hands, legged robots and humanoids; among them joints that mimic, slide, and turn without end."""
 
 
 def without_losses(urdf: str) -> str:
