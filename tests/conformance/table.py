@@ -58,7 +58,8 @@ A description means the same on PyBullet, MuJoCo and OpenSim. This page says wha
 ## Measured
 
 Acceleration: largest difference of one step of {1e6 * INSTANT:.0f} us to pinocchio in {STATES} random states with random efforts, relative to the largest acceleration of the state; descriptions of others without
-their damping, which at light links is stiffer than any step (damping has tests of its own). Law: largest distance of a link from where the laws have it [rad or m], over {STEPS} steps of 1 ms. Contacts: pairs of links that overlap by more than {1e6 * TOUCHING:.0f} um where all joints are at zero: one number
+their damping, which at light links is stiffer than any step (damping has tests of its own). 0 where the speeds are equal
+to the last bit. Law: largest distance of a link from where the laws have it [rad or m], over {STEPS} steps of 1 ms. Contacts: pairs of links that overlap by more than {1e6 * TOUCHING:.0f} um where all joints are at zero: one number
 where all engines that load the robot have the same; "n deeper": they agree on overlaps of more than {1e3 * ROUND:.0f} mm. None are neighbours. "-": nothing to measure (no joint mimics; or a joint is held
 by a range of no width). Made by `python tests/conformance/table.py`; the tests in `tests/conformance` check a part of it.
 
