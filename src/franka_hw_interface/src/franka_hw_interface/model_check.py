@@ -20,7 +20,7 @@ VALID_SCALE = (0.2, 5.0)
 stays within."""
 
 COARSE = 500
-"""Instants that tell two models apart (project default, unconfirmed)."""
+"""Instants of a log on which two models are compared (project default, unconfirmed)."""
 
 
 @dataclass(frozen=True)
@@ -103,8 +103,8 @@ def friction_torque(dq: FloatArray, friction: Sequence[Phi] | None) -> FloatArra
 
 
 def coarse_rms(model: FrankaModel, signals: Signals, friction: Sequence[Phi] | None) -> float:
-    """Return the sum over the joints of the residual's RMS [N m] on a few hundred instants, by which models are told
-    apart."""
+    """Return the sum over the joints of the residual's RMS [N m] on a few hundred instants, for the choice between
+    two models."""
     kept = signals.tau[signals.kept]
     part = slice(None, None, -(-len(kept) // COARSE))
     q, dq, ddq, tau = (values[signals.kept][part] for values in (signals.q, signals.dq, signals.ddq, signals.tau))

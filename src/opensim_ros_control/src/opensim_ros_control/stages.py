@@ -23,7 +23,7 @@ gripped: Callable[
     [FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, float, float], tuple[FloatArray, FloatArray]
 ] = _built.gripped
 """(tau, rotors, u, bend, rows, before, step): the efforts tau that the bristles leave over a step that begins with
-speeds u, and the inertia of the rotors with what stands for the bristles' part that follows from the step's end, shape
+speeds u, and the inertia of the rotors with what represents the bristles' part that follows from the step's end, shape
 (n,) each. The bends, shape (n,), are first brought over the step before, of 0 s after a reset, in place; rows: of
 `Losses.bristle_row`, shape (n, 3)."""
 balance: Callable[[FloatArray, FloatArray, FloatArray, FloatArray], tuple[FloatArray, FloatArray]] = _built.balance

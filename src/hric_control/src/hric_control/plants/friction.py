@@ -88,10 +88,10 @@ def bristle_torque(dq: npt.NDArray[np.float64], time: npt.NDArray[np.float64]) -
         shape (m,) [N m]; it is proportional to the breakaway.
     """
     bound = np.maximum(1.0 - (dq / FADE) ** 2, 0.0) ** 2
-    ways = np.diff(time, prepend=time[:1]) * dq / GIVE
+    strains = np.diff(time, prepend=time[:1]) * dq / GIVE
     bend, course = 0.0, []
-    for way, most in zip(ways.tolist(), bound.tolist(), strict=True):
-        bend = min(max(bend + way, -most), most)
+    for strain, limit in zip(strains.tolist(), bound.tolist(), strict=True):
+        bend = min(max(bend + strain, -limit), limit)
         course.append(bend)
     return np.array(course)
 
