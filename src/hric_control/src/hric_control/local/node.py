@@ -11,8 +11,7 @@ from hric_control.errors import HricError, ParameterError, check_known
 from hric_control.live import LiveValues
 from hric_control.local.action import LocalActionServer, LocalGoal
 from hric_control.local.core import LocalCore, LocalTopic, Tap
-from hric_control.log_throttle import LogThrottle
-from hric_control.node import REQUIRED, GoalHandle, LiveParameter, Namespaced, Undoable
+from hric_control.node import REQUIRED, GoalHandle, LiveParameter, LogThrottle, Namespaced, Undoable
 from hric_control.robot_time import stamps
 
 _log = logging.getLogger("hric")

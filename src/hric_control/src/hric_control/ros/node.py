@@ -13,8 +13,7 @@ from rospy.msg import serialize_message
 from hric_control import names
 from hric_control.errors import FailureError, HricError, ParameterError
 from hric_control.listeners import DISPATCHER, NOTHING, Parcel
-from hric_control.log_throttle import LogThrottle
-from hric_control.node import REQUIRED, GoalHandle, LiveParameter, Namespaced, Undoable
+from hric_control.node import REQUIRED, GoalHandle, LiveParameter, LogThrottle, Namespaced, Undoable
 from hric_control.publishing import OnError
 from hric_control.robot_time import stamps
 from hric_control.ros.action import RosActionServer
