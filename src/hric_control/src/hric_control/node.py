@@ -72,8 +72,8 @@ LOG_PERIOD = 1.0
 
 
 class LogThrottle:
-    """Log lines that may come a thousand times a second: passes the first on at once, and after a period the newest, with
-    the number of those left out. From any thread.
+    """Throttle of log lines that may come a thousand times a second: passes the first on at once, and after a period
+    the newest, with the number of those left out. From any thread.
 
     Args:
         log: takes a line.
