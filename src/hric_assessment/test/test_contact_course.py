@@ -387,6 +387,11 @@ def test_a_smooth_peak_of_any_size_length_and_resolution_is_not_flat(peak: float
             assert "flat top" not in sampled(force, round(1000.0 * length)), (length, phase)
 
 
+def test_a_top_below_a_newton_is_flat_too() -> None:
+    made = contact(np.array([0.1, 0.6, 0.6, 0.6, 0.2]), duration=0.05)
+    assert only(made).doubts == ("the force has a flat top at 0.6 N, as of a sensor at its range",)
+
+
 @pytest.mark.parametrize("count", [2, 3, 5, 9])
 @pytest.mark.parametrize(("share", "flat"), [(0.97, False), (1.03, True)])
 def test_a_top_is_flat_where_the_force_comes_to_it_steeper_than_to_twice_a_parabola(

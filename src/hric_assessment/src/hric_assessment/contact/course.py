@@ -67,7 +67,7 @@ def end_of(contact: RegionForce) -> float:
     """Return when a contact ended, or the time of its last message, robot time [s]."""
     duration = contact.duration if np.isfinite(contact.duration) else 0.0
     times = contact.course.time[np.isfinite(contact.course.time)]
-    return max(contact.begin + duration, float(times.max(initial=-np.inf)))
+    return float(max(contact.begin + duration, times.max(initial=-np.inf)))
 
 
 def meetings(
