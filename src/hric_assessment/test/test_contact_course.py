@@ -173,7 +173,12 @@ def test_one_message_gives_the_force_and_none_gives_nothing() -> None:
 
 @pytest.mark.parametrize(
     ("period", "step", "duration", "rate"),
-    [(PERIOD, 0.01, 0.2, 1000.0), (math.inf, 0.01, 0.2, 100.0), (math.inf, 0.02, 0.02, 50.0), (math.inf, 0.02, 0.0, 0.0)],
+    [
+        (PERIOD, 0.01, 0.2, 1000.0),
+        (math.inf, 0.01, 0.2, 100.0),
+        (math.inf, 0.02, 0.02, 50.0),
+        (math.inf, 0.02, 0.0, 0.0),
+    ],
     ids=["source", "messages", "begin and message", "one instant"],
 )
 def test_an_episode_has_the_rate_of_its_source_or_of_what_is_known_of_it(
@@ -339,6 +344,8 @@ FLAT = [10.0, 60.0, 60.0, 60.0, 20.0]
         ([0.5, 60.0, 60.0, 60.0, 59.9, 59.83], False),
         ([59.83, 59.9, 60.0, 60.0, 60.0, 0.5], False),
         ([20.0, 60.0, 60.0, 60.0, 60.0], True),
+        ([55.0, 58.0, 60.0, 60.0, 60.0, 58.0, 57.0], False),  # three steps of a sensor of 1 N
+        ([54.0, 58.0, 60.0, 60.0, 60.0, 58.0, 57.0], True),
         ([10.0, 60.0, 60.0, 60.0, math.nan, 20.0], True),
     ],
 )
