@@ -10,9 +10,10 @@ import numpy as np
 from hric_control.geometry import FloatArray
 from hric_control.plants import faces, masked
 from hric_control.urdf import Robot
+from hric_control.urdf.shapes import FAR
 from opensim_ros_control.bodies import Kinematics
 from opensim_ros_control.engine import Engine
-from opensim_ros_control.shapes import FAR, Pairing, Shape, Touch, pose
+from opensim_ros_control.shapes import Pairing, Shape, Touch, pose
 
 MARGIN = 2e-3
 """Shapes that are nearer than this are looked at in every step [m] (project default, unconfirmed)."""
