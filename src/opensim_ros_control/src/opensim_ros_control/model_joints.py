@@ -25,12 +25,10 @@ class ModelJoints:
 
     def __init__(self, model: Model, robot: Robot) -> None:
         moving = [joint for joint in model.tree.joints.values() if joint.type in ONE_COORDINATE]
-        names = [joint.name for joint in moving]
-        self.joints, self._robot = MovingJoints(moving, names, model.name), robot
-        self._full_names = [f"{model.name}::{name}" for name in names]
+        self.joints, self._robot = MovingJoints(moving, [joint.name for joint in moving], model.name), robot
+        self._full_names = [f"{model.name}::{name}" for name in self.joints.names]
         self._stops = StopLaw([(joint.lower, joint.upper) for joint in moving], self._inertias)
-        zeros = self._efforts = self.joints.zeros
-        self._start = self.joints.start(zeros, zeros, zeros)
+        self._efforts, self._start = self.joints.zeros, self.joints.start(*[self.joints.zeros] * 3)
 
     def _indices_in(self, engine: Engine) -> list[int]:
         return [engine.index[engine.built.joints[name][0]] for name in self._full_names]

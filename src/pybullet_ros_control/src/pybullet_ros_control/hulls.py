@@ -18,6 +18,9 @@ def without_skin(hull: Surface) -> Surface:
 
     Its corners are round then: what meets a corner of a box meets it 0.7 mm late. A hull that is thinner than four
     skins keeps a part of its own.
+
+    Args:
+        hull: that the mesh collides as, which encloses a volume.
     """
     sides = ConvexHull(hull.vertices).equations  # n x + d <= 0 inside, n of length 1
     bounds = [*[(None, None)] * 3, (0.0, None)]
