@@ -25,7 +25,7 @@ from bringup_ready import PERIOD, arm, block, namespace
 from hric_bags.run_folder import RunFolder
 from hric_control import yaml_text
 from hric_control.errors import FAILURE, HricError
-from hric_control.processes import describe_ending
+from hric_control.processes import describe_exit
 
 X11_PORT = 6000
 """TCP port of display 0 (X Window System protocol)."""
@@ -45,13 +45,13 @@ class RequiredNodes(roslaunch.pmon.ProcessListener):
 
     def __init__(self) -> None:
         self.required: set[str] = set()
-        self.code, self.ending = 0, ""
+        self.code, self.exit_text = 0, ""
 
     def process_died(self, process_name: str, exit_code: int | None) -> None:
         """Called by roslaunch in its own thread; the process is called NODE-NUMBER."""
         node = process_name.rpartition("-")[0]
-        if node in self.required and not self.ending:
-            self.code, self.ending = exit_code or 0, describe_ending(node, exit_code or 0)
+        if node in self.required and not self.exit_text:
+            self.code, self.exit_text = exit_code or 0, describe_exit(node, exit_code or 0)
 
 
 def resolve_rviz(value: str) -> str:
@@ -59,14 +59,14 @@ def resolve_rviz(value: str) -> str:
     if value == "false":
         return value
     display = os.environ.get("DISPLAY", "")
-    shown = display_answers(display)
+    shown = display_responds(display)
     if value == "true" and not shown:
-        told = f"no display answers at DISPLAY={display}" if display else "DISPLAY is not set"
-        raise given.ArgumentError(f"rviz:=true needs a display, and {told}; valid: rviz:=false, or rviz:=auto")
+        reason = f"no display answers at DISPLAY={display}" if display else "DISPLAY is not set"
+        raise given.ArgumentError(f"rviz:=true needs a display, and {reason}; valid: rviz:=false, or rviz:=auto")
     return str(shown).lower()
 
 
-def display_answers(display: str) -> bool:
+def display_responds(display: str) -> bool:
     """Return True if an X server accepts connections there: "HOST:NUMBER", ":NUMBER" or "unix:NUMBER"."""
     host, _, number = display.rpartition(":")
     number = number.partition(".")[0]
@@ -147,11 +147,13 @@ def run(arguments: Mapping[str, str], master: str) -> int:
     space = namespace(arguments)
     folder = parameter(master, f"{space}/recorder/folder")
     if nodes.code:
-        call(master, "setParam", f"{space}/hric/experiment/failure", nodes.ending)  # for the recorder, which ends last
+        call(
+            master, "setParam", f"{space}/hric/experiment/failure", nodes.exit_text
+        )  # for the recorder, which ends last
     end_nodes(parent.pm, lambda: request.count > 1)
     parent.shutdown()
     if isinstance(folder, str):
-        close_run(folder, nodes.ending)
+        close_run(folder, nodes.exit_text)
     return _code(nodes, arguments["experiment"] != "none")
 
 
@@ -187,10 +189,10 @@ def _take_over_required(config: Any) -> set[str]:
 def _wait(parent: Any, nodes: RequiredNodes, request: ShutdownRequest, ready: Callable[[], str | None]) -> None:
     """Until a required node ends or the end is requested; says when all is ready."""
     shown, look = False, time.monotonic()
-    while not (request.count or nodes.ending):
+    while not (request.count or nodes.exit_text):
         time.sleep(0.02)
-        if parent.pm.done and not nodes.ending:  # roslaunch has ended all, because its master died
-            nodes.code, nodes.ending = FAILURE, f"the ROS master at {os.environ['ROS_MASTER_URI']} does not respond"
+        if parent.pm.done and not nodes.exit_text:  # roslaunch has ended all, because its master died
+            nodes.code, nodes.exit_text = FAILURE, f"the ROS master at {os.environ['ROS_MASTER_URI']} does not respond"
         if not shown and time.monotonic() >= look:
             look = time.monotonic() + PERIOD
             if text := ready():
@@ -199,10 +201,10 @@ def _wait(parent: Any, nodes: RequiredNodes, request: ShutdownRequest, ready: Ca
 
 
 def _code(nodes: RequiredNodes, is_experiment: bool) -> int:
-    if not nodes.ending:
+    if not nodes.exit_text:
         return INTERRUPTED if is_experiment else 0
     if nodes.code:
-        print(f"scripts/bringup: {nodes.ending}; its messages are above", file=sys.stderr)
+        print(f"scripts/bringup: {nodes.exit_text}; its messages are above", file=sys.stderr)
     return nodes.code if nodes.code >= 0 else 128 - nodes.code
 
 

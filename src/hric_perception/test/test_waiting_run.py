@@ -1,5 +1,5 @@
-"""A simulated run beside emulated devices that the machine keeps from running: it slows down, and no sample and no stamp
-suffers."""
+"""A simulated run beside emulated devices that the machine keeps from running: it slows down, and no sample and no
+stamp suffers."""
 
 import os
 import signal

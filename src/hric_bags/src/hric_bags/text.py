@@ -43,8 +43,8 @@ def _folded(block: str, width: int) -> str:
         part = [*parts[-1], span] if parts else [spans[0], span]
         fits = len(part) == 2 or sum(end - begin + 2 for begin, end in part) - 2 <= width
         parts[len(parts) - fits if parts else 0 :] = [part if fits else [spans[0], span]]
-    tables = ["\n".join(_part(line, part) for line in lines[first:]) for part in parts]
-    return "\n".join([*lines[:first], "\n\n".join(tables)]) if tables else block
+    folded = ["\n".join(_part(line, part) for line in lines[first:]) for part in parts]
+    return "\n".join([*lines[:first], "\n\n".join(folded)]) if folded else block
 
 
 def _spans(lines: Sequence[str], width: int) -> list[tuple[int, int]]:

@@ -90,7 +90,7 @@ class LogThrottle:
         """Log a line, or count it."""
         with self._lock:
             now, before = self._clock(), self._logged_at
-            if before is not None and 0.0 <= now - before < LOG_PERIOD:  # a time that jumped back begins anew
+            if before is not None and 0.0 <= now - before < LOG_PERIOD:  # a time that jumped back begins again
                 self._left_out, self._last = self._left_out + 1, text
                 return
             count, self._left_out, self._logged_at = self._left_out, 0, now

@@ -93,7 +93,7 @@ def end_process(process: subprocess.Popen[bytes], timeout: float) -> None:
     process.wait()
 
 
-def describe_ending(name: str, code: int) -> str:
+def describe_exit(name: str, code: int) -> str:
     """Return how a process ended, from its exit code or, negative, the signal that killed it."""
     if code >= 0:
         return f"{name} ended with code {code}"

@@ -35,7 +35,7 @@ LISTENER_POLL = 0.01
 """[s of wall time]"""
 DRAIN_TIMEOUT = 0.5
 """Longest wait of an unpaced loop for its messages [s of wall time]."""
-OF_EVERY_ROBOT = ("arm_id", "failure", "participants", "plant", "plant_type", "q_start", "realism")
+COMMON_PARAMETERS = ("arm_id", "failure", "participants", "plant", "plant_type", "q_start", "realism")
 """Private parameters that an experiment gives to any robot, so that one file serves simulated and real ones; and
 `failure`, by which a robot's node reports its own end."""
 
@@ -122,7 +122,7 @@ class RobotApp:
         self._closers.append(self.hw.shutdown)
         try:
             RobotSettings.read(scope)
-            scope.refuse_unread(OF_EVERY_ROBOT)
+            scope.refuse_unread(COMMON_PARAMETERS)
             self._wire(on_clock)
         except BaseException:
             self.shutdown()

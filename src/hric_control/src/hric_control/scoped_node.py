@@ -61,8 +61,8 @@ class ScopedNode:
         for namespace, name in self._unread(self.namespace, given if isinstance(given, Mapping) else {}, set(known)):
             with mistakes.noted():
                 below = f"{namespace.rstrip('/')}/"
-                wanted = {full[len(below) :].split("/")[0] for full in self._read if full.startswith(below)}
-                raise unknown("parameter", name, wanted, namespace)
+                valid_names = {full[len(below) :].split("/")[0] for full in self._read if full.startswith(below)}
+                raise unknown("parameter", name, valid_names, namespace)
         mistakes.raise_all()
 
     def _unread(self, namespace: str, given: Mapping[str, Any], known: set[str]) -> Iterator[tuple[str, str]]:

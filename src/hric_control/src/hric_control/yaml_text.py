@@ -68,15 +68,15 @@ class _Check:
 
     def __init__(self, loader: yaml.CSafeLoader) -> None:
         self._loader = loader
-        self._seen: set[int] = set()
+        self._visited: set[int] = set()
         self._above: list[Any] = []
         self._aliased = 0
 
     def walk(self, node: yaml.Node) -> None:
         """Check a node and all below it."""
-        if id(node) in self._seen:
+        if id(node) in self._visited:
             self._count(node)
-        self._seen.add(id(node))
+        self._visited.add(id(node))
         if isinstance(node, yaml.ScalarNode):
             self._value(node)
             return

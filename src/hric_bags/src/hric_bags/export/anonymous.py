@@ -52,7 +52,7 @@ _ANONYMOUS_NODE = re.compile(r"_\d+_\d{13}")
 _TOKENS = re.compile(r"[A-Za-z]+\d*|\d+")
 _PLAIN = re.compile(r"[A-Za-z0-9_ .:/^*()%\[\]-]*")
 _VERSION = re.compile(r"\d{1,3}(\.\d{1,3}){0,3}")
-_NUMBERS = re.compile(r"[-+0-9.eE, \[\]]+")
+_NUMERIC = re.compile(r"[-+0-9.eE, \[\]]+")
 _LEFT_OUT = object()
 """In place of a value that is private."""
 
@@ -226,7 +226,7 @@ class Anonymiser:
     def _argument(self, argument: Any) -> Any:
         """Return an override, where it is of nobody and its value is a number or a public word."""
         key, _, value = str(argument).partition(":=")
-        public = self.is_public(key) and (self.is_public(value) or bool(_NUMBERS.fullmatch(value)))
+        public = self.is_public(key) and (self.is_public(value) or bool(_NUMERIC.fullmatch(value)))
         dated = any(_is_date(float(number)) for number in re.findall(r"\d+(?:\.\d+)?", value))
         if public and not dated and not re.match(r"(?:human|person|subject)\b", key):
             return str(argument)

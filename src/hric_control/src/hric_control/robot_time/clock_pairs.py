@@ -114,7 +114,7 @@ class RobotClock:
         self._publisher.publish(Clock, stamp)
 
     def pair_now(self) -> None:
-        """Send a pair of clocks if one is due, outside a cycle: robot time stands."""
+        """Send a pair of clocks if one is due, outside a cycle: robot time is paused."""
         if self.pairs is not None:
             self.pairs.send_due(self.time)
             if self._hw.loop is not None:

@@ -71,15 +71,15 @@ class Gate:
         """Unsubscribe."""
         self._subscription.unregister()
 
-    def limit(self, wanted: float) -> float:
+    def limit(self, desired: float) -> float:
         """The robot time up to which the run may go [s]; called in the loop, never blocks.
 
         Args:
-            wanted: up to which it would go [s].
+            desired: up to which it would go [s].
         """
         now = time.monotonic_ns()
         passed, self._last = min(now - self._last, SILENT) / NS, now
-        slowest, name = wanted, ""
+        slowest, name = desired, ""
         for source, (reached, at) in list(self._reached.items()):
             if now - at < SILENT and reached + AHEAD < slowest:
                 slowest, name = reached + AHEAD, source

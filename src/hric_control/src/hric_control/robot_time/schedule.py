@@ -2,6 +2,7 @@
 monotonic time, however busy the machine is."""
 
 from bisect import bisect_left, bisect_right
+from collections.abc import Sequence
 
 NS = 1_000_000_000
 MEMORY = 1024
@@ -41,20 +42,19 @@ class Schedule:
 
     def robot_time(self, monotonic: int) -> float:
         """Robot time [s] at a monotonic time [ns]; outside the knots that of the nearest one."""
-        at, run = self._at, self._run
-        k = bisect_right(at, monotonic)
-        if k == 0:
-            return run[0]
-        if k == len(at):
-            return run[-1]
-        return run[k - 1] + (run[k] - run[k - 1]) * (monotonic - at[k - 1]) / (at[k] - at[k - 1])
+        k = bisect_right(self._at, monotonic)
+        if k == len(self._at):
+            return self._run[-1]
+        return self._run[0] if k == 0 else self._piece(k, self._at, self._run, monotonic)
 
     def monotonic(self, run: float) -> int | None:
         """When that robot time [s] is reached first [ns]; None: it is not announced yet."""
-        at, runs = self._at, self._run
-        k = bisect_left(runs, run)
-        if k == len(runs):
-            return None
+        k = bisect_left(self._run, run)
         if k == 0:
-            return at[0] - round((runs[0] - run) * NS)
-        return at[k - 1] + round((run - runs[k - 1]) / (runs[k] - runs[k - 1]) * (at[k] - at[k - 1]))
+            return self._at[0] - round((self._run[0] - run) * NS)
+        return None if k == len(self._run) else round(self._piece(k, self._run, self._at, run))
+
+    @staticmethod
+    def _piece(k: int, x: Sequence[float], y: Sequence[float], value: float) -> float:
+        """Return y at a value of x on the straight piece that ends at knot k."""
+        return y[k - 1] + (value - x[k - 1]) / (x[k] - x[k - 1]) * (y[k] - y[k - 1])

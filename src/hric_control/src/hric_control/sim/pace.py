@@ -56,7 +56,7 @@ class Pace:
         return self._schedule.monotonic(run)
 
     def stand(self, now: int, run: float) -> None:
-        """Announce that the run stands for a while: at a robot time [s], or where it was announced to be already."""
+        """Announce that the run pauses for a while: at a robot time [s], or where it was announced to be already."""
         schedule = self._begun(now, run)
         if now >= self._next:
             begin, reached = self._resume(schedule, now)
@@ -85,10 +85,10 @@ class Pace:
         lost = late if self._late >= PATIENCE else max(0.0, late - CATCH_UP * self.factor)
         self.slowed += now > schedule.end[0] or lost > 0.0
         begin, reached = self._resume(schedule, now)
-        wanted = (run if run > reached + JUMP else reached) + max(0.0, self.factor * STEP / NS - lost)
+        desired = (run if run > reached + JUMP else reached) + max(0.0, self.factor * STEP / NS - lost)
         if self.limit is not None:
-            wanted = max(reached, min(wanted, self.limit(wanted)))
-        self._announce(schedule, begin + STEP, wanted)
+            desired = max(reached, min(desired, self.limit(desired)))
+        self._announce(schedule, begin + STEP, desired)
 
     def _announce(self, schedule: Schedule, monotonic: int, run: float) -> None:
         schedule.add(monotonic, run)

@@ -259,7 +259,7 @@ class SimLoop:
             self._stepped.set()
 
     def stand(self) -> None:
-        """Announce that robot time stands for now, where the loop is paced; no cycle goes on."""
+        """Announce that robot time pauses for now, where the loop is paced."""
         if self._factor:
             self.pace.stand(monotonic_ns(), self.time)
 

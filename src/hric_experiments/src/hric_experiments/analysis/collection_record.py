@@ -20,7 +20,7 @@ TYPES = (CHUNK, FRAMES, COUNT, SAMPLE, LAYOUT, STATUS)
 DIAGNOSTICS, MISSED = "diagnostic_msgs/msg/DiagnosticArray", "missed deadlines"
 TIME_CODE = "time"
 """Channel that holds robot time of each sample, of an emulated device."""
-FRAME_NUMBERS = 1 << 32
+FRAME_COUNTER = 1 << 32
 """After so many frames their counter begins again [frames]."""
 
 
@@ -180,7 +180,7 @@ class _Frames:
         self.frame = self.frame or str(message.header.frame_id)
 
     def numbered(self) -> Numbered:
-        numbers = np.unwrap(np.frombuffer(self._numbers, np.int64), period=FRAME_NUMBERS)
+        numbers = np.unwrap(np.frombuffer(self._numbers, np.int64), period=FRAME_COUNTER)
         return Numbered("", float("nan"), np.frombuffer(self._stamps), np.asarray(numbers, np.int64), None)
 
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from hric_control.errors import FailureError
-from hric_control.processes import describe_ending, start_dependent
+from hric_control.processes import describe_exit, start_dependent
 
 STOP_TIMEOUT = 10.0
 """How long the recorder may take to write what it holds and the index [s]."""
@@ -77,9 +77,9 @@ class RecorderProcess:
         return self._child.poll() is None
 
     @property
-    def ending(self) -> str:
+    def exit_text(self) -> str:
         """Description of how the child ended, for messages."""
-        return describe_ending(f"bag_recorder (pid {self.pid})", self._child.returncode or 0)
+        return describe_exit(f"bag_recorder (pid {self.pid})", self._child.returncode or 0)
 
     def wait_open(self, timeout: float, give_up: Callable[[], bool] = lambda: False) -> None:
         """Wait until the bag is being written.
@@ -90,7 +90,7 @@ class RecorderProcess:
         deadline = time.monotonic() + timeout
         while not self.active.exists() and not give_up():
             if not self.running:
-                raise RecordError(f"{self.ending} before it began to record; its messages are above")
+                raise RecordError(f"{self.exit_text} before it began to record; its messages are above")
             if time.monotonic() > deadline:
                 raise RecordError(f"bag_recorder did not open {self.active.name} within {timeout:g} s")
             time.sleep(_POLL)
@@ -114,7 +114,7 @@ class RecorderProcess:
                 self._give_up(timeout)
             time.sleep(_POLL)
         if not self.bag.exists():
-            raise RecordError(f"{self.ending} and left no bag {self.bag.name}")
+            raise RecordError(f"{self.exit_text} and left no bag {self.bag.name}")
         return self.bag
 
     def _give_up(self, timeout: float) -> None:

@@ -21,7 +21,7 @@ from hric_experiments.sweep.variables import Variable
 
 ENDS = (0.01, 0.99)
 """Percentiles that are tried, as shares; project default, unconfirmed: further out a distribution may have no end."""
-MOST_REFUSED = 1
+MAX_REFUSED = 1
 """Refused values of the three of a variable that a sweep goes on with: they are runs that failed."""
 
 
@@ -97,7 +97,7 @@ def _responses(plan: Plan, engine: Engine, code: str, runs: list[dict[str, Any]]
 def _judged(plan: Plan, name: str, trials: list[Trial]) -> list[str]:
     """Warnings about a variable. Raises ParameterError."""
     refused = [trial for trial in trials if trial.response.get(REFUSED)]
-    if len(refused) > MOST_REFUSED:
+    if len(refused) > MAX_REFUSED:
         first = refused[0]
         raise ParameterError(f"sweep.vary.{name} at {_short(first.value)}: {first.response['failure']}")
     if any(trial.result != trials[0].result for trial in trials):

@@ -24,7 +24,7 @@ STARTING = 300.0
 """For a worker to load all that it needs, and to carry a reference run out [s]."""
 FIRST_TO_GO = 1000
 """Of /proc/self/oom_score_adj: where memory ends the kernel kills a worker, not the supervisor."""
-LEAST_PROGRESS = 0.02
+MIN_PROGRESS = 0.02
 """Processor time that a run which waits for a busy processor still gains within its timeout [s]; project default,
 unconfirmed: two ticks of the kernel's clock."""
 _PR_SET_PDEATHSIG = 1
@@ -80,7 +80,7 @@ class Patience:
 
     def exhausted(self, task: Any) -> bool:
         """Say if a task of pebble, in place of its own rule, has taken more than its timeout of processor time [s], or
-        has gained no more than `LEAST_PROGRESS` in as much wall time."""
+        has gained no more than `MIN_PROGRESS` in as much wall time."""
         if not task.started:
             return False
         now, used = time.monotonic(), processor_time(task.worker_id)
@@ -88,9 +88,9 @@ class Patience:
         if begun is None:
             self._progress = {key: kept for key, kept in self._progress.items() if not kept.future.done()}
             begun = self._progress[task.id] = _Progress(task.future, used, used, now)
-        if used - begun.last > LEAST_PROGRESS:
+        if used - begun.last > MIN_PROGRESS:
             begun.last, begun.at = used, now
-        return used - begun.first > task.timeout or now - begun.at > task.timeout
+        return bool(used - begun.first > task.timeout or now - begun.at > task.timeout)
 
 
 @dataclass
