@@ -22,7 +22,10 @@ public:
   void take();
 
   // Says that the run need not wait for the recording any more.
-  ~Recorder() { report(ros::Time()); }
+  ~Recorder()
+  {
+    report(ros::Time());
+  }
 
 private:
   void report(const ros::Time& reached);  // 0: it records no more

@@ -63,6 +63,8 @@ static void add_row(const mjModel* m, const Law* law, double size, double* effor
 static void constrain(const mjModel* m, int count, const Law* laws, const double* A, double* v, double* efforts)
 {
   const int n = m->nv;
+  if (count < 1 || n < 1)
+    return;
   double W[count * n], S[count * count], l[count];
   memset(W, 0, sizeof W);
   for (int i = 0; i < count; i++)

@@ -2,9 +2,9 @@
 
    All in the frame of the world, about its origin. Composite-rigid-body and Newton-Euler algorithms as in Featherstone,
    Rigid Body Dynamics Algorithms (2008), ch. 5 and 6. */
+#include "hric_control/factors.h"
 #include "hric_control/friction.h"
 #include "hric_control/python_numbers.h"
-#include "hric_control/factors.h"
 #include "hric_control/rigid_body.h"
 
 #define LOCKED 1e9      /* added to the inertia of a joint whose acceleration is prescribed [kg m^2] */

@@ -1,5 +1,5 @@
 /* Keeps a loaded library on loopback: see sockets.py. */
-#define _GNU_SOURCE
+#define _GNU_SOURCE /* NOLINT(bugprone-reserved-identifier): of the C library */
 #include <Python.h>
 
 #include <link.h>
@@ -8,6 +8,8 @@
 
 #include "hric_control/loopback.h"
 
+/* Addresses in a loaded library are numbers in its headers. */
+/* NOLINTBEGIN(performance-no-int-to-ptr) */
 struct search {
     const char *library;
     long replaced;
@@ -73,6 +75,7 @@ static int visit(struct dl_phdr_info *info, size_t Py_UNUSED(size), void *data)
                             + replace_all(info->dlpi_addr, others, size_of_others, symbols, names);
     return 0;
 }
+/* NOLINTEND(performance-no-int-to-ptr) */
 
 static PyObject *confine(PyObject *Py_UNUSED(module), PyObject *name)
 {
