@@ -399,6 +399,14 @@ def test_a_top_below_a_newton_is_flat_too() -> None:
     assert only(made).doubts == ("the force has a flat top at 0.6 N, as of a sensor at its range",)
 
 
+@pytest.mark.parametrize(("before", "flat"), [(63.1, True), (63.2, False)])
+def test_a_force_that_was_exceeded_on_the_region_is_no_range_of_a_sensor(before: float, flat: bool) -> None:
+    """As of an arm that stands and presses on after a blow; by more than a twentieth of the larger force."""
+    blow = contact(sine(before, 21), begin=1.0, duration=0.21)
+    pressed = contact(np.array([10.0, 60.0, 60.0, 60.0, 20.0]), begin=2.0, duration=0.05)
+    assert [bool(meeting.doubts) for meeting in meetings([blow, pressed], PERIOD, 9.0)] == [False, flat]
+
+
 @pytest.mark.parametrize("count", [2, 3, 5, 9])
 @pytest.mark.parametrize(("share", "flat"), [(0.97, False), (1.03, True)])
 def test_a_top_is_flat_where_the_force_comes_to_it_steeper_than_to_twice_a_parabola(

@@ -182,10 +182,10 @@ def test_a_diverged_run_is_one_line_a_failed_run_and_a_whole_bag_that_can_be_rep
     told = [line for line in error.splitlines() if line.startswith("run: ")]
     assert process.returncode == 1 and len(told) == 1 and "Traceback" not in error + output, error
     match = re.fullmatch(
-        r"run: (the simulation diverged at (\S+) s: speed of panda_joint\d is (\S+) rad/s, beyond 261 rad/s .*)",
+        r"run: (the simulation diverged at (\S+) s: speed of panda_joint\d is (\S+) rad/s, beyond 1000 rad/s .*)",
         told[0],
     )
-    assert match is not None and 261.0 < abs(float(match[3])) < 1e6, told
+    assert match is not None and 1000.0 < abs(float(match[3])) < 1e6, told
     folder = RunFolder.open("latest", tmp_path)
     assert folder.read()["status"] == "failed" and folder.read()["error"] == f"DivergedError: {match[1]}"
     assert folder.bag_path.is_file() and not list(folder.path.glob("*.active"))

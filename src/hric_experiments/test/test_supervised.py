@@ -9,9 +9,11 @@ import pytest
 
 from hric_assessment.contact.limits import PARTED, TRANSIENT_TIME
 from hric_assessment.findings import Outcome as Result
+from hric_assessment.supervisor.app import HeadlessSupervisor
 from hric_assessment.supervisor.arm import ArmShape, ArmState
 from hric_assessment.supervisor.settings import SupervisorSettings
 from hric_control.errors import HricError
+from hric_control.local.node import LocalNode
 from hric_control.speed_scale import stopping_time
 from hric_experiments.approaches import command
 from hric_experiments.approaches.draw import LONGEST, SPEEDS, draw
@@ -157,8 +159,9 @@ def test_a_tracked_person_is_of_live_runs_and_his_section_reaches_the_supervisor
 
 
 def test_a_real_arm_is_refused_without_the_acknowledgement():
+    node = LocalNode({"robot": {"robot_ip": "172.16.0.2"}}, "/hric/safety/supervisor")
     with pytest.raises(HricError, match="acknowledge_no_safety_function"):
-        Simulation(NAME, simulator="mujoco", **{"robot.parameters.robot_ip": "172.16.0.2"})
+        HeadlessSupervisor(node, lambda *_: None)
 
 
 def test_what_is_drawn_is_the_seeds_and_within_what_is_said():

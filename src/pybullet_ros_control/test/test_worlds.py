@@ -12,7 +12,7 @@ JOINTS = ["joint1", "joint2"]
     ("config", "message"),
     [
         ({"time_stp": 1}, r"no parameter 'time_stp' in plant; valid: .*time_step"),
-        ({"time_step": 0}, r"plant/time_step is 0; valid: a finite number above 0 \[s\]"),
+        ({"time_step": 0}, r"plant/time_step is 0; valid: a finite number above 0 to 0\.1 \[s\]"),
         ({"friction": "sticky"}, "plant/friction is 'sticky'; valid: none, coulomb, identified"),
         ({"friction": "identified"}, "needs friction_parameters"),
         ({"rotor_inertia": [0.1]}, r"plant/rotor_inertia is \[0.1\]; valid: 2 values, for joint1, joint2"),

@@ -85,6 +85,7 @@ def meetings(
         table: by default the one that comes with the package.
     """
     table = table or episode_table()
+    largest = max((_largest(contact) for contact in contacts), default=0.0)
     groups: list[list[RegionForce]] = []
     until = -np.inf
     for contact in sorted(contacts, key=lambda one: one.begin):
@@ -92,7 +93,7 @@ def meetings(
             groups.append([])
         groups[-1].append(contact)
         until = max(until, end_of(contact))
-    return [_meeting(group, source_period, recorded_until, table) for group in groups]
+    return [_meeting(group, source_period, recorded_until, table, largest) for group in groups]
 
 
 def resolved(contact: RegionForce, period: float) -> bool:
@@ -125,9 +126,19 @@ def _off(offset: float, period: float) -> bool:
     return abs(math.remainder(offset, period)) > SAME_INSTANT
 
 
-def _meeting(contacts: list[RegionForce], source_period: float, recorded_until: float, table: EpisodeTable) -> Meeting:
+def _largest(contact: RegionForce) -> float:
+    """Return the largest force that a contact states [N]."""
+    reached = contact.course.reached
+    return float(reached[np.isfinite(reached)].max(initial=0.0))
+
+
+def _meeting(
+    contacts: list[RegionForce], source_period: float, recorded_until: float, table: EpisodeTable, largest: float
+) -> Meeting:
     samples = [_samples(contact) for contact in contacts]
-    doubts = [doubt for contact, time, force, _ in samples for doubt in _doubts(contact, time, force, recorded_until)]
+    doubts = [
+        doubt for contact, time, force, _ in samples for doubt in _doubts(contact, time, force, recorded_until, largest)
+    ]
     lasted = max(map(end_of, contacts)) - contacts[0].begin
     if not all(contact.ended for contact in contacts) and lasted <= table["transient_time"] + STAMP:
         doubts.append("it had not ended when the recording did")
@@ -174,8 +185,11 @@ def _samples(contact: RegionForce) -> Samples:
     return contact, time[first], force[first], usable[first]
 
 
-def _doubts(contact: RegionForce, time: FloatArray, force: FloatArray, recorded_until: float) -> list[str]:
-    """Return the reasons that one contact cannot be called harmless."""
+def _doubts(
+    contact: RegionForce, time: FloatArray, force: FloatArray, recorded_until: float, largest: float
+) -> list[str]:
+    """Return the reasons that one contact cannot be called harmless; largest: force on its region in all contacts
+    [N], which a sensor at its range does not exceed."""
     course, found = contact.course, list[str]()
     bad = ~(_usable(contact) & np.isfinite(course.reached) & (course.reached >= 0.0))
     if (course.force > course.reached * (1.0 + RATE_TOLERANCE)).any():
@@ -187,7 +201,8 @@ def _doubts(contact: RegionForce, time: FloatArray, force: FloatArray, recorded_
     stated = contact.begin + course.since_begin
     if not (np.abs(course.time - stated) <= CLOCKS).all() or not contact.duration >= 0.0:
         found.append("its messages are not of the time that begin and duration state")
-    if not bad.any() and _flat(contact, time[1:], force[1:]):  # without the begin, which has no message
+    at_range = force.max(initial=0.0) >= (1.0 - COARSEST) * largest
+    if not bad.any() and at_range and _flat(contact, time[1:], force[1:]):  # without the begin, which has no message
         found.append(f"the force has a flat top at {force.max():.1f} N, as of a sensor at its range")
     if contact.interrupted:
         found.append("messages in between have neither the contact nor its end, as those of a second publisher")
