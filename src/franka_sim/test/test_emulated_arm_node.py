@@ -113,7 +113,7 @@ def test_the_human_beside_it_is_stamped_with_the_time_of_the_run_and_hears_his_s
     while not heard or abs(heard[-1] - EPOCH) > 1e6:  # until the first pair has come
         assert time.monotonic() < end, heard[-3:]
         now = time.monotonic_ns()
-        clock.publish(ClockPair(now, stamps.to_time(EPOCH + 1e-9 * (now - began)), 1.0))
+        clock.publish(ClockPair(now, stamps.to_time(EPOCH + 1e-9 * (now - began)), 1.0, False))
         time.sleep(0.02)
     run = EPOCH + 1e-9 * (time.monotonic_ns() - began)
     assert heard[-1] == pytest.approx(run, abs=PATIENCE)

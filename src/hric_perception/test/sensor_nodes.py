@@ -42,7 +42,7 @@ class TellsTime:
             now = time.monotonic_ns()
             self.time += self.pace * 1e-9 * (now - last)
             last = now
-            self._publisher.publish(ClockPair(now, stamps.to_time(self.time), self.pace or 1.0))
+            self._publisher.publish(ClockPair(now, stamps.to_time(self.time), self.pace or 1.0, False))
 
     def close(self) -> None:
         self._stop.set()

@@ -56,7 +56,7 @@ class TellsTime:
                 time.sleep(self.loses)
                 last = time.monotonic_ns()
             self._publisher.publish(
-                ClockPair(now, stamps.to_time(self.time), self.pace or 1.0 if self.told is None else self.told)
+                ClockPair(now, stamps.to_time(self.time), self.pace or 1.0 if self.told is None else self.told, False)
             )
 
     def close(self) -> None:
