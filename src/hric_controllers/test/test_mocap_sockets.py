@@ -3,6 +3,7 @@ arm here, paced by the wall."""
 
 import queue
 import socket
+import struct
 import threading
 import time
 
@@ -73,12 +74,13 @@ class WireArm(MocapArm):
 
 class Flood(threading.Thread):
     """Sends spoilt datagrams to both of the client's ports, no faster than it takes them, so that none is lost on the
-    way."""
+    way; from the ports of the server, of which alone it takes any: by a raw socket, as root."""
 
     def __init__(self, bench, ports):
         super().__init__(daemon=True)
         self._bench, self._rubbish = bench, Rubbish((4, 1), 3)
-        self._where = [("127.0.0.1", ports[1]), ("127.0.0.1", bench.client._command.getsockname()[1])]
+        client = bench.client
+        self._ways = [(client._frames_from, ports[1]), (ports[0], client._command.getsockname()[1])]
         self.sent, self._session = 0, bench.client.session
 
     def _genuine(self):
@@ -87,12 +89,14 @@ class Flood(threading.Thread):
         return CODEC.encode_frame(one_body_frame(self._session._sequence or 0)._replace(bodies=(body,)))
 
     def run(self):
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
+        with socket.socket(socket.AF_INET, socket.SOCK_RAW, socket.IPPROTO_UDP) as out:
             out.bind(("127.0.0.1", 0))
             while self.sent < SPOILT:
                 before, genuine = self._bench.counted, self._genuine()
                 for number in range(AT_ONCE):
-                    out.sendto(self._rubbish.datagram(genuine), self._where[number % 2])
+                    spoilt = self._rubbish.datagram(genuine)
+                    header = struct.pack("!HHHH", *self._ways[number % 2], 8 + len(spoilt), 0)  # without a checksum
+                    out.sendto(header + spoilt, ("127.0.0.1", 0))
                 self.sent += AT_ONCE
                 limit = time.monotonic() + PATIENCE
                 while self._bench.counted < before + AT_ONCE and time.monotonic() < limit:
