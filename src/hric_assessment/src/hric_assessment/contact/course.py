@@ -84,8 +84,10 @@ def meetings(
         recorded_until: robot time of the last message of the topic [s].
         table: by default the one that comes with the package.
     """
+    if not contacts:
+        return []
     table = table or episode_table()
-    largest = max((_largest(contact) for contact in contacts), default=0.0)
+    largest = max(map(_largest, contacts))
     groups: list[list[RegionForce]] = []
     until = -np.inf
     for contact in sorted(contacts, key=lambda one: one.begin):
@@ -201,7 +203,7 @@ def _doubts(
     stated = contact.begin + course.since_begin
     if not (np.abs(course.time - stated) <= CLOCKS).all() or not contact.duration >= 0.0:
         found.append("its messages are not of the time that begin and duration state")
-    at_range = force.max(initial=0.0) >= (1.0 - COARSEST) * largest
+    at_range = force.max() >= (1.0 - COARSEST) * largest
     if not bad.any() and at_range and _flat(contact, time[1:], force[1:]):  # without the begin, which has no message
         found.append(f"the force has a flat top at {force.max():.1f} N, as of a sensor at its range")
     if contact.interrupted:
