@@ -39,9 +39,9 @@ class Network:
         """Sockets of the laboratory that wait for others."""
         shown = subprocess.run(self.command(self.lab, "ss", "-ltunpH"), capture_output=True, text=True, check=True)
         for line in shown.stdout.splitlines():
-            transport, _, _, _, local, _, *users = line.split()
+            transport, _, _, _, local, *_ = line.split()
             address, _, port = local.rpartition(":")
-            pid = users[0].partition("pid=")[2].partition(",")[0] if users else ""
+            pid = line.partition("pid=")[2].partition(",")[0]  # behind a name that may have blanks
             try:
                 words = Path(f"/proc/{pid}/cmdline").read_text().split("\0")
             except OSError:  # it has ended meanwhile

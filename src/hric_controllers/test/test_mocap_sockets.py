@@ -108,6 +108,16 @@ def ports():
     return free_port(), free_port()
 
 
+def may_spoof():
+    """Whether this process may open raw sockets."""
+    try:
+        socket.socket(socket.AF_INET, socket.SOCK_RAW, socket.IPPROTO_UDP).close()
+    except PermissionError:
+        return False
+    return True
+
+
+@pytest.mark.skipif(not may_spoof(), reason="raw sockets need root")
 def test_twenty_thousand_spoilt_datagrams_on_the_wire_cause_no_jump_and_are_counted_by_reason(ports):
     words = (
         "--transport",
