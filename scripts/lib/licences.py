@@ -64,7 +64,7 @@ def refusals(content: Mapping[str, Any], installed: set[tuple[str, str]], rules:
 
 
 def _permits(expression: str, allowed: set[str]) -> bool:
-    """Whether one of its alternatives has allowed licences only."""
+    """Return True if one of its alternatives has allowed licences only."""
     alternatives = expression.split(" OR ")
     return any(all(part in allowed for part in alternative.split(" AND ")) for alternative in alternatives)
 

@@ -9,7 +9,7 @@ from hric_control.plant import Load
 ENGINES = ("pybullet_ros_control/PyBulletPlant", "opensim_ros_control/OpenSimPlant", "mujoco_ros_control/MujocoPlant")
 PAYLOAD = Load(1.0, (0.02, -0.03, 0.1), (0.002, 0, 0, 0, 0.003, 0, 0, 0, 0.001))
 DRIFT = 1e-3
-"""Of any joint [rad]."""
+"""Largest motion of any joint [rad]."""
 
 
 @pytest.fixture(params=ENGINES, ids=lambda name: name.rpartition("/")[2])

@@ -16,9 +16,9 @@ from hric_human.body import describe
 from hric_human.participant.settings import HumanSettings
 
 MASSES, ROTORS = (3.0, 2.0, 4.0), (1.0, 0.5, 0.25)
-"""Of the three carriages, each carried by the one before [kg], and of the drives of their rails [kg]."""
+"""Masses of the three carriages, each carried by the one before, and of the drives of their rails [kg]."""
 MOVED = (9.0 + 1.0, 6.0 + 0.5, 4.0 + 0.25)
-"""What a push along x, y or z moves [kg]."""
+"""Mass that a push along x, y or z moves [kg]."""
 PELVIS = 25e3
 """Spring of the standard's body model [N/m]."""
 BEGIN = 1.0
@@ -86,7 +86,7 @@ def test_a_blow_on_a_pelvis_that_is_fixed_has_the_mass_that_the_gantry_has_along
 
 
 def walking() -> tuple[dict[str, Any], RootRecord]:
-    """Of a run with a person who walks, and where they were."""
+    """Figures of a run with a person who walks, and where they were."""
     human = {"parts": "upper_body", "walk": {"points": [[0, 0, 0]]}}
     pose = np.tile([1.0, 0.0, 0.5, 0.0, 0.0, 0.0, 1.0], (2, 1))
     return RUN | {"definition": RUN["definition"] | {"human": human}}, RootRecord(np.array([0.0, 6.0]), pose)

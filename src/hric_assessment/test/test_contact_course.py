@@ -11,7 +11,7 @@ from hric_assessment.contact.course import Meeting, end_of, meetings, resolved
 from hric_bags.records.region_contacts import Course, RegionForce
 
 PERIOD = 1e-3
-"""Of the source [s]."""
+"""Period of the source [s]."""
 
 
 def contact(
@@ -401,7 +401,7 @@ def test_a_top_below_a_newton_is_flat_too() -> None:
 
 @pytest.mark.parametrize(("before", "flat"), [(63.1, True), (63.2, False)])
 def test_a_force_that_was_exceeded_on_the_region_is_no_range_of_a_sensor(before: float, flat: bool) -> None:
-    """As of an arm that stands and presses on after a blow; by more than a twentieth of the larger force."""
+    """An arm stands and presses on after a blow; the two forces differ by a twentieth of the larger one."""
     blow = contact(sine(before, 21), begin=1.0, duration=0.21)
     pressed = contact(np.array([10.0, 60.0, 60.0, 60.0, 20.0]), begin=2.0, duration=0.05)
     assert [bool(meeting.doubts) for meeting in meetings([blow, pressed], PERIOD, 9.0)] == [False, flat]

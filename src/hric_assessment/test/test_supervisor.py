@@ -212,9 +212,9 @@ def test_it_goes_on_only_when_the_person_was_farther_away_for_a_while():
     cell = Cell(hold=0.3, hysteresis=0.05, person_max_speed=30.0)
     for _ in range(5):
         cell.decide(1.0)
-    assert {cell.decide(distance).scale for distance in np.arange(1.25, 4.0, 0.25)} == {0.0}  # within 0.11 s
-    scales = [cell.decide(4.0).scale for _ in range(40)]
-    assert scales[:18] == [0.0] * 18 and scales[-1] == 1.0
+    away = [*np.arange(1.25, 4.0, 0.25), *[4.0] * 40]  # no faster than a person may be
+    scales = [cell.decide(distance).scale for distance in away]
+    assert scales[:30] == [0.0] * 30 and scales[30] > 0.0 and scales[-1] == 1.0  # 0.3 s, 100 decisions a second
     # Trembling around an edge does not switch back and forth.
     cell = Cell(hold=0.3, hysteresis=0.05)
     for k in range(200):

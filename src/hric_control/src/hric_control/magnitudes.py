@@ -13,7 +13,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Magnitude:
-    """What is known of a unit.
+    """Bound of a unit, and what is mistaken for it.
 
     Attributes:
         largest: size that no value exceeds, in the unit.
@@ -51,7 +51,7 @@ MAGNITUDES: Mapping[str, Magnitude] = {
     "N m s/rad": Magnitude(1e4, "critical damping of a joint so stiff" + _UNCONFIRMED, {"N mm s/rad": 1e-3}),
     "s": Magnitude(3600.0, "a session with a person" + _UNCONFIRMED, {"ms": 1e-3}),
 }
-"""By unit. Stiffness in N/m has none: what is mistaken for it, N/mm, is smaller."""
+"""Bounds by unit. Stiffness in N/m has none: what is mistaken for it, N/mm, is smaller."""
 _SEPARATORS = re.compile(r", | or ")
 
 

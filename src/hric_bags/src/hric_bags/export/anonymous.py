@@ -30,11 +30,11 @@ SUBJECT = "subject"
 PEOPLE = ("human", "person")
 """Sections in which a number may be a measure of a body."""
 BODY = ("calibration", "muscles")
-"""What has such measures there, where it is a file or a list of numbers."""
+"""Keys that have such measures there, where they are a file or a list of numbers."""
 STRENGTH = ("strength", "clipped", "at_strength", "share_max", "share_mean")
-"""What has the strength of their joints, or gives it together with the torque beside it; by the begin of the name."""
+"""Begins of keys that have the strength of joints, or give it together with the torque beside it."""
 REDUCED = ("mass", "ratio")
-"""Of a blow's closed form: they give the mass of the person's arm."""
+"""Keys of a blow's closed form, which give the mass of the person's arm."""
 HASHES = ("commit", "state_sha256")
 """Keys whose value may be a hexadecimal number."""
 OLDEST_DATE = 10**17

@@ -9,13 +9,13 @@ import lz4.frame
 from hric_bags.health.file_records import LENGTH
 
 LARGEST_CHUNK = 1 << 30
-"""Of a chunk no more than this is decompressed [B]; project default, unconfirmed."""
+"""Largest chunk that is decompressed [B]; project default, unconfirmed."""
 _LZ4, _BZ2 = b"\x04\x22\x4d\x18", b"BZh"
 """With what compressed data begin."""
 _LARGEST_BLOCK = 4 << 20
-"""Of the LZ4 frame format [B]."""
+"""Largest block of the LZ4 frame format [B]."""
 _WINDOW = 1 << 16
-"""How far back a block of an LZ4 frame refers to those before it [B]."""
+"""Window of an LZ4 frame: distance by which a block refers to those before it [B]."""
 _ENDS = (RuntimeError, OSError, ValueError, EOFError)
 """Raised by the libraries at damaged data."""
 

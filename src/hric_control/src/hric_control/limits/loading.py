@@ -15,8 +15,8 @@ from hric_control.urdf import BOUNDED, Limit, SafetyController, read
 
 URDF = "from the URDF"
 FAR_OUTSIDE = 0.5
-"""How far beyond the end of its range a joint may start [rad or m]; project default, unconfirmed: an arm that was
-pushed to its stops, or a pose that was rounded."""
+"""Distance beyond the end of its range at which a joint may start [rad or m]; project default, unconfirmed: an arm that
+was pushed to its stops, or a pose that was rounded."""
 # Switch of a group of parameters -> parameter -> (field, value that means "not limited").
 _GROUPS: dict[str, dict[str, tuple[str, float]]] = {
     "has_position_limits": {"min_position": ("lower", -INFINITY), "max_position": ("upper", INFINITY)},

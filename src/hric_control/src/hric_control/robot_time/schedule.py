@@ -28,7 +28,7 @@ class Schedule:
 
     @property
     def rises(self) -> bool:
-        """Whether robot time goes on before the last knot, not a pause."""
+        """True if robot time goes on before the last knot, and does not pause."""
         return len(self._run) > 1 and self._run[-1] > self._run[-2]
 
     def add(self, monotonic: int, run: float) -> None:

@@ -1,4 +1,4 @@
-"""How fast robot time of a simulated robot goes: by the clock on the wall, and slower where the loop, or somebody for
+"""Pace of a simulated robot: that of the clock on the wall, and slower where the loop, or somebody for
 whom the run waits, does not keep up."""
 
 from collections.abc import Callable
@@ -70,7 +70,7 @@ class Pace:
         return self._schedule
 
     def _resume(self, schedule: Schedule, now: int) -> tuple[int, float]:
-        """Where the next piece begins; it stood since the last knot, if nobody could know how it goes on."""
+        """Return where the next piece begins; it stood since the last knot, if nobody could know how it goes on."""
         begin, reached = schedule.end
         if now > begin:
             self._announce(schedule, now, reached)

@@ -40,9 +40,9 @@ SENSORS_GRACE = 20.0
 
 
 ROBOT_TIMEOUT = 2.0
-"""How long the robot may take to list its controllers [s of wall time]; project default, unconfirmed."""
+"""Longest wait for the list of controllers [s of wall time]; project default, unconfirmed."""
 RECORDER_TIMEOUT = 120.0
-"""How long the recorder may take to close its bag [s of wall time]: one of gigabytes on a slow disk."""
+"""Longest wait for the recorder to close its bag [s of wall time]: one of gigabytes on a slow disk."""
 
 
 class NotReady(FailureError):
