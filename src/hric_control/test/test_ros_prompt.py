@@ -132,6 +132,20 @@ def test_a_connection_that_breaks_while_messages_wait_is_closed(wire: Wire) -> N
         connection.write_data(message(1001))
 
 
+def test_a_socket_that_its_owner_closes_while_messages_wait_costs_the_others_nothing(wire: Wire) -> None:
+    connection = PromptConnection(wire)
+    overfill(connection)
+    wire.socket.close()
+    connection.close()
+    other = Wire()
+    later = PromptConnection(other)
+    sent = overfill(later)
+    assert other.hear(sent) == [*range(sent)]
+    until(lambda: not DISPATCHER.status().behind)
+    later.close()
+    other.listener.close()
+
+
 def test_a_listener_that_takes_nothing_for_long_is_closed_with_a_word(
     wire: Wire, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:

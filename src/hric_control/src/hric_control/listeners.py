@@ -10,6 +10,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Sequence
+from contextlib import suppress
 from socket import socket
 from typing import NamedTuple
 
@@ -185,7 +186,8 @@ class Dispatcher:
         listener.size, listener.begun, listener.stuck = 0, False, False
         if self._behind.get(listener.file) is listener:
             del self._behind[listener.file]
-            self._poll.unregister(listener.file)
+            with suppress(OSError):  # its owner has closed the socket, and the system forgets it by itself
+                self._poll.unregister(listener.file)
             self._changed.notify_all()
 
     def _advance(self, listener: Listener) -> bool:
