@@ -11,6 +11,7 @@ from fci_peer import ARM, PATIENCE, Peer, command, new_address, serving
 
 from franka_sim.box.requests import MotionCommand
 from franka_sim.fci.clock import LockStepClock, Phase, WallClock, make_clock
+from franka_sim.fci.complaints import MAX_PEERS, PEER_QUIET, Complaints
 from franka_sim.fci.connection import MAX_UNSENT
 from franka_sim.fci.device import ConstantDevice
 from franka_sim.fci.faults import Faults
@@ -131,6 +132,43 @@ def test_a_crowd_that_says_nothing_or_one_byte_at_a_time_locks_nobody_out(said: 
             ended.set()
             for stranger in strangers:
                 stranger.join()
+
+
+def test_each_address_that_attacks_is_logged_once_for_as_long_as_it_goes_on(caplog: pytest.LogCaptureFixture) -> None:
+    sources = ["127.0.0.8", "127.0.0.9", "127.0.0.10"]
+    attacks = [b"", bytes(64), b"\xff" * 64]
+
+    def strike(ip: str) -> None:
+        for source, said in zip(sources, attacks, strict=True):
+            with socket.create_connection((ip, ARM), PATIENCE, (source, 0)) as stranger, suppress(OSError):
+                stranger.send(said)
+                stranger.settimeout(PATIENCE)
+                while stranger.recv(64):
+                    pass
+
+    with serving(ConstantDevice()) as ip:
+        strike(ip)
+        with Peer(ip) as peer:
+            peer.state()
+            strike(ip)
+        strike(ip)
+    assert [caplog.text.count(f"{source}:") for source in sources] == [1, 1, 1], caplog.text
+
+
+def test_a_flood_of_addresses_grows_neither_memory_nor_log(caplog: pytest.LogCaptureFixture) -> None:
+    now = [0.0]
+    complaints = Complaints("arm", lambda: now[0])
+    for _ in range(3):
+        for n in range(10 * MAX_PEERS):
+            now[0] += 1e-4
+            complaints.warn_of(f"10.0.{n // 256}.{n % 256}", f"10.0.{n // 256}.{n % 256} is turned away")
+    assert len(complaints._peers) == MAX_PEERS
+    assert len(caplog.messages) == MAX_PEERS + 1, "each of those remembered, and one line for all others"
+    now[0] += PEER_QUIET
+    complaints.warn_of("10.0.0.0", "10.0.0.0 is turned away")
+    assert caplog.messages[-1] == "arm: 10.0.0.0 is turned away (2 more like this)"
+    complaints.warn_of("10.9.9.9", "10.9.9.9 is turned away")
+    assert caplog.messages[-1] == "arm: 10.9.9.9 is turned away" and len(complaints._peers) == MAX_PEERS
 
 
 def test_a_client_that_reads_no_responses_is_let_go() -> None:

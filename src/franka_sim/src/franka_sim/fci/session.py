@@ -132,7 +132,7 @@ class Service(ABC):
         if self.client is not None:
             self._on_connection(self.client.connection, READ)  # perhaps it has just gone
         if self.client is not None:
-            self.complaints.warn("second", f"{peer} is turned away: {self.client.name} is connected")
+            self.complaints.warn_of(_host(peer), f"{peer} is turned away: {self.client.name} is connected")
             connected.close()
             return
         connection = Connection(connected, self._framing, self.size_of)
@@ -144,7 +144,7 @@ class Service(ABC):
 
     def _make_room(self) -> None:
         """Let the oldest connection go that shakes hands, of the address that has most of them."""
-        hosts = {connection: peer.rpartition(":")[0] for connection, (peer, _) in self._waiting.items()}
+        hosts = {connection: _host(peer) for connection, (peer, _) in self._waiting.items()}
         crowd = Counter(hosts.values()).most_common(1)[0][0]
         oldest = next(connection for connection, host in hosts.items() if host == crowd)
         self._on_connection(oldest, READ)  # perhaps it has just said what it is
@@ -180,7 +180,7 @@ class Service(ABC):
         if udp_port == 0:
             raise BadMessageError("it has no UDP port")
         try:
-            link = make_link(self._address[0], (peer.rpartition(":")[0], udp_port), self._faults)
+            link = make_link(self._address[0], (_host(peer), udp_port), self._faults)
         except OSError as error:
             raise BadMessageError(f"its UDP port {udp_port} cannot be reached: {error}") from None
         del self._waiting[connection]
@@ -214,7 +214,7 @@ class Service(ABC):
 
     def _drop(self, connection: Connection, text: str) -> None:
         if text:
-            self.complaints.warn("turned away", text)
+            self.complaints.warn_of(_host(self._waiting[connection][0]), text)
         del self._waiting[connection]
         self._selector.unregister(connection.socket)
         connection.close()
@@ -228,6 +228,10 @@ class Service(ABC):
         client.connection.close()
         client.link.close()
         self.on_client_lost()
+
+
+def _host(peer: str) -> str:
+    return peer.rpartition(":")[0]
 
 
 def listen(address: tuple[str, int], name: str) -> socket.socket:
