@@ -6,10 +6,11 @@ from typing import Any
 
 import pytest
 
-from hric_control.errors import ParameterError
+from hric_control.errors import DescriptionError, ParameterError
 from hric_control.limits import check_start
 from hric_control.magnitudes import MAGNITUDES
 from hric_control.parameters import Parameter, Settings, listing, mapping, number, numbers, per_joint
+from hric_control.urdf import read
 
 URDF = """<robot name="r"><link name="a"/><link name="b"/><link name="c"/>
 <joint name="turn" type="revolute"><parent link="a"/><child link="b"/>
@@ -92,3 +93,64 @@ def test_a_start_a_little_outside_a_range_is_taken() -> None:
 def test_a_start_far_outside_a_range_is_refused_with_the_likely_unit(q: list[float], message: str) -> None:
     with pytest.raises(ParameterError, match=message):
         check_start(URDF, ["turn", "slide"], q, "q_start")
+
+
+JOINT = """<robot name="r"><link name="a"/><link name="b"/>
+<joint name="j" type="{kind}"><parent link="a"/><child link="b"/><limit {limit}/></joint></robot>"""
+
+
+@pytest.mark.parametrize(
+    ("kind", "limit", "said"),
+    [
+        (
+            "revolute",
+            'lower="-170" upper="170"',
+            r"lower limit -170 is beyond 12\.57 \[rad\]; -170 deg would be -2\.96",
+        ),
+        ("revolute", 'lower="-4" upper="215"', "upper limit 215 .*215 deg"),
+        ("revolute", 'lower="-360" upper="360"', "360 deg would be -6.283"),
+        ("revolute", 'lower="0" upper="100"', "100 deg"),
+        ("prismatic", 'lower="0" upper="40"', r"upper limit 40 .*40 mm would be 0\.04 m"),
+    ],
+)
+def test_an_end_of_a_description_in_another_unit_is_refused_with_that_unit(kind: str, limit: str, said: str) -> None:
+    with pytest.raises(DescriptionError, match=f"joint j: its .*{said}"):
+        read(JOINT.format(kind=kind, limit=limit))
+
+
+@pytest.mark.parametrize(
+    ("kind", "limit"),
+    [
+        ("revolute", 'lower="-10" upper="10"'),
+        ("revolute", 'lower="-1000" upper="1000"'),
+        ("revolute", 'lower="-62.83" upper="62.83"'),
+        ("revolute", 'lower="-1e16" upper="1e16" velocity="800"'),
+        ("revolute", 'lower="-3.4e38" upper="2147483647"'),
+        ("continuous", 'lower="-180" upper="180" velocity="838"'),
+        ("prismatic", 'lower="-50" upper="50"'),
+        ("revolute", 'lower="-1" upper="1" velocity="1000" effort="100000"'),
+        ("revolute", 'lower="-1" upper="1" velocity="59.9" effort="1000"'),
+    ],
+)
+def test_limits_of_public_robots_are_read_without_a_word(
+    kind: str, limit: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    read(JOINT.format(kind=kind, limit=limit))
+    assert not caplog.records
+
+
+@pytest.mark.parametrize(
+    ("kind", "limit", "said"),
+    [
+        ("revolute", 'velocity="150"', "velocity 150 is taken as rad/s; 150 deg/s would be 2.61799 rad/s"),
+        ("revolute", 'effort="87000"', "effort 87000 is taken as N m; 87000 N mm would be 87 N m"),
+        ("prismatic", 'velocity="200"', "velocity 200 is taken as m/s; 200 mm/s would be 0.2 m/s"),
+        ("revolute", 'velocity="150" effort="12000"', "2.61799 rad/s (and 1 more limits)"),
+    ],
+)
+def test_a_velocity_or_effort_of_a_description_in_another_unit_is_doubted_once(
+    kind: str, limit: str, said: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    read(JOINT.format(kind=kind, limit=f'lower="-1" upper="1" {limit}'))
+    (record,) = caplog.records
+    assert said in record.getMessage() and record.levelname == "WARNING"

@@ -9,6 +9,7 @@ import numpy as np
 from hric_control.errors import DescriptionError
 from hric_control.geometry import FloatArray, MassProperties, tensor
 from hric_control.urdf.elements import number, numbers, origin, parse
+from hric_control.urdf.limit_units import check_limit_units
 from hric_control.urdf.robot import (
     BOUNDED,
     JOINT_TYPES,
@@ -38,8 +39,8 @@ def read(urdf_xml: str, source: str = "") -> Robot:
     Raises:
         DescriptionError: not XML; a version that is not known; not one tree (several roots, a cycle, a joint to a
             missing link); a name that is missing or given twice; an `<inertial>` without `<mass>` or `<inertia>`, or
-            with a negative mass; an unknown joint type, an axis without length, missing or crossed limits, losses that
-            drive, a wrong mimic; an unknown geometry; a text that is not a finite number. It names the element.
+            with a negative mass; an unknown joint type, an axis without length, missing or crossed limits or ends in
+            degrees or mm, losses that drive, a wrong mimic; an unknown geometry; a text that is not a finite number. It names the element.
     """
     try:
         return _robot(urdf_xml)
@@ -64,6 +65,7 @@ def _robot(urdf_xml: str) -> Robot:
     base = _check_tree(links, joints)
     for joint in joints.values():
         _check_mimic(joint, joints)
+    check_limit_units(joints.values())
     return Robot(root.get("name", "") or "robot", base, links, _from_root(base, joints), root)
 
 
