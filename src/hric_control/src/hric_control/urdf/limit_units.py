@@ -1,7 +1,7 @@
 """Limits of joints that were probably written in degrees, mm or N mm.
 
-Rules and bounds follow public descriptions (PyPI example-robot-data 6.0.0 and pybullet 3.2.7, public repositories): stops
-of revolute joints reach 10 rad; what lies beyond and is meant stands for no end (+-1000, +-1e16), is whole turns
+Rules and bounds follow public descriptions (PyPI example-robot-data 6.0.0 and pybullet, public repositories): stops of
+revolute joints reach 10 rad; what lies beyond and is meant stands for no end (+-1000, +-1e16), is whole turns
 (+-62.83), or is the travel of a virtual base (prismatic, +-50). Velocities and efforts are often loose bounds.
 """
 

@@ -40,7 +40,8 @@ def read(urdf_xml: str, source: str = "") -> Robot:
         DescriptionError: not XML; a version that is not known; not one tree (several roots, a cycle, a joint to a
             missing link); a name that is missing or given twice; an `<inertial>` without `<mass>` or `<inertia>`, or
             with a negative mass; an unknown joint type, an axis without length, missing or crossed limits or ends in
-            degrees or mm, losses that drive, a wrong mimic; an unknown geometry; a text that is not a finite number. It names the element.
+            degrees or mm, losses that drive, a wrong mimic; an unknown geometry; a text that is not a finite number. It
+            names the element.
     """
     try:
         return _robot(urdf_xml)
