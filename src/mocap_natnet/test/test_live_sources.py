@@ -88,6 +88,23 @@ def test_a_recording_is_played_from_its_first_pose_on(bag: Path) -> None:
             assert (x, y, z) == pytest.approx((math.sin(min(time_, 1.99)), 0.0, 1.2), abs=1e-3)
 
 
+@pytest.mark.parametrize("compression", ["none", "lz4"])
+def test_a_damaged_recording_is_one_error_that_names_health(bag: Path, tmp_path: Path, compression: str) -> None:
+    damaged = tmp_path / "damaged.bag"
+    with rosbag.Bag(str(bag)) as whole, rosbag.Bag(str(damaged), "w", compression=compression) as copy:
+        for topic, message, stamp in whole.read_messages():
+            copy.write(topic, message, stamp)
+    content, refused = damaged.read_bytes(), 0
+    for place in range(100, len(content), len(content) // 60):
+        damaged.write_bytes(content[:place] + bytes([content[place] ^ 0x10]) + content[place + 1 :])
+        try:
+            from_bag(damaged, "/pose")
+        except HricError as error:
+            refused += "cannot be read" in str(error) and "health --salvage" in str(error)
+            assert "\n" not in str(error)
+    assert refused > 0
+
+
 @pytest.mark.parametrize(
     ("motion", "text"),
     [

@@ -5,9 +5,9 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from rosbags.highlevel import AnyReader, AnyReaderError
+from rosbags.highlevel import AnyReader
 
-from hric_control.errors import ParameterError, UnknownNameError
+from hric_control.errors import HricError, ParameterError, UnknownNameError
 from hric_control.geometry.messages import pose_of
 from hric_control.geometry.poses import Pose, Track, pose_z_up
 
@@ -32,8 +32,12 @@ def from_bag(path: Path, topic: str, body: str = "", up: str = "z") -> Track:
     try:
         with AnyReader([path]) as reader:
             found = [(stamp, pose) for stamp, pose in _poses(reader, path, topic, body) if pose is not None]
-    except AnyReaderError as error:
-        raise ParameterError(f"bag {path} cannot be read: {error}") from error
+    except HricError:
+        raise
+    except Exception as error:  # of bytes that a damaged file has in any place
+        reason = " ".join(str(error).split()) or type(error).__name__
+        hint = f"try: rosrun hric_experiments health --salvage {path}"
+        raise ParameterError(f"bag {path} cannot be read: {reason}; {hint}") from error
     if not found:
         raise ParameterError(f"{topic} of bag {path} has no pose of {body or 'a body'}")
     rising = found[:1] + [after for before, after in pairwise(found) if after[0] > before[0]]
@@ -53,8 +57,8 @@ def _poses(reader: Any, path: Path, topic: str, body: str) -> Iterator[tuple[flo
 
 
 def _body(message: Any, body: str, path: Path) -> Pose | None:
-    """Its pose in a frame; None where it was not tracked."""
-    found = [one for one in message.rigid_bodies if body in ("", one.name)]
-    if not found:
-        raise UnknownNameError("body", body, [one.name for one in message.rigid_bodies], f"bag {path}")
-    return pose_of(found[0].pose) if found[0].tracking_valid else None
+    """Return the pose of a body in a frame; None where it was not tracked."""
+    matching = [candidate for candidate in message.rigid_bodies if body in ("", candidate.name)]
+    if not matching:
+        raise UnknownNameError("body", body, [candidate.name for candidate in message.rigid_bodies], f"bag {path}")
+    return pose_of(matching[0].pose) if matching[0].tracking_valid else None
