@@ -20,6 +20,8 @@ FILES = {
     "step.yaml": "robot: {hw: franka_sim/FrankaHWSim, parameters: {reflexs: false}}\n"
     "controllers: [joint_pd_controller]\n"
     "parameters: {joint_pd_controller: {strict_gain: true}}\nduration: 1.0\n",
+    "other.yaml": "robot: {hw: hric_control/RobotHWSim, urdf: r.urdf, description: {hand: true}}\n"
+    "controllers: [joint_state_controller]\nduration: 1.0\n",
     "study.yaml": "description: x\nforms: {a: {experiment: pd_step, runs: {b: [], c: ['" + PD + ".kpp:=10']}, "
     "compared: [{runs: [b, c]}]}}\n",
     "controller.yaml": "description: mine\nchanges: {contact: ['" + PD + ".kdd:=10']}\n",
@@ -44,6 +46,14 @@ MISTAKES = [
     ),
     ("run pd_step kp=200", r"'kp=200' is no override; write kp:=200"),
     ("run pd_step kp:=100 kp:=200", r"kp is given more than once"),
+    (f"run pd_step kp:=100 {PD}.kp:=200", r"kp has no effect beside parameters\.joint_pd_controller\.kp"),
+    ("run pd_step robot.load.mass:=1 'robot.load:={mass: 2}'", r"robot\.load\.mass has no effect beside robot\.load"),
+    ("run pd_step friction:=none robot.plant.friction:=identified", r"both set robot\.plant\.friction"),
+    ("run pd_step urdf:=r.urdf hand:=true", r"robot\.description\.hand has no effect beside robot\.urdf"),
+    ("run pd_step 'robot.description.xyz:=[1,0,0]' urdf:=r.urdf", r"description\.xyz has no effect beside robot\.urdf"),
+    ("run other.yaml", r"robot\.description\.hand has no effect beside robot\.urdf"),
+    ("run pd_step 'kp:={panda_joint8: 1}'", r"no joint 'panda_joint8' .*did you mean panda_joint7"),
+    ("run pd_step 'robot.plant.rotor_inertia:={panda_joint8: 1}'", r"no joint 'panda_joint8' .*did you mean"),
     ("run step.yaml", r"no parameter 'reflexs'"),
     ("run study.yaml", r"no parameter 'kpp'"),
     ("run pd_step q_start:=[0,-45,0,-135,0,90,45]", r"4 mistakes\n.*-45 deg would be -0\.785398 rad"),

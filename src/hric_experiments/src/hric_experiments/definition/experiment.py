@@ -127,6 +127,14 @@ class RobotSpec(Settings):
                 own = "hw" if key == "robot_hw" else key
                 raise ParameterError(f"{where}parameters.{key} has no effect; valid: {where}{own}")
         with mistakes.noted():
+            # The bring-up always gives the pose of the base.
+            said = [key for key, value in self.description.items() if value not in ("0 0 0", list(ORIGIN))]
+            if self.urdf and said:
+                raise ParameterError(
+                    f"{where}description.{said[0]} has no effect beside {where}urdf, another robot's description; "
+                    "valid: one of them"
+                )
+        with mistakes.noted():
             friction = self.plant.get("friction", self.description.get("friction", "none"))
             if "friction_parameters" in self.plant and friction == "none":
                 where = f"{where}plant."

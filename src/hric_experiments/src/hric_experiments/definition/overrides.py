@@ -3,7 +3,7 @@ file."""
 
 import copy
 import shlex
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -73,6 +73,7 @@ DOTTED = (
 )
 GROUPS = {"robot": RobotSpec, "metrics": MetricsSpec}
 VALUES = ("controllers", "description", "duration", "setpoints")
+PLANT_FRICTION = ["robot", "plant", "friction"]
 FRICTIONS = ("none", "coulomb", "identified")
 SIMULATORS = {
     "pybullet": "pybullet_ros_control/PyBulletPlant",
@@ -88,22 +89,39 @@ def help_text() -> str:
 
 
 def apply(raw: Mapping[str, Any], overrides: Iterable[str]) -> dict[str, Any]:
-    """The contents of an experiment file with overrides.
+    """The contents of an experiment file with overrides. Another robot's URDF takes the place of the file's
+    `robot.description`, in whatever order they are given.
 
     Args:
         raw: contents of the file.
         overrides: `key:=value`; the value is YAML.
 
     Raises:
-        ExperimentError: not of that form, or a key that does not exist; lists the valid ones.
+        ExperimentError: not of that form, a key that does not exist, with the valid ones, or one that another key
+            makes void.
     """
     result: dict[str, Any] = copy.deepcopy(dict(raw))
-    for text in overrides:
+    keys: dict[tuple[str, ...], str] = {}
+    for text in sorted(overrides, key=lambda text: text.partition(":=")[0] not in ("urdf", "robot.urdf")):
         key, value = split(text)
+        path = resolve(key, result)
         if key == "friction":
             value = _friction(result, value, text)
-        _assign(result, resolve(key, result), value, text)
+            _note(keys, key, PLANT_FRICTION)
+            path = PLANT_FRICTION if result["robot"].get("urdf") else path
+        _note(keys, key, path)
+        _assign(result, path, value, text)
+        if path == ["robot", "urdf"] and value:
+            result["robot"].pop("description", None)
     return result
+
+
+def _note(keys: dict[tuple[str, ...], str], key: str, path: Sequence[str]) -> None:
+    """Remember which key set a path; refuse it where it makes another key void."""
+    for earlier, other in keys.items():
+        if other != key and list(earlier[: len(path)]) == list(path):
+            raise ExperimentError(f"{other} has no effect beside {key}: both set {'.'.join(path)}; valid: one of them")
+    keys[tuple(path)] = key
 
 
 def _friction(raw: dict[str, Any], value: Any, text: str) -> str:
@@ -116,8 +134,8 @@ def _friction(raw: dict[str, Any], value: Any, text: str) -> str:
         raise ExperimentError(
             f"cannot apply {text!r}; valid: {', '.join(FRICTIONS)}, or a YAML file with the friction of each joint"
         )
-    _assign(raw, ["robot", "plant", "friction"], value, text)
-    return "none" if value == "none" else "identified"
+    _assign(raw, PLANT_FRICTION, value, text)
+    return value if raw["robot"].get("urdf") or value == "none" else "identified"
 
 
 def separate(text: str) -> list[str]:
