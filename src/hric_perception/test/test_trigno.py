@@ -1,6 +1,7 @@
 """The Trigno client against the emulated server, over TCP on loopback."""
 
 import contextlib
+import random
 import socket
 import threading
 import time
@@ -135,3 +136,86 @@ def test_a_response_without_an_end_is_given_up_with_a_reason(sent: bytes, monkey
         feeder.join()
         ours.close()
         theirs.close()
+
+
+# -- rubbish -----------------------------------------------------------------------------------------------------------
+
+of_any_bytes = pytest.mark.filterwarnings("ignore:invalid value encountered in cast")  # numpy says so of some NaN
+SPOILT = (
+    "",
+    "nan",
+    "inf",
+    "-1",
+    "0",
+    "1e-320",
+    "9" * 400,
+    "0.0135",
+    "OK",
+    "INVALID COMMAND",
+    "\x00\xff",
+    "OK\r\n\r\nOK",
+)
+
+
+@pytest.mark.parametrize("interval, count", [("0.0135", "9" * 400), ("1e-320", "27"), ("nan", "27"), ("1e9", "27")])
+def test_a_rate_that_no_server_has_is_trouble_that_is_named_and_the_reading_goes_on(
+    interval: str, count: str, server: TrignoServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(client, "AGAIN", 0.01)
+    known = server._response
+    answers = {protocol.FRAME_INTERVAL: interval, protocol.FRAME_COUNT: count}
+    monkeypatch.setattr(server, "_response", lambda word: answers.get(word) or known(word))
+    reader, source = Reader(server.command_port, server.data_port), device(server, 2000.0)
+    source.start()
+    wait(lambda: "reports a rate of" in reader.health.report().text)
+    assert reader.health.samples == 0
+    answers.clear()
+    wait(lambda: reader.health.samples)
+    reader.client.close()
+    source.close()
+
+
+@of_any_bytes
+def test_two_hundred_spoilt_conversations_leave_a_client_that_reads_the_next_server(
+    server: TrignoServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(client, "AGAIN", 0.0)
+    monkeypatch.setattr(client, "TIMEOUT", 0.02)
+    drawn, known, conversations = random.Random(7), server._response, 0
+
+    def spoilt(word: str) -> str:
+        """Return an answer that is right, of another question, or noise; noise for samples goes with it."""
+        nonlocal conversations
+        conversations += word == protocol.FRAME_INTERVAL
+        with server._lock:
+            server._send(drawn.randbytes(drawn.randrange(1, 3000)))
+            if word == "START":
+                while server._listeners:
+                    server._listeners.pop().close()
+        return known(word) if drawn.random() < 0.4 else drawn.choice((*SPOILT, drawn.randbytes(30).decode("latin-1")))
+
+    monkeypatch.setattr(server, "_response", spoilt)
+    reader = Reader(server.command_port, server.data_port)
+    source = device(server, 2000.0)
+    source.start()
+    wait(lambda: conversations >= 200)
+    monkeypatch.setattr(server, "_response", known)
+    monkeypatch.setattr(client, "TIMEOUT", 2.0)
+    before = reader.health.samples
+    wait(lambda: reader.health.samples > before + 500 and reader.chunks[-1].layout.rate == pytest.approx(2000.0))
+    reader.client.close()
+    source.close()
+
+
+@of_any_bytes
+def test_random_bytes_in_random_pieces_are_as_many_samples_as_fit_and_none_twice() -> None:
+    drawn = random.Random(8)
+    for _ in range(200):
+        sent = drawn.randbytes(drawn.randrange(4000))
+        decoder, decoded, at = protocol.Decoder(protocol.CHANNELS), [], 0
+        while at < len(sent):
+            size = drawn.randrange(1, 400)
+            decoded.append(decoder.decode(sent[at : at + size]))
+            at += size
+        whole = np.frombuffer(sent[: len(sent) // protocol.SAMPLE_SIZE * protocol.SAMPLE_SIZE], "<f4").astype(float)
+        assert np.array_equal(np.concatenate([*decoded, np.empty((0, 16))]).ravel(), whole, equal_nan=True)

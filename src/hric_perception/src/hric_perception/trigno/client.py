@@ -23,6 +23,8 @@ IDLE = 0.1
 """Longest wait, after which a request to end is noticed [s]."""
 BUFFER = 1 << 16
 """Bytes read at once."""
+RATES = 1.0, 1e5
+"""Lowest and highest rate of a server [Hz]."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,9 @@ class Settings(Base):
         tuple(f"emg{index}" for index in range(1, protocol.CHANNELS + 1)),
         text="names of the first sensors; a channel named `time` carries a time code [s]",
     )
-    rate: float = number(protocol.RATE, minimum=1.0, maximum=1e5, unit="Hz", text="of a server that does not report it")
+    rate: float = number(
+        protocol.RATE, minimum=RATES[0], maximum=RATES[1], unit="Hz", text="of a server that does not report it"
+    )
     latency: float = number(
         0.0, minimum=0.0, maximum=1.0, unit="s", text="minimum time from a sample to its arrival here"
     )
@@ -107,15 +111,19 @@ class TrignoClient(Driver):
 
 
 def _rate(command: socket.socket) -> float | None:
-    """As reported by the server [Hz]."""
+    """Return the rate that the server reports [Hz]; None of an older server, which does not know the question.
+
+    Raises:
+        ValueError: a rate that no server has.
+    """
+    interval, count = (_request(command, word) for word in (protocol.FRAME_INTERVAL, protocol.FRAME_COUNT))
     try:
-        interval, count = (
-            float(_request(command, protocol.FRAME_INTERVAL)),
-            int(_request(command, protocol.FRAME_COUNT)),
-        )
-    except ValueError:
+        rate = float(count) / float(interval)
+    except (ValueError, ZeroDivisionError):
         return None
-    return count / interval if interval > 0 and count > 0 else None
+    if not RATES[0] <= rate <= RATES[1]:
+        raise ValueError(f"the server reports a rate of {rate:g} Hz; valid: {RATES[0]:g} to {RATES[1]:g} Hz")
+    return rate
 
 
 def _request(command: socket.socket, word: str) -> str:
