@@ -122,6 +122,6 @@ class RecorderProcess:
             self._child.kill()
             self._child.wait()
         raise RecordError(
-            f"the bag was not closed within {timeout:.0f} s; what was recorded is in {self.active.name}, try: "
+            f"the bag was not closed within {round(timeout, 1):g} s; what was recorded is in {self.active.name}, try: "
             "rosrun hric_experiments health --salvage"
         )
