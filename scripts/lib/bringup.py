@@ -25,7 +25,7 @@ from bringup_ready import PERIOD, arm, block, namespace
 from hric_bags.run_folder import RunFolder
 from hric_control import yaml_text
 from hric_control.errors import FAILURE, HricError
-from hric_control.processes import describe_exit
+from hric_control.processes import describe_exit, end_with_parent
 
 X11_PORT = 6000
 """TCP port of display 0 (X Window System protocol)."""
@@ -138,6 +138,9 @@ def run(arguments: Mapping[str, str], master: str) -> int:
         roslaunch.pmon._init_signal_handlers()
         request = ShutdownRequest()
         early.over()
+        # All that starts from here is started by this thread, which lives as long as the process: so nothing outlives
+        # it, the master and nodes of others included, even if it is killed.
+        os.register_at_fork(after_in_child=end_with_parent(signal.SIGTERM))
         parent._start_infrastructure()
         parent.start()
     except roslaunch.core.RLException as error:

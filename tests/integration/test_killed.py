@@ -52,6 +52,30 @@ def test_what_was_killed_is_in_run_yaml_and_nothing_outlives_the_bring_up(
     assert run["finished"] and "Traceback" not in system.output, system.output
 
 
+def test_nothing_outlives_a_bring_up_that_is_killed(start: Start) -> None:
+    system = start("env:=sim", "rviz:=false", "controller:=none", "hand:=false")
+    system.wait_output("  ready ")
+    assert len(system.processes()) > 5
+    os.kill(system.process.pid, signal.SIGKILL)
+    system.process.wait()
+    wait_for(lambda: system.processes() == {}, ENDS, "the end of all processes")
+    assert "Traceback" not in system.output, system.output
+
+
+def test_nodes_end_with_a_roslaunch_that_is_killed(start: Start) -> None:
+    file = f"{ROOT}/src/hric_bringup/launch/bringup.launch"
+    system = start(file, "env:=sim", "rviz:=false", "controller:=none", program="/usr/bin/roslaunch")
+    wait_for(lambda: "running" in system.output, ENDS, "the robot")
+    os.kill(system.process.pid, signal.SIGKILL)
+    system.process.wait()
+    ours = f"{ROOT}/"
+    wait_for(
+        lambda: not [line for line in system.processes().values() if ours in line and "__log:=" in line],
+        ENDS,
+        "the end of all nodes of the workspace",
+    )
+
+
 @pytest.mark.parametrize(
     ("program", "why"),
     [

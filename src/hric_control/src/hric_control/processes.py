@@ -54,6 +54,13 @@ def quiet_collector() -> Iterator[None]:
         gc.set_threshold(*thresholds)
 
 
+def end_with_parent(number: signal.Signals) -> Callable[[], object]:
+    """Return what a child calls between fork and exec, so that the system sends it a signal when the thread ends that
+    started it, by whatever. It is looked up before the fork: only async-safe work may happen after it."""
+    prctl = ctypes.CDLL(None, use_errno=True).prctl
+    return lambda: prctl(_PR_SET_PDEATHSIG, number)
+
+
 def start_dependent(command: Sequence[str], **streams: Any) -> subprocess.Popen[bytes]:
     """Start a process that leads a group of its own, so that the terminal's Ctrl-C does not reach it, and that the
     system interrupts when the thread ends that started it, by whatever.
@@ -62,12 +69,10 @@ def start_dependent(command: Sequence[str], **streams: Any) -> subprocess.Popen[
         command: program and arguments.
         streams: stdin, stdout and stderr as `subprocess.Popen` takes them.
     """
-    # Looked up before the fork: only async-safe work may happen between fork and exec.
-    prctl = ctypes.CDLL(None, use_errno=True).prctl
     return subprocess.Popen(
         list(command),
         start_new_session=True,
-        preexec_fn=lambda: prctl(_PR_SET_PDEATHSIG, signal.SIGINT),
+        preexec_fn=end_with_parent(signal.SIGINT),
         **streams,
     )
 
