@@ -6,6 +6,7 @@ from functools import partial
 from franka_hw_interface.gripper_actions import GripperActions, GripperSettings
 from franka_hw_interface.hand import Hand
 from hric_control.node import Node
+from hric_control.parameters import Settings
 from hric_control.ros.process import NodeApp, run
 
 MakeHand = Callable[[Node], tuple[Hand, Callable[[], None]]]
@@ -32,11 +33,12 @@ class GripperApp(NodeApp):
         self._close_hand()
 
 
-def main(make_hand: MakeHand, text: str) -> int:
+def main(make_hand: MakeHand, text: str, *known: type[Settings] | str) -> int:
     """Run the node. Returns the exit code.
 
     Args:
         make_hand: makes the hand.
         text: for --help.
+        known: parameters that `make_hand` reads.
     """
-    return run("franka_gripper", text, partial(GripperApp, make_hand))
+    return run("franka_gripper", text, partial(GripperApp, make_hand), GripperSettings, *known)

@@ -311,6 +311,37 @@ def declared(settings: type[Settings]) -> dict[str, Parameter]:
     return {name: item.default for name, item in found.items() if isinstance(item.default, Parameter)}
 
 
+def refuse_unknown(content: Mapping[str, Any], known: Iterable[str], where: str) -> None:
+    """Refuse parameters of a node that nobody reads.
+
+    Args:
+        content: the node's parameters; groups are mappings.
+        known: names that are read, "profile/velocity" within a group; of a group that is read whole its own name.
+        where: namespace of the node.
+
+    Raises:
+        ParameterError: lists each, with the names beside it that are read.
+    """
+    mistakes, read = Mistakes(), set(known)
+    for group, name in _unknown(content, read, ""):
+        with mistakes.noted():
+            valid = {full[len(group) :].split("/")[0] for full in read if full.startswith(group)}
+            raise unknown("parameter", name, valid, f"{where.rstrip('/')}/{group}".rstrip("/") or "/")
+    mistakes.raise_all()
+
+
+def _unknown(content: Mapping[str, Any], read: set[str], group: str) -> Iterator[tuple[str, str]]:
+    """Prefix and name of each parameter that is not read."""
+    for name, value in content.items():
+        full = f"{group}{name}"
+        if full in read:
+            continue
+        if isinstance(value, Mapping) and any(other.startswith(f"{full}/") for other in read):
+            yield from _unknown(value, read, f"{full}/")
+        else:
+            yield group, name
+
+
 def below(where: str) -> str:
     """Prefix of the keys of a mapping: its name and a slash where its name is one of ROS, else a dot."""
     if where.endswith(":"):

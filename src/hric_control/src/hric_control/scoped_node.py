@@ -1,12 +1,11 @@
 """A node that remembers what was made and read through it: no topic or service of a controller outlives it, and no
 parameter that it never reads is accepted."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, TypeVar
 
-from hric_control import names
 from hric_control.node import REQUIRED, GoalHandle, LiveParameter, Node, Publisher, Registration
-from hric_control.parameters import Mistakes, unknown
+from hric_control.parameters import refuse_unknown
 
 MadeT = TypeVar("MadeT", bound=Publisher | Registration)
 
@@ -56,27 +55,11 @@ class ScopedNode:
         Raises:
             ParameterError: lists each, with the names that were looked for.
         """
-        mistakes = Mistakes()
         given = self._node.param(self.namespace, {})
-        for namespace, name in self._unread(self.namespace, given if isinstance(given, Mapping) else {}, set(known)):
-            with mistakes.noted():
-                below = f"{namespace.rstrip('/')}/"
-                valid_names = {full[len(below) :].split("/")[0] for full in self._read if full.startswith(below)}
-                raise unknown("parameter", name, valid_names, namespace)
-        mistakes.raise_all()
-
-    def _unread(self, namespace: str, given: Mapping[str, Any], known: set[str]) -> Iterator[tuple[str, str]]:
-        """Namespace and name of each parameter that was not read; a group counts as read where it was read whole."""
-        if namespace in self._read:
-            return
-        for name, value in given.items():
-            full = names.resolve(namespace, name)
-            if full in self._read or name in known:
-                continue
-            if isinstance(value, Mapping) and any(read.startswith(f"{full}/") for read in self._read):
-                yield from self._unread(full, value, set())
-            else:
-                yield namespace, name
+        if isinstance(given, Mapping) and self.namespace not in self._read:
+            prefix = f"{self.namespace.rstrip('/')}/"
+            read = {full[len(prefix) :] for full in self._read if full.startswith(prefix)}
+            refuse_unknown(given, read.union(known), self.namespace)
 
     def resolve(self, name: str) -> str:
         """Absolute name."""

@@ -128,4 +128,4 @@ def _image(stamp: Any, values: Any, encoding: str) -> Any:
 
 def main(text_of_help: str) -> int:
     """Run the node; the exit code."""
-    return run("camera", text_of_help, CameraNode)
+    return run("camera", text_of_help, CameraNode, NodeSettings)

@@ -10,10 +10,11 @@ from franka_sim.fci.arm_device import build_arm
 from franka_sim.fci.epoch import Epoch
 from franka_sim.fci.robots import ROBOTS
 from franka_sim.fci.server import FciServer
-from franka_sim.settings import BoxSettings, read
+from franka_sim.settings import ArmSettings, BoxSettings, read
 from hric_control.limits import check_start
 from hric_control.parameters import choice, text
 from hric_control.processes import prefer_this_thread, quiet_collector
+from hric_control.robot_app import COMMON_PARAMETERS, RobotSettings
 from hric_control.robot_time.clock_pairs import TOPIC
 from hric_control.ros import RosNode, run
 from hric_control.ros.process import NodeApp
@@ -99,4 +100,5 @@ class EmulatedArm(NodeApp):
 
 def main(text_of_help: str) -> int:
     """Run the node; the exit code."""
-    return run("emulated_arm", text_of_help, EmulatedArm)
+    of_simulated_arm = (ArmSettings, RobotSettings, *COMMON_PARAMETERS)  # one file of parameters serves both
+    return run("emulated_arm", text_of_help, EmulatedArm, EmulatedArmSettings, *of_simulated_arm)

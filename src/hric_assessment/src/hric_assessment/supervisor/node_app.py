@@ -6,6 +6,7 @@ from typing import Any
 import rospy
 
 from hric_assessment.supervisor.app import SupervisorApp
+from hric_assessment.supervisor.settings import NodeSettings
 from hric_control.errors import HricError
 from hric_control.ros import RosNode, run
 from hric_control.ros.process import NodeApp
@@ -70,4 +71,4 @@ def _call(name: str, service: type, request: Any) -> Any:
 
 def main(text: str) -> int:
     """Run the node; text: for --help. Returns the exit code."""
-    return run("supervisor", text, SupervisorNode)
+    return run("supervisor", text, SupervisorNode, NodeSettings)

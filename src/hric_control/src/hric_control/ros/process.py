@@ -3,15 +3,19 @@
 import argparse
 import errno
 import logging
+import os
+import select
 import signal
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from typing import Any
 
 import rospy
 from rospy.impl import tcpros_base
 
-from hric_control.errors import failing
+from hric_control.errors import HricError, failing
+from hric_control.parameters import Settings, declared, refuse_unknown
 from hric_control.processes import run_command
 from hric_control.ros import prompt as ros_prompt
 from hric_control.ros.node import RosNode
@@ -42,12 +46,73 @@ class NodeApp:
         """End; called once, also after an error of `tick`."""
 
 
-def check_words(name: str, text: str) -> None:
-    """Print --help, and refuse any other word of the command line, before a master is looked for: exits.
+Known = Iterable[type[Settings] | str]
+"""Parameters that a node reads: settings, and single names, "profile/velocity" within a group."""
+
+
+def known_names(known: Known) -> set[str]:
+    """Names of parameters that a node reads."""
+    return {
+        name
+        for item in known
+        for name in ((item,) if isinstance(item, str) else (one.name for one in declared(item).values()))
+    }
+
+
+def check_private(name: str, known: Known = ()) -> None:
+    """Refuse parameters (`_KEY:=VALUE`) of the command line that a node does not read, before a master is looked for:
+    exits.
+
+    Args:
+        name: of the node.
+        known: parameters that it reads.
+    """
+    contents: list[dict[str, Any]] = []
+    for word in sys.argv[1:]:
+        if ":=" in word and word.startswith("_") and not word.startswith("__"):
+            value: Any = None
+            for part in reversed(word[1:].partition(":=")[0].split("/")):
+                value = {part: value}
+            contents.append(value)
+    try:
+        for content in contents:
+            refuse_unknown(content, known_names(known), f"~{name}")
+    except HricError as error:
+        print(f"{name}: {error}", file=sys.stderr)
+        raise SystemExit(error.exit_code) from None
+
+
+def refuse_unread(node: RosNode, known: Known) -> None:
+    """Refuse parameters on the master that a node does not read. Raises ParameterError."""
+    content = node.param(node.namespace, {})
+    refuse_unknown(content if isinstance(content, dict) else {}, known_names(known), node.namespace)
+
+
+def end_with_roslaunch() -> None:
+    """End this process with the roslaunch that started it, by whatever that ends: a robot that nobody watches stops.
+
+    roslaunch may start nodes from threads that end early, as it does for other machines: so its process is watched;
+    the system's own signal (PR_SET_PDEATHSIG) comes with the end of the thread.
+    """
+    if not any(word.startswith("__log:=") for word in sys.argv):  # only roslaunch gives it
+        return
+    launcher = os.pidfd_open(os.getppid())
+
+    def watch() -> None:
+        select.select([launcher], [], [])
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    threading.Thread(target=watch, name="watches roslaunch", daemon=True).start()
+
+
+def check_words(name: str, text: str, known: Known | None = ()) -> None:
+    """Print --help, and refuse any other word of the command line, before a master is looked for: exits. From here on
+    the process ends with the roslaunch that started it.
 
     Args:
         name: of the node.
         text: for --help; from "Usage: " on also said of a wrong word.
+        known: parameters that it reads; None: they are checked later.
     """
     what, _, usage = text.partition("Usage: ")
     argparse.ArgumentParser(
@@ -56,20 +121,24 @@ def check_words(name: str, text: str) -> None:
         what,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     ).parse_args(rospy.myargv(sys.argv)[1:])
+    if known is not None:
+        check_private(name, known)
+    end_with_roslaunch()
 
 
-def run(name: str, text: str, app: Callable[[RosNode], NodeApp]) -> int:
-    """Run a node.
+def run(name: str, text: str, app: Callable[[RosNode], NodeApp], *known: type[Settings] | str) -> int:
+    """Run a node. Parameters that it does not read end it before it begins.
 
     Args:
         name: default name.
         text: for --help.
         app: starts its work, given the private node.
+        known: parameters that it reads.
 
     Returns:
         the exit code.
     """
-    check_words(name, text)
+    check_words(name, text, known)
     shutdown_requested = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: shutdown_requested.set())
@@ -80,7 +149,9 @@ def run(name: str, text: str, app: Callable[[RosNode], NodeApp]) -> int:
     forward_to_ros(logging.getLogger("hric"))
 
     def work() -> None:
-        running = app(RosNode("~"))
+        node = RosNode("~")
+        refuse_unread(node, known)
+        running = app(node)
         try:
             with failing():
                 while not shutdown_requested.wait(running.period):

@@ -11,8 +11,10 @@ import rosgraph
 import rospy
 
 from hric_control.errors import FailureError, HricError
+from hric_control.parameters import Settings
 from hric_control.processes import INTERRUPTED_CODE
-from hric_control.ros.process import check_words, shut_down
+from hric_control.ros import RosNode
+from hric_control.ros.process import check_words, refuse_unread, shut_down
 
 MASTER_TIMEOUT = 30.0
 """How long to wait for a master [s]."""
@@ -25,7 +27,9 @@ class Interrupted(BaseException):
     """Ctrl-C or SIGTERM, raised in the main thread wherever it waits or computes."""
 
 
-def main(name: str, text: str, work: Callable[[], None], interrupted: int = INTERRUPTED_CODE) -> int:
+def main(
+    name: str, text: str, work: Callable[[], None], *known: type[Settings] | str, interrupted: int = INTERRUPTED_CODE
+) -> int:
     """Run a node.
 
     Args:
@@ -33,16 +37,18 @@ def main(name: str, text: str, work: Callable[[], None], interrupted: int = INTE
         text: for --help.
         work: what it does; may return, raise HricError for a failure that a user can understand, and is left at once on
             Ctrl-C.
+        known: parameters that it reads.
         interrupted: exit code after Ctrl-C; 0 for a node that ends in no other way.
 
     Returns:
         exit code: 0 done, else that of the HricError.
     """
-    check_words(name, f"{text} Parameters: INTERFACE.md of hric_experiments.")
+    check_words(name, f"{text} Parameters: INTERFACE.md of hric_experiments.", known)
     _on_signals(_interrupt)
     try:
         wait_for_master()
         rospy.init_node(name, disable_signals=True)
+        refuse_unread(RosNode("~"), known)
         work()
         return 0
     except HricError as error:

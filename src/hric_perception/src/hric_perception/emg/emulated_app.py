@@ -43,4 +43,4 @@ def make_outlet(settings: EmulatedEmgSettings, device: EmulatedEmg) -> Outlet:
 
 def main(text: str) -> int:
     """Run the node; text: for --help. Returns the exit code."""
-    return run(NAME, text, EmulatedEmgNode)
+    return run(NAME, text, EmulatedEmgNode, EmulatedEmgSettings)

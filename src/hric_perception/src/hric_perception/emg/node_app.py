@@ -27,4 +27,4 @@ class EmgNode(SensorNode):
 
 def main(text: str) -> int:
     """Run the node; text: for --help. Returns the exit code."""
-    return run("emg", text, EmgNode)
+    return run("emg", text, EmgNode, EmgSettings, "measured_mvc")

@@ -167,4 +167,4 @@ class HumanNode(NodeApp):
 
 def main(text: str) -> int:
     """Run the node; text: for --help. Returns the exit code."""
-    return run("emulated_human", text, HumanNode)
+    return run("emulated_human", text, HumanNode, HumanSettings)

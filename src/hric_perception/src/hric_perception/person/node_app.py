@@ -214,4 +214,4 @@ class _Tally:
 
 def main(text: str) -> int:
     """Run the node; text: for --help. Returns the exit code."""
-    return run("person", text, PersonNode)
+    return run("person", text, PersonNode, PersonSettings)

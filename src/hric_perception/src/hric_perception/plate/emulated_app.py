@@ -43,4 +43,4 @@ class EmulatedPlateNode(EmulatedNode):
 
 def main(text: str) -> int:
     """Run the node; text: for --help. Returns the exit code."""
-    return run(NAME, text, EmulatedPlateNode)
+    return run(NAME, text, EmulatedPlateNode, EmulatedPlateSettings)

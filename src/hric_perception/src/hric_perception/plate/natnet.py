@@ -13,6 +13,7 @@ from hric_control.geometry import UP_AXES, Pose, Vector, compose
 from hric_control.node import Node
 from hric_control.parameters import Settings, choice, number, numbers, refused, whole
 from hric_control.robot_time.stream_time import Clock
+from hric_control.ros.process import known_names
 from hric_perception.chunk import Layout
 from hric_perception.emulation import BlockNoise, Faults
 from hric_perception.plate.geometry import CHANNELS, UNITS, frame_of
@@ -123,6 +124,10 @@ class NatNetPlate(Driver):
         frames = received.frame.number - self._number if self._number is not None else 1
         self._number = received.frame.number
         self._stream.arrived(received.exposed * NS, data, max(0, frames - 1) * count)
+
+
+NATNET = tuple(f"natnet/{name}" for name in known_names((client.Settings, Publishing, "plate")))
+"""Parameters of a node that reads `plate_of` from its group `natnet`."""
 
 
 def plate_of(

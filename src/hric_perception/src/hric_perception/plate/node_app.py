@@ -2,7 +2,7 @@
 
 from hric_control.ros import RosNode, run
 from hric_perception.chunk import Chunk
-from hric_perception.plate.natnet import plate_of
+from hric_perception.plate.natnet import NATNET, plate_of
 from hric_perception.plate.publisher import ForcePlateSettings, PlatePublisher
 from hric_perception.sensor import SensorNode
 from hric_perception.stream import Driver, SampleStream, StreamHealth
@@ -35,4 +35,4 @@ class ForcePlateNode(SensorNode):
 
 def main(text: str) -> int:
     """Run the node; text: for --help. Returns the exit code."""
-    return run("force_plate", text, ForcePlateNode)
+    return run("force_plate", text, ForcePlateNode, ForcePlateSettings, *NATNET)

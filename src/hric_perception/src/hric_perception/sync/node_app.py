@@ -229,4 +229,4 @@ def main(text: str, warning: str = "") -> int:
             node.log_warn(warning)
         return SynchronizerNode(node)
 
-    return run("synchronizer", text, start)
+    return run("synchronizer", text, start, SyncSettings, *(["queue"] if warning else []))

@@ -199,4 +199,4 @@ class _Limits:
 
 def main(text: str) -> int:
     """Run the node; text: for --help. Returns the exit code."""
-    return run("live_view", text, LiveView)
+    return run("live_view", text, LiveView, ViewSettings)

@@ -16,6 +16,7 @@ from sensor_msgs.msg import JointState
 from hric_control.errors import HricError, UnknownNameError
 from hric_control.processes import run_command
 from hric_control.ros import shut_down
+from hric_control.ros.process import check_private
 from hric_msgs.msg import SampleChunk
 from hric_perception.view import curves
 from hric_perception.view.curves import History, Panel, Picture
@@ -65,6 +66,7 @@ def main(text: str, arguments: Sequence[str]) -> int:
         help="save the picture so much later (default: %(default)g)",
     )
     given = parser.parse_args(list(arguments))
+    check_private("live_plot")
     return run_command("live_plot", lambda: _show(given), interrupted=0)
 
 

@@ -119,4 +119,4 @@ class CalibrateNode(NodeApp):
 
 def main(text: str) -> int:
     """Run the node; text: for --help. Returns the exit code."""
-    return run("calibrate_mocap", text, CalibrateNode)
+    return run("calibrate_mocap", text, CalibrateNode, CalibrateSettings)

@@ -153,4 +153,4 @@ class ClientNode(NodeApp):
 
 def main(text: str) -> int:
     """Run the node; text: for --help. Returns the exit code."""
-    return run("natnet_client", text, ClientNode)
+    return run("natnet_client", text, ClientNode, Settings, Publishing)

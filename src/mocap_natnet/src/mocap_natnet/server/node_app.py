@@ -22,6 +22,7 @@ from hric_control.processes import run_server
 from hric_control.robot_time.follower import RobotTime
 from hric_control.robot_time.progress import ProgressReport
 from hric_control.ros import RosNode, forward_to_ros, shut_down
+from hric_control.ros.process import check_private, end_with_roslaunch
 from mocap_natnet.server import app
 from mocap_natnet.server.server import LOG
 from mocap_natnet.server.sources import History, Source
@@ -135,6 +136,8 @@ def main(words: Sequence[str] | None = None) -> int:
     """Run until the shutdown request; without a master, or with --clock wall, as the command without ROS. Returns the
     exit code."""
     options = app.options_of(words)
+    check_private(NAME)
+    end_with_roslaunch()
     if options.clock == "wall" or not rosgraph.is_master_online():
         return app.main(words)
 
