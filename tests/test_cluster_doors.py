@@ -12,6 +12,9 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "scripts/lib"))
 import dask_doors  # noqa: E402
 
+from hric_control.errors import HricError  # noqa: E402
+from hric_experiments.sweep.engines import make  # noqa: E402
+
 OTHERS = "10.0.0.1"
 """Of another machine, in the tests."""
 
@@ -55,7 +58,7 @@ def names(monkeypatch: pytest.MonkeyPatch) -> None:
 )
 def test_an_open_port_is_refused_however_it_is_spelled_but_with_insecure(words: str) -> None:
     program, *rest = words.split()
-    with pytest.raises(dask_doors.DoorError, match=r"valid: .*--insecure"):
+    with pytest.raises(ValueError, match=r"valid: .*--insecure"):
         dask_doors.check(program, rest)
     encrypted, arguments = dask_doors.check(program, [*rest, "--insecure"])
     assert not encrypted and "--insecure" not in arguments
@@ -105,3 +108,18 @@ def test_a_mistake_is_one_line_and_exit_code_2(words: str, said: str) -> None:
     )
     assert (ended.returncode, ended.stdout, len(ended.stderr.splitlines())) == (2, "", 1)
     assert re.search(said, ended.stderr)
+
+
+@pytest.mark.parametrize(
+    "host", [OTHERS, "167772161", "far.lab", "both.lab", "[::ffff:10.0.0.1]", "[fe80::1]", "0.0.0.0", "0", "10.1"]
+)
+def test_a_sweep_refuses_a_cluster_without_certificate_off_loopback_but_with_insecure(host: str) -> None:
+    with pytest.raises(HricError, match=r"whoever reaches it runs programs as you; valid: .* or --insecure"):
+        make._check_reach(f"tcp://{host}:8786", False)
+    make._check_reach(f"tcp://{host}:8786", True)
+    make._check_reach(f"tls://{host}:8786", False)
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "near.lab", "[::1]", "2130706433", "127.1"])
+def test_a_sweep_takes_a_cluster_on_loopback(host: str) -> None:
+    make._check_reach(f"tcp://{host}:8786", False)

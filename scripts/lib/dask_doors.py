@@ -5,11 +5,13 @@ arguments for Dask; or says on stderr what is not possible, and exits with 2.
 """
 
 import argparse
-import ipaddress
 import os
 import re
-import socket
 import sys
+from pathlib import Path
+
+sys.path.append(str(Path(__file__).resolve().parents[2] / "src/hric_control/src"))
+from hric_control.wires import host_of, is_local, reached_by_others
 
 ADDRESS = re.compile(r"(tcp|tls)://(\[[^\]]+\]|[^:/\[\]]+):(\d+)")
 LISTENING = ("--host", "--interface", "--listen-address")
@@ -17,26 +19,8 @@ LISTENING = ("--host", "--interface", "--listen-address")
 LOOPBACK = "127.0.0.1"
 
 
-class DoorError(Exception):
+class DoorError(ValueError):
     """A port would be open; the message says which and what to do."""
-
-
-def is_local(host: str) -> bool:
-    """True if every address of `host` is on loopback. Raises DoorError: it has none."""
-    try:
-        found = {info[4][0] for info in socket.getaddrinfo(host, None)}
-    except (OSError, UnicodeError) as error:
-        raise DoorError(f"{host} is no address: {error}") from None
-    addresses = [ipaddress.ip_address(str(one).partition("%")[0]) for one in found]
-    return all((getattr(one, "ipv4_mapped", None) or one).is_loopback for one in addresses)
-
-
-def host_of(text: str) -> str:
-    """Return the host of an address, with or without a scheme, brackets and port; "" means all interfaces."""
-    rest = text.rpartition("://")[2]
-    if rest.startswith("["):
-        return rest[1:].partition("]")[0]
-    return rest if rest.count(":") > 1 else rest.partition(":")[0]
 
 
 def is_open(option: str, value: str) -> bool:
@@ -47,7 +31,7 @@ def is_open(option: str, value: str) -> bool:
 
 
 def check(program: str, words: list[str]) -> tuple[bool, list[str]]:
-    """Return whether Dask must encrypt, and its arguments. Raises DoorError."""
+    """Return whether Dask must encrypt, and its arguments. Raises DoorError; ValueError: no such host."""
     parser = argparse.ArgumentParser(f"scripts/{program}", add_help=False, allow_abbrev=False)
     for option in (*LISTENING, "--dashboard-address"):
         parser.add_argument(option)
@@ -70,11 +54,8 @@ def check(program: str, words: list[str]) -> tuple[bool, list[str]]:
         reached.insert(0, peer)
     encrypted = bool(reached) and not given.insecure
     if encrypted and not (peer.startswith("tls://") or (not peer and any(one.startswith("--tls-") for one in others))):
-        raise DoorError(
-            f"{reached[0]} is reached from other machines, and whoever reaches it runs programs as you; valid: a "
-            f"certificate ({'tls://HOST:PORT with ' * bool(peer)}--tls-ca-file, --tls-cert, --tls-key), an address on "
-            "loopback, or --insecure"
-        )
+        where = "tls://HOST:PORT with " * bool(peer) + "--tls-ca-file, --tls-cert, --tls-key"
+        raise DoorError(reached_by_others(reached[0], where))
     if not given.insecure and is_open("--dashboard-address", pages):
         raise DoorError(f"--dashboard-address {pages} is open to all; valid: {LOOPBACK}:PORT, or --insecure")
     if not binds and not reached:
@@ -88,7 +69,7 @@ def check(program: str, words: list[str]) -> tuple[bool, list[str]]:
 if __name__ == "__main__":
     try:
         secret, command = check(sys.argv[1], sys.argv[2:])
-    except DoorError as problem:
+    except ValueError as problem:
         print(f"scripts/{sys.argv[1]}: {problem}", file=sys.stderr)
         sys.exit(2)
     print("\n".join(["encrypted" if secret else "plain", *command]))

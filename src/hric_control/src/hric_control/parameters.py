@@ -311,6 +311,19 @@ def declared(settings: type[Settings]) -> dict[str, Parameter]:
     return {name: item.default for name, item in found.items() if isinstance(item.default, Parameter)}
 
 
+Known = Iterable[type[Settings] | str]
+"""Parameters that a node reads: settings, and single names, "profile/velocity" within a group."""
+
+
+def known_names(known: Known) -> set[str]:
+    """Names of parameters that a node reads."""
+    return {
+        name
+        for item in known
+        for name in ((item,) if isinstance(item, str) else (one.name for one in declared(item).values()))
+    }
+
+
 def refuse_unknown(content: Mapping[str, Any], known: Iterable[str], where: str) -> None:
     """Refuse parameters of a node that nobody reads.
 

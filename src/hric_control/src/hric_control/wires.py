@@ -3,6 +3,7 @@ not read, and what somebody can do who reaches it. The manual's page is made fro
 with the ports of a running system. Standard library only.
 """
 
+import socket
 from collections.abc import Iterator
 from dataclasses import dataclass
 from ipaddress import ip_address
@@ -267,6 +268,37 @@ COLUMNS = (
     "queue for each peer",
     "a stranger who reaches it can",
 )
+
+
+def is_local(host: str) -> bool:
+    """True if every address of `host` is on loopback, however it is spelled. Raises ValueError: it has none."""
+    try:
+        addresses = {str(info[4][0]) for info in socket.getaddrinfo(host, None)}
+    except (OSError, UnicodeError) as error:
+        raise ValueError(f"{host} is no address: {error}") from None
+    parsed = [ip_address(address.partition("%")[0]) for address in addresses]
+    return all((getattr(address, "ipv4_mapped", None) or address).is_loopback for address in parsed)
+
+
+def host_of(text: str) -> str:
+    """Return the host of an address, with or without a scheme, brackets and port; "" means all interfaces."""
+    rest = text.rpartition("://")[2]
+    if rest.startswith("["):
+        return rest[1:].partition("]")[0]
+    return rest if rest.count(":") > 1 else rest.partition(":")[0]
+
+
+def reached_by_others(what: str, certificate: str) -> str:
+    """Return the refusal of a port without certificates that other machines reach.
+
+    Args:
+        what: the address, or the option that opens it.
+        certificate: where to give one.
+    """
+    return (
+        f"{what} is reached from other machines, and whoever reaches it runs programs as you; valid: a certificate "
+        f"({certificate}), an address on loopback, or --insecure"
+    )
 
 
 def page() -> str:

@@ -8,14 +8,14 @@ import select
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Any
 
 import rospy
 from rospy.impl import tcpros_base
 
 from hric_control.errors import HricError, failing
-from hric_control.parameters import Settings, declared, refuse_unknown
+from hric_control.parameters import Known, Settings, known_names, refuse_unknown
 from hric_control.processes import run_command
 from hric_control.ros import prompt as ros_prompt
 from hric_control.ros.node import RosNode
@@ -44,19 +44,6 @@ class NodeApp:
 
     def close(self) -> None:
         """End; called once, also after an error of `tick`."""
-
-
-Known = Iterable[type[Settings] | str]
-"""Parameters that a node reads: settings, and single names, "profile/velocity" within a group."""
-
-
-def known_names(known: Known) -> set[str]:
-    """Names of parameters that a node reads."""
-    return {
-        name
-        for item in known
-        for name in ((item,) if isinstance(item, str) else (one.name for one in declared(item).values()))
-    }
 
 
 def check_private(name: str, known: Known = ()) -> None:
