@@ -36,10 +36,12 @@ class Network:
         return ["ip", "netns", "exec", name, *words]
 
     def listening(self) -> Iterator[Bound]:
-        """Sockets of the laboratory that wait for others."""
-        shown = subprocess.run(self.command(self.lab, "ss", "-ltunpH"), capture_output=True, text=True, check=True)
+        """Sockets of the laboratory that wait for others, and those of UDP that are connected to one."""
+        shown = subprocess.run(self.command(self.lab, "ss", "-atunpH"), capture_output=True, text=True, check=True)
         for line in shown.stdout.splitlines():
-            transport, _, _, _, local, *_ = line.split()
+            transport, state, _, _, local, *_ = line.split()
+            if transport == "tcp" and state != "LISTEN":
+                continue
             address, _, port = local.rpartition(":")
             pid = line.partition("pid=")[2].partition(",")[0]  # behind a name that may have blanks
             try:

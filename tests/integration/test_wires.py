@@ -5,7 +5,7 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,11 +17,17 @@ from live_system import ROOT, LiveSystem, wait_for
 from neighbour import LAB, NEIGHBOUR, Bound, Network
 from rosbags.highlevel import AnyReader
 
-from hric_control.wires import WIRES
+from hric_control.wires import WIRES, Wire
 
 pytestmark = pytest.mark.alone
 
 FRAMES = "/hric/perception/mocap"
+OTHERS = (
+    ("scripts/scheduler", "--port", "8786"),
+    ("scripts/worker", "tcp://127.0.0.1:8786", "--workers", "1"),
+    ("scripts/docs", "--serve"),
+)
+"""Programs with a port of their own that no bring-up starts; the worker waits for the scheduler."""
 FILE = ROOT / "src/hric_experiments/config/experiments/data_collection.yaml"
 
 
@@ -30,7 +36,7 @@ class Attacked:
     """A bring-up that has ended.
 
     Attributes:
-        bound: what it and a scheduler of Dask listened on.
+        bound: what it and the other programs of `OTHERS` listened on.
         result: of the attacker.
         output: what the bring-up printed.
         bag: what was recorded.
@@ -69,14 +75,16 @@ def attacked(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Attacked]:
             program="ip",
         )
         stack.callback(system.close)
-        scheduler = subprocess.Popen(
-            network.command(network.lab, f"{ROOT}/scripts/scheduler", "--port", "0"),
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
-        stack.callback(lambda: (scheduler.kill(), scheduler.wait()))
+        for program, *arguments in OTHERS:
+            other = subprocess.Popen(
+                network.command(network.lab, f"{ROOT}/{program}", *arguments),
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+            )
+            stack.callback(lambda other=other: (other.terminate(), other.wait()))
         system.wait_output("recording", 120.0)
-        wait_for(lambda: any("dask" in word for one in network.listening() for word in one.words), 60.0, "a scheduler")
+        with suppress(AssertionError):  # the test of the rows names those that nothing opened
+            wait_for(lambda: not unopened(list(network.listening())), 180.0, "every row")
         bound = list(network.listening())
         sockets = json.dumps([(one.transport, one.port) for one in bound])
         attacker = str(Path(__file__).with_name("attacker.py"))
@@ -93,12 +101,23 @@ def attacked(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Attacked]:
         yield Attacked(bound, json.loads(attack.stdout), system.output, bag)
 
 
-def test_every_port_is_one_of_the_table(attacked: Attacked) -> None:
-    def listed(one: Bound) -> bool:
-        return any(wire.covers(one.transport, one.address, one.port, list(one.words), LAB) for wire in WIRES)
+def covers(wire: Wire, one: Bound) -> bool:
+    return wire.covers(one.transport, one.address, one.port, list(one.words), LAB)
 
+
+def unopened(bound: list[Bound]) -> list[str]:
+    """Rows of the table of which nothing is open."""
+    return [wire.who for wire in WIRES if not any(covers(wire, one) for one in bound)]
+
+
+def test_every_port_is_one_of_the_table(attacked: Attacked) -> None:
     assert len(attacked.bound) > 30
-    assert [(*one[:3], " ".join(one.words)[:150]) for one in attacked.bound if not listed(one)] == []
+    unlisted = [one for one in attacked.bound if not any(covers(wire, one) for wire in WIRES)]
+    assert [(*one[:3], " ".join(one.words)[:150]) for one in unlisted] == []
+
+
+def test_every_row_of_the_table_is_opened_by_a_program(attacked: Attacked) -> None:
+    assert unopened(attacked.bound) == []
 
 
 def test_a_neighbour_finds_no_port_of_tcp_and_no_stream(attacked: Attacked) -> None:
