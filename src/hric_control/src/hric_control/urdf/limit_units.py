@@ -28,10 +28,10 @@ def check_limit_units(joints: Iterable[Joint]) -> None:
     for joint in bounded:
         unit = _units(joint)[0]
         for name, end, opposite in (("lower", joint.lower, joint.upper), ("upper", joint.upper, joint.lower)):
-            meant = likely_unit(end, unit, -largest(unit), largest(unit))
-            if meant and not _is_meant(end, opposite, joint.type):
+            likely = likely_unit(end, unit, -largest(unit), largest(unit))
+            if likely and not _is_stand_in(end, opposite, joint.type):
                 raise DescriptionError(
-                    f"joint {joint.name}: its {name} limit {end:g} is beyond {largest(unit):.4g} [{unit}]{meant}; a "
+                    f"joint {joint.name}: its {name} limit {end:g} is beyond {largest(unit):.4g} [{unit}]{likely}; a "
                     f"joint without ends is continuous, or has ends beyond {NO_LIMIT:g}"
                 )
     doubts = [doubt for joint in bounded for doubt in _doubts(joint)]
@@ -45,7 +45,7 @@ def _units(joint: Joint) -> tuple[str, str, str]:
     return ("m", "m/s", "N") if joint.type == "prismatic" else ("rad", "rad/s", "N m")
 
 
-def _is_meant(end: float, opposite: float, kind: str) -> bool:
+def _is_stand_in(end: float, opposite: float, kind: str) -> bool:
     turns = end / math.tau
     symmetric = opposite == -end
     if kind == "prismatic":
@@ -63,5 +63,5 @@ def _doubts(joint: Joint) -> Iterator[str]:
         ("velocity", joint.velocity, speed_unit, FASTEST),
         ("effort", joint.effort, effort_unit, 0.0),
     ):
-        if value > least and (meant := likely_unit(value, unit, 0.0, math.inf)) and not _is_power_of_ten(value):
-            yield f"joint {joint.name}: {name} {value:g} is taken as {unit}{meant}"
+        if value > least and (likely := likely_unit(value, unit, 0.0, math.inf)) and not _is_power_of_ten(value):
+            yield f"joint {joint.name}: {name} {value:g} is taken as {unit}{likely}"

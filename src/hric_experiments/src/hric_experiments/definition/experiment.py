@@ -128,10 +128,10 @@ class RobotSpec(Settings):
                 raise ParameterError(f"{where}parameters.{key} has no effect; valid: {where}{own}")
         with mistakes.noted():
             # The bring-up always gives the pose of the base.
-            said = [key for key, value in self.description.items() if value not in ("0 0 0", list(ORIGIN))]
-            if self.urdf and said:
+            unread = [key for key, value in self.description.items() if value not in ("0 0 0", list(ORIGIN))]
+            if self.urdf and unread:
                 raise ParameterError(
-                    f"{where}description.{said[0]} has no effect beside {where}urdf, another robot's description; "
+                    f"{where}description.{unread[0]} has no effect beside {where}urdf, another robot's description; "
                     "valid: one of them"
                 )
         with mistakes.noted():
