@@ -1,7 +1,7 @@
 """Limits of joints that were probably written in degrees, mm or N mm.
 
 Rules and bounds follow public descriptions (PyPI example-robot-data 6.0.0 and pybullet, public repositories): stops of
-revolute joints reach 10 rad; what lies beyond and is meant stands for no end (+-1000, +-1e16), is whole turns
+revolute joints reach 10 rad; what lies beyond and is meant takes the place of no end (+-1000, +-1e16), is whole turns
 (+-62.83), or is the travel of a virtual base (prismatic, +-50). Velocities and efforts are often loose bounds.
 """
 
@@ -46,11 +46,11 @@ def _units(joint: Joint) -> tuple[str, str, str]:
 
 
 def _is_stand_in(end: float, opposite: float, kind: str) -> bool:
-    turns = end / math.tau
+    revolutions = end / math.tau
     symmetric = opposite == -end
     if kind == "prismatic":
         return symmetric
-    return (symmetric and _is_power_of_ten(end)) or abs(turns - round(turns)) < 2e-4 * abs(turns)
+    return (symmetric and _is_power_of_ten(end)) or abs(revolutions - round(revolutions)) < 2e-4 * abs(revolutions)
 
 
 def _is_power_of_ten(value: float) -> bool:
@@ -59,9 +59,9 @@ def _is_power_of_ten(value: float) -> bool:
 
 def _doubts(joint: Joint) -> Iterator[str]:
     _, speed_unit, effort_unit = _units(joint)
-    for name, value, unit, least in (
+    for name, value, unit, bound in (
         ("velocity", joint.velocity, speed_unit, FASTEST),
         ("effort", joint.effort, effort_unit, 0.0),
     ):
-        if value > least and (likely := likely_unit(value, unit, 0.0, math.inf)) and not _is_power_of_ten(value):
+        if value > bound and (likely := likely_unit(value, unit, 0.0, math.inf)) and not _is_power_of_ten(value):
             yield f"joint {joint.name}: {name} {value:g} is taken as {unit}{likely}"
