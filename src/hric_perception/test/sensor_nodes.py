@@ -89,7 +89,7 @@ def nodes(ros: str) -> Iterator[Nodes]:
     import rospy
 
     # The master may be that of tests which gave nodes of these names other parameters.
-    for name in [path.name for path in NODES.iterdir()]:
+    for name in [*(path.name for path in NODES.iterdir()), "wrong"]:
         if rospy.has_param(f"/{name}"):
             rospy.delete_param(f"/{name}")
     made = Nodes()

@@ -9,11 +9,11 @@ import signal
 import sys
 import threading
 from collections.abc import Callable
-from typing import Any
 
 import rospy
 from rospy.impl import tcpros_base
 
+from hric_control import yaml_text
 from hric_control.errors import HricError, failing
 from hric_control.parameters import Known, Settings, known_names, refuse_unknown
 from hric_control.processes import run_command
@@ -54,16 +54,15 @@ def check_private(name: str, known: Known = ()) -> None:
         name: of the node.
         known: parameters that it reads.
     """
-    contents: list[dict[str, Any]] = []
-    for word in sys.argv[1:]:
-        if ":=" in word and word.startswith("_") and not word.startswith("__"):
-            value: Any = None
-            for part in reversed(word[1:].partition(":=")[0].split("/")):
-                value = {part: value}
-            contents.append(value)
+    names = known_names(known)
     try:
-        for content in contents:
-            refuse_unknown(content, known_names(known), f"~{name}")
+        for word in sys.argv[1:]:
+            if ":=" in word and word.startswith("_") and not word.startswith("__"):
+                key, _, text = word[1:].partition(":=")
+                value = yaml_text.parse(text, f"~{name}/{key}")
+                for part in reversed(key.split("/")):
+                    value = {part: value}
+                refuse_unknown(value, names, f"~{name}")
     except HricError as error:
         print(f"{name}: {error}", file=sys.stderr)
         raise SystemExit(error.exit_code) from None
