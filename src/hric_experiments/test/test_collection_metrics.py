@@ -218,6 +218,26 @@ def test_a_tick_at_the_end_of_the_interval_is_in_it_whatever_the_sum_rounds_to(t
     assert (stream["expected"], stream["ticks"], stream["missing"]) == (31, 31, 0)
 
 
+@pytest.mark.parametrize("other", [3, collection_record.BLOCK + 3])
+def test_samples_are_decoded_by_their_own_lengths_also_where_the_sum_of_these_is_equal(
+    tmp_path: Path, other: int
+) -> None:
+    count = 2 * collection_record.BLOCK + 7
+    with BagWriter(tmp_path / "a.bag") as bag:
+        layout = SyncLayout(names=["/a.data[time]", "/a.data[b]"], sources=["/a", "/a"], rate=100.0)
+        bag.write("/sync_layout", layout, 0.0)
+        for k in range(count):
+            long = {"values": [k, 0.5], "age": [0.0], "valid": [k % 2 == 0]}
+            message = SyncedSample(**({"values": [k], "age": [0.0] * 3, "valid": [True]} if k == other else long))
+            bag.write("/sync", stamped(message, 0.01 * k), 0.01 * k)
+    found = collection_record.read(tmp_path / "a.bag")
+    assert found is not None
+    stream = found.streams["/sync"]
+    assert np.array_equal(stream.values[:, 0], np.arange(count))
+    assert np.allclose(stream.stamps, 0.01 * np.arange(count), rtol=0.0, atol=1e-9)
+    assert np.array_equal(stream.valid[:, 0], (np.arange(count) % 2 == 0) | (np.arange(count) == other))
+
+
 def test_a_bag_without_sensors_has_none_of_it(tmp_path: Path) -> None:
     with BagWriter(tmp_path / "a.bag") as bag:
         bag.write("/control_log", log_message(0, 20, signals(20, 0.0)), 0.0)

@@ -198,7 +198,7 @@ def test_a_note_on_the_page_is_no_disclaimer_before_the_findings(tmp_path: Path)
 
 
 def test_a_time_code_is_no_muscle(run: RunFolder) -> None:
-    found = [signal for topic in recordings.signals(run.bag_path, float) for signal in topic]
+    found = recordings.signals(run.bag_path, float)
     assert found and not [signal for signal in found if "time" in signal.channels]
 
 

@@ -182,8 +182,11 @@ class Messages:
         elif kind == COMMAND_TYPE and _CONTROLLER_COMMAND.search(topic):
             self._commands.append((topic, time * 1e-9, message))
         elif kind == STATE_TYPE and len(message.desired.positions) == len(message.joint_names):
-            row = seconds(message.header.stamp), message.desired.positions, tuple(message.joint_names)
-            self._desired.setdefault(topic, []).append(row)
+            rows, names = self._desired.setdefault(topic, []), tuple(message.joint_names)
+            if rows and rows[-1][2] == names:
+                names = rows[-1][2]  # a copy of them in each row takes more memory than the numbers
+            # A copy: as read they are a view, which keeps the whole message.
+            rows.append((seconds(message.header.stamp), np.array(message.desired.positions, dtype=float), names))
         elif kind == FRANKA_TYPE:
             errors = tuple(name for name in ERROR_NAMES if getattr(message.current_errors, name))
             if errors and errors != self._errors.get(topic):

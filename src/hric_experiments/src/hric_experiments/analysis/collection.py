@@ -96,7 +96,7 @@ def source_metrics(came: Numbered, counts: Counts | None, begin: float, end: flo
         "sent": None,
         "recorded": len(numbers),
         "lost": None,
-        "twice": int(len(numbers) - len(np.unique(numbers))),
+        "twice": len(numbers) - distinct(numbers),
         "driver_lost": int(np.sum(steps[steps > 1] - 1)),
         "stamps": None if came.codes is None else _stamp_error(came, inside),
     }
@@ -106,16 +106,21 @@ def source_metrics(came: Numbered, counts: Counts | None, begin: float, end: flo
         return values
     first, following, total = sent
     recorded = own[(own >= first) & (own < following)]
-    unique = np.unique(recorded)
+    count = distinct(recorded)
     return {
         **values,
         "sent": total,
-        "recorded": len(unique),
-        "lost": total - len(unique),
-        "twice": len(recorded) - len(unique),
+        "recorded": count,
+        "lost": total - count,
+        "twice": len(recorded) - count,
         "first": first,
         "last": following - 1,
     }
+
+
+def distinct(numbers: IntArray) -> int:
+    """Return how many different numbers there are, by a sort, which is quick on what is almost in order."""
+    return int(np.count_nonzero(np.diff(np.sort(numbers, kind="stable")))) + bool(len(numbers))
 
 
 def source_sequence(came: Numbered, counts: Counts | None) -> IntArray | None:
@@ -192,9 +197,9 @@ def stream_metrics(
         }
     return {
         "rate": stream.rate,
-        "ticks": len(np.unique(ticks)),
+        "ticks": distinct(ticks),
         "expected": expected,
-        "missing": None if expected is None else expected - len(np.unique(ticks)),
+        "missing": None if expected is None else expected - distinct(ticks),
         "grid_error": float(np.abs(stamps * stream.rate - ticks).max() / stream.rate)
         if stream.rate and len(ticks)
         else None,

@@ -1,6 +1,7 @@
 """Reads from a bag what each source sent and what of it was recorded, and the synchronised streams. No ROS."""
 
 from array import array
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,10 @@ TIME_CODE = "time"
 """Channel that holds robot time of each sample, of an emulated device."""
 FRAME_COUNTER = 1 << 32
 """After so many frames their counter begins again [frames]."""
+SIZES = ("frame_size", "value_count", "age_count", "valid_count")
+"""Lengths within a serialised SyncedSample."""
+BLOCK = 1024
+"""Number of synchronised samples that are decoded at a time (project default, unconfirmed)."""
 
 
 @dataclass
@@ -116,10 +121,16 @@ def read(bag: Path | Bag) -> Collection | None:
         for connection, _, raw in reader.chosen(lambda c: c.msgtype == LAYOUT):
             layouts[connection.topic.removesuffix("_layout")] = reader.deserialize(raw, connection.msgtype)
         sources: dict[str, _Chunks | _Frames] = {}
-        ticks = {topic: _Ticks(layout) for topic, layout in layouts.items()}
+        ticks = {
+            topic: _Ticks(layout, lambda raw: reader.deserialize(raw, SAMPLE)) for topic, layout in layouts.items()
+        }
         others: dict[str, list[Any]] = {COUNT: [], TRUTH_TOPIC: []}
         for connection, _, raw in reader.messages(connections=[c for c in counted if c.msgtype != LAYOUT]):
             topic, kind = connection.topic, connection.msgtype
+            if kind == SAMPLE:
+                if topic in ticks:
+                    ticks[topic].add(raw)
+                continue
             message = reader.deserialize(raw, kind)
             if kind == COUNT or topic.endswith(TRUTH_TOPIC):
                 others[TRUTH_TOPIC if topic.endswith(TRUTH_TOPIC) else COUNT].append(message)
@@ -128,7 +139,9 @@ def read(bag: Path | Bag) -> Collection | None:
                     sources[topic] = _Chunks() if kind == CHUNK else _Frames()
                 sources[topic].add(message)
             elif topic.removesuffix("_status") in ticks:
-                ticks[topic.removesuffix("_status")].add(message)
+                ticks[topic.removesuffix("_status")].add_status(message)
+        for samples in ticks.values():
+            samples.decode()
     frames = [one.frame for one in sources.values() if isinstance(one, _Frames)]
     return Collection(
         {topic: one.numbered() for topic, one in sources.items()},
@@ -187,26 +200,42 @@ class _Frames:
 class _Ticks:
     """Synchronised samples, of which the values are kept that a skew is measured by; and what their source said."""
 
-    def __init__(self, layout: Any) -> None:
-        self._layout = layout
+    def __init__(self, layout: Any, deserialize: Callable[[bytes], Any]) -> None:
+        self._layout, self._deserialize = layout, deserialize
         self._columns = [k for k, name in enumerate(layout.names) if "position" in name or f"[{TIME_CODE}]" in name]
         self._stamps, self._values, self._valid = array("d"), array("d"), bytearray()
         self._skew: dict[str, float] = {}
         self._late: dict[str, int] = {}
+        self._waiting: list[bytes] = []
 
     def __len__(self) -> int:
         return len(self._stamps)
 
-    def add(self, message: Any) -> None:
-        """Take a sample, or a message of the synchroniser's state."""
-        if not hasattr(message, "values"):
-            for topic, largest in zip(message.sources, message.skew_max, strict=True):
-                self._skew[str(topic)] = max(self._skew.get(str(topic), 0.0), float(largest))
-            self._late = dict(zip(map(str, message.sources), map(int, message.late), strict=True))
-            return
-        self._stamps.append(seconds(message.header.stamp))
-        self._values.frombytes(message.values[self._columns].tobytes())
-        self._valid += message.valid.tobytes()
+    def add_status(self, message: Any) -> None:
+        """Take a message of the synchroniser's state."""
+        for topic, largest in zip(message.sources, message.skew_max, strict=True):
+            self._skew[str(topic)] = max(self._skew.get(str(topic), 0.0), float(largest))
+        self._late = dict(zip(map(str, message.sources), map(int, message.late), strict=True))
+
+    def add(self, raw: bytes) -> None:
+        """Take a serialised sample; `decode` comes after the last one."""
+        if len(self._waiting) == BLOCK or (self._waiting and len(raw) != len(self._waiting[0])):
+            self.decode()
+        self._waiting.append(raw)
+
+    def decode(self) -> None:
+        """Decode the samples that wait: together where their fields are as long as those of the first, else each."""
+        waiting, self._waiting = self._waiting, []
+        while waiting:
+            first = self._deserialize(waiting[0])
+            block = np.frombuffer(b"".join(waiting), _layout_of(first))
+            if any((block[name] != block[name][0]).any() for name in SIZES):
+                block, waiting = block[:1], waiting[1:]
+            else:
+                waiting = []
+            self._stamps.frombytes((block["secs"] + 1e-9 * block["nsecs"]).tobytes())
+            self._values.frombytes(block["values"][:, self._columns].tobytes())
+            self._valid += block["valid"].tobytes()
 
     def stream(self) -> Stream:
         layout, n = self._layout, len(self)
@@ -221,6 +250,19 @@ class _Ticks:
             self._skew,
             self._late,
         )
+
+
+def _layout_of(sample: Any) -> np.dtype[Any]:
+    """Return the layout of a serialised SyncedSample whose texts and arrays are as long as those of a sample."""
+    return np.dtype(
+        [
+            *((name, "<u4") for name in ("seq", "secs", "nsecs", "frame_size")),
+            ("frame_id", "u1", len(sample.header.frame_id.encode())),
+            *(("value_count", "<u4"), ("values", "<f8", len(sample.values))),
+            *(("age_count", "<u4"), ("age", "<f4", len(sample.age))),
+            *(("valid_count", "<u4"), ("valid", "?", len(sample.valid))),
+        ]
+    )
 
 
 def _counts(messages: list[Any]) -> dict[str, Counts]:

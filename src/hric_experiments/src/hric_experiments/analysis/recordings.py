@@ -2,7 +2,7 @@
 
 from array import array
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -111,22 +111,17 @@ def read(bag: Path | PartsReader, robot_time: RobotTime, *, progress: bool = Fal
     return reading.finish()
 
 
-def signals(bag: Path | Bag, robot_time: RobotTime) -> Iterator[list[Signal]]:
-    """Yield the sensors' numbers alone, one topic after the other: those of all together fill the memory.
+def signals(bag: Path | Bag, robot_time: RobotTime) -> list[Signal]:
+    """Return the sensors' numbers alone, read in one pass: each further pass decompresses the whole bag again.
 
     Args:
         bag: the bag, or a reader of it.
         robot_time: from stamps to robot time.
     """
+    reading = _Reading(robot_time)
     with opened(bag) as reader:
-        for topic in dict.fromkeys(c.topic for c in reader.connections if c.msgtype in SIGNAL_TYPES):
-            reading = _Reading(robot_time)
-            reading.take_all(reader, partial(_measures, topic))
-            yield reading.finish().signals
-
-
-def _measures(topic: str, connection: Any) -> bool:
-    return connection.topic == topic and connection.msgtype in SIGNAL_TYPES
+        reading.take_all(reader, lambda c: c.msgtype in SIGNAL_TYPES)
+    return reading.finish().signals
 
 
 class _Reading:

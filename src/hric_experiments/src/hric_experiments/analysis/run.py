@@ -95,7 +95,6 @@ def _draw(
 ) -> None:
     """The figures of a run and what its sensors measured, into its folder `figures`."""
     from hric_experiments.report import drawing, human_figures, run_figures, safety_figures, signal_figures
-    from hric_experiments.report.figure import Figure
     from hric_experiments.report.thinning import limited
 
     step("reading what sensors measured")
@@ -104,10 +103,9 @@ def _draw(
     shown += human_figures.human_figures(person)
     shown += safety_figures.safety_figures(safety)
     shown += run_figures.tracking_figures(followed)
-    sensors: list[Figure] = []
-    for signals in recordings.signals(bag, record.robot_time):
-        sensors += [limited(figure, drawing.POINTS) for figure in signal_figures.signal_figures(signals)]
-    shown += signal_figures.in_order(sensors)
+    sensors = signal_figures.signal_figures(recordings.signals(bag, record.robot_time))
+    shown += [limited(figure, drawing.POINTS) for figure in signal_figures.in_order(sensors)]
+    del sensors
     step(f"drawing {len(shown)} figures")
     drawing.draw(folder.path / drawing.FOLDER, shown, title(run))
 
