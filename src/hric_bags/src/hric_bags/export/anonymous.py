@@ -39,6 +39,8 @@ HASHES = ("commit", "state_sha256")
 """Keys whose value may be a hexadecimal number."""
 OLDEST_DATE = 10**17
 """Later times are dates, earlier ones those of a clock that begins with the run [ns]: a day in 1973."""
+FIRST_DATED_SECOND = OLDEST_DATE // 1_000_000_000
+"""The same of the seconds of a stamp [s]."""
 DATED = (1e9, 4e9)
 """Numbers that are taken for times since 1970 [s]: from 2001 to 2096; also in ms, us and ns."""
 LONGEST = 60
@@ -256,20 +258,28 @@ class Anonymiser:
 
     def message(self, message: Any) -> Any:
         """Take the person out of a message as rosbags reads it; returns it, changed in place."""
-        for field, value in _values(message):
-            if isinstance(value, str):
+        message_type: Any = type(message)
+        for field in _fields(message_type):
+            value = getattr(message, field)
+            kind = type(value)
+            if kind is float:
+                if DATED[0] < value < DATED[1]:
+                    setattr(message, field, self._seconds(value))
+            elif kind is int:
+                if value >= OLDEST_DATE:
+                    setattr(message, field, self.time(value))
+            elif kind is np.ndarray:
+                setattr(message, field, self._array(field, value))
+            elif kind is str:
                 setattr(message, field, self._field(field, value))
-            elif isinstance(value, list):
+            elif kind is list:
                 items = [self._field(field, item) if isinstance(item, str) else self.message(item) for item in value]
                 setattr(message, field, items)
+            elif hasattr(value, "nanosec"):
+                if value.sec >= FIRST_DATED_SECOND:
+                    setattr(message, field, self._stamp(value))
             elif is_dataclass(value):
-                setattr(message, field, self._stamp(value) if hasattr(value, "nanosec") else self.message(value))
-            elif isinstance(value, float):
-                setattr(message, field, self._seconds(value))
-            elif isinstance(value, int) and value >= OLDEST_DATE:
-                setattr(message, field, self.time(value))
-            elif isinstance(value, np.ndarray):
-                setattr(message, field, self._array(field, value))
+                self.message(value)
         return message
 
     def _field(self, field: str, text: str) -> str:
@@ -289,11 +299,6 @@ class Anonymiser:
         if values.dtype != np.float64 or not len(values) or not (values > DATED[0]).any():
             return values
         return np.array([self._seconds(float(value)) for value in values])
-
-
-def _values(message: Any) -> list[tuple[str, Any]]:
-    kind: Any = type(message)
-    return [(name, getattr(message, name)) for name in _fields(kind)]
 
 
 @cache
