@@ -235,7 +235,7 @@ WIRES = (
     ),
     Wire(
         "`scripts/worker`",
-        ("dask",),
+        ("dask", "--multiprocessing-fork"),  # the second: its processes, which Python starts
         "Dask",
         "tcp",
         ANY,
