@@ -30,7 +30,7 @@ WRONG = {
     "franka_sim/franka_gripper": ("_object_widht:=1", "object_width"),
     "franka_sim/emulated_arm": ("_realsm:=ideal", "realism"),
 }
-"""By package and node: a wrong parameter, and a name that the error says."""
+"""Wrong parameter of each node, by package and node, and a name that the error says."""
 # Parents of all nodes: a process for each would load the same half second of libraries again.
 START = """
 import os, runpy, sys
@@ -49,7 +49,7 @@ for argument in sys.argv[1:]:
 
 @pytest.fixture(scope="module")
 def told() -> dict[str, str]:
-    """What each node said, and its exit code."""
+    """Output and exit code of each node."""
     words = [f"{ROOT}/src/{node.replace('/', '/nodes/')}|{wrong}" for node, (wrong, _) in WRONG.items()]
     ended = subprocess.run(
         [sys.executable, "-c", START, *words], capture_output=True, text=True, timeout=120.0, check=True

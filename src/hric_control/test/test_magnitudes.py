@@ -144,13 +144,14 @@ def test_limits_of_public_robots_are_read_without_a_word(
     [
         ("revolute", 'velocity="150"', "velocity 150 is taken as rad/s; 150 deg/s would be 2.61799 rad/s"),
         ("revolute", 'effort="87000"', "effort 87000 is taken as N m; 87000 N mm would be 87 N m"),
+        ("revolute", 'lower="-20" upper="1"', "lower limit -20 is taken as rad; -20 deg would be -0.349066 rad"),
         ("prismatic", 'velocity="200"', "velocity 200 is taken as m/s; 200 mm/s would be 0.2 m/s"),
         ("revolute", 'velocity="150" effort="12000"', "2.61799 rad/s (and 1 more limits)"),
     ],
 )
-def test_a_velocity_or_effort_of_a_description_in_another_unit_is_doubted_once(
+def test_a_limit_of_a_description_that_is_possible_but_probably_in_another_unit_is_doubted_once(
     kind: str, limit: str, said: str, caplog: pytest.LogCaptureFixture
 ) -> None:
-    read(JOINT.format(kind=kind, limit=f'lower="-1" upper="1" {limit}'))
+    read(JOINT.format(kind=kind, limit=limit if "lower" in limit else f'lower="-1" upper="1" {limit}'))
     (record,) = caplog.records
     assert said in record.getMessage() and record.levelname == "WARNING"

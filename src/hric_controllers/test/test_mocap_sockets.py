@@ -109,7 +109,7 @@ def ports():
 
 
 def may_spoof():
-    """Whether this process may open raw sockets."""
+    """Return True if this process may open raw sockets."""
     try:
         socket.socket(socket.AF_INET, socket.SOCK_RAW, socket.IPPROTO_UDP).close()
     except PermissionError:

@@ -41,7 +41,7 @@ def free(config):
 
 @EVERY
 def test_efforts_beyond_the_limits_of_the_description_are_cut(make_plant, config):
-    urdf = two_link_urdf(limit='lower="-12" upper="12" effort="5" velocity="5"')
+    urdf = two_link_urdf(limit='lower="-20" upper="20" effort="5" velocity="5"')
     plant = make_plant(urdf, JOINTS, q=[0.0, 0.0], gravity=STILL, **config)
     weak = steps(plant, 20, [500.0, -500.0])
     assert plant.motor_effort() == [5.0, -5.0]

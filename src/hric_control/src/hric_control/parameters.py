@@ -344,7 +344,7 @@ def refuse_unknown(content: Mapping[str, Any], known: Iterable[str], where: str)
 
 
 def _unknown(content: Mapping[str, Any], read: set[str], group: str) -> Iterator[tuple[str, str]]:
-    """Prefix and name of each parameter that is not read."""
+    """Return prefix and name of each parameter that is not read."""
     for name, value in content.items():
         full = f"{group}{name}"
         if full in read:

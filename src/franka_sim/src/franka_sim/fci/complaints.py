@@ -8,7 +8,7 @@ LOG = logging.getLogger("hric.franka_sim.fci")
 QUIET = 1.0
 """Shortest time between two lines of the same kind [s] (project default, unconfirmed)."""
 PEER_QUIET = 10.0
-"""What one address does is written again once it has done nothing for so long [s] (project default, unconfirmed)."""
+"""Quiet time of an address after which its next attack is written again [s] (project default, unconfirmed)."""
 MAX_PEERS = 256
 """Addresses remembered; what more of them do at the same time is one kind (project default, unconfirmed)."""
 

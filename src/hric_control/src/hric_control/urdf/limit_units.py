@@ -18,18 +18,23 @@ FASTEST = 60.0
 """Velocity that no joint with stops exceeds [rad/s or m/s]: 59.9 in example-robot-data 6.0.0, romeo_laas_small.urdf."""
 
 
+MAX_END = 16.0 * math.pi
+"""End of a range that a joint with stops can still have: eight turns, as of a cable drum [rad] (project default,
+unconfirmed)."""
+
+
 def check_limit_units(joints: Iterable[Joint]) -> None:
-    """Refuse ends of a range that are probably in another unit, and warn once of velocities and efforts that are.
+    """Refuse ends of a range that no joint has, and warn once of ends, velocities and efforts that are probably in
+    another unit.
 
     Raises:
         DescriptionError: with the joint, the end and the unit that was probably meant.
     """
     bounded = [joint for joint in joints if joint.type in BOUNDED and math.isfinite(joint.upper - joint.lower)]
     for joint in bounded:
-        unit = _units(joint)[0]
-        for name, end, opposite in (("lower", joint.lower, joint.upper), ("upper", joint.upper, joint.lower)):
-            likely = likely_unit(end, unit, -largest(unit), largest(unit))
-            if likely and not _is_stand_in(end, opposite, joint.type):
+        unit, possible = _units(joint)[0], 0.0 if joint.type == "prismatic" else MAX_END
+        for name, end, likely in _suspect_ends(joint):
+            if abs(end) > possible:
                 raise DescriptionError(
                     f"joint {joint.name}: its {name} limit {end:g} is beyond {largest(unit):.4g} [{unit}]{likely}; a "
                     f"joint without ends is continuous, or has ends beyond {NO_LIMIT:g}"
@@ -45,6 +50,15 @@ def _units(joint: Joint) -> tuple[str, str, str]:
     return ("m", "m/s", "N") if joint.type == "prismatic" else ("rad", "rad/s", "N m")
 
 
+def _suspect_ends(joint: Joint) -> Iterator[tuple[str, float, str]]:
+    """Return name and value of each end that is larger than joints have, and the unit that was probably meant."""
+    unit = _units(joint)[0]
+    for name, end, opposite in (("lower", joint.lower, joint.upper), ("upper", joint.upper, joint.lower)):
+        likely = likely_unit(end, unit, -largest(unit), largest(unit))
+        if likely and not _is_stand_in(end, opposite, joint.type):
+            yield name, end, likely
+
+
 def _is_stand_in(end: float, opposite: float, kind: str) -> bool:
     revolutions = end / math.tau
     symmetric = opposite == -end
@@ -58,7 +72,9 @@ def _is_power_of_ten(value: float) -> bool:
 
 
 def _doubts(joint: Joint) -> Iterator[str]:
-    _, speed_unit, effort_unit = _units(joint)
+    unit, speed_unit, effort_unit = _units(joint)
+    for name, end, likely in _suspect_ends(joint):
+        yield f"joint {joint.name}: {name} limit {end:g} is taken as {unit}{likely}"
     for name, value, unit, bound in (
         ("velocity", joint.velocity, speed_unit, FASTEST),
         ("effort", joint.effort, effort_unit, 0.0),
