@@ -60,8 +60,7 @@ def pd_step(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PdStep]:
     """Run once for all who look at what it did."""
     system = LiveSystem(tmp_path_factory.mktemp("pd_step"), "env:=sim", "rviz:=false", "experiment:=pd_step")
     try:
-        system.wait_output("setpoints")
-        services = system.services()
+        services = system.services_of_a_run()
         system.wait(timeout=90.0)
         yield PdStep(system, services)
     finally:

@@ -19,6 +19,7 @@ ROOT = Path(__file__).resolve().parents[2]
 MARK = "HRIC_TEST_SYSTEM"
 READY_TIMEOUT = 60.0
 """For the first start on a busy machine [s of wall time]."""
+LAST_SERVICES = {"/recorder_bag/get_loggers", "/recorder_bag/set_logger_level"}
 
 
 def wait_for(condition: Callable[[], object], timeout: float, what: str) -> float:
@@ -121,6 +122,12 @@ class LiveSystem:
             for name in listed
             if "anonymous" not in name and not name.startswith(("/rostopic", "/rosservice", "/play_", "/record_"))
         }
+
+    def services_of_a_run(self) -> set[str]:
+        """Services while an experiment runs, once those of its last node, which writes the bag, are there."""
+        self.wait_output("setpoints")
+        wait_for(lambda: LAST_SERVICES <= self.services(), READY_TIMEOUT, f"{LAST_SERVICES}; output:\n{self.output}")
+        return self.services()
 
     def wait_running(self, *controllers: str, namespace: str = "") -> None:
         """Wait until these controllers run."""

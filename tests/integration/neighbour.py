@@ -45,7 +45,8 @@ class Network:
             address, _, port = local.rpartition(":")
             pid = line.partition("pid=")[2].partition(",")[0]  # behind a name that may have blanks
             try:
-                words = Path(f"/proc/{pid}/cmdline").read_text().split("\0")
+                # Dask makes one word of all, its title, where setproctitle is installed.
+                words = Path(f"/proc/{pid}/cmdline").read_text().replace("\0", " ").split()
             except OSError:  # it has ended meanwhile
                 continue
             yield Bound(transport, address.strip("[]").partition("%")[0].replace("*", "::"), int(port), tuple(words))

@@ -22,8 +22,7 @@ def test_pd_step_runs_on_each_engine_with_the_topics_and_services_of_pybullet(
     engine: str, start: Start, pd_step: Any
 ) -> None:
     system = start("env:=sim", f"simulator:={engine}", "rviz:=false", "experiment:=pd_step")
-    system.wait_output("setpoints")
-    offered = system.services()
+    offered = system.services_of_a_run()
     assert system.wait(timeout=150.0) == 0, system.output
     assert system.processes() == {}
     assert offered == pd_step.services
