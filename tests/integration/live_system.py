@@ -126,7 +126,7 @@ class LiveSystem:
     def services_of_a_run(self) -> set[str]:
         """Services while an experiment runs, once those of its last node, which writes the bag, are there."""
         self.wait_output("setpoints")
-        wait_for(lambda: LAST_SERVICES <= self.services(), READY_TIMEOUT, f"{LAST_SERVICES}; output:\n{self.output}")
+        wait_for(lambda: self.services() >= LAST_SERVICES, READY_TIMEOUT, f"{LAST_SERVICES}; output:\n{self.output}")
         return self.services()
 
     def wait_running(self, *controllers: str, namespace: str = "") -> None:
