@@ -1,6 +1,9 @@
 """The control log, setpoints and times of a bag as they are read, on a made-up run whose numbers are known."""
 
+from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
+from weakref import ref
 
 import numpy as np
 import pytest
@@ -8,6 +11,7 @@ from std_msgs.msg import Float64MultiArray, String
 from synthetic import JOINTS, log_message, signals, write_run
 
 from hric_bags import reader as bag_reader
+from hric_bags.memory import MemoryBag
 from hric_bags.reader import BagError
 from hric_control.robot_time.stamps import to_time
 from hric_experiments.headless.bag_writer import BagWriter
@@ -37,6 +41,38 @@ def test_an_overlapping_batch_adds_only_its_new_cycles() -> None:
     data = signals(100, 0.0)
     log = bag_reader.stitch([log_message(0, 20, data), log_message(10, 20, data), log_message(30, 10, data)])
     assert (log.cycles, log.repeats, log.gaps) == (40, ((10, 10),), ())
+
+
+class Watched(SimpleNamespace):
+    """A message whose end can be seen."""
+
+
+def test_of_the_messages_of_a_control_log_none_is_kept_but_the_last() -> None:
+    data, references, most = signals(400, 0.0), list[ref[Watched]](), 0
+
+    def messages() -> Iterator[Watched]:
+        nonlocal most
+        for first in range(0, 400, 20):
+            log = log_message(first, 20, data)
+            message = Watched(**{name: getattr(log, name) for name in log.__slots__})
+            references.append(ref(message))
+            most = max(most, sum(reference() is not None for reference in references))
+            yield message
+            del message
+
+    assert bag_reader.stitch(messages()).cycles == 400
+    assert most <= 2
+
+
+def test_a_record_of_a_run_so_far_stays_as_it_is_while_the_run_goes_on() -> None:
+    data, messages, bag = signals(100, 0.0), bag_reader.Messages(), MemoryBag()
+    messages.add("/control_log", bag_reader.LOG_TYPE, 0, log_message(0, 20, data))
+    early = messages.record(bag).log
+    before = early.state_sha256()
+    for first in (20, 40, 60, 80):
+        messages.add("/control_log", bag_reader.LOG_TYPE, 0, log_message(first, 20, data))
+    assert (early.cycles, early.state_sha256()) == (20, before)
+    assert messages.record(bag).log.cycles == 100
 
 
 @pytest.mark.parametrize("pace", [1.0, 0.7])

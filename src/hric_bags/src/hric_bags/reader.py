@@ -4,7 +4,6 @@ import hashlib
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from copy import copy
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -159,7 +158,7 @@ class Messages:
     when they were written."""
 
     def __init__(self) -> None:
-        self._logs: list[Any] = []
+        self._log = _JoinedLog()
         self._commands: list[tuple[str, float, Any]] = []
         self._counts: Any = None
         self._desired: dict[str, list[tuple[float, Any, tuple[str, ...]]]] = {}
@@ -176,7 +175,7 @@ class Messages:
             message: as sent.
         """
         if kind == LOG_TYPE:
-            self._logs.append(_in_arrays(message))
+            self._log.add(message)
         elif kind == COUNTS_TYPE:
             self._counts = message
         elif kind == COMMAND_TYPE and _CONTROLLER_COMMAND.search(topic):
@@ -200,11 +199,11 @@ class Messages:
             BagError: there is no control log.
         """
         topics = {topic: info.msgcount for topic, info in bag.topics.items()}
-        if not self._logs:
+        if not self._log.clock:
             raise BagError(f"{bag.bag.name} has no control log; topics: {', '.join(sorted(topics)) or 'none'}")
-        robot_time = robot_time_of(self._logs)
+        robot_time = robot_time_of(self._log.clock)
         return RunRecord(
-            stitch(self._logs),
+            self._log.record(),
             [_setpoint(*item, robot_time) for item in self._commands],
             {topic.strip("/").split("/")[-2]: _profile(rows, robot_time) for topic, rows in self._desired.items()},
             None if self._counts is None else _counts(self._counts),
@@ -235,47 +234,69 @@ def read(bag: Path | Bag, known: Messages | None = None) -> RunRecord:
 
 def stitch(messages: Iterable[Any]) -> ControlRecord:
     """Join control log messages to arrays; every cycle is kept once, in order, and gaps and repeats are noted."""
-    parts: dict[str, list[npt.NDArray[Any]]] = {name: [] for name in ("time", *ARRAYS, "by_effort")}
-    gaps, repeats = [], []
-    expected = None
-    first, last = 0, None
+    joined = _JoinedLog()
     for message in messages:
+        joined.add(message)
+    return joined.record()
+
+
+class _JoinedLog:
+    """Control log messages joined to arrays as they come, of which the messages take twice the memory.
+
+    Attributes:
+        clock: (stamp, robot time) of the first cycle of each message [s].
+    """
+
+    def __init__(self) -> None:
+        self.clock: list[tuple[float, float]] = []
+        self._arrays: dict[str, npt.NDArray[Any]] = {}
+        self._cycles = self._first = self._expected = 0
+        self._gaps: list[tuple[int, int]] = []
+        self._repeats: list[tuple[int, int]] = []
+        self._last: Any = None
+
+    def add(self, message: Any) -> None:
+        """Take a message. Raises BagError: its joints are others than those of the messages before."""
         start, count, joints = int(message.first_cycle), int(message.n_cycles), len(message.joint_names)
-        if last is not None and list(message.joint_names) != list(last.joint_names):
+        if self._last is None:
+            self._first = self._expected = start
+        elif list(message.joint_names) != list(self._last.joint_names):
             raise BagError(
-                f"the joints changed within the control log: {list(last.joint_names)}, then {list(message.joint_names)}"
+                f"the joints changed within the control log: {list(self._last.joint_names)}, then "
+                f"{list(message.joint_names)}"
             )
-        if expected is None:
-            first = expected = start
-        if start > expected:
-            gaps.append((expected, start - expected))
-        skip = min(max(expected - start, 0), count)
+        if start > self._expected:
+            self._gaps.append((self._expected, start - self._expected))
+        skip = min(max(self._expected - start, 0), count)
         if skip:
-            repeats.append((start, skip))
-        parts["time"].append(np.asarray(message.time, dtype=float)[skip:])
-        for name in ARRAYS:
-            parts[name].append(np.asarray(getattr(message, name), dtype=float).reshape(count, joints)[skip:])
-        parts["by_effort"].append(np.tile([kind == "effort" for kind in message.command_interface], (count, 1))[skip:])
-        expected, last = max(expected, start + count), message
-    if last is None:
-        raise BagError("the control log is empty")
-    arrays = {name: np.concatenate(values) for name, values in parts.items()}
-    return ControlRecord(
-        tuple(last.joint_names),
-        tuple(last.command_interface),
-        first_cycle=first,
-        gaps=tuple(gaps),
-        repeats=tuple(repeats),
-        **arrays,
-    )
+            self._repeats.append((start, skip))
+        rows = {name: np.asarray(getattr(message, name), dtype=float).reshape(count, joints) for name in ARRAYS}
+        time = np.asarray(message.time, dtype=float)
+        by_effort = np.tile([kind == "effort" for kind in message.command_interface], (count, 1))
+        end = self._cycles + count - skip
+        for name, values in {"time": time, **rows, "by_effort": by_effort}.items():
+            kept = self._arrays.setdefault(name, values[:0])
+            if end > len(kept):  # a record shows the old array, which stays as it is
+                grown = np.empty((2 * end, *values.shape[1:]), values.dtype)
+                grown[: self._cycles] = kept[: self._cycles]
+                self._arrays[name] = kept = grown
+            kept[self._cycles : end] = values[skip:]
+        if count:
+            self.clock.append((seconds(message.header.stamp), float(time[0])))
+        self._cycles, self._expected, self._last = end, max(self._expected, start + count), message
 
-
-def _in_arrays(log: Any) -> Any:
-    """A control log's own copy with its numbers as arrays, a quarter of the memory of lists."""
-    kept = copy(log)
-    for name in ("time", *ARRAYS):
-        setattr(kept, name, np.asarray(getattr(log, name), dtype=float))
-    return kept
+    def record(self) -> ControlRecord:
+        """Return the cycles so far. Raises BagError: there is none."""
+        if self._last is None:
+            raise BagError("the control log is empty")
+        return ControlRecord(
+            tuple(self._last.joint_names),
+            tuple(self._last.command_interface),
+            first_cycle=self._first,
+            gaps=tuple(self._gaps),
+            repeats=tuple(self._repeats),
+            **{name: values[: self._cycles] for name, values in self._arrays.items()},
+        )
 
 
 def seconds(stamp: Any) -> float:
@@ -285,15 +306,14 @@ def seconds(stamp: Any) -> float:
     return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
 
 
-def robot_time_of(logs: list[Any]) -> RobotTime:
-    """From stamps to robot time. They differ by a constant, except on a robot whose clock does not keep step with that
-    of this machine."""
-    pairs = sorted((seconds(message.header.stamp), float(message.time[0])) for message in logs)
-    offsets = np.array([stamp - time for stamp, time in pairs])
+def robot_time_of(clock: Sequence[tuple[float, float]]) -> RobotTime:
+    """Return what leads from stamps to robot time, by pairs of both [s]. They differ by a constant, except on a robot
+    whose clock does not keep step with that of this machine."""
+    stamps, times = map(np.array, zip(*sorted(clock), strict=True))
+    offsets = stamps - times
     if np.ptp(offsets) < SAME_CLOCK:
-        offset = seconds(logs[0].header.stamp) - float(logs[0].time[0])
+        offset = clock[0][0] - clock[0][1]
         return lambda stamp: stamp - offset
-    stamps = np.array([stamp for stamp, _ in pairs])
     return lambda stamp: float(stamp - np.interp(stamp, stamps, offsets))
 
 

@@ -1,7 +1,7 @@
 """Reads a bag into tables, by the rosbags library alone."""
 
 import contextlib
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -132,7 +132,7 @@ class _Gathering:
         self._prismatic, self._topics, self._types, self._anonymous = prismatic, topics, types, anonymous
         self._gatherers: dict[str, Gatherer] = {}
         self._batches: dict[str, tuple[str, list[Any]]] = {}
-        self._logs: list[Any] = []
+        self._clocks: dict[str, list[tuple[float, float]]] = {}
         self._layout: Any = None
 
     def takes(self, connection: Connection) -> bool:
@@ -152,8 +152,9 @@ class _Gathering:
         if self._anonymous is not None:
             topic, stamp = self._anonymous.name(topic), self._anonymous.time(stamp)
             message = self._anonymous.message(message)
-        if kind == batches.CONTROL_LOG and (not self._logs or topic == self._logs[0][0]):
-            self._logs.append((topic, message))
+        if kind == batches.CONTROL_LOG:
+            pair = bag_reader.seconds(message.header.stamp), float(message.time[0])
+            self._clocks.setdefault(topic, []).append(pair)
         if not self._is_requested(connection):
             return
         if kind in batches.BATCHED:
@@ -180,7 +181,7 @@ class _Gathering:
         return {table.topic: table for table in sorted(tables, key=lambda table: table.topic)}
 
     def _timing(self, begin: int) -> tuple[Timing, str]:
-        if not self._logs:
+        if not self._clocks:
             return (lambda stamp: (stamp - begin) * 1e-9), BAG_CLOCK
-        robot_time: Callable[[float], float] = bag_reader.robot_time_of([message for _, message in self._logs])
+        robot_time = bag_reader.robot_time_of(next(iter(self._clocks.values())))
         return (lambda stamp: robot_time(stamp * 1e-9)), RUN_CLOCK

@@ -6,7 +6,6 @@ from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -343,7 +342,7 @@ class _ThinLog:
         self._rate, self._slot, self._last = rate, -math.inf, -math.inf
         self._time = array("d")
         self._values = {name: array("d") for name in (*ARRAYS, "by_effort")}
-        self._stamps: list[SimpleNamespace] = []
+        self._clock: list[tuple[float, float]] = []
         self._message: Any = None
 
     def add(self, message: Any) -> None:
@@ -363,13 +362,13 @@ class _ThinLog:
         effort = [kind == "effort" for kind in message.command_interface]
         self._values["by_effort"].frombytes(np.tile(np.array(effort, dtype=float), (chosen.sum(), 1)).tobytes())
         if np.isfinite(time[:1]).all():
-            self._stamps.append(SimpleNamespace(header=message.header, time=time[:1].copy()))
+            self._clock.append((seconds(message.header.stamp), float(time[0])))
             self._message = message
 
     @property
     def robot_time(self) -> RobotTime | None:
         """From stamps; None: no log."""
-        return robot_time_of(self._stamps) if self._stamps else None
+        return robot_time_of(self._clock) if self._clock else None
 
     def record(self) -> ControlRecord | None:
         """What was kept; None: nothing."""
