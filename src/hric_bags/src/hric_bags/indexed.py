@@ -101,8 +101,22 @@ class IndexedReader(Reader):
         """Yield messages as the base class does."""
         self._check_open()
         chosen = list(connections) or self.connections
-        for number, time, chunk, offset in self._entries(chosen, start, stop):
-            yield chosen[number], time, self._message(chunk, offset)
+        for number, time, position, offset in self._entries(chosen, start, stop):
+            if self._chunk[0] != position:
+                self._chunk = position, self._decompressed(position)
+            raw = self._chunk[1]
+            try:
+                while True:
+                    data = offset + 4 + _size(raw, offset)[0]
+                    end = data + 4 + _size(raw, data)[0]
+                    if raw.find(_MESSAGE, offset, data) >= 0:
+                        break
+                    offset = end  # a connection, which some programs have in front
+            except StructError as error:
+                raise damaged(self.path, f"its index leads to no message at byte {offset} of a chunk") from error
+            if end > len(raw):
+                raise damaged(self.path, f"a message has {len(raw) - data - 4} of its {end - data - 4} bytes")
+            yield chosen[number], time, raw[data + 4 : end]
 
     def _entries(
         self, chosen: list[Connection], start: int | None, stop: int | None
@@ -126,28 +140,15 @@ class IndexedReader(Reader):
             columns = owner[block], of["time"], of["chunk"], of["offset"]
             yield from zip(*(column.tolist() for column in columns), strict=True)
 
-    def _message(self, position: int, offset: int) -> bytes:
-        if self._chunk[0] != position:
-            assert self.bio
-            chunk = self.chunks[position]
-            self.bio.seek(chunk.datapos)
-            try:
-                self._chunk = position, chunk.decompressor(read_bytes(self.bio, chunk.datasize))
-            except Exception as error:  # each compression has its own, OSError too
-                raise damaged(self.path, error) from error
-        raw = self._chunk[1]
+    def _decompressed(self, position: int) -> bytes:
+        assert self.bio
+        chunk = self.chunks[position]
+        self.bio.seek(chunk.datapos)
         try:
-            while True:
-                data = offset + 4 + _size(raw, offset)[0]
-                end = data + 4 + _size(raw, data)[0]
-                if raw.find(_MESSAGE, offset, data) >= 0:
-                    break
-                offset = end  # a connection, which some programs have in front
-        except StructError as error:
-            raise damaged(self.path, f"its index leads to no message at byte {offset} of a chunk") from error
-        if end > len(raw):
-            raise damaged(self.path, f"a message has {len(raw) - data - 4} of its {end - data - 4} bytes")
-        return raw[data + 4 : end]
+            raw: bytes = chunk.decompressor(read_bytes(self.bio, chunk.datasize))
+        except Exception as error:  # each compression has its own, OSError too
+            raise damaged(self.path, error) from error
+        return raw
 
 
 def _sorted(stored: list[tuple[int, bytes]]) -> Index:

@@ -124,7 +124,8 @@ def read(bag: Path | Bag) -> Collection | None:
         ticks = {
             topic: _Ticks(layout, lambda raw: reader.deserialize(raw, SAMPLE)) for topic, layout in layouts.items()
         }
-        others: dict[str, list[Any]] = {COUNT: [], TRUTH_TOPIC: []}
+        counts: list[Any] = []
+        truth = _Truth()
         for connection, _, raw in reader.messages(connections=[c for c in counted if c.msgtype != LAYOUT]):
             topic, kind = connection.topic, connection.msgtype
             if kind == SAMPLE:
@@ -132,8 +133,10 @@ def read(bag: Path | Bag) -> Collection | None:
                     ticks[topic].add(raw)
                 continue
             message = reader.deserialize(raw, kind)
-            if kind == COUNT or topic.endswith(TRUTH_TOPIC):
-                others[TRUTH_TOPIC if topic.endswith(TRUTH_TOPIC) else COUNT].append(message)
+            if topic.endswith(TRUTH_TOPIC):
+                truth.add(message)
+            elif kind == COUNT:
+                counts.append(message)
             elif kind in (CHUNK, FRAMES):
                 if topic not in sources:
                     sources[topic] = _Chunks() if kind == CHUNK else _Frames()
@@ -145,9 +148,9 @@ def read(bag: Path | Bag) -> Collection | None:
     frames = [one.frame for one in sources.values() if isinstance(one, _Frames)]
     return Collection(
         {topic: one.numbered() for topic, one in sources.items()},
-        _counts(others[COUNT]),
+        _counts(counts),
         {topic: one.stream() for topic, one in ticks.items() if len(one)},
-        _truth(others[TRUTH_TOPIC]),
+        truth.path(),
         frames[0] if frames else "",
     )
 
@@ -195,6 +198,27 @@ class _Frames:
     def numbered(self) -> Numbered:
         numbers = np.unwrap(np.frombuffer(self._numbers, np.int64), period=FRAME_COUNTER)
         return Numbered("", float("nan"), np.frombuffer(self._stamps), np.asarray(numbers, np.int64), None)
+
+
+class _Truth:
+    """Where the emulated hand was."""
+
+    def __init__(self) -> None:
+        self._rows, self._frame = array("d"), ""
+
+    def add(self, message: Any) -> None:
+        if not self._rows:
+            self._frame = str(message.header.frame_id)
+        point = message.pose.position
+        self._rows.extend((seconds(message.header.stamp), point.x, point.y, point.z))
+
+    def path(self) -> tuple[FloatArray, FloatArray, str] | None:
+        """Return it as `Collection.truth` has it."""
+        rows = np.frombuffer(self._rows).reshape(-1, 4)
+        if len(rows) < 4:
+            return None
+        rows = rows[np.diff(rows[:, 0], prepend=-np.inf) > 0]
+        return rows[:, 0].copy(), rows[:, 1:].copy(), self._frame
 
 
 class _Ticks:
@@ -278,16 +302,6 @@ def _counts(messages: list[Any]) -> dict[str, Counts]:
         )
         for source, messages in by_source.items()
     }
-
-
-def _truth(messages: list[Any]) -> tuple[FloatArray, FloatArray, str] | None:
-    if len(messages) < 4:
-        return None
-    time = np.array([seconds(message.header.stamp) for message in messages])
-    points = [message.pose.position for message in messages]
-    position = np.array([(point.x, point.y, point.z) for point in points])
-    rising = np.concatenate([[True], np.diff(time) > 0])
-    return time[rising], position[rising], str(messages[0].header.frame_id)
 
 
 def missed_deadlines(bag: Bag) -> int | None:
