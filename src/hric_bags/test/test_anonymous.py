@@ -6,6 +6,7 @@ import struct
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import export_bags
@@ -16,6 +17,8 @@ import pytest
 import yaml
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag1 import Writer
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
 from rosgraph_msgs.msg import Log
 from std_msgs.msg import String
 
@@ -254,6 +257,71 @@ def test_a_bag_by_itself_needs_a_folder_whose_name_its_user_chooses(run: RunFold
         cli.COMMANDS["export"]([str(run.bag_path), *words])
     assert cli.COMMANDS["export"]([str(run.bag_path), "--output", str(tmp_path / "out"), *words]) == 0
     assert {path.name for path in (tmp_path / "out").rglob("*")} >= {"hric.perception.emg.raw.csv", "anonymised.txt"}
+
+
+class CountedBag:
+    """Definitions and messages of a bag, and how many were decoded."""
+
+    def __init__(self, store: Typestore) -> None:
+        self.typestore, self.decoded = store, 0
+
+    def deserialize(self, raw: bytes, kind: str) -> Any:
+        self.decoded += 1
+        return self.typestore.deserialize_ros1(raw, kind)
+
+
+def decoded_each(bag: Any, anonymiser: Anonymiser, kind: str, raw: bytes) -> bytes:
+    message = anonymiser.message(bag.typestore.deserialize_ros1(raw, kind))
+    return bytes(bag.typestore.serialize_ros1(message, kind))
+
+
+def test_messages_of_texts_and_lengths_that_came_before_are_not_decoded_and_look_as_if_they_were(
+    run: RunFolder,
+) -> None:
+    first, second = (Anonymiser(RUN, METRICS, ("Jane",), WALL * 10**9) for _ in range(2))
+    count = 0
+    with recording.open_reader(recording.find(str(run.path))) as reader:
+        bag: Any = CountedBag(reader.typestore)
+        for connection, _, raw in reader.chosen(lambda c: not first.hides(c.msgtype) | second.hides(c.msgtype)):
+            kind, count = connection.msgtype, count + 1
+            assert first.serialised(bag, connection, raw) == decoded_each(bag, second, kind, raw), kind
+    assert first.done == second.done
+    assert bag.decoded < count / 2
+
+
+def test_dates_anywhere_in_a_message_are_counted_also_where_its_texts_and_lengths_came_before() -> None:
+    store, kind, random = get_typestore(Stores.EMPTY), "hric_msgs/msg/Made", np.random.default_rng(1)
+    fields_of = "time[] stamps\nduration wait\nfloat64 a\nfloat32 b\nint64 c\nuint64 d\nfloat64[] e\nfloat64[2] f\n"
+    fields_of += "float32[] g\nchar h\nbool i\nuint8[] j\nfloat64[] strength\nstring name\nstring[] text\n"
+    store.register(get_types_from_msg(fields_of, kind))
+    made, time, duration = (
+        store.types[name] for name in (kind, "builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")
+    )
+    first, second = (Anonymiser({}, {}, (), WALL * 10**9) for _ in range(2))
+    bag: Any = CountedBag(store)
+    connection: Any = SimpleNamespace(topic="/made", msgtype=kind)
+
+    def number(date: float, among: int = 100) -> float:
+        return date if random.integers(among) == 0 else float(random.normal(scale=10.0 ** random.integers(-3, 9)))
+
+    for _ in range(2000):
+        message = made(
+            stamps=[time(sec=int(random.choice([3, WALL + 3])), nanosec=7) for _ in range(random.integers(3))],
+            wait=duration(sec=-2, nanosec=5),
+            **{"a": number(WALL + 0.5), "b": number(WALL), "c": int(number(WALL * 10**9)), "h": 5, "i": True},
+            d=abs(int(number(WALL * 10**9))),
+            e=np.array([number(WALL + 1.0) for _ in range(3)]),
+            f=np.array([number(4e9), number(1e9)]),
+            g=np.full(2, WALL, np.float32),
+            j=np.zeros(2, np.uint8),
+            strength=np.full(random.integers(2), random.integers(2), float),
+            **{"name": str(random.choice(["hand", "Jane"])), "text": ["Jane"]},
+        )
+        raw = bytes(store.serialize_ros1(message, kind))
+        cleaned = first.serialised(bag, connection, raw)
+        assert cleaned == decoded_each(bag, second, kind, raw)
+        assert max((stamp.sec for stamp in store.deserialize_ros1(cleaned, kind).stamps), default=0) <= 3
+    assert bag.decoded < 1500
 
 
 def test_times_that_are_no_dates_stay() -> None:

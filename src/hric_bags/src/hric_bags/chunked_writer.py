@@ -17,6 +17,8 @@ CHUNK_TIME = 1_000_000_000
 _HEAD = Struct("<II3sBI5sII5sIII")
 """Record of a message in front of its data: length of the header; size, name and value of `op`, `conn` and `time` (two
 numbers); length of the data."""
+_NAMES = (_HEAD.size - 8, 4, b"op=", RecordType.MSGDATA, 9, b"conn="), (13, b"time=")
+"""Of that what is the same of all messages."""
 
 
 class ChunkedWriter(Writer):
@@ -38,18 +40,17 @@ class ChunkedWriter(Writer):
             data: serialised message.
         """
         chunk = self.chunks[-1]
+        offset = chunk.data.tell()
         if chunk.connections and (
-            chunk.data.tell() + len(data) + _HEAD.size > self.chunk_threshold or timestamp - chunk.start > CHUNK_TIME
+            offset + len(data) + _HEAD.size > self.chunk_threshold or timestamp - chunk.start > CHUNK_TIME
         ):
             self.write_chunk(chunk)
-            chunk = self.chunks[-1]
-        chunk.connections[connection.id].append((timestamp, chunk.data.tell()))
-        chunk.start, chunk.end = min(timestamp, chunk.start), max(timestamp, chunk.end)
+            chunk, offset = self.chunks[-1], 0
+        chunk.connections[connection.id].append((timestamp, offset))
+        if timestamp < chunk.start:
+            chunk.start = timestamp
+        if timestamp > chunk.end:
+            chunk.end = timestamp
         seconds, rest = divmod(timestamp, 1_000_000_000)
-        chunk.data.write(
-            _HEAD.pack(
-                *(_HEAD.size - 8, 4, b"op=", RecordType.MSGDATA),
-                *(9, b"conn=", connection.id, 13, b"time=", seconds, rest, len(data)),
-            )
-        )
+        chunk.data.write(_HEAD.pack(*_NAMES[0], connection.id, *_NAMES[1], seconds, rest, len(data)))
         chunk.data.write(data)

@@ -17,7 +17,10 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from rosbags.interfaces import Connection
 
+from hric_bags.export.templates import Template
+from hric_bags.parts import PartsReader
 from hric_control.parameters import package_yaml
 
 NAME = "recording"
@@ -45,6 +48,8 @@ DATED = (1e9, 4e9)
 """Numbers that are taken for times since 1970 [s]: from 2001 to 2096; also in ms, us and ns."""
 LONGEST = 60
 """Characters of a text that is passed on; project default, unconfirmed."""
+TEMPLATES = 4
+"""Tried at most for the messages of one size on a topic; project default, unconfirmed."""
 STAYS = (
     "The signals themselves are as recorded: positions of markers, angles, torques, EMG and activations have the size "
     "and the strength of a body for who computes them."
@@ -95,6 +100,8 @@ class Anonymiser:
         self._begin = begin if begin >= OLDEST_DATE else None
         self._run, self._metrics = run, metrics
         self._done: dict[str, None] = {}
+        self._templates: dict[tuple[str, str, int], list[Template | None]] = {}
+        """By topic, type and size of its messages [B]; None: one that is decoded each time."""
 
     def _note(self, what: str) -> None:
         self._done.setdefault(what)
@@ -256,31 +263,45 @@ class Anonymiser:
             self._note("messages of other types than the known ones (texts, pictures, descriptions): topics dropped")
         return hides
 
+    def serialised(self, bag: PartsReader, connection: Connection, raw: bytes) -> bytes:
+        """Take the person out of a serialised message. Raises BagError: it cannot be read."""
+        kind = connection.msgtype
+        templates = self._templates.setdefault((connection.topic, kind, len(raw)), [])
+        for template in templates:
+            if template and (known := template.cleaned(raw, self.time, FIRST_DATED_SECOND)) is not None:
+                return known
+        cleaned = bytes(bag.typestore.serialize_ros1(self.message(bag.deserialize(raw, kind)), kind))
+        if len(templates) < TEMPLATES:
+            made = Template(
+                *(bag.typestore, kind, bag.deserialize(raw, kind)),
+                self._field,
+                lambda field: field.startswith(STRENGTH),
+            )
+            templates.append(made if made.cleaned(raw, self.time, FIRST_DATED_SECOND) == cleaned else None)
+        return cleaned
+
     def message(self, message: Any) -> Any:
         """Take the person out of a message as rosbags reads it; returns it, changed in place."""
         message_type: Any = type(message)
         for field in _fields(message_type):
-            value = getattr(message, field)
-            kind = type(value)
-            if kind is float:
-                if DATED[0] < value < DATED[1]:
-                    setattr(message, field, self._seconds(value))
-            elif kind is int:
-                if value >= OLDEST_DATE:
-                    setattr(message, field, self.time(value))
-            elif kind is np.ndarray:
-                setattr(message, field, self._array(field, value))
-            elif kind is str:
-                setattr(message, field, self._field(field, value))
-            elif kind is list:
-                items = [self._field(field, item) if isinstance(item, str) else self.message(item) for item in value]
-                setattr(message, field, items)
-            elif hasattr(value, "nanosec"):
-                if value.sec >= FIRST_DATED_SECOND:
-                    setattr(message, field, self._stamp(value))
-            elif is_dataclass(value):
-                self.message(value)
+            setattr(message, field, self._value(field, getattr(message, field)))
         return message
+
+    def _value(self, field: str, value: Any) -> Any:
+        kind = type(value)
+        if kind is float:
+            return self._seconds(value)
+        if kind is int:
+            return self.time(value)
+        if kind is np.ndarray:
+            return self._array(field, value)
+        if kind is str:
+            return self._field(field, value)
+        if kind is list:
+            return [self._value(field, item) for item in value]
+        if hasattr(value, "nanosec"):
+            return self._stamp(value) if value.sec >= FIRST_DATED_SECOND else value
+        return self.message(value) if is_dataclass(value) else value
 
     def _field(self, field: str, text: str) -> str:
         if field in privacy().pseudonym or not text:

@@ -1,6 +1,8 @@
 """Gathers messages of any type into a table: nested fields become columns with dotted names."""
 
+from array import array
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -38,10 +40,10 @@ class Gatherer:
         self.topic, self.type_name = topic, type_name
         self._fields, self._prismatic = fields, prismatic
         self._plans: dict[str, tuple[str, list[tuple[str, str | None]]]] = {}
-        self._stamps: list[int] = []
+        self._stamps = array("q")
         self._frame = ""
-        self._cells: dict[tuple[str, tuple[str, ...]], tuple[str, list[int], list[Any]]] = {}
-        """(path, labels of its elements) -> unit, rows, values: single values have no labels."""
+        self._cells: dict[tuple[str, tuple[str, ...]], tuple[str, array[int], Any, Any]] = {}
+        """(path, labels of its elements) -> unit, rows, values, type; of single values without labels and type."""
 
     def add(self, recorded: int, message: Any) -> None:
         """A message; recorded: when [ns]."""
@@ -71,41 +73,42 @@ class Gatherer:
         return naming, [(field, units.UNITS.get((kind, field))) for field in fields if (kind, field) != (HEADER, "seq")]
 
     def _put(self, path: str, value: Any, unit: str, names: tuple[str, ...]) -> None:
-        if isinstance(value, SINGLE):
-            self._put_cell(path, value, unit, ())
-        elif isinstance(value, np.ndarray):
-            if len(value):
-                self._put_cell(
-                    path, value, unit, names if len(names) == len(value) else tuple(map(str, range(len(value))))
-                )
+        labels: tuple[str, ...] = ()
+        if isinstance(value, np.ndarray):
+            if not (count := len(value)):
+                return
+            labels = names if len(names) == count else _numbers(count)
         elif isinstance(value, list):
             for k, item in enumerate(value):
                 label = _label(item) or (names[k] if len(names) == len(value) else "") or str(k)
                 self._put(f"{path}.{label}", item, unit, ())
-        elif value.__msgtype__ in TIMES:
-            self._put_cell(path, _nanoseconds(value) * 1e-9, "s", ())
-        else:
-            self._walk(f"{path}.", value, unit)
-
-    def _put_cell(self, path: str, value: Any, unit: str, labels: tuple[str, ...]) -> None:
+            return
+        elif not isinstance(value, SINGLE):
+            if value.__msgtype__ not in TIMES:
+                self._walk(f"{path}.", value, unit)
+                return
+            value, unit = _nanoseconds(value) * 1e-9, "s"
         cell = self._cells.get((path, labels))
         if cell is None:
-            cell = self._cells[(path, labels)] = (unit, [], [])
-        _, rows, values = cell
-        rows.append(len(self._stamps) - 1)
-        values.append(value)
+            kind, values = (value.dtype, bytearray()) if labels else (None, array("d") if type(value) is float else [])
+            cell = self._cells[(path, labels)] = (unit, array("q"), values, kind)
+        cell[1].append(len(self._stamps) - 1)
+        if labels:
+            cell[2].extend(value.tobytes())
+        else:
+            cell[2].append(value)
 
     def table(self, timing: Timing, clock: str) -> Table:
         """All that was added; timing, clock: see `Table`."""
         count = len(self._stamps)
         found: dict[str, Column] = {}
-        for (path, labels), (unit, rows, values) in self._cells.items():
-            joined = np.concatenate(values) if labels else np.array(values)
+        for (path, labels), (unit, rows, values, kind) in self._cells.items():
+            joined = np.frombuffer(values, kind) if labels else np.array(values)
             matrix = joined.reshape(len(rows), len(labels) or 1)
             for k, name in enumerate([f"{path}.{label}" for label in labels] or [path]):
                 own = units.of_joint(unit, name.rpartition(".")[2], self._prismatic)
                 found[name] = _merged(found.get(name), Column(name, own, matrix[:, k]), np.array(rows), count)
-        stamps = np.array(self._stamps, dtype=np.int64)
+        stamps = np.array(self._stamps)
         times = np.array([timing(stamp) for stamp in self._stamps])
         return Table(self.topic, self.type_name, self._frame, times, stamps, tuple(found.values()), clock)
 
@@ -121,6 +124,11 @@ def _merged(before: Column | None, column: Column, rows: npt.NDArray[np.int64], 
         filled = before.values.astype(object if text else float)
     filled[rows] = column.values
     return Column(column.name, column.unit, filled.astype(str) if text else filled)
+
+
+@cache
+def _numbers(count: int) -> tuple[str, ...]:
+    return tuple(map(str, range(count)))
 
 
 def _label(item: Any) -> str:

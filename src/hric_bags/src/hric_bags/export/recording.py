@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
 
 from hric_bags import parts as bag_parts
@@ -112,7 +111,7 @@ def read(
                 raise UnknownNameError("topic", topic, reader.topics, "the bag")
         gathering = _Gathering(reader, units.prismatic_joints(source.urdf), topics, types, anonymous)
         for connection, stamp, raw in reader.chosen(gathering.takes, "reading" if progress else ""):
-            gathering.add(connection, stamp, reader.deserialize(raw, connection.msgtype))
+            gathering.add(connection, stamp, raw)
         begin = reader.start_time if reader.message_count else 0
         return gathering.tables(begin if anonymous is None else anonymous.time(begin))
 
@@ -122,12 +121,13 @@ class _Gathering:
 
     def __init__(
         self,
-        reader: AnyReader,
+        reader: PartsReader,
         prismatic: frozenset[str],
         topics: Collection[str],
         types: Collection[str],
         anonymous: Anonymiser | None,
     ) -> None:
+        self._reader = reader
         self._fields = {kind: [name for name, _ in found[1]] for kind, found in reader.typestore.fielddefs.items()}
         self._prismatic, self._topics, self._types, self._anonymous = prismatic, topics, types, anonymous
         self._gatherers: dict[str, Gatherer] = {}
@@ -146,12 +146,16 @@ class _Gathering:
             not self._types or connection.msgtype in self._types
         )
 
-    def add(self, connection: Connection, stamp: int, message: Any) -> None:
-        """A message; stamp: time of its recording [ns]."""
-        topic, kind = connection.topic, connection.msgtype
-        if self._anonymous is not None:
-            topic, stamp = self._anonymous.name(topic), self._anonymous.time(stamp)
-            message = self._anonymous.message(message)
+    def add(self, connection: Connection, stamp: int, raw: bytes) -> None:
+        """Take a serialised message; stamp: time of its recording [ns]."""
+        topic, kind, anonymous = connection.topic, connection.msgtype, self._anonymous
+        if anonymous is not None:
+            topic, stamp = anonymous.name(topic), anonymous.time(stamp)
+            if kind not in batches.BATCHED:
+                raw, anonymous = anonymous.serialised(self._reader, connection, raw), None
+        message = self._reader.deserialize(raw, kind)
+        if anonymous is not None:
+            message = anonymous.message(message)
         if kind == batches.CONTROL_LOG:
             pair = bag_reader.seconds(message.header.stamp), float(message.time[0])
             self._clocks.setdefault(topic, []).append(pair)

@@ -4,6 +4,7 @@ taken apart, the rest copied."""
 import re
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -51,10 +52,11 @@ def write(
         if anonymous is not None:
             connections = [c for c in connections if not anonymous.hides(c.msgtype)]
         by_key = {_key(c): c for c in connections}
-        target_of = {key: _add(writer, c, anonymous) for key, c in by_key.items()}
+        added = {key: _add(writer, c, anonymous) for key, c in by_key.items()}
+        target_of = {id(c): added[_key(c)] for c in connections}
         for connection, time, raw in reader.chosen(connections.__contains__, "bag" if progress else ""):
-            end = target_of[_key(connection)]
-            for at, data in _parts(reader, connection.msgtype, time, raw, anonymous):
+            end = target_of[id(connection)]
+            for at, data in _parts(reader, connection, time, raw, anonymous):
                 writer.write(end, at, data)
                 count += 1
     return count
@@ -79,17 +81,18 @@ def _add(writer: ChunkedWriter, connection: Any, anonymous: Anonymiser | None) -
 
 
 def _parts(
-    reader: PartsReader, kind: str, time: int, raw: bytes, anonymous: Anonymiser | None
+    reader: PartsReader, connection: Any, time: int, raw: bytes, anonymous: Anonymiser | None
 ) -> Iterator[tuple[int, Any]]:
     """Yield (time [ns], serialised message) of each sample in a message."""
-    message: Any = None
-    if anonymous is not None or kind in batches.BATCHED:
-        message = reader.deserialize(raw, kind)
+    kind = connection.msgtype
+    if kind not in batches.BATCHED:
+        if anonymous is not None:
+            raw, time = anonymous.serialised(reader, connection, raw), anonymous.time(time)
+        yield time, raw
+        return
+    message = reader.deserialize(raw, kind)
     if anonymous is not None:
         message, time = anonymous.message(message), anonymous.time(time)
-    if kind not in batches.BATCHED:
-        yield time, raw if message is None else reader.typestore.serialize_ros1(message, kind)
-        return
     stamp = int(message.header.stamp.sec) * 1_000_000_000 + int(message.header.stamp.nanosec)
     offsets, values = _cycles(message) if kind == batches.CONTROL_LOG else _samples(message)
     if not len(offsets):
@@ -130,10 +133,7 @@ def _serialised(reader: PartsReader, kind: str, message: Any, values: Fields) ->
         message: one of them.
         values: of the fields, and of those of the stamp, with a row for each message and the type that ROS has.
     """
-    random = np.random.default_rng(0)
-    marks = {
-        name: random.integers(1 << 30, 1 << 31, rows.shape[1:]).astype(rows.dtype) for name, rows in values.items()
-    }
+    marks = _marks(tuple((name, rows.shape[1:], rows.dtype) for name, rows in values.items()))
     given = {name: mark if mark.ndim else int(mark) for name, mark in marks.items()}
     stamp = replace(message.header.stamp, sec=given.pop("sec"), nanosec=given.pop("nanosec"))
     marked = replace(message, header=replace(message.header, stamp=stamp), **given)
@@ -142,4 +142,12 @@ def _serialised(reader: PartsReader, kind: str, message: Any, values: Fields) ->
     for name, mark in marks.items():
         begin = raw.index(mark.tobytes())
         made[:, begin : begin + mark.nbytes] = np.ascontiguousarray(values[name]).view(np.uint8).reshape(len(made), -1)
-    return (row.tobytes() for row in made)
+    data, size = made.tobytes(), made.shape[1]
+    return (data[at : at + size] for at in range(0, len(data), size))
+
+
+@cache
+def _marks(fields: tuple[tuple[str, tuple[int, ...], np.dtype[Any]], ...]) -> Fields:
+    """Return a mark for each field, by its name, shape and type."""
+    random = np.random.default_rng(0)
+    return {name: random.integers(1 << 30, 1 << 31, shape).astype(kind) for name, shape, kind in fields}
