@@ -5,10 +5,8 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import rospy
-
 from hric_control.manager.client import ManagerClient, check_master
-from hric_control.manager.spawner import run_tool
+from hric_control.manager.spawner import read_words, run_tool
 
 _NAMED: dict[str, str] = {
     "load": "load controllers",
@@ -50,7 +48,7 @@ def parser() -> argparse.ArgumentParser:
 
 def run(argv: Sequence[str]) -> int:
     """Program `controller_manager`; returns the exit code."""
-    args = parser().parse_args(rospy.myargv(["tool", *argv])[1:])
+    args = read_words(parser(), argv)
 
     def work() -> None:
         check_master()

@@ -16,6 +16,8 @@ from hric_control.errors import HricError
 from hric_control.manager.client import ManagerClient, check_master
 from hric_control.parameters import read_yaml
 from hric_control.processes import run_command
+from hric_control.ros import RosNode
+from hric_control.ros.process import check_private, refuse_unread
 
 
 def spawner_parser() -> argparse.ArgumentParser:
@@ -156,7 +158,7 @@ def run_spawner(argv: Sequence[str]) -> int:
     Args:
         argv: command line without the program's name; ROS's own arguments may be among it.
     """
-    args = spawner_parser().parse_args(rospy.myargv([*_PROGRAM, *argv])[1:])
+    args = read_words(spawner_parser(), argv)
 
     def work() -> None:
         controllers = {name: one for argument in args.controllers for name, one in _controllers(argument).items()}
@@ -177,7 +179,7 @@ def run_spawner(argv: Sequence[str]) -> int:
 
 def run_unspawner(argv: Sequence[str]) -> int:
     """Program `unspawner`; returns the exit code."""
-    args = unspawner_parser().parse_args(rospy.myargv([*_PROGRAM, *argv])[1:])
+    args = read_words(unspawner_parser(), argv)
 
     def work() -> None:
         unspawner = Unspawner(_connect("unspawner", args), args.controllers)
@@ -189,7 +191,10 @@ def run_unspawner(argv: Sequence[str]) -> int:
     return run_tool("unspawner", work)
 
 
-_PROGRAM = ("tool",)  # rospy.myargv wants the program's name in front
+def read_words(parser: argparse.ArgumentParser, argv: Sequence[str]) -> argparse.Namespace:
+    """Read a tool's command line, which may have ROS's own arguments; a parameter is refused: a tool has none."""
+    check_private(parser.prog, words=argv)
+    return parser.parse_args(rospy.myargv([parser.prog, *argv])[1:])
 
 
 def run_tool(name: str, work: Callable[[], None]) -> int:
@@ -208,6 +213,7 @@ def run_tool(name: str, work: Callable[[], None]) -> int:
 def _connect(name: str, args: argparse.Namespace) -> ManagerClient:
     check_master()
     rospy.init_node(name, anonymous=True, disable_signals=True)
+    refuse_unread(RosNode("~"), ())
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _end)
     client = ManagerClient(args.namespace)

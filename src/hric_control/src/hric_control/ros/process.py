@@ -8,7 +8,7 @@ import select
 import signal
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import rospy
 from rospy.impl import tcpros_base
@@ -46,17 +46,18 @@ class NodeApp:
         """End; called once, also after an error of `tick`."""
 
 
-def check_private(name: str, known: Known = ()) -> None:
+def check_private(name: str, known: Known = (), words: Sequence[str] | None = None) -> None:
     """Refuse parameters (`_KEY:=VALUE`) of the command line that a node does not read, before a master is looked for:
     exits.
 
     Args:
         name: of the node.
         known: parameters that it reads.
+        words: of the command line; None: those of this process.
     """
     names = known_names(known)
     try:
-        for word in sys.argv[1:]:
+        for word in sys.argv[1:] if words is None else words:
             if ":=" in word and word.startswith("_") and not word.startswith("__"):
                 key, _, text = word[1:].partition(":=")
                 value = yaml_text.parse(text, f"~{name}/{key}")
