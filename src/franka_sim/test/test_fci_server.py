@@ -1,5 +1,6 @@
 """The server to a client in plain Python: life of a motion, clocks, bad clients. The robot's state is constant."""
 
+import logging
 import socket
 import struct
 import threading
@@ -153,6 +154,18 @@ def test_each_address_that_attacks_is_logged_once_for_as_long_as_it_goes_on(capl
             strike(ip)
         strike(ip)
     assert [caplog.text.count(f"{source}:") for source in sources] == [1, 1, 1], caplog.text
+
+
+def test_clients_that_leave_at_once_are_logged_once_for_as_long_as_it_goes_on(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.INFO, "hric.franka_sim.fci")
+    with serving(ConstantDevice()) as ip:
+        for _ in range(5):
+            with Peer(ip) as peer:
+                peer.state()
+        with Peer(ip) as peer:  # waits until the box has noticed that the last one has gone
+            peer.state()
+        assert caplog.text.count("is connected") == 1, caplog.text
+        assert caplog.text.count("connected for less than 1 s, has gone") == 1, caplog.text
 
 
 def test_a_flood_of_addresses_grows_neither_memory_nor_log(caplog: pytest.LogCaptureFixture) -> None:

@@ -1,6 +1,7 @@
 """A log that a flood of bad input cannot flood."""
 
 import logging
+import math
 import time
 from collections.abc import Callable
 
@@ -43,12 +44,17 @@ class Complaints:
         self._kinds[kind] = now, 0
         self._write(text, held)
 
-    def warn_of(self, host: str, text: str) -> None:
+    def counts(self, host: str) -> bool:
+        """True if what comes of an address now is counted, not written."""
+        return self._clock() - self._peers.get(host, (-math.inf, 0))[0] < PEER_QUIET
+
+    def warn_of(self, host: str, text: str, level: int = logging.WARNING) -> None:
         """Complain about a peer.
 
         Args:
             host: its address, whatever its port.
             text: what is written.
+            level: of the log.
         """
         now = self._clock()
         last, held = self._peers.pop(host, (-PEER_QUIET, 0))
@@ -56,7 +62,7 @@ class Complaints:
             self._peers[host] = now, held + 1
         elif self._has_room(now):
             self._peers[host] = now, 0
-            self._write(text, held)
+            self._write(text, held, level)
         else:
             self.warn("many addresses", f"{text}; there are too many addresses to write each")
 
@@ -69,5 +75,5 @@ class Complaints:
             del self._peers[host]
         return True
 
-    def _write(self, text: str, held: int) -> None:
-        LOG.warning("%s: %s%s", self._who, text, f" ({held} more like this)" if held else "")
+    def _write(self, text: str, held: int, level: int = logging.WARNING) -> None:
+        LOG.log(level, "%s: %s%s", self._who, text, f" ({held} more like this)" if held else "")

@@ -1,6 +1,7 @@
 """A service of the control box: listens on one TCP port, shakes hands, serves one client, and survives whatever else
 comes."""
 
+import logging
 import selectors
 import socket
 import time
@@ -31,11 +32,12 @@ READ, WRITE = selectors.EVENT_READ, selectors.EVENT_WRITE
 
 @dataclass
 class Client:
-    """The client that is served."""
+    """The client that is served; since: time.monotonic at its handshake [s]."""
 
     connection: Connection
     link: Link
     name: str
+    since: float
 
 
 class Service(ABC):
@@ -71,6 +73,7 @@ class Service(ABC):
             faults,
         )
         self.complaints = Complaints(f"{name} {address[0]}")
+        self._brief = Complaints(f"{name} {address[0]}")  # of clients that leave at once
         self.client: Client | None = None
         self._waiting: dict[Connection, tuple[str, float]] = {}
         self._listener = listen(address, name)
@@ -184,9 +187,10 @@ class Service(ABC):
         except OSError as error:
             raise BadMessageError(f"its UDP port {udp_port} cannot be reached: {error}") from None
         del self._waiting[connection]
-        self.client = Client(connection, link, peer)
+        self.client = Client(connection, link, peer, time.monotonic())
         self._selector.register(link.socket, READ, lambda _: self.on_datagrams())
-        LOG.info("%s %s: %s is connected", self.name, self._address[0], peer)
+        if not self._brief.counts(_host(peer)):
+            LOG.info("%s %s: %s is connected", self.name, self._address[0], peer)
         connection.respond(CONNECT, message.command_id, 0, VERSION.pack(self._version))
         self.on_client()
 
@@ -222,7 +226,10 @@ class Service(ABC):
     def _end_client(self, text: str) -> None:
         client, self.client = self.client, None
         assert client is not None
-        LOG.info("%s %s: %s %s", self.name, self._address[0], client.name, text)
+        if time.monotonic() - client.since < HANDSHAKE_TIME:
+            self._brief.warn_of(_host(client.name), f"{client.name}, connected for less than 1 s, {text}", logging.INFO)
+        else:
+            LOG.info("%s %s: %s %s", self.name, self._address[0], client.name, text)
         self._selector.unregister(client.connection.socket)
         self._selector.unregister(client.link.socket)
         client.connection.close()
