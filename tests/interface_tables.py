@@ -2,7 +2,7 @@
 
 A line above a table names what it lists: `<!-- declared: PREFIX MODULE:SETTINGS; ... -->`, where PREFIX, or nothing,
 stands before the names. A row of that name is replaced by what the declaration says, one that is missing is added;
-other rows are written by hand.
+other rows are written by hand. Below the heading Parameters of a page with declared ones stands `RULE`.
 """
 
 import importlib
@@ -15,6 +15,10 @@ from interface_pages import pages
 from hric_control.parameters import Settings, rows
 
 _MARK = re.compile(r"<!-- declared: (.+) -->")
+_HEADING = re.compile(r"^(##+ Parameters\n)(?!A parameter that nobody reads)", re.MULTILINE)
+RULE = """\
+A parameter that nobody reads is refused before anything begins, with the nearest valid name: a node ends with exit code 2, a controller is not loaded.
+"""  # noqa: E501
 
 
 def marks(page: str) -> list[str]:
@@ -44,7 +48,8 @@ def declared(mark: str) -> dict[str, str]:
 
 
 def printed(page: str) -> str:
-    """A page with the rows that its marks name."""
+    """A page with the rows that its marks name, and the rule for all parameters."""
+    page = _HEADING.sub(rf"\1{RULE}", page) if marks(page) else page
     lines: list[str] = []
     missing: dict[str, str] = {}
     table = False
