@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from hric_control.errors import ParameterError
-from hric_control.plants import Springs, bristle_torque
-from hric_control.plants.friction import FADE, GIVE, breakaways
+from hric_control.plants import Springs, bristle_torque, sigmoid_parameters
+from hric_control.plants.friction import FADE, GIVE, breakaways, refuse_other_joints
 from hric_control.plants.spring_step import BRISTLE_STIFFNESS
 
 STEP, MASS, BOUND = 1e-3, 2.0, 6.0
@@ -100,3 +100,28 @@ def test_a_breakaway_that_is_none_is_refused_with_its_joint(value):
         breakaways({"a": {"breakaway": 0.2}, "b": {"breakaway": value}}, ["a", "b"])
     assert breakaways({"phi1": [1.0, 1.0], "breakaway": [0.1, 0.2]}, ["a", "b"]) == [0.1, 0.2]
     assert breakaways({"a": {"phi1": 1.0}, "b": {"breakaway": 0.3}}, ["a", "b"]) == [0.0, 0.3]
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"c": {"phi1": 1.0}}, "no joint 'c' in friction_parameters; valid: a, b, breakaway, phi1, phi2, phi3"),
+        ({"phi4": [1.0, 1.0]}, r"no joint 'phi4' .*did you mean phi"),
+        ({"a": {"phi1": 1.0, "breakway": 0.1}}, r"no parameter 'breakway' in friction_parameters\.a; .*breakaway"),
+        ({"phi1": [1.0, 1.0, 1.0]}, r"friction_parameters\.phi1 is \[.*\]; valid: 2 values, for a, b"),
+        ({"phi1": 1.0}, r"friction_parameters\.phi1 is 1\.0; valid: 2 values, for a, b"),
+    ],
+)
+def test_friction_of_no_joint_and_lists_of_another_length_are_refused_by_their_key(given, message):
+    with pytest.raises(ParameterError, match=message):
+        refuse_other_joints(given, ["a", "b"])
+
+
+@pytest.mark.parametrize(("phi1", "phi2"), [(-0.5, 5.0), (0.5, -5.0)])
+def test_friction_that_drives_is_refused(phi1, phi2):
+    with pytest.raises(ParameterError, match=r"\(phi1, phi2\) of a is .*; valid: 0 or more each"):
+        sigmoid_parameters({"a": {"phi1": phi1, "phi2": phi2, "phi3": 0.0}}, ["a"])
+
+
+def test_friction_by_joint_and_in_lists_is_taken():
+    refuse_other_joints({"phi1": [1.0, 1.0], "a": {"phi2": 1.0}, "breakaway": [0.1, 0.2]}, ["a", "b"])

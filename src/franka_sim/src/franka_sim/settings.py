@@ -7,7 +7,6 @@ from typing import Any, TypeVar
 
 from franka_hw_interface.arm_parameters import ARM_ID, collision_config, read_arm_id
 from franka_hw_interface.arm_services import CollisionThresholds
-from franka_hw_interface.kdl_chain import GRAVITY
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.limits import franka_limits
 from franka_hw_interface.rate_limits import RateLimits
@@ -18,7 +17,7 @@ from hric_control.errors import CommandError, DescriptionError, ParameterError, 
 from hric_control.limits import ENFORCE_LIMITS
 from hric_control.node import Node
 from hric_control.parameters import Settings, anything, flag, mapping, number, numbers, per_joint, section, text
-from hric_control.plants import rotor_inertia
+from hric_control.plants import GRAVITY, rotor_inertia
 from hric_control.sim.sim_loop import REAL_TIME_FACTOR
 
 Q_START = (0.0, -math.pi / 4, 0.0, -3 * math.pi / 4, 0.0, math.pi / 2, math.pi / 4)
@@ -125,7 +124,7 @@ def read(node: Node, kind: type[AnyBoxSettings]) -> tuple[AnyBoxSettings, Realis
 
 def make_model(node: Node, urdf_xml: str, arm_id: str, plant: Mapping[str, Any]) -> KdlFrankaModel:
     """What the arm knows of itself; it senses the direction of the plant's gravity, as a real one its mounting."""
-    gravity = numbers(3, unit="m/s^2").checked(plant.get("gravity", GRAVITY), node.resolve("plant/gravity"))
+    gravity = GRAVITY.checked(plant.get("gravity", GRAVITY), node.resolve("plant/gravity"))
     try:
         model = KdlFrankaModel(urdf_xml, arm_id, gravity_world=gravity)
     except UnknownNameError as error:

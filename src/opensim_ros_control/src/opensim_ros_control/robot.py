@@ -16,6 +16,7 @@ from hric_control.plants import (
     WindowlessConfig,
     breakaways,
     law_jacobian,
+    refuse_other_joints,
     sigmoid_parameters,
 )
 from hric_control.urdf import ONE_COORDINATE, mimic_laws
@@ -140,6 +141,7 @@ class Robot:
         """A row of the identified friction per coordinate, where there is some."""
         if self.config.friction != "identified":
             return None
+        refuse_other_joints(self.config.friction_parameters, self.joint_names)
         phi = sigmoid_parameters(self.config.friction_parameters, self.joint_names)
         rows = np.zeros((self.engine.nu, len(Losses().sigmoid_row())))
         rows[self.user] = [Losses(sigmoid=of_joint).sigmoid_row() for of_joint in phi]

@@ -5,7 +5,7 @@ This is the module to import from, but for `faces` (where two shapes lie on each
 
 from hric_control.plant import Surface
 from hric_control.plants.bushings import BushingLaw, Bushings, Motion
-from hric_control.plants.config import PlantConfig, WindowlessConfig, rotor_inertia
+from hric_control.plants.config import GRAVITY, PlantConfig, WindowlessConfig, rotor_inertia
 from hric_control.plants.divergence import DivergedError, Divergence
 from hric_control.plants.engine_plant import EnginePlant
 from hric_control.plants.friction import (
@@ -14,6 +14,7 @@ from hric_control.plants.friction import (
     Phi,
     breakaways,
     bristle_torque,
+    refuse_other_joints,
     sigmoid_parameters,
     sigmoid_torque,
 )
@@ -28,6 +29,7 @@ from hric_control.plants.wrenches import Wrenches
 
 __all__ = [
     "BREAKAWAY",
+    "GRAVITY",
     "PHI",
     "PLAIN_LINK",
     "BushingLaw",
@@ -63,6 +65,7 @@ __all__ = [
     "model_of_urdf",
     "payload",
     "reciprocals",
+    "refuse_other_joints",
     "rotor_inertia",
     "sigmoid_parameters",
     "sigmoid_torque",

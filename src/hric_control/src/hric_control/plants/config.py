@@ -1,9 +1,11 @@
 """The parameters that all plants share."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from hric_control.geometry import Vector
 from hric_control.parameters import (
     Settings,
     choice,
@@ -19,6 +21,23 @@ from hric_control.parameters import (
     whole,
 )
 from hric_control.plants.surfaces import SurfaceRule
+
+
+LARGEST_GRAVITY = 10.0
+"""[m/s^2]; Earth's is 9.83 at most, at the poles (WGS 84)."""
+
+
+def _gravity(vector: Vector) -> Vector:
+    """Refuse what pulls upwards, and more than Earth's."""
+    if vector[2] > 0.0 or math.hypot(*vector) > LARGEST_GRAVITY:
+        raise ValueError
+    return vector
+
+
+GRAVITY: Any = numbers(
+    3, (0.0, 0.0, -9.81), made=_gravity, name="gravity", unit="m/s^2", text="gravity in the world frame, z up"
+)
+GRAVITY.accepts = f"three finite numbers, {LARGEST_GRAVITY:g} at most in size and the third not above 0"
 
 
 @dataclass(frozen=True)
@@ -60,7 +79,7 @@ class PlantConfig(Settings):
     world: str = text(
         "", valid="a path or package://", text="world file, path or package://; see pybullet_ros_control, Worlds"
     )
-    gravity: tuple[float, ...] = numbers(3, (0.0, 0.0, -9.81), unit="m/s^2", text="gravity in the world frame")
+    gravity: Vector = GRAVITY
     gui: bool = flag(False, text="window of the engine; needs a display")
     half_step_readout: bool = flag(True, text="semi-implicit: read q - dt dq/2 instead of the engine's q")
     seed: int = whole(0, text="kept with the run; nothing in this plant is random")

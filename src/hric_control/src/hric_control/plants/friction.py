@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hric_control.errors import ParameterError
-from hric_control.parameters import as_number
+from hric_control.parameters import Mistakes, as_number, refused, unknown
 
 PHI = ("phi1", "phi2", "phi3")
 Phi = tuple[float, float, float]
@@ -56,7 +56,7 @@ def sigmoid_parameters(parameters: Any, joint_names: Sequence[str]) -> list[Phi]
         parameters: either {phi1: [n], phi2: [n], phi3: [n]} or {joint: {phi1: .., phi2: .., phi3: ..}}.
 
     Raises:
-        ParameterError: a joint or a value is missing.
+        ParameterError: a joint or a value is missing, or phi1 or phi2 is below 0.
     """
     if not isinstance(parameters, Mapping) or not parameters:
         raise ParameterError(
@@ -68,13 +68,38 @@ def sigmoid_parameters(parameters: Any, joint_names: Sequence[str]) -> list[Phi]
         per_joint = parameters.get(joint)
         try:
             source = per_joint if per_joint is not None else {phi: parameters[phi][i] for phi in PHI}
-            result.append((as_number(source["phi1"]), as_number(source["phi2"]), as_number(source["phi3"])))
+            phi = as_number(source["phi1"]), as_number(source["phi2"]), as_number(source["phi3"])
         except (KeyError, IndexError, TypeError, ValueError) as error:
             raise ParameterError(
                 f"friction_parameters: phi1, phi2 and phi3 of {joint} are missing or not numbers; got "
                 f"{dict(parameters)}"
             ) from error
+        if phi[0] < 0.0 or phi[1] < 0.0:
+            raise refused(f"friction_parameters: (phi1, phi2) of {joint}", phi[:2], "0 or more each: friction brakes")
+        result.append(phi)
     return result
+
+
+def refuse_other_joints(parameters: Mapping[str, Any], joint_names: Sequence[str]) -> None:
+    """Refuse friction parameters that `sigmoid_parameters` and `breakaways` would pass over.
+
+    Raises:
+        ParameterError: lists each key that is neither a joint nor a parameter, and each list of another length.
+    """
+    mistakes, own = Mistakes(), (*PHI, BREAKAWAY)
+    for key, value in parameters.items():
+        with mistakes.noted():
+            if key in own and (not isinstance(value, list | tuple) or len(value) != len(joint_names)):
+                raise refused(
+                    f"friction_parameters.{key}", value, f"{len(joint_names)} values, for {', '.join(joint_names)}"
+                )
+            if key not in own and key not in joint_names:
+                raise unknown("joint", key, (*joint_names, *own), "friction_parameters")
+        for name in value if key in joint_names and isinstance(value, Mapping) else ():
+            with mistakes.noted():
+                if name not in own:
+                    raise unknown("parameter", name, own, f"friction_parameters.{key}")
+    mistakes.raise_all()
 
 
 def bristle_torque(dq: npt.NDArray[np.float64], time: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:

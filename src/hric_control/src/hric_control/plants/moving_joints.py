@@ -12,7 +12,7 @@ from hric_control.errors import CommandError, UnknownNameError
 from hric_control.plant import FloatArray, Mode
 from hric_control.plants.config import PlantConfig
 from hric_control.plants.divergence import Divergence
-from hric_control.plants.friction import FADE, GIVE, Phi, breakaways, sigmoid_parameters
+from hric_control.plants.friction import FADE, GIVE, Phi, breakaways, refuse_other_joints, sigmoid_parameters
 
 T = TypeVar("T")
 
@@ -172,6 +172,7 @@ class MovingJoints:
             for rotor, joint in zip(self.spread(config.rotor_inertia, self.zeros), self.joints, strict=True)
         ]
         if config.friction == "identified":
+            refuse_other_joints(config.friction_parameters, self.actuated)
             phis = sigmoid_parameters(config.friction_parameters, self.actuated)
             held = breakaways(config.friction_parameters, self.actuated)
             for i, phi, breakaway in zip(self.user, phis, held, strict=True):

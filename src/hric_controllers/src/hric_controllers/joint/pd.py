@@ -10,7 +10,7 @@ from std_msgs.msg import Float64MultiArray
 from control_msgs.msg import JointTrajectoryControllerState
 from hric_control import realtime
 from hric_control.controller import Controller
-from hric_control.errors import CommandError
+from hric_control.errors import CommandError, ParameterError
 from hric_control.hardware_interface import EffortJointInterface
 from hric_control.node import LiveParameter, Node
 from hric_control.parameters import Settings, flag, names, number, per_joint, section
@@ -85,9 +85,20 @@ class LiveGains:
         return tuple(float(values.get(name, before[name])) for name in self._names[kind])
 
     def publish_start(self) -> None:
-        """Put the gains of the YAML on the parameter server under their live names: what an earlier run left there must
-        not win."""
-        for name, value in self.values().items():
+        """Put the gains of `kp` and `kd` on the parameter server under their live names: what an earlier run left there
+        must not win.
+
+        Raises:
+            ParameterError: only some of the names are there: no run left them, and they would do nothing.
+        """
+        values = self.values()
+        there = [name for name in values if self._node.has_param(name)]
+        if 0 < len(there) < len(values):
+            raise ParameterError(
+                f"{', '.join(map(self._node.resolve, there))} cannot be given before the start; valid: kp, kd, each one "
+                "number, a list or a mapping by joint"
+            )
+        for name, value in values.items():
             self._node.set_param(name, value)
 
 

@@ -14,7 +14,7 @@ from hric_control import plugins, yaml_text
 from hric_control.errors import HricError, check_known
 from hric_control.geometry import quaternion_from_rotation, transform_from_rpy
 from hric_control.magnitudes import likely_unit
-from hric_control.plants import BREAKAWAY, PHI, breakaways, resources, sigmoid_parameters
+from hric_control.plants import BREAKAWAY, PHI, breakaways, refuse_other_joints, resources, sigmoid_parameters
 from hric_control.sim.robot_hw_sim import RobotHWSim
 from hric_control.trial.c3d import located
 from hric_experiments.definition.experiment import Experiment, ExperimentError, RobotSpec, Setpoint, package_path
@@ -222,6 +222,7 @@ def _friction(spec: RobotSpec) -> dict[str, Any]:
         return {"friction": friction}
     published = panda_description.friction_parameters(spec.arm_id)
     chosen = spec.plant.get("friction_parameters") or published
+    refuse_other_joints(chosen, list(published))
     values = [dict(zip(PHI, phi, strict=True)) for phi in sigmoid_parameters(chosen, list(published))]
     held = breakaways(chosen, list(published))
     if BREAKAWAY in chosen or any(held):
