@@ -30,6 +30,12 @@ FILES = {
     "wrong.yaml": "robot: {hw: franka_sim/FrankaHWSim}\ncontrolers: []\ncontrollers: [a]\nduration: -1\n",
     "study.yaml": "description: x\nforms: {a: {experiment: pd_step, runs: {b: []}, compared: [{runs: [b, c]}]}}\n",
     "scene.yaml": "bodys: []\n",
+    "limits.yaml": "title: x\nedition: 2026\nsources: {us: own}\nsource: us\nforce_factor: 200\nforces:\n"
+    "- {region: face, quasi_static: 65000}\n",
+    "short.yaml": "title: x\nedition: 2026\nsources: {us: own}\nsource: us\nforces:\n"
+    "- {region: chest, quasi_static: 140, transient: 14}\n",
+    "stops.yaml": "title: x\nkind: measurement\nsource: me\nreaction_time: 100\nstops:\n"
+    "- {speed: 1, time: 300}\n- {speed: 0.5, time: 0}\n",
     "cut.urdf": "<robot",
     "open/run.yaml": "experiment: pd_step\n",
 }
@@ -132,6 +138,23 @@ TOOLS = [
     ("hric_perception emg --source lsl", r"\[_source:=lsl\].*\n.*unrecognized arguments: --source lsl"),
     ("hric_perception live_plot speed", r"no panel 'speed'; valid: efforts, emg"),
     ("hric_perception live_plot --screenshot x.bmp", r"--screenshot x\.bmp: .*valid: \.png, \.svg, \.pdf"),
+    (
+        "hric_assessment assess --limits limits.yaml",
+        r"force_factor is 200; valid: .*from 1 to 10.*quasi_static is 65000; valid: .* above 0 to 1000",
+    ),
+    ("hric_assessment assess --limits short.yaml", r"transient is 14\.0; valid: quasi_static, 140, or more"),
+    (
+        "hric_assessment assess --stop stops.yaml",
+        r"100 ms would be 0\.1 s.*300 ms would be 0\.3 s.*time is 0;.*valid: .* above 0 to 10",
+    ),
+    ("hric_assessment assess --picture x.png", r"--picture x\.png cannot be; valid: a file \.svg"),
+    ("hric_experiments export notes.txt --format csv --surface 0.05", r"--surface has no effect; .*c3d"),
+    (
+        "hric_experiments export notes.txt --format csv --load-body hand_r",
+        r"--load-body has no effect",
+    ),
+    ("hric_experiments export notes.txt --format c3d --surface 50", r"--surface is 50\.0; .*50 mm would be 0\.05 m"),
+    ("panda_description urdf hand:=true hand:=false", r"argument hand is given more than once"),
     ("panda_description urdf color:=red", r"no argument 'color'; valid: arm_id, .*hand"),
     ("panda_description urdf damping:=[1,", r"damping is '\[1,'; valid: a finite number of 0 or more"),
     ("panda_description inertials --set mine", r"invalid choice: 'mine' \(choose from 'barycentric', 'thesis'\)"),

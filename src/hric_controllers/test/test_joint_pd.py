@@ -217,7 +217,7 @@ def test_the_yaml_wins_over_live_gains_of_an_earlier_run():
 @pytest.mark.parametrize("name", ["kp_all", "kd_all", "kp_a", "kd_b"])
 def test_a_live_gain_given_before_the_start_is_refused_with_the_keys_that_act(name):
     text = refusal(**{name: 50.0})
-    assert f"/pd/{name} cannot be given before the start; valid: kp, kd" in text
+    assert f"/pd/{name} cannot be given before the start; valid: kp and kd" in text
 
 
 def test_an_arm_and_a_controller_that_both_add_gravity_are_refused_by_name():

@@ -47,6 +47,8 @@ MAGNITUDES: Mapping[str, Magnitude] = {
     "N m": Magnitude(
         1e4, "the thesis's bound of an integral (listing 5), above any arm's torque", {"N mm": 1e-3, "N cm": 1e-2}
     ),
+    "N m/s": Magnitude(1e6, "a thousand times a Panda's 1000 N m/s (Franka, limits for Panda)", {"N mm/s": 1e-3}),
+    "N s/m": Magnitude(1e6, "critical damping of 1000 kg on a spring of 1e6 N/m, with a margin" + _UNCONFIRMED, {}),
     "N m/rad": Magnitude(4e4, "above the largest gain of the thesis, 30000 (listing 5)", {"N mm/rad": 1e-3}),
     "N m s/rad": Magnitude(1e4, "critical damping of a joint so stiff" + _UNCONFIRMED, {"N mm s/rad": 1e-3}),
     "s": Magnitude(3600.0, "a session with a person" + _UNCONFIRMED, {"ms": 1e-3}),

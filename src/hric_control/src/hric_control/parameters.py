@@ -215,6 +215,23 @@ def refused(where: str, value: object, valid: str) -> ParameterError:
     return ParameterError(f"{where} is {_short(value)}; valid: {valid}")
 
 
+def refuse_void(settings: "Settings", name: str, where: str, needed: str) -> None:
+    """Refuse a parameter that has no effect, unless it has its default.
+
+    Args:
+        settings: to which it belongs.
+        name: of the attribute.
+        where: prefix of its name.
+        needed: with which it has one.
+
+    Raises:
+        ParameterError: it has another value.
+    """
+    parameter, value = declared(type(settings))[name], getattr(settings, name)
+    if value != parameter.checked(parameter.default, name):
+        raise ParameterError(f"{where}{parameter.name} has no effect; valid: with {needed}")
+
+
 def _short(value: Any) -> str:
     """A value for one line; of a long one the beginning and the length."""
     shown = repr(value)
@@ -282,15 +299,17 @@ class Settings:
         """The parameters of a mapping.
 
         Args:
-            content: of a file or of the parameter server; None counts as empty.
+            content: of a file or of the parameter server; None counts as empty, but for a whole file.
             where: its name: "/arm/profile", "mocap.human", "world.yaml: objects[0]", "world.yaml:" for a whole file.
             joints: of values per joint.
 
         Raises:
             ParameterError: no mapping, an unknown key, or a value that is not valid.
         """
-        content = {} if content is None else content
         by_name = {parameter.name: key for key, parameter in declared(cls).items()}
+        if content is None and where.endswith(":"):
+            raise ParameterError(f"{where[:-1]} is empty; valid: a mapping with {', '.join(by_name)}")
+        content = {} if content is None else content
         if not isinstance(content, Mapping):
             raise refused(where.rstrip(":/."), content, f"a mapping with {', '.join(by_name)}")
         mistakes = Mistakes()

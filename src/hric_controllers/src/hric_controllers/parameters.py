@@ -40,9 +40,14 @@ STRICT_GAINS: Any = flag(
 )
 
 
+LOWEST_RATE, HIGHEST_RATE = 0.1, 1e4
+"""Of a state that is published [Hz]; project default, unconfirmed: below, a period in seconds was meant, and no loop is
+faster."""
+
+
 def state_rate(default: float) -> Any:
     """The parameter `state_publish_rate`."""
-    return number(default, minimum=0.0, unit="Hz", name="state_publish_rate", text="0: never")
+    return number(default, minimum=0.0, maximum=HIGHEST_RATE, unit="Hz", name="state_publish_rate", text="0: never")
 
 
 def position_ranges(root_node: Node, joints: Sequence[str]) -> list[tuple[float, float]]:

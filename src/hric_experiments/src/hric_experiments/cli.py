@@ -124,9 +124,7 @@ def _in_any_order(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> 
         if sign and not key.endswith(":") and not Path(word).exists():
             parser.error(f"{word!r} is no override; write {key}:={value}")
     given.overrides = [word for word in words if ":=" in word]
-    keys = [word.partition(":=")[0] for word in given.overrides]
-    if twice := sorted({key for key in keys if keys.count(key) > 1}):
-        parser.error(f"{', '.join(twice)} is given more than once; valid: each key once")
+    overrides.once(tuple(given.overrides))
     names = [word for word in words if ":=" not in word]
     if len(names) != 1:
         valid = f"valid: {', '.join(experiment.names())}, or the path of a YAML file"
@@ -253,6 +251,8 @@ def compare(arguments: Sequence[str]) -> int:
         raise experiment.ExperimentError(
             f"--labels names {len(names)} runs ({', '.join(names)}), but {len(runs)} are compared"
         )
+    if len(set(given.labels or ())) < len(given.labels or ()):
+        raise experiment.ExperimentError(f"--labels has {', '.join(names)}; valid: a different name for each run")
     if len(runs) > 2 and not given.html:
         raise experiment.ExperimentError(f"{len(runs)} runs are compared on a page only: add --html, or name two runs")
     folder = Path(given.output).expanduser() if given.output else root / "_vs_".join(run.path.name for run in runs)

@@ -133,6 +133,11 @@ class Simulation:
         self._set_load()
         app.manager.switch(list(definition.controllers), [], loop_running=False)
         tap.unregister()
+        for name in dict.fromkeys(setpoint.controller for setpoint in definition.setpoints):
+            command = node.advertise(f"{name}/command", Float64MultiArray)
+            if not command.subscribers():
+                raise HricError(f"setpoints of {name} have no effect; valid: a controller with a topic command")
+            command.unregister()
         return limits, early
 
     def _set_load(self) -> None:

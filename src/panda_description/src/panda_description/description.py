@@ -224,6 +224,8 @@ def parse(words: Sequence[str]) -> dict[str, Any]:
             raise ParameterError(f"{word!r} is not of the form ARG:=VALUE; arguments: {', '.join(valid)}")
         if name not in valid:
             raise UnknownNameError("argument", name, valid)
+        if name in given:
+            raise ParameterError(f"argument {name} is given more than once; valid: each once")
         given[name] = valid[name].checked(_value(value, valid[name].kind), f"argument {name}")
     return given
 

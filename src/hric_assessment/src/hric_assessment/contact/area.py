@@ -1,7 +1,7 @@
 """Check that an area of a contact can be one: most that cannot are mistakes of units.
 
     check_area(2e-5, ["hand, fingers"])
-    check_area(0.2)                         # 2000 cm^2: HricError, which suggests 2e-5
+    check_area(0.2)                         # 2000 cm^2: ParameterError, which suggests 2e-5
 
 The ranges by region are in config/tables/contact_areas.yaml.
 """
@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterable
 
 from hric_assessment.tables import area_table
-from hric_control.errors import HricError
+from hric_control.errors import ParameterError
 
 CM2 = 1e-4
 """Square centimetre [m^2]."""
@@ -25,7 +25,7 @@ def check_area(area: float, regions: Iterable[str] = (), name: str = "contact_ar
         name: name of the option or key, for the message.
 
     Raises:
-        HricError: the area is smaller than a point or larger than the smallest of the regions.
+        ParameterError: the area is smaller than a point or larger than the smallest of the regions.
     """
     table = area_table()
     known = {region: table.largest[region] for region in regions if region in table.largest}
@@ -39,7 +39,7 @@ def check_area(area: float, regions: Iterable[str] = (), name: str = "contact_ar
         return
     valid = f"valid: {smallest:g} to {largest:g} m^2 ({table.mark})"
     if not math.isfinite(area) or area <= 0.0:
-        raise HricError(f"{name} is {area:g} m^2; {valid}")
+        raise ParameterError(f"{name} is {area:g} m^2; {valid}")
     meant = f"; did you mean {area:g} cm^2: {area * CM2:g}?" if smallest <= area * CM2 <= largest else ""
     side = "larger" if area > largest else "smaller"
-    raise HricError(f"{name} is {area:g} m^2, which is {area / CM2:g} cm^2, {side} than {of}; {valid}{meant}")
+    raise ParameterError(f"{name} is {area:g} m^2, which is {area / CM2:g} cm^2, {side} than {of}; {valid}{meant}")

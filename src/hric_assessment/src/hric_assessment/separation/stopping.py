@@ -34,9 +34,9 @@ class Row(Settings):
 
     speed: float = number(above=0.0, unit="m/s", text="with which the end effector moves when braking begins")
     load: float = number(0.0, minimum=0.0, unit="kg", text="that the arm carries")
-    time: float = number(minimum=0.0, unit="s", text="from then on until it is at rest")
+    time: float = number(above=0.0, maximum=10.0, unit="s", text="from then on until it is at rest")
     distance: float | None = number(
-        None, minimum=0.0, unit="m", default_text="speed times time", text="that the end effector covers in that time"
+        None, above=0.0, unit="m", default_text="speed times time", text="that the end effector covers in that time"
     )
 
 
@@ -53,7 +53,10 @@ class StopTable(Settings):
     source: str = text(empty=False, text="who or what made it, when and how")
     command: str | None = text(None, empty=False, text="that makes it again")
     reaction_time: float = number(
-        minimum=0.0, unit="s", text="from the request to stop until braking begins; perception is not in it"
+        minimum=0.0,
+        maximum=5.0,
+        unit="s",
+        text="from the request to stop until braking begins; perception is not in it",
     )
     stops: tuple[Row, ...] = listing(section(Row), text="rows, see below")
 

@@ -4,12 +4,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hric_control.parameters import Settings, anything, choice, flag, listing, names, number, text
+from hric_control.parameters import Settings, anything, choice, flag, listing, names, number, refuse_void, text
 
 SPEED_AND_SEPARATION, POWER_AND_FORCE = "speed_and_separation", "power_and_force_limiting"
 HAND_GUIDED, STANDSTILL = "hand_guided", "monitored_standstill"
 MODES = (SPEED_AND_SEPARATION, POWER_AND_FORCE, HAND_GUIDED, STANDSTILL)
 HUMAN, MARKER, PERSON = "human", "marker", "person"
+ACTS_WITH = {
+    **dict.fromkeys(("guided_speed", "guided_distance", "guided_stiffness", "guided_force"), HAND_GUIDED),
+    **dict.fromkeys(("contact_stiffness", "contact_area"), POWER_AND_FORCE),
+    **dict.fromkeys(("body", "hand_radius"), MARKER),
+}
+"""Parameters that act in one mode, or with one source, alone."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +73,7 @@ class SupervisorSettings(Settings):
     hysteresis: float = number(
         0.05, minimum=0.0, unit="m", text="that the person must be farther away to let it go faster"
     )
-    hold: float = number(0.3, minimum=0.0, unit="s", text="for which that must last")
+    hold: float = number(0.3, minimum=0.0, maximum=60.0, unit="s", text="for which that must last")
     max_age: float = number(
         0.08,
         above=0.0,
@@ -83,7 +89,11 @@ class SupervisorSettings(Settings):
         text="a point of the person that is faster cannot be: a fault; five times the speed of a hand by ISO 13855",
     )
     person_hold: float = number(
-        1.0, minimum=0.0, unit="s", text="for which the person's data must be valid again after it could not be"
+        1.0,
+        minimum=0.0,
+        maximum=60.0,
+        unit="s",
+        text="for which the person's data must be valid again after it could not be",
     )
     contact_stiffness: float = number(
         200.0, above=0.0, unit="N/m", text="with `power_and_force_limiting`: largest stiffness while the person is near"
@@ -104,6 +114,14 @@ class SupervisorSettings(Settings):
         text="that this is no certified safety function, and no protective stop; without it an arm whose address is "
         "not 127.* is refused",
     )
+
+    def check(self, where: str) -> None:
+        """Refuse what the mode and the source, or a file of stops, make void."""
+        for name, word in ACTS_WITH.items():
+            if word not in (self.mode, *self.source):
+                refuse_void(self, name, where, f"{where}{'source' if word == MARKER else 'mode'}: {word}")
+        if self.stops:
+            refuse_void(self, "settling_time", where, f"no {where}stops")
 
     @property
     def table(self) -> str | Path:

@@ -12,6 +12,9 @@ from hric_human.body.regions import REGION_MODELS
 FOOT = "foot, toes, ankle"
 """A region of BG/BGIA that ISO/TS 15066 and so `hric_human.body.regions` do not have."""
 REGIONS = (*REGION_MODELS, FOOT)
+LARGEST_LIMIT, LARGEST_FACTOR = 1000.0, 10.0
+"""Of a row [N] or [N/cm^2], twice what any published table has (transient, 440 N and 600 N/cm^2); of a factor [1], five
+times the 2 of ISO/TS 15066."""
 NO_TRANSIENT = "none"
 """In place of a transient limit: a touch is not permitted, however short and soft."""
 
@@ -22,9 +25,9 @@ class Row(Marked):
 
     region: str = choice(*REGIONS, default=REQUIRED, text="of the body")
     area: str | None = text(None, empty=False, text="of the region, by any name; without one all of it")
-    quasi_static: float = number(above=0.0, text="limit of what lasts")
+    quasi_static: float = number(above=0.0, maximum=LARGEST_LIMIT, text="limit of what lasts")
     transient: float | str | None = either(
-        number(above=0.0),
+        number(above=0.0, maximum=LARGEST_LIMIT),
         choice(NO_TRANSIENT),
         default=None,
         default_text="by the factor",
@@ -65,9 +68,15 @@ class LimitTable(Table):
     """What a person bears of a contact."""
 
     force_factor: float | None = number(
-        None, minimum=1.0, unit="1", text="transient over quasi-static force of rows without a transient one"
+        None,
+        minimum=1.0,
+        maximum=LARGEST_FACTOR,
+        unit="1",
+        text="transient over quasi-static force of rows without a transient one",
     )
-    pressure_factor: float | None = number(None, minimum=1.0, unit="1", text="likewise of pressures")
+    pressure_factor: float | None = number(
+        None, minimum=1.0, maximum=LARGEST_FACTOR, unit="1", text="likewise of pressures"
+    )
     forces: tuple[ForceRow, ...] = listing(section(ForceRow), text="rows [N], see below")
     pressures: tuple[PressureRow, ...] = listing(section(PressureRow), default=(), text="rows [N/cm^2], see below")
 
@@ -91,6 +100,8 @@ class LimitTable(Table):
 
     def _check_row(self, row: Row, labels: Sequence[Any], where: str) -> None:
         check_sources(row.source, self.sources, where)
+        if isinstance(row.transient, float) and row.transient < row.quasi_static:
+            raise refused(f"{where}.transient", row.transient, f"quasi_static, {row.quasi_static:g}, or more")
         label = (row.region, row.area, getattr(row, "hand", None))
         if labels.count(label) > 1:
             raise refused(where, ", ".join(filter(None, label)), "each region, area and hand once")

@@ -60,6 +60,8 @@ def main(arguments: Sequence[str]) -> int:
         HricError: a mistake in the call, or a recording that cannot be read.
     """
     options = _parser().parse_args(list(arguments))
+    if (shown := options.picture) is not None and (shown.suffix != ".svg" or not shown.parent.is_dir()):
+        raise HricError(f"--picture {shown} cannot be; valid: a file .svg in a folder that exists")
     root = runs_root(options.runs)
     limits = options.limits if options.limits in LIMIT_TABLES else Path(options.limits).expanduser()
     stops = None if options.stop is None else stopping.load(options.stop)

@@ -16,7 +16,8 @@ from hric_bags.export.anonymous import Anonymiser
 from hric_bags.export.output import Output
 from hric_bags.export.recording import Source
 from hric_bags.export.table import ExportError, Table
-from hric_control.errors import HricError, UnknownNameError
+from hric_control.errors import HricError, ParameterError, UnknownNameError
+from hric_control.parameters import number
 
 PLAIN = ("npz", "csv", "parquet")
 FORMATS = (*PLAIN, "trc", "mot", "sto", "external_loads", "c3d", "bag")
@@ -52,6 +53,11 @@ class Request:
         for kind in self.formats:
             if kind not in FORMATS:
                 raise UnknownNameError("format", kind, FORMATS)
+        number(minimum=-0.5, maximum=0.5, unit="m").checked(self.surface, "--surface")
+        if self.surface and not {"external_loads", "c3d"} & set(self.formats):
+            raise ParameterError("--surface has no effect; valid: with --format external_loads or c3d")
+        if self.load_body and "external_loads" not in self.formats:
+            raise ParameterError("--load-body has no effect; valid: with --format external_loads")
 
 
 @dataclass
@@ -248,8 +254,8 @@ class _Job:
         known = self.anonymiser is None
         stem = source.folder.path.name if source.folder is not None and known else self._stem
         pieces, started = list(c3d_format.parts(trial)), str(source.run.get("started") or "") if known else ""
-        for number, piece in enumerate(pieces, 1):
-            name = f"{stem}_{number}.c3d" if len(pieces) > 1 else f"{stem}.c3d"
+        for part, piece in enumerate(pieces, 1):
+            name = f"{stem}_{part}.c3d" if len(pieces) > 1 else f"{stem}.c3d"
             self.output.write("c3d", name, partial(c3d_format.write, piece, started=started))
         self.notes.append(f"c3d: {c3d_trial.describe(trial)}")
 

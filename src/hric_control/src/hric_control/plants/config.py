@@ -22,7 +22,6 @@ from hric_control.parameters import (
 )
 from hric_control.plants.surfaces import SurfaceRule
 
-
 LARGEST_GRAVITY = 10.0
 """[m/s^2]; Earth's is 9.83 at most, at the poles (WGS 84)."""
 

@@ -16,7 +16,7 @@ class SurfaceSettings(Settings):
     contact: str | None = choice("rigid", "penalty", default=None, text="contact law")
     stiffness: float | None = number(None, above=0.0, unit="N/m", text="of penalty contact")
     damping: float = number(0.0, minimum=0.0, unit="N s/m", text="of penalty contact")
-    friction: float | None = number(None, minimum=0.0, text="coefficient; a pair has the product of both")
+    friction: float | None = number(None, minimum=0.0, maximum=10.0, text="coefficient; a pair has the product of both")
 
     def check(self, where: str) -> None:
         """Refuse a spring without its kind of contact."""

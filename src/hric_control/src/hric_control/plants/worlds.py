@@ -1,5 +1,6 @@
 """Worlds: the objects around a robot, from a YAML file."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +12,8 @@ from hric_control.plant import Surface
 from hric_control.plants.resources import resolve
 from hric_control.plants.surfaces import SurfaceRule, SurfaceSettings
 
+DENSEST = 2.3e4
+"""[kg/m^3]; the densest element, osmium, has 2.26e4."""
 SIZES = {
     "box": ("length", "width", "height"),
     "sphere": ("radius",),
@@ -83,6 +86,19 @@ class _Object(SurfaceSettings):
             )
         if self.shape == "plane" and self.mass > 0.0:
             raise refused(f"{where}mass", self.mass, "0: a plane has no mass [kg]")
+        if self.urdf and self.shape != "urdf":
+            raise ParameterError(f"{where}urdf has no effect on a {self.shape}; valid: {where}shape urdf, or no urdf")
+        if self.mass == 0.0 and self.velocity != _Velocity():
+            raise ParameterError(f"{where}velocity has no effect without a mass; valid: with {where}mass above 0 [kg]")
+        if self.size and self.mass > (heaviest := DENSEST * self._bound):
+            grams = f"{self.mass:g} g would be {1e-3 * self.mass:g} kg"
+            raise refused(f"{where}mass", self.mass, f"up to {heaviest:.3g} [kg] of that size; {grams}")
+
+    @property
+    def _bound(self) -> float:
+        """Volume of a box that holds the shape [m^3]."""
+        first, last = self.size[0], self.size[-1]
+        return math.prod(self.size) if self.shape == "box" else 4.0 * first**2 * (2.0 * first + last)
 
     def built(self, folder: Path, default_stiffness: float) -> WorldObject:
         """The object; folder: where relative addresses begin."""

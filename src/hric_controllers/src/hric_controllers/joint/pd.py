@@ -95,8 +95,8 @@ class LiveGains:
         there = [name for name in values if self._node.has_param(name)]
         if 0 < len(there) < len(values):
             raise ParameterError(
-                f"{', '.join(map(self._node.resolve, there))} cannot be given before the start; valid: kp, kd, each one "
-                "number, a list or a mapping by joint"
+                f"{', '.join(map(self._node.resolve, there))} cannot be given before the start; valid: kp and kd, each "
+                "one number, a list or a mapping by joint"
             )
         for name, value in values.items():
             self._node.set_param(name, value)
@@ -124,7 +124,7 @@ class PdSettings(parameters.LawSettings):
         number(unit="rad"), None, text="where to go at the start; without it the arm is held where it is"
     )
     strict_gains: bool = parameters.STRICT_GAINS
-    gain_ramp: float = number(1.0, minimum=0.0, unit="s", text="time in which live gains take over")
+    gain_ramp: float = number(1.0, minimum=0.0, maximum=60.0, unit="s", text="time in which live gains take over")
     state_publish_rate: float = parameters.state_rate(100.0)
 
 

@@ -13,7 +13,7 @@ from hric_control.controller import Controller
 from hric_control.node import Node
 from hric_control.parameters import names, number
 from hric_control.robot_hw import RobotHW
-from hric_controllers.parameters import ArmSettings, Throttle
+from hric_controllers.parameters import HIGHEST_RATE, LOWEST_RATE, ArmSettings, Throttle
 from hric_controllers.state import messages
 
 
@@ -22,7 +22,7 @@ class FrankaStateSettings(ArmSettings):
     """Parameters of the controller."""
 
     joint_names: tuple[str, ...] = names(7, text="names in the joint states")
-    publish_rate: float = number(30.0, above=0.0, unit="Hz")
+    publish_rate: float = number(30.0, minimum=LOWEST_RATE, maximum=HIGHEST_RATE, unit="Hz")
 
 
 class FrankaStateController(Controller):

@@ -10,7 +10,7 @@ from hric_control.hardware_interface import JointStateInterface
 from hric_control.node import Node
 from hric_control.parameters import Settings, listing, number, refused, section, text
 from hric_control.robot_hw import RobotHW
-from hric_controllers.parameters import Throttle
+from hric_controllers.parameters import HIGHEST_RATE, LOWEST_RATE, Throttle
 from hric_controllers.state.messages import joint_state
 
 
@@ -28,7 +28,7 @@ class ExtraJoint(Settings):
 class JointStateSettings(Settings):
     """Parameters of the controller."""
 
-    publish_rate: float = number(above=0.0, unit="Hz")
+    publish_rate: float = number(minimum=LOWEST_RATE, maximum=HIGHEST_RATE, unit="Hz")
     extra_joints: tuple[ExtraJoint, ...] = listing(
         section(ExtraJoint),
         default=(),

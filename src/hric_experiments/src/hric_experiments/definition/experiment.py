@@ -94,7 +94,7 @@ class LoadSpec(Settings):
         unit="kg",
         text="of the payload that `franka_control/set_load` gets before the controllers start; 0: none",
     )
-    com: Vector = numbers(3, ORIGIN, unit="m", text="its centre of mass in the flange frame")
+    com: Vector = numbers(3, ORIGIN, minimum=-1.0, maximum=1.0, unit="m", text="its centre of mass in the flange frame")
 
     def check(self, where: str) -> None:
         """Refuse a centre of nothing."""
@@ -102,8 +102,12 @@ class LoadSpec(Settings):
             raise ParameterError(f"{where}com has no effect without a mass; valid: with {where}mass above 0 [kg]")
 
 
-OF_THE_BRINGUP = {"real_time_factor": "real_time_factor:=FACTOR", "wait_for_log_listener": "record:=true"}
-"""Private parameters of the robot's node that the bring-up sets, and its argument for each."""
+OF_THE_BRINGUP = {
+    "real_time_factor": "scripts/bringup real_time_factor:=FACTOR; a headless run is as fast as it can",
+    "wait_for_log_listener": "scripts/bringup record:=true",
+}
+"""Private parameters of the robot's node that the bring-up sets itself and a headless run does not read, and what to
+give instead."""
 
 
 @dataclass(frozen=True)
@@ -126,17 +130,10 @@ class RobotSpec(Settings):
     def check(self, where: str) -> None:
         """Refuse what another key of the robot makes void."""
         mistakes = Mistakes()
-        for key in sorted({"robot_hw", *declared(RobotSpec)} & set(self.parameters)):
+        own = {key: f"{where}{key}" for key in declared(RobotSpec)} | {"robot_hw": f"{where}hw", **OF_THE_BRINGUP}
+        for key in sorted(own.keys() & self.parameters.keys()):
             with mistakes.noted():
-                own = "hw" if key == "robot_hw" else key
-                raise ParameterError(f"{where}parameters.{key} has no effect; valid: {where}{own}")
-        for key, own in OF_THE_BRINGUP.items():
-            with mistakes.noted():
-                if key in self.parameters:
-                    raise ParameterError(
-                        f"{where}parameters.{key} has no effect: the bring-up sets it, and a headless run does not "
-                        f"read it; valid: scripts/bringup {own}"
-                    )
+                raise ParameterError(f"{where}parameters.{key} has no effect; valid: {own[key]}")
         with mistakes.noted():
             # The bring-up always gives the pose of the base.
             unread = [key for key, value in self.description.items() if value not in ("0 0 0", list(ORIGIN))]
@@ -155,16 +152,12 @@ class RobotSpec(Settings):
         mistakes.raise_all()
 
 
-LARGEST_TOLERANCE = 0.5
-"""[rad]; project default, unconfirmed: a joint so far from its setpoint has not settled, and 1 degree is less."""
-
-
 @dataclass(frozen=True)
 class MetricsSpec(Settings):
     """How a run is judged."""
 
     tolerances: tuple[float, ...] = listing(
-        number(above=0.0, maximum=LARGEST_TOLERANCE, unit="rad"),
+        number(above=0.0, maximum=0.5, unit="rad"),
         range(1, 100),
         (1e-2, 1e-3),
         made=lambda given: tuple(sorted(given, reverse=True)),
@@ -253,6 +246,9 @@ class Experiment(Settings):
                 if setpoint.time >= self.duration:
                     end = f"is not before the end (duration {self.duration} s)"
                     raise ParameterError(f"setpoints[{i}].time {setpoint.time} s {end}")
+            with mistakes.noted():
+                if (setpoint.time, setpoint.controller) in ((one.time, one.controller) for one in self.setpoints[:i]):
+                    raise ParameterError(f"setpoints[{i}].time is that of the one before; valid: one at a time")
         with mistakes.noted():
             if others := sorted(set(self.parameters) - set(self.controllers)):
                 raise ParameterError(f"parameters for {', '.join(others)}, which is {valid}")
@@ -268,6 +264,11 @@ class Experiment(Settings):
                     )
         with mistakes.noted():
             self._check_supervisor()
+        if (area := (self.human or {}).get("contact_area")) is not None:
+            from hric_assessment.contact.area import check_area  # a run without a person need not wait for it
+
+            with mistakes.noted():
+                check_area(as_number(area), name="human.contact_area")
         mistakes.raise_all()
 
     def _check_supervisor(self) -> None:

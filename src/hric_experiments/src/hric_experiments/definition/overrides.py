@@ -116,6 +116,14 @@ def apply(raw: Mapping[str, Any], overrides: Iterable[str]) -> dict[str, Any]:
     return result
 
 
+def once(words: tuple[str, ...]) -> tuple[str, ...]:
+    """Return overrides as they are. Raises ParameterError: a key is given twice, and the first does nothing."""
+    keys = [word.partition(":=")[0] for word in words]
+    if twice := sorted({key for key in keys if keys.count(key) > 1}):
+        raise ParameterError(f"{', '.join(twice)} is given more than once; valid: each key once")
+    return words
+
+
 def _note(keys: dict[tuple[str, ...], str], key: str, path: Sequence[str]) -> None:
     """Remember which key set a path; refuse it where it makes another key void."""
     for earlier, other in keys.items():

@@ -17,6 +17,7 @@ from hric_control.magnitudes import likely_unit
 from hric_control.plants import BREAKAWAY, PHI, breakaways, refuse_other_joints, resources, sigmoid_parameters
 from hric_control.sim.robot_hw_sim import RobotHWSim
 from hric_control.trial.c3d import located
+from hric_control.urdf import read
 from hric_experiments.definition.experiment import Experiment, ExperimentError, RobotSpec, Setpoint, package_path
 
 ROBOT = "robot"
@@ -216,6 +217,10 @@ def _realistic(spec: RobotSpec, plant: dict[str, Any]) -> dict[str, Any]:
 def _friction(spec: RobotSpec) -> dict[str, Any]:
     """What the plant needs for the friction of the Panda's description."""
     friction = spec.plant.get("friction", spec.description.get("friction", "none"))
+    if friction == "coulomb" and not any(joint.friction for joint in read(description(spec)).joints.values()):
+        raise ExperimentError(
+            "friction: coulomb has no effect: no joint has <dynamics friction>; valid: none, identified, a file"
+        )
     if spec.urdf or friction == "none":
         return {}
     if friction != "identified":

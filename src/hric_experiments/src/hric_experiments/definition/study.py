@@ -11,6 +11,7 @@ from hric_control.parameters import Settings, listing, mapping, number, read_yam
 from hric_control.parameters import names as names_
 from hric_experiments.definition import experiment
 from hric_experiments.definition.experiment import Experiment, ExperimentError
+from hric_experiments.definition.overrides import once
 
 EXAMPLE = """\
 description: how stiffness changes the step
@@ -25,7 +26,7 @@ forms:
 RENAMED = {"opensim_vs_pybullet": "engines"}
 """Names that studies had before."""
 _NUMERIC = re.compile(r"-?\d+(\.\d+)?")
-OVERRIDES: Any = listing(text(empty=False), default=(), different=True)
+OVERRIDES: Any = listing(text(empty=False), default=(), different=True, made=once)
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,9 @@ class Form(Settings):
 
     name: str = ""
     experiment: str = text(empty=False, text="its name, or the path of its YAML file")
-    changes: tuple[str, ...] = listing(text(empty=False), default=(), different=True, text="overrides of all runs")
+    changes: tuple[str, ...] = listing(
+        text(empty=False), default=(), different=True, made=once, text="overrides of all runs"
+    )
     runs: Mapping[str, tuple[str, ...]] = mapping(
         OVERRIDES, text="name of each run and its own overrides, in the order in which they are run"
     )

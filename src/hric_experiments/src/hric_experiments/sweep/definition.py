@@ -29,7 +29,7 @@ from hric_control.parameters import (
 )
 from hric_experiments.definition import experiment, overrides
 from hric_experiments.definition.experiment import ExperimentError
-from hric_experiments.definition.overrides import in_yaml
+from hric_experiments.definition.overrides import in_yaml, once
 from hric_experiments.sweep.outputs import Output
 from hric_experiments.sweep.samplers.make import SAMPLER, make
 from hric_experiments.sweep.samplers.sampler import Sampler
@@ -111,7 +111,7 @@ class Quick(Settings):
 
     separator = "."
     runs: int = whole(8, minimum=1, text="in place of `runs`")
-    changes: tuple[str, ...] = listing(text(empty=False), default=(), text="further overrides of all runs")
+    changes: tuple[str, ...] = listing(text(empty=False), default=(), made=once, text="further overrides of all runs")
     sampler: Any = anything({}, default_text="none", text="keys that replace those of `sampler`")
 
 
@@ -123,7 +123,9 @@ class SweepSection(Settings):
     vary: Mapping[str, Variable] = mapping(section(Variable), text="variables by name: `paths`, `unit`, `distribution`")
     correlation: Any = anything((), default_text="none", text="lists of two variables and their correlation")
     sampler: Settings = SAMPLER
-    runs: int | None = whole(None, minimum=1, text="how many, at most; none: the sampler knows it, as grid and list do")
+    runs: int | None = whole(
+        None, minimum=1, maximum=10_000_000, text="how many, at most; none: the sampler knows it, as grid and list do"
+    )
     seeds: str = choice(
         "each", "common", text="each: a seed for every run; common: one for all (common random numbers)"
     )
@@ -137,7 +139,7 @@ class SweepSection(Settings):
         unit="s",
         text="of processor time for one run, and of wall time in which it does nothing; its worker is killed then",
     )
-    memory: float = number(MEMORY, above=0.0, unit="GB", text="that a worker may take")
+    memory: float = number(MEMORY, above=0.0, maximum=1000.0, unit="GB", text="that a worker may take")
     keep: Keep = section(Keep)
     quick: Quick = section(Quick)
 
@@ -150,7 +152,7 @@ class Sweep(Settings):
     name: str = ""
     description: str = text("", text="one line for people")
     extends: str = text(empty=False, text="the experiment: its name, or the path of its YAML file")
-    changes: tuple[str, ...] = listing(text(empty=False), default=(), text="overrides of all runs")
+    changes: tuple[str, ...] = listing(text(empty=False), default=(), made=once, text="overrides of all runs")
     sweep: SweepSection = section(SweepSection, REQUIRED)
 
 
@@ -347,7 +349,8 @@ def _quick(content: Mapping[str, Any], quick: Quick) -> dict[str, Any]:
     section["runs"] = quick.runs
     if quick.sampler:
         section["sampler"] = {**(section.get("sampler") or {}), **quick.sampler}
-    return {**content, "changes": [*(content.get("changes") or ()), *quick.changes], "sweep": section}
+    changes = {word.partition(":=")[0]: word for word in (*(content.get("changes") or ()), *quick.changes)}
+    return {**content, "changes": list(changes.values()), "sweep": section}
 
 
 def _plain(content: Any) -> Any:

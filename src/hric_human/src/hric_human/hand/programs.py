@@ -41,7 +41,7 @@ class Sinusoid(Motion, Program):
     """
 
     centre: Vector = numbers(3, (0.6, 0.0, 0.4), unit="m", text="where it begins and ends")
-    amplitude: Vector = numbers(3, (0.0, 0.1, 0.0), unit="m")
+    amplitude: Vector = numbers(3, (0.0, 0.1, 0.0), minimum=-2.0, maximum=2.0, unit="m")
     frequency: float = number(0.25, above=0.0, maximum=10.0, unit="Hz")
     cycles: float = number(3.0, minimum=0.5, text="swings; a multiple of a half")
     ramp: float = number(1.0, above=0.0, unit="s", text="how long it takes to set off, and to come to rest")

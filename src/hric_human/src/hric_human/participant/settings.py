@@ -16,6 +16,7 @@ from hric_control.parameters import (
     mapping,
     number,
     numbers,
+    refuse_void,
     schema_of,
     section,
     text,
@@ -71,7 +72,7 @@ class CloseSettings(Settings):
 
     separator = "."
     time: float = number(0.0, minimum=0.0, unit="s", text="after the motion's start; 0: from the first cycle on")
-    distance: float = number(0.05, above=0.0, unit="m", text="between palm and handle at the most")
+    distance: float = number(0.05, above=0.0, maximum=0.5, unit="m", text="between palm and handle at the most")
     by_service: bool = flag(False, text="closes only when the service asks for it")
 
 
@@ -86,6 +87,11 @@ class ReleaseSettings(Settings):
     )
     delay: float = number(0.0, minimum=0.0, maximum=5.0, unit="s", text="from the load to the open hand")
 
+    def check(self, where: str) -> None:
+        """Refuse a delay after no load."""
+        if self.load is None:
+            refuse_void(self, "delay", where, f"{where}load")
+
 
 @dataclass(frozen=True)
 class GripSettings(Settings):
@@ -94,7 +100,9 @@ class GripSettings(Settings):
     separator = "."
     held: str = text(empty=False, text='body that is held: "link" of the robot or "model::link"')
     holder: str = text(HAND, empty=False, text="body that holds it; hand: the one that follows and feels")
-    handle: Vector = numbers(3, ORIGIN, unit="m", text="where it is held, in axes of its link")
+    handle: Vector = numbers(
+        3, ORIGIN, minimum=-3.0, maximum=3.0, unit="m", text="where it is held, in axes of its link"
+    )
     palm: Vector = numbers(
         3, ORIGIN, unit="m", text="where it is held, in axes of the holder's link; of a hand from its centre of mass"
     )
@@ -145,7 +153,7 @@ class HumanSettings(Settings):
         unit="m",
         text="x, y in the world of the middle between his hips, or of his shoulders where he is all arms",
     )
-    heading: float = number(math.pi, unit="rad", text="where he looks, from x towards y")
+    heading: float = number(math.pi, minimum=-7.0, maximum=7.0, unit="rad", text="where he looks, from x towards y")
     floor: float = number(-0.75, unit="m", text="height of the floor that he stands on, in the world")
     control: Any = anything({}, default_text="`{}`", text="what moves his joints: Control, below")
     drive: str = choice(
@@ -166,7 +174,10 @@ class HumanSettings(Settings):
     seed: int = whole(0, minimum=0, text="of all that varies")
 
     def check(self, where: str) -> None:
-        """Refuse what the controller would refuse of its parameters."""
+        """Refuse what the controller would refuse of its parameters, and decisions of muscles that move nobody."""
+        if self.drive != MUSCLE:
+            for name in ("rate", "co_contraction"):
+                refuse_void(self.muscles, name, f"{where}muscles.", f"{where}drive: {MUSCLE}")
         checked(self.control, tuple(joint.name for joint in joints(self.person.chains)), f"{where}control")
 
     @property

@@ -16,7 +16,7 @@ import numpy as np
 
 from hric_control.errors import ParameterError
 from hric_control.geometry import Pose
-from hric_control.parameters import Settings, listing, number, numbers
+from hric_control.parameters import Settings, listing, number, numbers, refused
 from hric_control.urdf import write_inertial
 from hric_human.body import Body
 from hric_human.body.segments import ROOT
@@ -29,6 +29,8 @@ SHARE = 0.01
 project defaults, unconfirmed."""
 STIFFNESS_RATE = 30.0
 """Natural frequency of the spring and, critically damped, of the damper that hold him on his way [rad/s]."""
+FASTEST = 12.5
+"""[m/s]; a sprinter's 12.3 m/s (IAAF, Berlin 2009), rounded up."""
 REACH = 100.0
 """How far he can walk [m]."""
 
@@ -49,12 +51,15 @@ class WalkSettings(Settings):
     )
 
     def check(self, where: str) -> None:
-        """Refuse times that do not rise."""
+        """Refuse times that do not rise, and speeds that nobody has."""
         times = [row[0] for row in self.points]
         if not times or times[0] < 0.0 or any(b <= a for a, b in pairwise(times)):
             raise ParameterError(
                 f"{where}points must have one row or more, [time, x, y], and the times must rise, from 0 s on"
             )
+        for (begin, *a), (end, *b) in pairwise(self.points):
+            if (speed := 15 / 8 * math.dist(a, b) / (end - begin)) > FASTEST:
+                raise refused(f"{where}points after {begin:g} s", f"{speed:.3g} m/s", f"up to {FASTEST:g} m/s")
 
 
 class Walk:
