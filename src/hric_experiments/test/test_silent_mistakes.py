@@ -102,6 +102,10 @@ MISTAKES = [
         "run pd_step 'robot.plant:={friction: identified, friction_parameters: {panda_joint8: {phi1: 1}}}'",
         r"no joint 'panda_joint8' .*panda_joint1, .*did you mean panda_joint7",
     ),
+    (
+        "run pd_step 'robot.plant:={friction: identified, friction_parameters: []}'",
+        r"identified needs friction_parameters",
+    ),
     ("run pd_step robot.plant.time_step:=1", r"1 ms would be 0\.001 s"),
     ("run pd_step world:=wall.yaml", r"size is .*600 mm would be 0\.6 m"),
     ("run pd_step world:=heavy_ball.yaml", r"ball\]\.mass is 250\.0; valid: up to .*250 g would be 0\.25 kg"),

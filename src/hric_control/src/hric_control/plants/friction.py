@@ -80,14 +80,14 @@ def sigmoid_parameters(parameters: Any, joint_names: Sequence[str]) -> list[Phi]
     return result
 
 
-def refuse_other_joints(parameters: Mapping[str, Any], joint_names: Sequence[str]) -> None:
+def refuse_other_joints(parameters: Any, joint_names: Sequence[str]) -> None:
     """Refuse friction parameters that `sigmoid_parameters` and `breakaways` would pass over.
 
     Raises:
         ParameterError: lists each key that is neither a joint nor a parameter, and each list of another length.
     """
     mistakes, own = Mistakes(), (*PHI, BREAKAWAY)
-    for key, value in parameters.items():
+    for key, value in parameters.items() if isinstance(parameters, Mapping) else ():
         with mistakes.noted():
             if key in own and (not isinstance(value, list | tuple) or len(value) != len(joint_names)):
                 raise refused(

@@ -226,7 +226,8 @@ def _friction(spec: RobotSpec) -> dict[str, Any]:
     if friction != "identified":
         return {"friction": friction}
     published = panda_description.friction_parameters(spec.arm_id)
-    chosen = spec.plant.get("friction_parameters") or published
+    given = spec.plant.get("friction_parameters", {})
+    chosen = published if given == {} else given
     refuse_other_joints(chosen, list(published))
     values = [dict(zip(PHI, phi, strict=True)) for phi in sigmoid_parameters(chosen, list(published))]
     held = breakaways(chosen, list(published))
