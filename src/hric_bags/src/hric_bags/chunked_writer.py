@@ -18,7 +18,7 @@ _HEAD = Struct("<II3sBI5sII5sIII")
 """Record of a message in front of its data: length of the header; size, name and value of `op`, `conn` and `time` (two
 numbers); length of the data."""
 _NAMES = (_HEAD.size - 8, 4, b"op=", RecordType.MSGDATA, 9, b"conn="), (13, b"time=")
-"""Of that what is the same of all messages."""
+"""Values of the header that are the same for all messages."""
 
 
 class ChunkedWriter(Writer):

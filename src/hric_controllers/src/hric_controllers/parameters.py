@@ -41,8 +41,8 @@ STRICT_GAINS: Any = flag(
 
 
 LOWEST_RATE, HIGHEST_RATE = 0.1, 1e4
-"""Of a state that is published [Hz]; project default, unconfirmed: below, a period in seconds was meant, and no loop is
-faster."""
+"""Range of the rate of a state topic [Hz]; project default, unconfirmed: below, a period in seconds was
+meant, and no loop is faster."""
 
 
 def state_rate(default: float) -> Any:

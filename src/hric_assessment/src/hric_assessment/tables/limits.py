@@ -13,8 +13,8 @@ FOOT = "foot, toes, ankle"
 """A region of BG/BGIA that ISO/TS 15066 and so `hric_human.body.regions` do not have."""
 REGIONS = (*REGION_MODELS, FOOT)
 LARGEST_LIMIT, LARGEST_FACTOR = 1000.0, 10.0
-"""Of a row [N] or [N/cm^2], twice what any published table has (transient, 440 N and 600 N/cm^2); of a factor [1], five
-times the 2 of ISO/TS 15066."""
+"""Largest value of a row [N] or [N/cm^2], twice that of any published table (transient, 440 N and 600 N/cm^2); and
+of a factor [1], five times the 2 of ISO/TS 15066."""
 NO_TRANSIENT = "none"
 """In place of a transient limit: a touch is not permitted, however short and soft."""
 

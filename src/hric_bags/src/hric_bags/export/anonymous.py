@@ -101,7 +101,7 @@ class Anonymiser:
         self._run, self._metrics = run, metrics
         self._done: dict[str, None] = {}
         self._templates: dict[tuple[str, str, int], list[Template | None]] = {}
-        """By topic, type and size of its messages [B]; None: one that is decoded each time."""
+        """Templates by topic, type and size of its messages [B]; None: messages that are decoded each time."""
 
     def _note(self, what: str) -> None:
         self._done.setdefault(what)

@@ -23,7 +23,7 @@ _STAMP, _LENGTH = Struct("<iI"), Struct("<I")
 
 
 class Template:
-    """What messages of one type have in common that differ in numbers and stamps alone.
+    """Common part of messages of one type that differ in numbers and stamps alone.
 
     Args:
         store: definitions of the types.

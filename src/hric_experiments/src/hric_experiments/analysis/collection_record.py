@@ -201,7 +201,7 @@ class _Frames:
 
 
 class _Truth:
-    """Where the emulated hand was."""
+    """Path of the emulated hand."""
 
     def __init__(self) -> None:
         self._rows, self._frame = array("d"), ""

@@ -153,7 +153,7 @@ class HumanSettings(Settings):
         unit="m",
         text="x, y in the world of the middle between his hips, or of his shoulders where he is all arms",
     )
-    heading: float = number(math.pi, minimum=-7.0, maximum=7.0, unit="rad", text="where he looks, from x towards y")
+    heading: float = number(math.pi, minimum=-7.0, maximum=7.0, unit="rad", text="viewing direction, from x towards y")
     floor: float = number(-0.75, unit="m", text="height of the floor that he stands on, in the world")
     control: Any = anything({}, default_text="`{}`", text="what moves his joints: Control, below")
     drive: str = choice(
