@@ -1,9 +1,14 @@
-"""An engine of sweeps that carries runs out in this process, as they come."""
+"""An engine of sweeps that carries runs out in this process, as they come, and sweeps that are supervised here."""
 
 from concurrent.futures import Future
+from pathlib import Path
 from typing import Any
 
+from hric_experiments.sweep import definition, table
 from hric_experiments.sweep import task as runs_of_sweeps
+from hric_experiments.sweep.engines.engine import Engine
+from hric_experiments.sweep.journal import Journal
+from hric_experiments.sweep.supervisor import Supervisor
 
 
 class Here:
@@ -37,3 +42,11 @@ class Here:
 
     def close(self, *, now: bool) -> None:
         raise NotImplementedError
+
+
+def carried_out(folder: Path, plan: definition.Plan, engine: Engine) -> list[table.Row]:
+    """Supervise a sweep in this process; returns its rows in the order of their indices."""
+    with Journal(folder) as journal:
+        supervisor = Supervisor(plan, folder, journal, engine, "code")
+        supervisor.run()
+    return [supervisor.rows[index] for index in sorted(supervisor.rows)]

@@ -6,20 +6,11 @@ import bad_controller
 import numpy as np
 import pytest
 import test_sweep as sweeps
-from in_process import Here
+from in_process import Here, carried_out
 
-from hric_experiments.sweep import definition, table
-from hric_experiments.sweep.journal import Journal
-from hric_experiments.sweep.supervisor import Supervisor
+from hric_experiments.sweep import definition
 
 RUNS, WORST = 5, 2
-
-
-def carried_out(folder: Path, plan: definition.Plan, engine: Here) -> list[table.Row]:
-    with Journal(folder) as journal:
-        supervisor = Supervisor(plan, folder, journal, engine, "code")
-        supervisor.run()
-    return [supervisor.rows[index] for index in sorted(supervisor.rows)]
 
 
 def test_the_worst_runs_are_kept_with_the_signals_that_gave_their_numbers_also_after_ctrl_c(tmp_path: Path) -> None:

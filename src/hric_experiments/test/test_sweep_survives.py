@@ -7,20 +7,25 @@ import signal
 import subprocess
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import bad_controller
 import pytest
 import test_sweep as sweeps
 import test_sweep_adaptive as adaptive
+from in_process import Here, carried_out
 
-from hric_experiments.sweep import table
+from hric_experiments.sweep import carrying, definition, table
+from hric_experiments.sweep.engines.pebble_engine import PebbleEngine
 
 ENOUGH = 580.0
 """For anything here, on a machine that does much else [s]."""
 SAMPLERS = {"random": {"runs": 12}, **adaptive.SAMPLERS}
 PATIENCE = 45.0
 """With a run that takes a second, and its worker's first steps [s]."""
+SHORT, HEALTHY = 4.0, 24
+"""Likewise with a run that takes a twentieth of that [s]; how many of them stand before one that hangs."""
 
 
 def begun(folder: Path, *arguments: str | Path, before: Sequence[str] = ()) -> "subprocess.Popen[str]":
@@ -166,3 +171,30 @@ def test_a_run_that_hangs_is_killed_tried_again_and_marked_and_its_neighbours_ar
     )
     others = frame.drop(1)
     assert (others["failure"] == "").all() and (others["attempt"] == 1).all() and others["speed"].notna().all()
+
+
+def test_a_worker_that_is_killed_costs_no_run_and_a_run_that_hangs_costs_itself_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(carrying, "TRIES", 2)  # a worker begins anew for each
+    ways = ["not"] * HEALTHY
+    healthy = definition.load(str(bad_controller.sweep(tmp_path / "healthy", monkeypatch, ways)))
+    expected = carried_out(tmp_path / "healthy", healthy, Here())
+    path = bad_controller.sweep(tmp_path / "hangs", monkeypatch, [*ways, "hangs"], timeout=SHORT)
+    engine, folder = PebbleEngine(1, 4e9), tmp_path / "hangs"
+    try:
+        with ThreadPoolExecutor() as beside:
+            sweep = beside.submit(carried_out, folder, definition.load(str(path)), engine)
+            while not ended(folder):
+                assert not sweep.done()
+                time.sleep(0.005)
+            (worker,) = children(os.getpid())
+            os.kill(worker, signal.SIGKILL)
+            *rows, hung = sweep.result(ENOUGH)
+    finally:
+        engine.close(now=True)
+    told = "took more than 4 s of processor time, or did nothing so long"
+    assert hung["failure"] == f"poison: {told} in each of 2 tries"
+    assert [row["attempt"] for row in rows].count(2) == 1 and {row["failure"] for row in rows} == {""}
+    same = ("id", "seed", "outputs", "state_sha256")
+    assert [[row[name] for name in same] for row in rows] == [[row[name] for name in same] for row in expected]
