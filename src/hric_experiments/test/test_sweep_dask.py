@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import bad_controller
+import distributed
 import pytest
 import test_sweep as sweeps
 import test_sweep_survives as survives
@@ -38,7 +39,9 @@ def sha256(folder: Path) -> str:
     return table.results_sha256(table.read(folder))
 
 
-def test_the_table_of_a_cluster_is_that_of_one_machine(tmp_path: Path, cluster: Cluster) -> None:
+def test_the_table_of_a_cluster_is_that_of_one_machine_also_after_kill_9_of_a_worker(
+    tmp_path: Path, cluster: Cluster
+) -> None:
     for _ in range(2):
         cluster.start_worker()
     path = sweeps.written(tmp_path, runs=2 * CHUNK + 3)
@@ -49,6 +52,21 @@ def test_the_table_of_a_cluster_is_that_of_one_machine(tmp_path: Path, cluster: 
     assert "distributed" not in printed and "Warning" not in printed
     kept = sorted(one.name for one in (alone / "columns").iterdir())
     assert kept and sorted(one.name for one in (of_cluster / "columns").iterdir()) == kept
+    killed = killed_at_its_chunk(tmp_path / "killed", path, cluster)
+    assert sha256(killed) == sha256(alone)
+
+
+def killed_at_its_chunk(folder: Path, path: Path, cluster: Cluster) -> Path:
+    """Folder of a sweep in which one of two workers was killed while it had a chunk."""
+    process = survives.begun(folder, path, "--dask", cluster.address)
+    with distributed.Client(cluster.address) as client:
+        survives.until(
+            lambda: survives.folder_in(folder / "runs").exists() and all(client.processing().values()), process
+        )
+        os.kill(cluster.worker_pid(cluster.workers[0]), signal.SIGKILL)
+    printed, _ = process.communicate(timeout=ENOUGH)
+    assert process.returncode == 0, printed
+    return survives.folder_in(folder / "runs")
 
 
 @pytest.mark.slow  # three sweeps, two clusters
@@ -103,7 +121,10 @@ def test_the_table_is_the_same_after_kill_9_at_random_moments(
         assert sha256(folder) == expected
 
 
-def test_a_client_that_gave_the_scheduler_up_says_that_it_is_lost_whatever_it_fails_by(cluster: Cluster) -> None:
+def test_a_client_that_gave_the_scheduler_up_says_that_it_is_lost_whatever_it_fails_by(
+    cluster: Cluster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(dask_engine, "CONNECT", 3.0)  # after that long it gives up
     cluster.start_worker()
     engine = DaskEngine(cluster.address, 4e9)
     try:
