@@ -2,17 +2,25 @@
 explained."""
 
 import functools
+import io
 import re
+import shlex
 import subprocess
+from collections.abc import Iterator
+from contextlib import redirect_stdout
 from pathlib import Path
+from typing import Any
 
 import pytest
 import roslaunch.arg_dump
 import roslaunch.config
+import roslaunch.loader
 import yaml
 from roslaunch.core import RLException
 
 from hric_control import urdf
+from hric_control.errors import HricError
+from hric_experiments import cli
 
 PACKAGE, FILE = "hric_bringup", "bringup.launch"
 
@@ -35,6 +43,34 @@ def nodes(config: roslaunch.config.ROSLaunchConfig) -> dict[str, str]:
 
 def parameters(config: roslaunch.config.ROSLaunchConfig) -> dict[str, object]:
     return {name: parameter.value for name, parameter in config.params.items()}
+
+
+@functools.cache
+def described(*words: str) -> str:
+    """What `describe` prints. Raises HricError."""
+    with redirect_stdout(io.StringIO()) as printed:
+        cli.describe(words)
+    return printed.getvalue()
+
+
+@pytest.fixture(autouse=True, scope="module")
+def described_here() -> Iterator[None]:
+    """`describe` runs in this process, since one for each parameter would load the workspace hundreds of times; where
+    it refuses, roslaunch starts it and says so. Bring-ups of tests/integration start it always."""
+    started = roslaunch.loader.Loader.param_value
+
+    def param_value(loader: Any, verbose: bool, name: str, kind: str, *sources: str | None) -> Any:
+        words = shlex.split(sources[-1] or "")
+        if words and Path(words[0]).name == "describe":
+            try:
+                return roslaunch.loader.convert_value(described(*words[1:]), kind)
+            except HricError:
+                pass
+        return started(loader, verbose, name, kind, *sources)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(roslaunch.loader.Loader, "param_value", param_value)
+        yield
 
 
 @pytest.fixture(autouse=True)
