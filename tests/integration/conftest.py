@@ -4,13 +4,12 @@ import os
 import sys
 import warnings
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts/lib"))
-from live_system import READY_TIMEOUT, LiveSystem, wait_for
+from live_system import READY_TIMEOUT, LiveSystem, PdStep, wait_for
 
 from hric_experiments.definition import parameters
 
@@ -40,19 +39,6 @@ def start(tmp_path: Path) -> Iterator[Callable[..., LiveSystem]]:
     yield started
     for system in systems:
         system.close()
-
-
-@dataclass(frozen=True)
-class PdStep:
-    """A bring-up with the experiment pd_step on PyBullet.
-
-    Attributes:
-        system: which has ended by itself, or should have.
-        services: that it offered while it ran.
-    """
-
-    system: LiveSystem
-    services: set[str]
 
 
 @pytest.fixture(scope="session")

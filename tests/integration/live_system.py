@@ -7,6 +7,7 @@ import time
 import uuid
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from unittest import mock
 
@@ -176,3 +177,16 @@ class LiveSystem:
     def run_folder(self) -> Path:
         """Folder of the newest run."""
         return (self.runs / "latest").resolve()
+
+
+@dataclass(frozen=True)
+class PdStep:
+    """A bring-up with the experiment pd_step on PyBullet.
+
+    Attributes:
+        system: which has ended by itself, or should have.
+        services: that it offered while it ran.
+    """
+
+    system: LiveSystem
+    services: set[str]

@@ -1,31 +1,50 @@
 """One bring-up, three engines: nothing above the plant can tell which one it is."""
 
 import json
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack, closing
 
 import numpy as np
 import pytest
 from bags import control_log, gaps_and_repeats, topics
-from live_system import LiveSystem
+from live_system import LiveSystem, PdStep
 
 pytestmark = pytest.mark.alone
 
-Start = Callable[..., LiveSystem]
+ENGINES = ("opensim", "mujoco")
 NOT_OF_PYBULLET = {"/sim/joint_reactions"}
 BEFORE_OR_AFTER = {"/sim/contacts"}
 """One message says at the start that nothing touches: the recorder is there by then, or not yet."""
 
 
-@pytest.mark.parametrize("engine", ["opensim", "mujoco"])
+def ran(system: LiveSystem) -> PdStep:
+    """A bring-up that has ended, with the services that it offered."""
+    services = system.services_of_a_run()
+    system.wait(timeout=150.0)
+    return PdStep(system, services)
+
+
+@pytest.fixture(scope="module")
+def runs(pd_step: PdStep, tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Future[PdStep]]]:
+    """Bring-ups with the experiment on each engine, all at once: they mostly wait for their time to pass."""
+    with ExitStack() as stack:
+        systems, beside = {}, stack.enter_context(ThreadPoolExecutor())
+        for engine in ENGINES:
+            words = ("env:=sim", f"simulator:={engine}", "rviz:=false", "experiment:=pd_step")
+            systems[engine] = stack.enter_context(closing(LiveSystem(tmp_path_factory.mktemp(engine), *words)))
+        yield {engine: beside.submit(ran, system) for engine, system in systems.items()}
+
+
+@pytest.mark.parametrize("engine", ENGINES)
 def test_pd_step_runs_on_each_engine_with_the_topics_and_services_of_pybullet(
-    engine: str, start: Start, pd_step: Any
+    engine: str, runs: dict[str, Future[PdStep]], pd_step: PdStep
 ) -> None:
-    system = start("env:=sim", f"simulator:={engine}", "rviz:=false", "experiment:=pd_step")
-    offered = system.services_of_a_run()
-    assert system.wait(timeout=150.0) == 0, system.output
+    run = runs[engine].result()
+    system = run.system
+    assert system.process.returncode == 0, system.output
     assert system.processes() == {}
-    assert offered == pd_step.services
+    assert run.services == pd_step.services
     bags = [next(one.run_folder.glob("*.bag")) for one in (system, pd_step.system)]
     assert topics(bags[0]) - NOT_OF_PYBULLET - BEFORE_OR_AFTER == topics(bags[1]) - BEFORE_OR_AFTER
     cycles, times = control_log(bags[0])
