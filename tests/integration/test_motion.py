@@ -120,7 +120,7 @@ def test_joint_states_and_controller_states_come_at_a_hundred_hertz_of_robot_tim
             queue_size=100,
         ),
     ]
-    rospy.sleep(3.0)
+    rospy.sleep(1.5)
     for subscriber in subscribers:
         subscriber.unregister()
     for name, values in stamps.items():
