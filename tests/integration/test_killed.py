@@ -4,7 +4,9 @@ left behind, and run.yaml says what died."""
 import os
 import re
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -28,26 +30,39 @@ def send(system: LiveSystem, program: str, number: signal.Signals) -> None:
     os.kill(pids[0], number)
 
 
-@pytest.mark.parametrize(
-    ("program", "status", "why"),
-    [
-        (r"/robot ", "failed", r"robot was killed by SIGKILL"),
-        (r"/recorder ", "interrupted", r"recorder was killed by SIGKILL"),
-        (r"/bag_recorder ", "failed", r"bag_recorder \(pid \d+\) was killed by SIGKILL"),
-        (r"rosmaster ", "failed", r"the ROS master at http://\S+ does not respond"),
-    ],
-    ids=["robot", "recorder", "bag_recorder", "master"],
-)
+KILLED = {
+    "robot": (r"/robot ", "failed", r"robot was killed by SIGKILL"),
+    "recorder": (r"/recorder ", "interrupted", r"recorder was killed by SIGKILL"),
+    "bag_recorder": (r"/bag_recorder ", "failed", r"bag_recorder \(pid \d+\) was killed by SIGKILL"),
+    "master": (r"rosmaster ", "failed", r"the ROS master at http://\S+ does not respond"),
+}
+"""What is killed, the status of its run and why it ended."""
+
+
+@pytest.fixture(scope="module")
+def killed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Future[LiveSystem]]]:
+    """A bring-up for each of KILLED, two at a time: half of their time they wait."""
+
+    def run(name: str) -> LiveSystem:
+        words = ("env:=sim", "rviz:=false", "record:=true", "controller:=none", "hand:=false")
+        with closing(LiveSystem(tmp_path_factory.mktemp(name), *words)) as system:
+            system.wait_output("  ready ")
+            send(system, KILLED[name][0], signal.SIGKILL)
+            system.wait(ENDS)
+            wait_for(lambda: system.processes() == {}, 10.0, "the end of all processes")
+        return system
+
+    with ThreadPoolExecutor(2) as pool:
+        yield {name: pool.submit(run, name) for name in KILLED}
+
+
+@pytest.mark.parametrize("name", KILLED)
 def test_what_was_killed_is_in_run_yaml_and_nothing_outlives_the_bring_up(
-    program: str, status: str, why: str, start: Start
+    name: str, killed: dict[str, Future[LiveSystem]]
 ) -> None:
-    system = start("env:=sim", "rviz:=false", "record:=true", "controller:=none", "hand:=false")
-    system.wait_output("  ready ")
-    folder: Path = system.run_folder
-    send(system, program, signal.SIGKILL)
-    assert system.wait(ENDS) not in (0, 2)
-    wait_for(lambda: system.processes() == {}, 10.0, "the end of all processes")
-    run: dict[str, Any] = yaml.safe_load((folder / "run.yaml").read_text())
+    system, (_, status, why) = killed[name].result(), KILLED[name]
+    assert system.process.returncode not in (0, 2)
+    run: dict[str, Any] = yaml.safe_load((system.run_folder / "run.yaml").read_text())
     assert run["status"] == status and re.search(why, run.get("error") or run["reason"]), run
     assert run["finished"] and "Traceback" not in system.output, system.output
 
