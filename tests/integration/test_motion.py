@@ -1,11 +1,14 @@
 """The arm moves on what a user sends, and stays where it is on what it cannot do."""
 
+import math
+
 import actionlib
 import pytest
 import rosgraph
 import rospy
 from live_system import LiveSystem, wait_for
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
 from test_manager import EFFORT, PD, POSITION, pd_runs_afterwards, position, states, switch  # noqa: F401
 from trajectory_msgs.msg import JointTrajectoryPoint
 
@@ -15,6 +18,7 @@ from control_msgs.msg import (
     FollowJointTrajectoryResult,
     JointTrajectoryControllerState,
 )
+from hric_control.node import LOG_PERIOD
 
 pytestmark = pytest.mark.alone
 
@@ -90,13 +94,16 @@ def test_a_goal_that_cannot_be_followed_is_rejected_with_the_reason_and_the_arm_
     assert position() == pytest.approx(before, abs=1e-3)
 
 
-@pytest.mark.parametrize(("data", "text"), [("[0, 0, 0]", "7"), ("[.nan, 0, 0, -1.5, 0, 1.5, 0]", "finite")])
+@pytest.mark.parametrize(("data", "text"), [([0.0] * 3, "7"), ([math.nan, 0, 0, -1.5, 0, 1.5, 0], "finite")])
 def test_a_setpoint_of_wrong_length_or_not_a_number_is_refused_and_the_arm_stays(
-    live: LiveSystem, data: str, text: str
+    live: LiveSystem, data: list[float], text: str
 ) -> None:
+    rospy.sleep(1.5 * LOG_PERIOD)  # a refusal within it waits for the next one
     before, printed = position(), len(live.output)
-    live.run("rostopic", "pub", "-1", f"/{PD}/command", "std_msgs/Float64MultiArray", f"{{data: {data}}}")
+    talker = rospy.Publisher(f"/{PD}/command", Float64MultiArray, queue_size=1, latch=True)
+    talker.publish(Float64MultiArray(data=data))
     wait_for(lambda: text in live.output[printed:], 5.0, f"{text!r} in the log:\n{live.output[printed:]}")
+    talker.unregister()
     assert "Traceback" not in live.output[printed:]
     assert states()[PD] == "running"
     assert position() == pytest.approx(before, abs=1e-4)
