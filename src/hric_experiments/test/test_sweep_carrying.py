@@ -1,5 +1,6 @@
 """How an engine is had carry tasks out: what is tried again, what is kept, and what is no response."""
 
+import signal
 from collections.abc import Callable
 from concurrent.futures import Future
 from pathlib import Path
@@ -88,6 +89,22 @@ def test_an_engine_that_cannot_go_on_ends_it_and_what_ended_by_then_is_kept(tmp_
         with pytest.raises(Gone):
             carry_out(some("b", "a"), engine, journal)
         assert [entry["id"] for entry in journal.entries] == ["a"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_while_the_journal_is_written_comes_when_all_in_it_is_told(
+    tmp_path: Path, number: signal.Signals, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Journal, "_append", Journal.append, raising=False)
+    monkeypatch.setattr(Journal, "append", lambda self, lines: (self._append(lines), signal.raise_signal(number)))
+    before, told = signal.signal(signal.SIGTERM, signal.default_int_handler), list[Response]()
+    try:
+        with Journal(tmp_path) as journal:
+            with pytest.raises(KeyboardInterrupt):
+                carry_out(some("a", "b"), Scripted(), journal, told.append)
+            assert [entry["id"] for entry in told] == [entry["id"] for entry in journal.entries] == ["a", "b"]
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def test_what_the_journal_has_is_not_run_again_and_a_point_chosen_twice_keeps_its_two_places(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ JOINTS = ["joint1", "joint2"]
         ({"rotor_inertia": [0.1]}, r"plant/rotor_inertia is \[0.1\]; valid: 2 values, for joint1, joint2"),
         ({"rotor_inertia": {"joint9": 0.1}}, "no joint 'joint9'"),
         ({"rotor_inertia": -0.1}, "plant/rotor_inertia is -0.1; valid: a finite number of 0 or more"),
-        ({"gravity": 9.81}, "plant/gravity is 9.81; valid: a list of 3 finite numbers"),
+        ({"gravity": 9.81}, "plant/gravity is 9.81; valid: three finite numbers, 10 at most in size"),
         ({"gui": "yes"}, "plant/gui is 'yes'; valid: true or false"),
         ({"world": "package://nowhere/world.yaml"}, "no package 'nowhere'"),
     ],

@@ -1,8 +1,11 @@
 """Has an engine carry tasks out, one journal beside it: as many at once as it wants, what died again, the rest once."""
 
+import signal
+import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
+from contextlib import contextmanager
 from queue import SimpleQueue
 
 from hric_experiments.sweep.engines.engine import Died, Engine, Response, Task, TimedOut, arrived
@@ -49,11 +52,32 @@ def carry_out(
         if task["id"] in known:
             end(task, known[task["id"]])
     for pairs in _carried([task for task in tasks if task["index"] not in found], engine, looked):
-        if journal is not None:
-            journal.append([response for _, response in pairs])
-        for task, response in pairs:
-            end(task, response)
+        with _uninterrupted():
+            if journal is not None:
+                journal.append([response for _, response in pairs])
+            for task, response in pairs:
+                end(task, response)
     return [found[task["index"]] for task in tasks]
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Hold Ctrl-C and SIGTERM back to the end of the block, so that the journal and the table have the same runs."""
+    if threading.current_thread() is not threading.main_thread():  # it gets no signals
+        yield
+        return
+    held: list[int] = []
+    before = {
+        number: signal.signal(number, lambda number, _: held.append(number))
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        for number in held:
+            signal.raise_signal(number)
 
 
 def _carried(
