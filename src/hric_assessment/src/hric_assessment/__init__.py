@@ -1,5 +1,5 @@
-"""What a run would have meant for the person in it: numbers in, findings out. No ROS and no engine.
+"""Assessment of what a run would have meant for the person in it: numbers in, findings out; no ROS, no engine.
 
-`tables` loads what is published, `contact`, `separation` and `ergonomics` hold a run against it, `findings` says it,
-`verdict` does all of it for a recording.
+`tables` loads the published limits, `contact`, `separation` and `ergonomics` compare a run with them, `findings`
+defines the results, and `verdict` assesses a complete recording.
 """

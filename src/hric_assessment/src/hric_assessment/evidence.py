@@ -1,10 +1,10 @@
-"""Evidence: how much of the time that a finding covers is known, and how well.
+"""Evidence: how much of the time of a finding is covered by finite samples, and how densely.
 
     evidence = Evidence.of(time, finite, (begin, end), max_gap)
     evidence.complete, evidence.shortfall
 
-A stretch between two finite samples is known where it is not longer than the longest gap that may be bridged. Time
-counts, not samples: a thousand samples in the first second say nothing about the second one.
+A stretch between two finite samples is known if it is not longer than the longest gap that may be bridged. Time counts,
+not samples: a thousand samples in the first second say nothing about the second one.
 """
 
 from dataclasses import dataclass, replace
@@ -20,7 +20,7 @@ JITTER = 1e-3
 
 
 def finite_rows(values: FloatArray) -> BoolArray:
-    """Return whether all values of each row are finite, shape (n,); values: shape (n, k)."""
+    """Return a mask of the rows whose values are all finite, shape (n,); values: shape (n, k)."""
     return np.asarray(np.isfinite(values).all(axis=1))
 
 
@@ -33,7 +33,7 @@ class Evidence:
         known: known part of it [s].
         rate: finite samples per known second [Hz].
         longest_gap: longest time without a finite sample, ends of the window included [s].
-        not_finite: number of samples in the window that were NaN or infinite.
+        not_finite: number of samples in the window that are NaN or infinite.
         max_gap: longest gap that may be bridged [s].
         arm_motion: share of the arm's time in motion that is known [1]; None: the finding does not need it.
     """
@@ -52,7 +52,7 @@ class Evidence:
 
         Args:
             time: ascending, shape (n,) [s].
-            finite: whether each sample is known, shape (n,).
+            finite: True for each finite sample, shape (n,).
             window: begin and end [s].
             max_gap: longest gap that may be bridged [s].
         """
@@ -69,7 +69,7 @@ class Evidence:
 
     @property
     def complete(self) -> bool:
-        """True if no gap is longer than may be bridged and all of the arm's motion is known."""
+        """True if no gap is longer than may be bridged and the arm's motion is completely known."""
         return self.longest_gap <= self.max_gap + JITTER and (self.arm_motion is None or self.arm_motion >= 1.0)
 
     @property
@@ -89,14 +89,14 @@ class Evidence:
         return ", ".join(clauses)
 
     def with_arm_motion(self, share: float) -> "Evidence":
-        """Return a copy that also says which share of the arm's motion is known [1]."""
+        """Return a copy with the known share of the arm's motion [1]."""
         return replace(self, arm_motion=share)
 
 
 def unknown(
     time: FloatArray, finite: BoolArray, window: tuple[float, float], max_gap: float
 ) -> list[tuple[float, float]]:
-    """Return the stretches of a window that are not known, [(begin, end), ...] [s]; arguments as `Evidence.of`."""
+    """Return the unknown stretches of a window, [(begin, end), ...] [s]; arguments as in `Evidence.of`."""
     begin, end = window
     known = time[finite & (time >= begin) & (time <= end)]
     edges = np.concatenate([[begin], known, [end]])

@@ -1,4 +1,4 @@
-"""Findings: one statement about a limit, with the numbers and the evidence that carry it."""
+"""Findings: one statement about a limit, with the numbers and the evidence for it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -11,11 +11,11 @@ DISCLAIMER = (
     "Estimate of a model: no risk assessment (ISO 12100), no proof of conformity, no measurement (ISO/PAS 5672), "
     "no certified safety function."
 )
-"""The line beneath each finding."""
+"""Disclaimer below each finding."""
 
 
 class Outcome(StrEnum):
-    """Result of a finding. Within limits is a statement that the evidence carries; what is not known never is."""
+    """Result of a finding; "within limits" needs complete evidence."""
 
     WITHIN = "within limits"
     WARNING = "warning"
@@ -24,7 +24,7 @@ class Outcome(StrEnum):
 
 
 class NotAssessableError(HricError):
-    """A number that a table must not be held against; the message says which, why, and what would do."""
+    """Refusal to compare a number with a table; the message says which number, why, and how to make it comparable."""
 
 
 @dataclass(frozen=True)
@@ -32,20 +32,20 @@ class Finding:
     """A statement about one limit.
 
     Attributes:
-        subject: what the statement is about.
-        outcome: never WITHIN where anything that the limit needs is not known.
-        reason: why the outcome is what it is, one sentence.
+        subject: subject of the statement.
+        outcome: never WITHIN if a value that the limit needs is unknown.
+        reason: reason for the outcome, one sentence.
         table: title and edition of the limits.
-        share: largest value over its limit [1]; None: no value could be compared with a limit.
+        share: largest ratio of a value to its limit [1]; None: no value could be compared with a limit.
         values: numbers behind the outcome, by name and unit; None: not known.
         window: begin and end of the time that the finding covers, robot time [s].
-        signals: topics that the values come from.
-        missing: what would be needed to say more.
-        notes: how the values were made; marks of the limits.
+        signals: topics from which the values were recorded.
+        missing: data needed for a better finding.
+        notes: how the values were computed; marks of the limits.
         group: part of the verdict: contact, separation, posture, lift.
-        regions: of ISO/TS 15066.
+        regions: body regions of ISO/TS 15066.
         evidence: how much of the window is known; None: the finding has no signal over time.
-        remedy: command, option or topic that would make a finding assessable; empty: it is.
+        remedy: command, option or topic that would make a finding assessable; empty: it is assessable.
         person: namespace of the person; empty: there is one person only.
     """
 

@@ -1,1 +1,1 @@
-"""Contacts of a person with a robot held against what he bears."""
+"""Comparison of contacts between person and robot with the limits of the body."""

@@ -1,4 +1,4 @@
-"""Check that an area of a contact can be one: most that cannot are mistakes of units.
+"""Check of contact areas: most impossible ones are mistakes of units.
 
     check_area(2e-5, ["hand, fingers"])
     check_area(0.2)                         # 2000 cm^2: ParameterError, which suggests 2e-5
@@ -17,11 +17,11 @@ CM2 = 1e-4
 
 
 def check_area(area: float, regions: Iterable[str] = (), name: str = "contact_area") -> None:
-    """Refuse an area over which no contact can act.
+    """Refuse an impossible contact area.
 
     Args:
-        area: area of contact [m^2].
-        regions: regions of the body that were met; empty: any.
+        area: contact area [m^2].
+        regions: body regions that may be in contact; empty: any.
         name: name of the option or key, for the message.
 
     Raises:

@@ -1,8 +1,8 @@
-"""One contact of a person held against the limits of its region.
+"""Assessment of one contact of a person against the limits of its body region.
 
 The rules, before all numbers: a force between rigid surfaces is not assessed; no contact with head or face is within
-limits; without the contact's area a force can be above its limit, but a contact is never within, since the pressure is
-not known; and what is not known of a contact keeps it from being within, never from being above.
+limits; without the contact area a force can be above its limit, but a contact is never within limits, since the
+pressure is unknown; and missing information on a contact prevents "within limits", never "above limits".
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,15 +20,15 @@ NO_AREA = "state the contact's area: --contact-area M2, or the area of each cont
 
 @dataclass(frozen=True)
 class Where:
-    """The two bodies of a contact.
+    """The two bodies of a contact and where they touch.
 
     Attributes:
-        regions: of the person that may have been met; empty: the link has none.
-        other: what met it.
-        kind: of contact; forces of "penalty" alone are assessed.
-        area: of the body, one of the table's; None: not known.
+        regions: body regions of the person that may be in contact; empty: the link has none.
+        other: name of the body that touches the person.
+        kind: kind of contact; only forces of "penalty" are assessed.
+        area: body area in the limit table; None: not known.
         dominant: True on the side of the dominant hand; None: not known.
-        contact_area: over which the force acts, the smaller of the robot's and the body's [m^2]; None: not known.
+        contact_area: area over which the force acts, the smaller of the robot's and the body's [m^2]; None: not known.
     """
 
     regions: tuple[str, ...]
@@ -40,19 +40,19 @@ class Where:
 
     @property
     def subject(self) -> str:
-        """Subject of findings."""
+        """Subject line of findings about this contact."""
         return f"contact of {self.other} with {' or '.join(self.regions) or 'a link without a region'}"
 
 
 @dataclass(frozen=True)
 class Share:
-    """A value over its limit.
+    """Value of a contact with its limit.
 
     Attributes:
-        quantity: for findings.
-        value, limit: [N], [Pa] or [m/s].
-        label: of the limit, for findings.
-        unit, scale: in which findings show it.
+        quantity: name of the quantity, for findings.
+        value, limit: value and limit [N], [Pa] or [m/s].
+        label: name of the limit, for findings.
+        unit, scale: unit in which findings show the value, and factor from SI to that unit.
     """
 
     quantity: str
@@ -64,7 +64,7 @@ class Share:
 
     @property
     def ratio(self) -> float:
-        """Value over limit [1]."""
+        """Value divided by limit [1]."""
         return self.value / self.limit
 
     def __str__(self) -> str:
@@ -75,12 +75,14 @@ class Share:
 
 @dataclass(frozen=True)
 class Approach:
-    """The speed at which both met, for the standard's body: its mass and its spring in place of the simulated ones.
+    """Approach speed at impact, compared with the permitted speed for the standard's body mass and stiffness.
+
+    The standard's mass and spring replace those of the simulated body.
 
     Attributes:
-        speed: along the normal [m/s].
-        permitted: by ISO/TS 15066, Annex A, for the heavier of the robot's masses [m/s].
-        label: masses and region that it follows from.
+        speed: approach speed along the normal [m/s].
+        permitted: permitted speed by ISO/TS 15066, Annex A, for the heavier of the robot's masses [m/s].
+        label: masses and region that the permitted speed follows from.
         exact: False: the robot's mass is not known, and `permitted` is that of an infinitely heavy one.
     """
 
@@ -91,17 +93,17 @@ class Approach:
 
     @property
     def share(self) -> Share:
-        """Speed over the permitted one."""
+        """Approach speed with its permitted value."""
         return Share("speed of approach", self.speed, self.permitted, self.label, "m/s", 1.0)
 
 
 @dataclass(frozen=True)
 class Unknown:
-    """Unknowns of a contact.
+    """Missing information on a contact.
 
     Attributes:
-        doubts: clauses; each keeps a contact from being within limits.
-        peak: largest force that its held part may have had where no sample says it [N]; None: all samples are there.
+        doubts: clauses; each prevents a contact from being within limits.
+        peak: upper bound of the quasi-static force where samples are missing [N]; None: no sample is missing.
     """
 
     doubts: tuple[str, ...] = ()
@@ -122,15 +124,15 @@ def assess(
     """Return the finding of one contact.
 
     Args:
-        episode: force over time; None: the force is not known, as that of a rigid contact.
+        episode: force over time; None: the force is not known, as in a rigid contact.
         where: the two bodies.
-        limits: of the person.
-        signals: topics that the episode comes from, for the finding.
-        unknown: what is not known of the contact.
-        approach: speed at which they met; None: it is not to be judged.
+        limits: limits of the person.
+        signals: topics from which the episode was recorded, for the finding.
+        unknown: missing information on the contact.
+        approach: approach speed at impact; None: not judged.
 
     Raises:
-        HricError: a region or an area that does not exist, or an area of contact that is not positive.
+        HricError: a region or an area that does not exist, or a contact area that is not positive.
     """
     if where.contact_area is not None:
         check_positive("contact_area", where.contact_area, "m^2")
@@ -197,7 +199,7 @@ def _unproven(
     unknown: Unknown,
     approach: Approach | None,
 ) -> str:
-    """Return why a contact below its limits is not proven to be within them; empty: it is."""
+    """Return why a contact below its limits is not proven to be within limits; empty: it is proven."""
     if unknown.doubts:
         return "; ".join(unknown.doubts)
     if episode is None:
@@ -215,7 +217,7 @@ def _unproven(
 
 
 def _shares(episode: Episode, where: Where, limit: Limit) -> list[Share]:
-    """Return all values that have a limit; a transient without one is held against the quasi-static one."""
+    """Return all values that have a limit; a transient value without one is compared with the quasi-static limit."""
     held = None if episode.quasi_static is None else episode.quasi_static.peak
     return _of_pair(episode.transient.peak, held, where.contact_area, limit)
 

@@ -1,12 +1,12 @@
-"""The force on one region over time, from the contacts that were recorded, and what is not known of it.
+"""Force on one body region over time, from the recorded contacts, and the doubts about it.
 
     for met in meetings(contacts, source_period=1e-3, recorded_until=9.0):
         met.episode, met.contacts, met.doubts, met.unknown_peak
 
-Contacts of several links of one model with one region of a person are added where they overlap in time; of several
-models the larger force counts, since a wall behind the person presses back. The begin and the duration that the
-messages state count, not the instants of the messages: a clamp whose messages are throttled or lost is one clamp. A
-force that is NaN, negative or infinite is no force.
+Forces of several links of one model on one region are added where they overlap in time; of several models the larger
+force counts, since a wall behind the person presses back. The start and duration stated in the messages count, not the
+stamps of the messages: a clamping with throttled or lost messages stays one clamping. A force that is NaN, negative or
+infinite is invalid.
 """
 
 import math
@@ -23,22 +23,26 @@ from hric_bags.records.region_contacts import RegionForce
 from hric_control.geometry import FloatArray
 
 SAME_INSTANT = 1e-4
-"""Two instants of a contact closer than this are one [s]: no source of contacts runs faster than 10 kHz (project
-default)."""
+"""Largest difference of instants of a contact that count as one [s] (project default): no source exceeds 10 kHz."""
 CLOCKS = 0.02
-"""Largest difference between the stamp of a message and the begin and duration that it states [s] (project default)."""
+"""Largest difference of a message's stamp from the time of its stated start and duration [s] (project default)."""
 FLAT, SLOPE, QUANTA = 3, 0.01, 3.0
-"""Largest samples in a row that are a flat top, where the force comes to them or leaves them by more than this share of
-it per sample [1], and by more than so many of its smallest steps: a sensor at its range. A force that settles comes to
-rest slowly, and that of a coarse sensor step by step (project defaults)."""
+"""Criterion of a flat top, as of a saturated sensor (project defaults).
+
+Minimum number of equal samples in a row, and the steepness of the flanks, as a fraction of the force per sample [1] and
+in smallest sensor steps. A force that settles approaches its final value slowly, and that of a coarse sensor step by
+step.
+"""
 NOISE, COARSEST, SMOOTHEST = 0.02, 0.05, 2.0
-"""Samples of a flat top differ by no more than noise of 0.01 N on either side [N], or one step of the sensor that is at
-most this share of the force [1]. The force comes to it so steeply that a smooth peak, a parabola, would differ by so
-many times more [1] (project defaults, unconfirmed)."""
+"""Tolerances of a flat top (project defaults, unconfirmed).
+
+Its samples differ by at most NOISE [N] (0.01 N on either side) or by one sensor step of at most COARSEST times the
+force [1]. The flanks are so steep that a smooth peak, a parabola, would differ SMOOTHEST times more [1].
+"""
 OFF_BEAT = 2
-"""Instants of a contact between its messages that show that its source is faster than they are (project default)."""
+"""Number of contact instants between messages that prove a source faster than its messages (project default)."""
 Samples = tuple[RegionForce, FloatArray, FloatArray, BoolArray]
-"""A contact, and its ascending times [s], forces [N] and True for each that can be used, shape (n,) each."""
+"""Contact, with its ascending times [s], its forces [N] and True for each usable sample, shape (n,) each."""
 
 
 @dataclass(frozen=True)
@@ -46,10 +50,10 @@ class Meeting:
     """One episode of contact with one link of a person.
 
     Attributes:
-        episode: force over time; None: no sample of it can be used.
-        contacts: those that it consists of.
-        doubts: why it cannot be called harmless, a clause each; empty: all of it is known.
-        unknown_peak: largest force that the held part may have had where no sample says it [N]; None: all is known.
+        episode: force over time; None: no sample is usable.
+        contacts: contacts that form the episode.
+        doubts: reasons why it cannot be called harmless, a clause each; empty: none.
+        unknown_peak: upper bound of the quasi-static force where samples are missing [N]; None: no sample is missing.
     """
 
     episode: Episode | None
@@ -59,12 +63,12 @@ class Meeting:
 
     @property
     def window(self) -> tuple[float, float]:
-        """Begin and end, robot time [s]."""
+        """Start and end, robot time [s]."""
         return min(one.begin for one in self.contacts), max(end_of(one) for one in self.contacts)
 
 
 def end_of(contact: RegionForce) -> float:
-    """Return when a contact ended, or the time of its last message, robot time [s]."""
+    """Return the end of a contact, or the time of its last message, robot time [s]."""
     duration = contact.duration if np.isfinite(contact.duration) else 0.0
     times = contact.course.time[np.isfinite(contact.course.time)]
     return float(max(contact.begin + duration, times.max(initial=-np.inf)))
@@ -79,10 +83,10 @@ def meetings(
     """Cut penalty contacts into episodes.
 
     Args:
-        contacts: of one region of a person.
+        contacts: contacts of one body region of a person.
         source_period: time between two evaluations of the force [s]; infinite: not known.
         recorded_until: robot time of the last message of the topic [s].
-        table: by default the one that comes with the package.
+        table: splitting rules; by default the table of the package.
     """
     if not contacts:
         return []
@@ -99,11 +103,11 @@ def meetings(
 
 
 def resolved(contact: RegionForce, period: float) -> bool:
-    """True if the source of a contact evaluates its force at least once in a period [s].
+    """Return True if the source of a contact evaluates its force at least once in a period [s].
 
-    Its messages come so often; or OFF_BEAT of the instants that they state, begin, end and times of peaks, are between
-    messages, and all instants are whole periods apart: a source that evaluates 1000 times a second and publishes 200
-    messages.
+    Either its messages are that frequent, or OFF_BEAT of the instants that they state (start, end, times of peaks) lie
+    between messages and all instants are whole periods apart, as for a source that evaluates 1000 times a second and
+    publishes 200 messages.
     """
     time = np.unique(contact.course.time[np.isfinite(contact.course.time)])
     if not len(time):
@@ -119,17 +123,17 @@ def resolved(contact: RegionForce, period: float) -> bool:
 
 
 def _period(time: FloatArray) -> float:
-    """Return the median time between ascending instants [s]; infinite: there is one."""
+    """Return the median time between ascending instants [s]; infinite for a single instant."""
     return float(np.median(np.diff(time).tolist() or [np.inf]))
 
 
 def _off(offset: float, period: float) -> bool:
-    """True if an offset is no whole number of periods [s]; of an infinite period there is none but 0."""
+    """Return True if an offset is not a whole number of periods [s]; of an infinite period only 0 is."""
     return abs(math.remainder(offset, period)) > SAME_INSTANT
 
 
 def _largest(contact: RegionForce) -> float:
-    """Return the largest force that a contact states [N]."""
+    """Return the largest force that the messages of a contact state [N]."""
     reached = contact.course.reached
     return float(reached[np.isfinite(reached)].max(initial=0.0))
 
@@ -151,7 +155,7 @@ def _meeting(
     models: dict[str, list[tuple[FloatArray, FloatArray]]] = {}
     for contact, time, force, usable in samples:
         if _usable(contact).any() and usable.any():
-            model = contact.other.rpartition("::")[0].partition("::")[0]  # of a nested one the whole; "": not named
+            model = contact.other.rpartition("::")[0].partition("::")[0]  # of a nested model the outermost; "": no name
             models.setdefault(model, []).append((time[usable], force[usable]))
     if not models:
         return Meeting(None, tuple(contacts), unique_doubts, None)
@@ -167,21 +171,21 @@ def _meeting(
 
 
 def _usable(contact: RegionForce) -> BoolArray:
-    """Return which messages of a contact have a force, shape (n,)."""
+    """Return a mask of the messages of a contact that have a valid force, shape (n,)."""
     return np.isfinite(contact.course.force) & (contact.course.force >= 0.0)
 
 
 def _samples(contact: RegionForce) -> Samples:
-    """Return the samples of one contact, with its begin and its peaks, which may lie between two messages."""
+    """Return the samples of one contact, with its start and its peaks, which may lie between two messages."""
     course = contact.course
-    rose = course.reached != np.concatenate([[0.0], course.reached[:-1]])  # NaN differs, too
+    rose = course.reached != np.concatenate([[0.0], course.reached[:-1]])  # True for NaN, too
     at = np.where(np.isfinite(course.reached_time), course.reached_time, course.time)[rose]
     at = np.clip(at, contact.begin, course.time[rose])
     touch = np.nextafter(episode_table()["touch_force"], np.inf)
     time = np.concatenate([course.time, at, [contact.begin]])
     force = np.concatenate([course.force, course.reached[rose], [touch]])
     usable = np.isfinite(time) & np.isfinite(force) & (force >= 0.0)
-    order = np.lexsort((np.where(usable, -force, np.inf), time))  # of one instant the largest force comes first
+    order = np.lexsort((np.where(usable, -force, np.inf), time))  # at equal times the largest force is first
     time, force, usable = time[order], force[order], usable[order]
     first = np.concatenate([[True], np.diff(time) > 0.0])
     return contact, time[first], force[first], usable[first]
@@ -190,8 +194,15 @@ def _samples(contact: RegionForce) -> Samples:
 def _doubts(
     contact: RegionForce, time: FloatArray, force: FloatArray, recorded_until: float, largest: float
 ) -> list[str]:
-    """Return the reasons that one contact cannot be called harmless; largest: force on its region in all contacts
-    [N], which a sensor at its range does not exceed."""
+    """Return the reasons why one contact cannot be called harmless.
+
+    Args:
+        contact: the contact.
+        time: instants of its samples, shape (n,) [s].
+        force: force of its samples, shape (n,) [N].
+        recorded_until: robot time of the last message of the topic [s].
+        largest: largest force on the region in all contacts [N]; a saturated sensor does not exceed it.
+    """
     course, found = contact.course, list[str]()
     bad = ~(_usable(contact) & np.isfinite(course.reached) & (course.reached >= 0.0))
     if (course.force > course.reached * (1.0 + RATE_TOLERANCE)).any():
@@ -204,7 +215,7 @@ def _doubts(
     if not (np.abs(course.time - stated) <= CLOCKS).all() or not contact.duration >= 0.0:
         found.append("its messages are not of the time that begin and duration state")
     at_range = force.max() >= (1.0 - COARSEST) * largest
-    if not bad.any() and at_range and _flat(contact, time[1:], force[1:]):  # without the begin, which has no message
+    if not bad.any() and at_range and _flat(contact, time[1:], force[1:]):  # without the start, which has no message
         found.append(f"the force has a flat top at {force.max():.1f} N, as of a sensor at its range")
     if contact.interrupted:
         found.append("messages in between have neither the contact nor its end, as those of a second publisher")
@@ -215,8 +226,10 @@ def _doubts(
 
 
 def _flat(contact: RegionForce, time: FloatArray, force: FloatArray) -> bool:
-    """True if the largest force is held, but for the noise of a sensor, between steep sides: FLAT messages long, or
-    from a message to a peak that is stated for another instant."""
+    """Return True if the largest force forms a flat top, within sensor noise, between steep flanks.
+
+    The top is FLAT messages long, or extends from a message to a peak that is stated for another instant.
+    """
     between = np.abs(time[:, None] - contact.course.time[None, :]).min(axis=1) > SAME_INSTANT
     top, steps = float(force.max(initial=0.0)), np.abs(np.diff(force))
     quantum = float(steps[steps > 1e-9].min(initial=np.inf))
@@ -235,8 +248,7 @@ def _flat(contact: RegionForce, time: FloatArray, force: FloatArray) -> bool:
 
 
 def _unknown_peak(samples: Sequence[Samples], episode: Episode, table: EpisodeTable) -> float | None:
-    """Return the largest force of the held part where samples are farther apart than may be bridged; peaks that the
-    messages state bound it [N]."""
+    """Return the upper bound of the quasi-static force in gaps longer than may be bridged, from stated peaks [N]."""
     held, max_gap = episode.whole.begin + table["transient_time"], verdict_table()["max_gap"]
     bound, any_unknown = 0.0, False
     for contact, time, _, usable in samples:

@@ -1,8 +1,7 @@
-"""The force of a contact over time, cut into a transient and a quasi-static part.
+"""Contact force over time, split into a transient and a quasi-static part.
 
-An episode is from the first touch to the last, with short partings within it. What lasts beyond the first half second
-is quasi-static. The force is taken as it is, without a filter. Split, gap and rate, with their marks, are in
-config/tables/episodes.yaml.
+An episode lasts from the first touch to the last and includes short separations. Contact after the first half second is
+quasi-static. The force is not filtered. Split, gap and rate, with their sources, are in config/tables/episodes.yaml.
 """
 
 from dataclasses import dataclass
@@ -14,22 +13,22 @@ from hric_control.geometry import FloatArray
 from hric_control.sim.contact_info import KINDS, UNKNOWN
 
 PENALTY = "penalty"
-"""The only kind of contact whose force is one (`hric_control.plant.Contact`)."""
+"""The only kind of contact with a physically meaningful force (`hric_control.plant.Contact`)."""
 STAMP = 1e-9
-"""Times closer than this are the same: stamps are whole nanoseconds [s]."""
+"""Largest difference of equal times: stamps are whole nanoseconds [s]."""
 RATE_TOLERANCE = 1e-3
-"""By how much a rate may be below the one that is needed: stamps are rounded [1]."""
+"""Largest shortfall of a rate from the required one: stamps are rounded [1]."""
 
 
 @dataclass(frozen=True)
 class Stretch:
-    """A part of an episode.
+    """Part of an episode.
 
     Attributes:
         begin, end: robot time [s].
         peak: largest force [N].
-        peak_time: robot time of it [s].
-        impulse: [N s].
+        peak_time: robot time of the largest force [s].
+        impulse: time integral of the force [N s].
     """
 
     begin: float
@@ -40,20 +39,20 @@ class Stretch:
 
     @property
     def duration(self) -> float:
-        """[s]."""
+        """Duration [s]."""
         return self.end - self.begin
 
 
 @dataclass(frozen=True)
 class Episode:
-    """A contact from its first touch to its last.
+    """Contact from its first touch to its last.
 
     Attributes:
-        whole: all of it.
-        transient: its beginning.
-        quasi_static: what lasts longer; None: nothing does.
-        rate: of the samples [Hz].
-        notes: how it was made.
+        whole: the complete episode.
+        transient: its first part.
+        quasi_static: the part after the transient; None: there is none.
+        rate: sampling rate [Hz].
+        notes: how the episode was split.
     """
 
     whole: Stretch
@@ -64,7 +63,7 @@ class Episode:
 
 
 def refusal(kind: str) -> str:
-    """Return why the force of another kind of contact is not assessed."""
+    """Return why the force of a contact that is not a penalty contact is not assessed."""
     if kind == UNKNOWN:
         return "whether the force is one of a spring is not recorded"
     if kind not in KINDS:
@@ -73,13 +72,13 @@ def refusal(kind: str) -> str:
 
 
 def episode(time: FloatArray, force: FloatArray, table: EpisodeTable, rate: float) -> Episode:
-    """Cut one episode into its parts.
+    """Split one episode into its transient and quasi-static parts.
 
     Args:
         time: ascending, from the first touch to the last, shape (n,) [s].
         force: normal force, shape (n,) [N].
-        table: where to cut.
-        rate: of the samples [Hz].
+        table: splitting rules.
+        rate: sampling rate [Hz].
     """
     late = int(np.searchsorted(time - time[0], table["transient_time"] + STAMP))
     return Episode(

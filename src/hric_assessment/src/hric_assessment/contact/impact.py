@@ -1,9 +1,9 @@
-"""Contacts of a human by a spring beside a closed form, and beside what the commanded torque presses with. No ROS.
+"""Comparison of spring contacts with a closed-form impact, and of clamping with the commanded torque. No ROS.
 
-Two masses that meet with a speed v on a spring k give half a sine: peak v sqrt(mu k), duration pi sqrt(mu/k), impulse
-2 mu v with 1/mu = 1/m_R + 1/m_H (ISO/TS 15066:2016, Annex A). The masses here are the reflected ones of the robot, with
-its rotors, and of the simulated body, 1 / (n' J (M + B)^-1 J' n) where they met and along the normal there, in place of
-the standard's. What else pushes while they touch, and that both turn, is left out.
+Two masses that collide with a speed v on a spring k give half a sine: peak v sqrt(mu k), duration pi sqrt(mu/k),
+impulse 2 mu v with 1/mu = 1/m_R + 1/m_H (ISO/TS 15066:2016, Annex A). The masses here are not the standard's but the
+reflected masses of the robot, with its rotors, and of the simulated body, 1 / (n' J (M + B)^-1 J' n), at the contact
+point along the contact normal. Other forces during the contact and the rotation of both bodies are neglected.
 """
 
 import math
@@ -29,24 +29,26 @@ from hric_human.participant.settings import HumanSettings
 from hric_human.participant.walk import JOINTS, Walk
 
 LASTING = episode_table()["transient_time"]
-"""A contact of this duration is a press, whose force the commanded torque balances [s]."""
+"""Minimum duration of a clamping, whose force the commanded torque balances [s]."""
 SETTLED, MEAN = 2.0, 0.1
-"""When after the first touch a press is judged, or at its end, by the mean of the time before [s] (the demand of this
-project on a clamped contact; project default, unconfirmed)."""
+"""Time after the first touch at which a clamping is judged (at its end if shorter), and averaging time before it [s].
+
+Requirement of this project on a clamped contact (project default, unconfirmed).
+"""
 RATE = 50.0
-"""At which the torque of a press is looked at, at most (project default, unconfirmed) [Hz]."""
+"""Largest rate at which the torque of a clamping is evaluated [Hz] (project default, unconfirmed)."""
 OWN_WEIGHT = ("franka_sim/FrankaHWSim", "franka_real/FrankaHW")
-"""Arms that carry their own weight beside what is commanded."""
+"""Arms that compensate gravity in addition to the commanded torque."""
 
 
 @dataclass(frozen=True)
 class Transient:
-    """The closed form of one meeting.
+    """Closed form of one impact.
 
     Attributes:
-        speed: at which they met along the normal [m/s].
-        robot_mass, human_mass: reflected [kg].
-        stiffness: of the pair [N/m].
+        speed: approach speed along the normal [m/s].
+        robot_mass, human_mass: reflected masses [kg].
+        stiffness: contact stiffness of the pair [N/m].
     """
 
     speed: float
@@ -56,38 +58,38 @@ class Transient:
 
     @property
     def mass(self) -> float:
-        """mu [kg]."""
+        """Reduced mass mu [kg]."""
         return 1.0 / (1.0 / self.robot_mass + 1.0 / self.human_mass)
 
     @property
     def peak(self) -> float:
-        """v sqrt(mu k) [N]."""
+        """Peak force v sqrt(mu k) [N]."""
         return self.speed * math.sqrt(self.mass * self.stiffness)
 
     @property
     def duration(self) -> float:
-        """pi sqrt(mu/k) [s]."""
+        """Contact duration pi sqrt(mu/k) [s]."""
         return math.pi * math.sqrt(self.mass / self.stiffness)
 
     @property
     def impulse(self) -> float:
-        """2 mu v [N s]."""
+        """Impulse 2 mu v [N s]."""
         return 2.0 * self.mass * self.speed
 
     def force(self, time: FloatArray) -> FloatArray:
-        """Half a sine from the first touch on, shape (n,) [N]; time: since then, shape (n,) [s]."""
+        """Return the half-sine force, shape (n,) [N]; time: since the first touch, shape (n,) [s]."""
         touching = (time >= 0.0) & (time <= self.duration)
         return np.where(touching, self.peak * np.sin(math.pi * time / self.duration), 0.0)
 
 
 @dataclass(frozen=True)
 class Press:
-    """What the commanded torque balances during a contact that lasts.
+    """Contact force and the force that the commanded torque balances during a clamping.
 
     Attributes:
         time: robot time, shape (n,) [s].
-        force: by which the contact acts, shape (n,) [N].
-        balanced: along the normal, by the command, shape (n,) [N].
+        force: contact force, shape (n,) [N].
+        balanced: force along the normal that the command balances, shape (n,) [N].
     """
 
     time: FloatArray
@@ -95,7 +97,7 @@ class Press:
     balanced: FloatArray
 
     def level(self) -> tuple[float, float, float]:
-        """(robot time [s], force [N], balanced force [N]) when it is judged."""
+        """Return (robot time [s], force [N], balanced force [N]) at the instant of judgement."""
         end = min(self.time[0] + SETTLED, self.time[-1])
         last = (self.time > end - MEAN) & (self.time <= end)
         return float(end), float(self.force[last].mean()), float(self.balanced[last].mean())
@@ -103,13 +105,13 @@ class Press:
 
 @dataclass(frozen=True)
 class Impact:
-    """One contact beside what is expected of it.
+    """One contact and its expected values.
 
     Attributes:
-        met: as recorded.
-        transient: None where it is rigid or damped, not of a link of the robot, or where nothing is known of how they
-            met or they did so without speed.
-        press: None where it does not last, its messages are too few, or the command is no torque.
+        met: contact as recorded.
+        transient: closed form; None for a rigid or damped contact, one that is not with a link of the robot, or an
+            unknown or zero approach speed.
+        press: clamping; None if it is too short, has too few messages, or the command is not a torque.
     """
 
     met: RegionForce
@@ -118,7 +120,7 @@ class Impact:
 
     @property
     def peak(self) -> float | None:
-        """Largest force until the closed form has both part, which is later than the first peak [N]; None: no form."""
+        """Largest force until the half sine ends, which is after the first peak [N]; None: no closed form."""
         if self.transient is None:
             return None
         course = self.met.course
@@ -126,14 +128,14 @@ class Impact:
         return float(course.reached[after[0]]) if len(after) else self.met.peak
 
     def late(self) -> float:
-        """By how much the first message with it is later than the begin of the half sine with that force [s]."""
+        """Return the delay of the first message after the start of the half sine, from its force [s]."""
         form, force = self.transient, self.met.course.force
         if form is None or not len(force):
             return 0.0
         return form.duration / math.pi * math.asin(min(float(force[0]) / form.peak, 1.0))
 
     def values(self) -> dict[str, Any]:
-        """For metrics.json."""
+        """Return the values for metrics.json."""
         found = {name: value for name, value in vars(self.met).items() if name != "course"}
         return {**found, "transient": self._transient(), "press": self._press()}
 
@@ -152,13 +154,13 @@ class Impact:
 
 
 class Mechanism:
-    """A description in the world, and how it gives way at a point.
+    """Description placed in the world, with its mobility at a point.
 
     Args:
-        tree: its description.
-        joints: that move; all others are held where they are at zero.
-        rotors: inertia of each at its joint [kg m^2].
-        T_world_root: pose of its root link, shape (4, 4).
+        tree: the description.
+        joints: joints that move; all others are fixed at zero.
+        rotors: rotor inertia at each joint [kg m^2].
+        T_world_root: pose of the root link, shape (4, 4).
     """
 
     def __init__(
@@ -168,12 +170,12 @@ class Mechanism:
         self._T_root_world = np.eye(4) if T_world_root is None else inverse(T_world_root)
 
     def at(self, q: FloatArray, link: str, point: Sequence[float]) -> tuple[FloatArray, FloatArray]:
-        """(J, (M + B)^-1) for a point of a link, world frame, shapes (3, n) and (n, n).
+        """Return (J, (M + B)^-1) for a point of a link, world frame, shapes (3, n) and (n, n).
 
         Args:
-            q: of the joints, shape (n,) [rad].
-            link: of the description.
-            point: in the world, 3 floats [m].
+            q: joint positions, shape (n,) [rad].
+            link: link of the description.
+            point: point in the world, 3 floats [m].
         """
         angles = dict(zip(self.joints, q.tolist(), strict=True))
         R, p = self._T_root_world[:3, :3], self._T_root_world[:3, :3] @ point + self._T_root_world[:3, 3]
@@ -183,7 +185,7 @@ class Mechanism:
         return J, np.asarray(np.linalg.inv(M[np.ix_(chosen, chosen)] + self._rotors))
 
     def reflected_mass(self, q: FloatArray, link: str, point: Sequence[float], normal: Sequence[float]) -> float:
-        """Return 1 / (n' J (M + B)^-1 J' n) [kg]; infinite where no joint lets the link give way along n."""
+        """Return 1 / (n' J (M + B)^-1 J' n) [kg]; infinite where no joint lets the link yield along n."""
         J, inverse_mass = self.at(q, link, point)
         row = np.array(normal) @ J
         mobility = float(row @ inverse_mass @ row)
@@ -192,24 +194,26 @@ class Mechanism:
     def balanced(
         self, q: FloatArray, link: str, point: Sequence[float], normal: Sequence[float], tau: FloatArray
     ) -> float:
-        """Force along a normal by which the point presses with efforts at rest: n' (J W J')^-1 J W tau with W = (M +
-        B)^-1, which is f where tau = J' f [N]."""
+        """Return the force along a normal with which static efforts press at the point [N].
+
+        It is n' (J W J')^-1 J W tau with W = (M + B)^-1, which is f where tau = J' f.
+        """
         J, W = self.at(q, link, point)
         return float(np.array(normal) @ np.linalg.solve(J @ W @ J.T, J @ W @ tau))
 
 
 class Beside:
-    """Robot and human of a run.
+    """Models of the robot and the human of a run, for the expected values of their contacts.
 
     Args:
         run: contents of run.yaml.
         description: URDF of the robot.
-        log: its control log.
-        human: the record of the human.
+        log: control log of the robot.
+        human: recording of the human.
 
     Raises:
-        HricError: a description, a world file or a parameter that cannot be used any more, joints of another body, or
-            nobody recorded where a walking person was.
+        HricError: a description, a world file or a parameter that is no longer usable, joints of another body, or no
+            recorded position of a walking person.
     """
 
     def __init__(self, run: Mapping[str, Any], description: str, log: ControlRecord, human: HumanRecord) -> None:
@@ -226,7 +230,7 @@ class Beside:
         root = settings.root(body)
         T_world_root = homogeneous(rotation_from_quaternion(root.orientation), root.position)
         described, joints, self._human_q = body.urdf, human.joints, human.position
-        if settings.walk is not None and human.root is not None:  # the joints that carry the person give way, too
+        if settings.walk is not None and human.root is not None:  # the root joints of the walking person yield, too
             described, joints = Walk(settings.walk, body, settings.heading).urdf, (*JOINTS, *human.joints)
             walked = human.root.at(human.time)[:, :2] - np.array(root.position[:2])
             self._human_q = np.hstack([walked, human.position])
@@ -239,18 +243,18 @@ class Beside:
         self._torque = definition.get("robot", {}).get("hw") in OWN_WEIGHT
 
     def impact(self, met: RegionForce) -> Impact:
-        """A contact with what is expected of it."""
+        """Return a contact with its expected values."""
         if not self._ours(met):
             return Impact(met, None, None)
         return Impact(met, self.transient(met), self._press(met, met.other.rpartition("::")[2]))
 
     def _ours(self, met: RegionForce) -> bool:
-        """True if a contact has a force, and is one of the person with the robot."""
+        """Return True if a contact is a penalty contact between the person and the robot."""
         other, _, link = met.other.rpartition("::")
         return met.kind == "penalty" and other == self._name and met.link in self._skin and link in self._hull
 
     def transient(self, met: RegionForce) -> Transient | None:
-        """Return the closed form; None: see `Impact`, or arm or person were not recorded then."""
+        """Return the closed form; None: see `Impact`, or arm or person were not recorded at that time."""
         if not self._ours(met):
             return None
         link = met.other.rpartition("::")[2]
@@ -285,28 +289,28 @@ class Beside:
 
 
 def _recorded(time: float, times: FloatArray) -> bool:
-    """True if a sample lies near enough to a time [s]; times: shape (n,) [s]."""
+    """Return True if a sample lies near enough to a time [s]; times: shape (n,) [s]."""
     return bool(np.abs(times - time).min(initial=np.inf) <= verdict_table()["max_gap"])
 
 
 def _at(time: float | FloatArray, times: FloatArray, values: FloatArray) -> FloatArray:
-    """Columns of values, shape (n, j), at a time, shape (j,), or at several, shape (m, j)."""
+    """Return the interpolated columns of values, shape (n, j), at one time, shape (j,), or at several, shape (m, j)."""
     return np.array([np.interp(time, times, column) for column in values.T]).T
 
 
 def impacts(run: Mapping[str, Any], description: str, record: RunRecord, human: HumanRecord) -> list[Impact]:
-    """All contacts of a run, in the order in which they ended.
+    """Return all contacts of a run with their expected values, in order of their ends.
 
     Args:
         run: contents of run.yaml.
         description: URDF of the robot; "": the run folder has none.
-        record: of the robot.
-        human: of the human.
+        record: recording of the robot.
+        human: recording of the human.
     """
     if not any(met.kind == "penalty" for met in human.meetings) or not description:
         return [Impact(met, None, None) for met in human.meetings]
     try:
         beside = Beside(run, description, record.log, human)
-    except HricError:  # a world file that has gone since: what was recorded is reported all the same
+    except HricError:  # a world file that no longer exists: the recorded values are reported all the same
         return [Impact(met, None, None) for met in human.meetings]
     return [beside.impact(met) for met in human.meetings]

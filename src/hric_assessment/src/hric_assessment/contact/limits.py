@@ -1,9 +1,9 @@
-"""The door to the limits of a person's contacts, in SI; nothing else in the workspace reads their tables.
+"""Limits of a person's contacts, in SI; no other module of the workspace reads the limit tables.
 
     limits = Limits.named()                                               # or "bgia2011", or the path of a YAML file
     limits.at(("hand, fingers",), dominant=True).force.transient          # [N]
 
-Where several regions or areas may have been met, and it is not known which, the lowest of their limits holds.
+If several regions or areas may be in contact and it is unknown which, the lowest of their limits holds.
 """
 
 import math
@@ -25,8 +25,10 @@ from hric_control.errors import check_known
 from hric_human.body.regions import REGION_MODELS
 
 NOT_PERMITTED = ("skull, forehead", "face")
-"""No contact with these is within limits, whatever a table has: ISO/TS 15066:2016, Annex A (confirmed twice). Their
-quasi-static values are for information."""
+"""Regions with which no contact is within limits, whatever a table has.
+
+ISO/TS 15066:2016, Annex A (confirmed twice). Their quasi-static values are for information.
+"""
 TRANSIENT_TIME = episode_table()["transient_time"]
 """Duration from the first touch after which a contact is quasi-static [s] (config/tables/episodes.yaml)."""
 PARTED = episode_table()["gap"]
@@ -35,12 +37,13 @@ PARTED = episode_table()["gap"]
 
 @dataclass(frozen=True)
 class Pair:
-    """A quasi-static and a transient limit, both in N or Pa.
+    """Quasi-static and transient limit of one quantity, both in N or Pa.
 
     Attributes:
-        transient: None: there is none, a touch is not permitted.
-        region, area: whose quasi-static one it is; area "": of the whole region.
-        mark: of its row, and its sources.
+        quasi_static: quasi-static limit.
+        transient: transient limit; None: there is none, a touch is not permitted.
+        region, area: region and area of the quasi-static limit; area "": the whole region.
+        mark: mark of the table row, and its sources.
     """
 
     quasi_static: float
@@ -51,7 +54,7 @@ class Pair:
 
     @property
     def label(self) -> str:
-        """For findings."""
+        """Region and area, for findings."""
         return f"{self.region}: {self.area}" if self.area else self.region
 
 
@@ -60,11 +63,11 @@ class Limit:
     """Limits at one place of a body.
 
     Attributes:
-        force: [N].
-        pressure: [Pa]; None: the table has none.
-        permitted: False where it may be one of NOT_PERMITTED.
-        stiffness: of the stiffest region that may have been met [N/m].
-        missing: what the table does not have of the regions that may have been met.
+        force: force limits [N].
+        pressure: pressure limits [Pa]; None: the table has none.
+        permitted: False where the place may be in NOT_PERMITTED.
+        stiffness: stiffness of the stiffest region that may be in contact [N/m].
+        missing: quantities that the table lacks for the regions that may be in contact.
     """
 
     force: Pair
@@ -75,10 +78,10 @@ class Limit:
 
 
 class Limits:
-    """Limits by region.
+    """Limits by body region.
 
     Args:
-        table: of limits.
+        table: table of limits.
     """
 
     def __init__(self, table: LimitTable) -> None:
@@ -89,12 +92,12 @@ class Limits:
         """Return the limits of a table that comes with the package, by its name, or of a user's own file.
 
         Raises:
-            ParameterError: no such table, or a file that cannot be used, with all its mistakes.
+            ParameterError: no such table, or an unusable file, with all its mistakes.
         """
         return cls(limit_table(which))
 
     def held_force(self, regions: Sequence[str]) -> float:
-        """Return the quasi-static force [N] that the weakest of some regions bears; 0 without a limit or a permission.
+        """Return the lowest quasi-static force limit of some regions [N]; 0 without a limit or a permission.
 
         Raises:
             HricError: no such region.
@@ -103,15 +106,15 @@ class Limits:
         return 0.0 if limit is None or not limit.permitted else limit.force.quasi_static
 
     def at(self, regions: Sequence[str], area: str | None = None, dominant: bool | None = None) -> Limit | None:
-        """Return the limits where one of some regions was met.
+        """Return the limits for a contact with one of some regions.
 
         Args:
-            regions: of `hric_human.body.regions`, or the foot's; which of several was met is not known.
-            area: of the table's, which says which of the regions it was; None: not known.
+            regions: regions of `hric_human.body.regions`, or of the foot; which of several is in contact is unknown.
+            area: area of the table, which selects the regions that have it; None: not known.
             dominant: True on the side of the dominant hand; None: not known.
 
         Returns:
-            the limit; None: the table has none for any of them.
+            the limits; None: the table has none for any of the regions.
 
         Raises:
             HricError: no such region, or no such area in one of them.
@@ -143,7 +146,7 @@ class Limits:
         )
 
     def areas(self, regions: Iterable[str]) -> list[str]:
-        """Return the names of the areas of some regions."""
+        """Return the names of the table areas in some regions."""
         rows: list[Row] = [*self.table.forces, *self.table.pressures]
         return list(dict.fromkeys(row.area for row in rows if row.region in regions and row.area))
 

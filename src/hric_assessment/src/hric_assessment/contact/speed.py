@@ -1,10 +1,10 @@
-"""Speed at which a contact would reach a limit: the closed form of two masses and a spring, ISO/TS 15066:2016, Annex A.
+"""Speed at which a contact would reach a limit: two masses and a spring in closed form, ISO/TS 15066:2016, Annex A.
 
     mu = 1/(1/m_H + 1/m_R),   E = F^2/(2 k) = mu v^2/2,   v = F/sqrt(mu k) = p A/sqrt(mu k)
 
-m_H and k are the standard's body model (`hric_human.body.regions`). For m_R the standard has M/2 + m_L; the mass that
-is met is the reflected one in the direction of the contact, m_u = 1/(u' J M^-1 J' u), which whoever knows the arm
-gives. Where m_u is the larger, the standard's estimate permits a speed that is too high.
+m_H and k are the standard's body model (`hric_human.body.regions`). For m_R the standard has M/2 + m_L; the effective
+mass is the reflected one in the direction of the contact, m_u = 1/(u' J M^-1 J' u), which the caller computes from the
+arm. Where m_u is larger, the standard's estimate permits a speed that is too high.
 """
 
 import math
@@ -23,22 +23,22 @@ Mass = FloatArray | float
 
 
 def reduced_mass(human: Mass, robot: Mass) -> FloatArray:
-    """mu [kg] of both masses [kg]."""
+    """Return the reduced mass mu [kg] of both masses [kg]."""
     return np.asarray(1.0 / (1.0 / np.asarray(human) + 1.0 / np.asarray(robot)))
 
 
 def half_mass(moving: float, payload: float = 0.0) -> float:
-    """The standard's estimate of m_R [kg]: half of the moving mass of the arm, and the payload with the tool [kg]."""
+    """Return the standard's estimate of m_R [kg]: half of the moving mass of the arm plus payload and tool [kg]."""
     return 0.5 * moving + payload
 
 
 def transfer_energy(force: float, stiffness: float) -> float:
-    """E = F^2/(2 k) [J] of a force [N] on a spring [N/m]."""
+    """Return E = F^2/(2 k) [J] of a force [N] on a spring [N/m]."""
     return force * force / (2.0 * stiffness)
 
 
 def permitted_speed(force: float, mass: Mass, stiffness: float) -> FloatArray:
-    """v = F/sqrt(mu k) [m/s] of a force [N], mu [kg] and a spring [N/m]."""
+    """Return v = F/sqrt(mu k) [m/s] of a force [N], mu [kg] and a spring [N/m]."""
     return np.asarray(force / np.sqrt(np.asarray(mass) * stiffness))
 
 
@@ -47,13 +47,13 @@ class SpeedLimit:
     """Speed up to which a contact of one region stays within the limits.
 
     Attributes:
-        region, area: that permits least; area "": the whole region.
+        region, area: region and its area with the lowest speed; area "": the whole region.
         mass: mu, shape of the robot's mass [kg].
-        force_transient, force_quasi_static: limits that give the speeds [N]; transient None: not permitted.
+        force_transient, force_quasi_static: limits that determine the speeds [N]; transient None: not permitted.
         transient: speed [m/s]; 0 where contact is not permitted.
         quasi_static: speed by the quasi-static limit, for information where contact is not permitted [m/s].
-        energy: that the transient limit takes up, of regions where contact is not permitted the quasi-static [J].
-        by_pressure: the limits follow from the pressure over the contact's area.
+        energy: energy at the transient limit, or at the quasi-static limit where contact is not permitted [J].
+        by_pressure: True if the limits follow from the pressure over the contact area.
     """
 
     region: str
@@ -70,13 +70,13 @@ class SpeedLimit:
 def speed_limit(
     limits: Limits, region: str, robot_mass: Mass, contact_area: float | None = None, dominant: bool | None = None
 ) -> SpeedLimit:
-    """Return the speed that one region permits; of several areas with forces of their own the lowest.
+    """Return the permitted speed of one region; of several areas with force limits of their own the lowest.
 
     Args:
-        limits: a table's.
-        region: of `hric_human.body.regions`.
-        robot_mass: m_R, one or an array; infinite: a link that cannot give way [kg].
-        contact_area: the smaller of the robot's and the body's [m^2]; None: not known, by the force alone.
+        limits: limits of one table.
+        region: region of `hric_human.body.regions`.
+        robot_mass: m_R, a number or an array; infinite: a link that cannot yield [kg].
+        contact_area: the smaller of the robot's and the body's [m^2]; None: not known, only the force limit counts.
         dominant: True on the side of the dominant hand; None: not known.
 
     Raises:
@@ -114,7 +114,7 @@ def _of_area(
 
 
 def _forces(limit: Limit, contact_area: float | None) -> tuple[float, float | None, bool]:
-    """(quasi-static force, transient force, whether the pressure sets them) [N]."""
+    """Return (quasi-static force [N], transient force [N], True if the pressure determines them)."""
     force, pressure = limit.force, limit.pressure
     transient = force.transient if limit.permitted else None
     if contact_area is None or pressure is None:
@@ -141,11 +141,11 @@ def check_positive(name: str, value: Mass, unit: str) -> None:
 
 @dataclass(frozen=True)
 class BothMasses:
-    """The speed by the reflected mass beside that by the standard's estimate.
+    """Permitted speeds by the reflected mass and by the standard's estimate.
 
     Attributes:
-        reflected, standard: by m_u, and by M/2 + m_L.
-        unsafe: where the standard's estimate permits more than the reflected mass does, shape of m_u.
+        reflected, standard: speed limits by m_u, and by M/2 + m_L.
+        unsafe: True where the standard's estimate permits more than the reflected mass does, shape of m_u.
     """
 
     reflected: SpeedLimit
@@ -161,7 +161,7 @@ def both_masses(
     payload: float = 0.0,
     contact_area: float | None = None,
 ) -> BothMasses:
-    """Return both speeds of one region; arguments as those of `speed_limit`, `half_mass`. Raises likewise."""
+    """Return both speed limits of one region; arguments and errors as in `speed_limit` and `half_mass`."""
     standard_mass = half_mass(moving_mass, payload)
     reflected = speed_limit(limits, region, reflected_mass, contact_area)
     standard = speed_limit(limits, region, standard_mass, contact_area)

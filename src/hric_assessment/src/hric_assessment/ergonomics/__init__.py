@@ -1,4 +1,4 @@
-"""Scores of postures (RULA, REBA) and of lifts (NIOSH), static and repeated use, smoothness of a movement."""
+"""Scores of postures (RULA, REBA) and lifts (NIOSH), static and repeated muscle use, and smoothness of motions."""
 
 from hric_assessment.ergonomics import niosh, reba, rula
 from hric_assessment.ergonomics.posture import Posture, Task, of_joints

@@ -1,4 +1,4 @@
-"""Force and work of a grip, and smoothness of a motion. Descriptions, without a limit."""
+"""Force and work of a grip, and smoothness of a motion: descriptive values without a limit."""
 
 import math
 from dataclasses import dataclass
@@ -14,12 +14,12 @@ class Effort:
     """Force and work of one grip.
 
     Attributes:
-        closed: time for which it was closed [s].
-        force_max, force_max_time: largest force, and when [N], [s].
-        force_mean: mean force while it was closed [N].
-        torque_max: [N m].
-        work: work of the holder on what it holds [J].
-        work_absolute: work to and fro added up [J].
+        closed: time for which the grip was closed [s].
+        force_max, force_max_time: largest force and its robot time [N], [s].
+        force_mean: mean force while the grip was closed [N].
+        torque_max: largest torque [N m].
+        work: work of the holder on the held body [J].
+        work_absolute: integral of the absolute power [J].
     """
 
     closed: float
@@ -50,8 +50,10 @@ def effort(grip: GripRecord) -> Effort | None:
 
 
 def log_dimensionless_jerk(time: FloatArray, velocity: FloatArray) -> float | None:
-    """Return -ln(T^3 / v_peak^2 int |d2v/dt2|^2 dt) (Balasubramanian et al., J. NeuroEng. Rehabil. 12:112, 2015). The
-    nearer to zero the smoother; one minimum-jerk reach has -5.32. None: it rests.
+    """Return the log dimensionless jerk -ln(T^3 / v_peak^2 int |d2v/dt2|^2 dt); None: no motion.
+
+    The nearer to zero the smoother; one minimum-jerk reach has -5.32 (Balasubramanian et al., J. NeuroEng. Rehabil.
+    12:112, 2015).
 
     Args:
         time: shape (n,) [s].

@@ -1,4 +1,4 @@
-"""Load of a person's muscles over a recorded motion, with the forces of grips on the hands."""
+"""Load of a person's muscles over a recorded motion, with the grip forces on the hands."""
 
 from collections.abc import Iterable, Sequence
 
@@ -19,7 +19,7 @@ OWN = "human::"
 
 
 def grip_loads(grips: Iterable[GripRecord], time: FloatArray) -> list[Load]:
-    """Return the loads of grips on the person's links; nothing before their first message and after their last.
+    """Return the loads of grips on the person's links; zero before their first message and after their last.
 
     Args:
         grips: grips of a run.
@@ -43,16 +43,17 @@ def _load(grip: GripRecord, link: str, sign: float, time: FloatArray) -> Load:
 def motion_of(
     record: HumanRecord, joints: Sequence[str], still: Pose, cutoff: float, rate: float = RATE
 ) -> tuple[Motion, Pose | RootMotion]:
-    """Return the smooth motion of joints, and that of the root link, or its pose where it is at rest.
+    """Return the smoothed motion of joints, and the motion of the root link, or its pose if it is at rest.
 
     Args:
-        record: record of a run, or a part of it.
+        record: recording of a run, or a part of it.
         joints: names of all joints of a body.
-        still: pose of its root link in the world, where the record has none.
-        cutoff, rate: see `smoothed`.
+        still: pose of the root link in the world, if the recording has none.
+        cutoff: see `smoothed`.
+        rate: see `smoothed`.
 
     Raises:
-        HricError: a joint that the record has not; see `smoothed`.
+        HricError: a joint that is not in the recording; see `smoothed`.
     """
     missing = [name for name in joints if name not in record.joints]
     if missing:
@@ -73,16 +74,16 @@ def load_of(
     strength: float = 1.0,
     gravity: Vector = GRAVITY,
 ) -> MuscleLoad:
-    """Return the load of the muscles in a motion of all joints of a body.
+    """Return the muscle load in a motion of all joints of a body.
 
     Args:
         body: body of the person.
         anatomy: anatomy of the muscles.
-        root: T_world_root of the root link, at rest; or its motion at the instants of `motion`.
+        root: T_world_root of a root link at rest, or the root's motion at the instants of `motion`.
         motion: motion of the joints.
         loads: loads on the links.
-        strength: factor of the strength of the muscles [1].
-        gravity: in the world [m/s^2].
+        strength: factor of the muscle strength [1].
+        gravity: gravity in the world [m/s^2].
     """
     still, moved = (root, None) if isinstance(root, Pose) else (Pose(), root)
     return AfterRun(body, MuscleSet(body, anatomy, strength), anatomy, still, gravity).of(motion, loads, moved)

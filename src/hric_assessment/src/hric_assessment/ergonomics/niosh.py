@@ -1,13 +1,13 @@
-"""The revised NIOSH lifting equation: recommended weight limit and index of a lift, at its origin or destination.
+"""Revised NIOSH lifting equation: recommended weight limit and index of a lift, at its origin or destination.
 
     rated = niosh.rate(Lift(phase="pick-up", load=12.0, horizontal=0.4, vertical=0.3, distance=0.7))
     rated.limit, rated.index, rated.multipliers
 
     RWL = LC HM VM DM AM FM CM,   LI = L / RWL
 
-NIOSH Publication 94-110 (public domain). By its own text it is for lifts of a standing person with both hands, so that
-of a load that human and robot carry together only picking up and putting down can be rated, with the human's share of
-the load; all else is refused. The values are in config/tables/niosh.yaml.
+NIOSH Publication 94-110 (public domain). It applies to lifts of a standing person with both hands. Of a load that human
+and robot carry together, only picking up and putting down can therefore be rated, with the human's share of the load;
+everything else is refused. The values are in config/tables/niosh.yaml.
 """
 
 import math
@@ -21,18 +21,18 @@ from hric_assessment.tables import UNITS, NioshTable, niosh_table
 from hric_control.errors import HricError
 
 PHASES = ("pick-up", "put-down")
-"""Ends of a lift that may be rated."""
+"""Ends of a lift that can be rated."""
 POSITIONS = ("standing",)
 HOUR = 3600.0
 
 
 @dataclass(frozen=True)
 class Lift:
-    """One end of a lift: its origin, or its destination.
+    """One end of a lift: its origin or its destination.
 
     Attributes:
         phase: one of PHASES.
-        load: mass that the person carries, of a shared load the measured share [kg].
+        load: mass that the person carries; for a shared load the measured share [kg].
         horizontal: distance of the hands from the middle of the ankles [m].
         vertical: height of the hands above the floor [m].
         distance: travel of the load up or down [m].
@@ -43,7 +43,7 @@ class Lift:
         hands: number of hands that lift.
         position: position of the person, one of POSITIONS.
         stable: the load does not shift, as liquids do.
-        speed: largest, vertical [m/s]; None: not known, taken as within the scope.
+        speed: largest vertical speed [m/s]; None: not known, assumed to be within the scope.
     """
 
     phase: str
@@ -74,7 +74,7 @@ class Multipliers(NamedTuple):
 
 @dataclass(frozen=True)
 class Rated:
-    """A lift that was rated.
+    """Rating of a lift.
 
     Attributes:
         multipliers: at full precision.
@@ -82,7 +82,7 @@ class Rated:
         index: lifting index [1]; infinite where the limit is 0.
         level: level of the index, in words.
         rounded_limit, rounded_index: limit and index by multipliers of two decimals, as in the manual's worksheets.
-        assumptions: a sentence for what was not known.
+        assumptions: one sentence for each unknown value.
     """
 
     multipliers: Multipliers
@@ -98,12 +98,12 @@ def rate(lift: Lift, table: NioshTable | None = None) -> Rated:
     """Return the rating of a lift within the scope of the equation.
 
     Args:
-        lift: one end of it.
-        table: by default the one that comes with the package.
+        lift: one end of a lift.
+        table: values of the equation; by default those of the package.
 
     Raises:
-        NotAssessableError: it is outside the scope; all reasons, a line each.
-        HricError: a value that no lift has.
+        NotAssessableError: the lift is outside the scope; all reasons, a line each.
+        HricError: a value that is impossible for a lift.
     """
     table = table or niosh_table()
     _check(lift, table)
@@ -117,7 +117,7 @@ def rate(lift: Lift, table: NioshTable | None = None) -> Rated:
 
 
 def rounded_multiplier(multiplier: float) -> float:
-    """To two decimals, halves upwards, as by hand; 0.745 is a half though its binary number is below it."""
+    """Return the multiplier rounded to two decimals, halves up as by hand; 0.745 counts as a half."""
     return math.floor(100.0 * multiplier + 0.5 + 1e-9) / 100.0
 
 
@@ -149,12 +149,12 @@ def multipliers_of(lift: Lift, table: NioshTable) -> Multipliers:
 
 
 def frequency_multiplier(frequency: float, duration: float, low: bool, table: NioshTable) -> float:
-    """Return FM [1], by straight lines between the rows of the table.
+    """Return the frequency multiplier FM [1], linear between the rows of the table.
 
     Args:
-        frequency: [1/min].
+        frequency: lifts per minute [1/min].
         duration: duration of the work [s].
-        low: the hands are lower than where couplings and frequencies change.
+        low: True if the hands are below the height at which couplings and frequencies change.
         table: table of the values.
     """
     rows = np.array(table.frequencies)

@@ -1,4 +1,4 @@
-"""Input of posture scorers: named angles and flags over time, and the stand-ins for those that are not known."""
+"""Input of posture scorers: named angles and flags over time, and default values for unknown ones."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -16,14 +16,14 @@ Flag = np.ndarray[Any, np.dtype[np.bool_]] | bool | None
 
 @dataclass(frozen=True)
 class Posture:
-    """A person at n instants, with one of the two arms.
+    """Posture of a person, with one of the two arms, at n instants.
 
-    Angles [rad], each of shape (n,) or one for all; None, and NaN at single instants: not known.
+    Angles [rad], each of shape (n,) or a single value for all instants; None, and NaN at single instants: not known.
 
     Attributes:
         upper_arm_flexion: elevation of the upper arm from hanging along the trunk; negative: behind the trunk.
         upper_arm_abduction: outward, out of the sagittal plane of the trunk.
-        upper_arm_rotation: about its own axis, internal +.
+        upper_arm_rotation: about the axis of the upper arm, internal +.
         shoulder_elevation: elevation of the shoulder girdle.
         elbow_flexion: 0 straight.
         forearm_inward: angle of the forearm to the sagittal plane, + towards the midline.
@@ -31,13 +31,13 @@ class Posture:
         wrist_deviation: + to the little finger.
         pronation: from mid-position.
         neck_flexion, neck_bend, neck_twist: to the trunk; forward, to the right, to the left +.
-        trunk_flexion, trunk_bend: to the vertical (see `to_vertical`); likewise.
+        trunk_flexion, trunk_bend: to the vertical (see `to_vertical`); forward, to the right +.
         trunk_twist: to the pelvis.
-        knee_flexion: flexion of the knee that is bent more.
+        knee_flexion: flexion of the more flexed knee.
         arm_supported: the arm rests on something, or the person leans.
-        trunk_supported: sits with a well supported trunk.
-        unbalanced: is on one leg, or the legs are not well supported.
-        sitting: the bent knees carry nothing.
+        trunk_supported: the person sits with a well supported trunk.
+        unbalanced: the person is on one leg, or the legs are not well supported.
+        sitting: the bent knees bear no load.
     """
 
     upper_arm_flexion: Angle = None
@@ -64,15 +64,15 @@ class Posture:
 
 @dataclass(frozen=True)
 class Task:
-    """Use of one arm and of the rest of the person, each of shape (n,) or one for all; None: not known.
+    """Task of one arm and of the rest of the body, each of shape (n,) or a single value; None: not known.
 
     Attributes:
         load: mass held, or force over g [kg].
-        static: the load is held, or comes again and again; without it, it is intermittent.
+        static: the load is static or repeated; otherwise it is intermittent.
         shock: the load comes with a shock, or builds up rapidly.
         held: time for which the posture of the arm is held [s].
-        repeats: repeats of the arm's action [1/min].
-        rest_held, rest_repeats: likewise of neck and trunk; None: as the arm.
+        repeats: repetitions of the arm's action [1/min].
+        rest_held, rest_repeats: the same for neck and trunk; None: as for the arm.
         coupling: coupling of the hand with the load, one of the table's names (REBA).
         rapid: the posture changes rapidly and far, or the base is unstable (REBA).
     """
@@ -95,24 +95,24 @@ ASSUMED: Mapping[str, float] = (
     | {"elbow_flexion": math.radians(80.0)}  # in the middle of the range that scores least
     | {"load": 0.0, "held": 0.0, "repeats": 0.0, "rest_held": 0.0, "rest_repeats": 0.0}
 )
-"""Stand-ins for what is not known [rad], [kg], [s], [1/min]: each angle where it scores least. Flags that are not known
-do not hold."""
+"""Values assumed for unknown ones [rad], [kg], [s], [1/min]: angles where they score least; unknown flags are False."""
 SHARED = {"rest_held": "held", "rest_repeats": "repeats"}
-"""Fields of a task that are those of the arm where they are not known."""
+"""Fields of neck and trunk in a task, each with the field of the arm that replaces it if unknown."""
 
 
 class Known:
-    """Fields of a posture and a task as arrays, with what was assumed.
+    """Fields of a posture and a task as arrays, with the assumptions for unknown values.
 
     Args:
-        posture, task: the posture and the task.
-        fields: names of those that a scorer needs.
-        spread: half-widths of the intervals in which angles lie [rad], by name; inf: not known; none: exact.
+        posture: posture of the person.
+        task: task of the arm and of the rest of the body.
+        fields: names of the fields that a scorer needs.
+        spread: half-widths of the intervals in which angles lie [rad], by name; inf: not known; no entry: exact.
 
     Attributes:
-        count: n.
+        count: number of instants n.
         spread: as above.
-        assumptions: a sentence for each field that is not known, wholly or in part.
+        assumptions: a sentence for each field that is wholly or partly unknown.
 
     Raises:
         HricError: fields of different lengths.
@@ -136,7 +136,7 @@ class Known:
         return self._values[name]
 
     def assume(self, what: str) -> None:
-        """Note an assumption, once."""
+        """Record an assumption once."""
         if what not in self.assumptions:
             self.assumptions.append(what)
 
@@ -166,7 +166,7 @@ SAME = {
     "pronation": "pro_sup",
     "upper_arm_rotation": "sh_rot",
 }
-"""Angles of a posture that are joints of an arm of `hric_human.body.joints`."""
+"""Posture angles with the joints of an arm of `hric_human.body.joints` that they equal."""
 MIDDLE = {
     "neck_flexion": "neck_flex",
     "neck_bend": "neck_bend",
@@ -175,18 +175,18 @@ MIDDLE = {
     "trunk_bend": "trunk_bend",
     "trunk_twist": "trunk_rot",
 }
-"""Angles of a posture that are joints of the trunk: those of the trunk to the pelvis, see `to_vertical`."""
+"""Posture angles with the joints of neck and trunk that they equal; trunk angles to the pelvis, see `to_vertical`."""
 
 
 LEVEL = 0.5
-"""Cosine of the tilt to the side beyond which a pelvis has no forward: 60 deg [1] (project default, unconfirmed)."""
+"""Cosine of the sideways tilt beyond which a pelvis has no forward: 60 deg [1] (project default, unconfirmed)."""
 
 
 def of_joints(names: Sequence[str], q: FloatArray, side: str) -> Posture:
-    """Return the posture of a body of `hric_human.body`, the trunk to the pelvis; what has no joint there is not known.
+    """Return the posture of a body of `hric_human.body`, trunk relative to pelvis; angles without a joint are None.
 
     Args:
-        names: names of the joints, "right_el_flex".
+        names: names of the joints, for example "right_el_flex".
         q: joint positions, shape (n, j) [rad].
         side: side of the arm, "right" or "left".
 
@@ -216,11 +216,12 @@ def upper_arm_elevation(flexion: FloatArray, abduction: FloatArray) -> FloatArra
     """Return the angle of an upper arm to one that hangs along the trunk, by its direction [rad]; negative: extension.
 
     A shoulder is Rx(sh_flex) Rz(sh_abd) Ry(sh_rot) in axes X right, Y up, Z back of a right arm, so that the upper arm
-    points along (sin a, -cos a cos f, -cos a sin f): its elevation is acos(cos a cos f), whichever way it was raised.
-    It is extension where the arm is below the shoulder and points farther back than to the side.
+    points along (sin a, -cos a cos f, -cos a sin f): its elevation is acos(cos a cos f), independent of the path. It is
+    extension where the arm is below the shoulder and points farther back than to the side.
 
     Args:
-        flexion, abduction: sh_flex f and sh_abd a, shape (n,) [rad].
+        flexion: sh_flex f, shape (n,) [rad].
+        abduction: sh_abd a, shape (n,) [rad].
     """
     aside, forward = np.abs(np.sin(abduction)), np.cos(abduction) * np.sin(flexion)
     down = np.cos(abduction) * np.cos(flexion)
@@ -231,13 +232,15 @@ def upper_arm_elevation(flexion: FloatArray, abduction: FloatArray) -> FloatArra
 def to_vertical(R_world_root: FloatArray, flexion: FloatArray, bend: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return flexion and bend of a trunk to the vertical [rad], z of the world up.
 
-    The axis of the thorax is a = R_world_root Ry(flexion) Rx(bend) z. Left is the pelvis' left, made level, and forward
-    is level and at right angles to it: flexion = atan2(a_forward, a_up), bend = -asin(a_left), as the joints of the
-    trunk on an upright pelvis. Not known (NaN) where the pelvis' left is less level than LEVEL.
+    The axis of the thorax is a = R_world_root Ry(flexion) Rx(bend) z. Left is the pelvis' left, projected onto the
+    horizontal plane, and forward is horizontal and perpendicular to it: flexion = atan2(a_forward, a_up), bend =
+    -asin(a_left), as the joints of the trunk on an upright pelvis. The result is NaN where the horizontal part of the
+    pelvis' left is not above LEVEL.
 
     Args:
         R_world_root: orientation of the root link (x forward, y left, z up), shape (n, 3, 3).
-        flexion, bend: angles of the trunk to the pelvis, forward and to the right +, shape (n,) [rad].
+        flexion: angle of the trunk to the pelvis, forward +, shape (n,) [rad].
+        bend: angle of the trunk to the pelvis, to the right +, shape (n,) [rad].
     """
     a_root = np.array([np.sin(flexion) * np.cos(bend), -np.sin(bend), np.cos(flexion) * np.cos(bend)]).T
     x, y, up = np.einsum("nij,nj->ni", R_world_root, a_root).T
@@ -251,11 +254,13 @@ def to_vertical(R_world_root: FloatArray, flexion: FloatArray, bend: FloatArray)
 def forearm_inward(abduction: FloatArray, rotation: FloatArray, elbow: FloatArray) -> FloatArray:
     """Return the angle of a forearm to the sagittal plane, + towards the midline [rad].
 
-    Along the forearm is R_thorax_humerus (0, -cos el_flex, -sin el_flex) in the axes of `upper_arm_elevation`; sh_flex
-    turns about X and so leaves its X component.
+    The forearm points along R_thorax_humerus (0, -cos el_flex, -sin el_flex) in the axes of `upper_arm_elevation`;
+    sh_flex rotates about X and does not change the X component.
 
     Args:
-        abduction, rotation, elbow: sh_abd, sh_rot and el_flex, shape (n,) [rad].
+        abduction: sh_abd, shape (n,) [rad].
+        rotation: sh_rot, shape (n,) [rad].
+        elbow: el_flex, shape (n,) [rad].
     """
     across = np.cos(abduction) * np.sin(elbow) * np.sin(rotation) - np.sin(abduction) * np.cos(elbow)
     return np.asarray(np.arcsin(np.clip(across, -1.0, 1.0)))

@@ -1,4 +1,4 @@
-"""REBA: a score from 1 to 15 of the load on the whole body; Hignett & McAtamney, Appl. Ergon. 31:201, 2000.
+"""REBA: a score from 1 to 15 of the load on the entire body; Hignett & McAtamney, Appl. Ergon. 31:201, 2000.
 
     scores = reba.score(Posture(trunk_flexion=..., knee_flexion=...), Task(load=6.0, coupling="fair"))
     scores.score, scores.reasons(0), scores.level(0)
@@ -27,8 +27,8 @@ def score(
 
     Args:
         posture: one arm and the rest of the person.
-        task: task of that arm; a coupling that is not known counts as good.
-        table: by default the one that comes with the package.
+        task: task of that arm; an unknown coupling counts as good.
+        table: scoring table; by default that of the package.
         spread: half-widths of the intervals in which angles lie [rad], by name; inf: not known.
 
     Raises:

@@ -41,7 +41,7 @@ def score(
         posture: one arm and the rest of the person.
         task: task of that arm; its load counts for the rest of the person, too.
         version: version of table A, one of VERSIONS.
-        table: by default the one that comes with the package.
+        table: scoring table; by default that of the package.
         spread: half-widths of the intervals in which angles lie [rad], by name; inf: not known.
 
     Raises:

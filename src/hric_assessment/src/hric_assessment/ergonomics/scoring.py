@@ -1,4 +1,4 @@
-"""Scores of parts of a body by a table, over time, with the reason of each step."""
+"""Scores of body parts by a table, over time, with the reason of each step."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -15,19 +15,19 @@ from hric_control.geometry import FloatArray
 IntArray = np.ndarray[Any, np.dtype[np.signedinteger[Any]]]
 Total = Callable[["Scorer"], IntArray]
 VARIATION = 5.0
-"""Shift of the chosen thresholds, to see what they decide [deg] (project default, unconfirmed)."""
+"""Shift of the thresholds chosen by this project, to measure their influence [deg] (project default, unconfirmed)."""
 
 
 @dataclass(frozen=True)
 class Step:
-    """One addition to a score.
+    """One contribution to a score.
 
     Attributes:
         part: part of the body, or of the method.
         points: shape (n,).
         reasons: sentences, one of which holds at each instant.
-        case: index of it, shape (n,).
-        angle: angle that gives the points, shape (n,) [rad]; None: a flag.
+        case: index of the reason that holds, shape (n,).
+        angle: angle that determines the points, shape (n,) [rad]; None: a flag.
         spread: half-width of the interval in which the angle lies [rad].
     """
 
@@ -39,7 +39,7 @@ class Step:
     spread: float = 0.0
 
     def reason(self, index: int) -> str:
-        """Return the points at one instant and why."""
+        """Return the points at one instant and the reason for them."""
         about = f" +- {math.degrees(self.spread):.1f}" if self.spread else ""
         value = "" if self.angle is None else f" ({math.degrees(self.angle[index]):.1f}{about} deg)"
         return f"{self.part} {self.points[index]:+d}: {self.reasons[self.case[index]]}{value}"
@@ -50,16 +50,16 @@ class Scores:
     """Scores over time.
 
     Attributes:
-        method: title and edition of the table, with the version of it.
-        table: their basis.
+        method: title, edition and version of the table.
+        table: scoring table.
         score: shape (n,).
         parts: scores of parts of the body and of tables A, B and C, each of shape (n,).
-        steps: additions that `highest` is made of.
+        steps: contributions to `highest`.
         lowest, highest: smallest and largest score with each angle within its spread, shape (n,).
-        lowest_steps: additions that `lowest` is made of.
+        lowest_steps: contributions to `lowest`.
         stricter, looser: the score with all chosen thresholds smaller, and larger, by VARIATION, shape (n,).
-        assumptions: stand-ins for what is not known. The angles are those that score least, so that the score can
-            only be higher; support of arm or trunk that is not known would lower it.
+        assumptions: values assumed for unknown ones. Unknown angles get the lowest score, so the true score can only be
+            higher; unknown support of arm or trunk would lower it.
     """
 
     method: str
@@ -75,11 +75,11 @@ class Scores:
     assumptions: tuple[str, ...]
 
     def reasons(self, index: int) -> list[str]:
-        """Return the steps that count at one instant."""
+        """Return the reasons of the steps with points at one instant."""
         return [step.reason(index) for step in self.steps if step.points[index] != 0]
 
     def uncertain(self, index: int) -> list[str]:
-        """Return the steps that the spread of an angle decides at one instant."""
+        """Return the steps whose points at one instant depend on the spread of an angle."""
         pairs = zip(self.steps, self.lowest_steps, strict=True)
         return [high.reason(index) for high, low in pairs if high.points[index] != low.points[index]]
 
@@ -89,24 +89,24 @@ class Scores:
 
     @property
     def chosen(self) -> list[str]:
-        """Thresholds that no source has, and what they decide here."""
+        """Thresholds that no source defines, and their influence on these scores."""
         moved = int(np.count_nonzero((self.stricter != self.score) | (self.looser != self.score)))
         lines = [f"{name}: {one.value:g} deg, chosen here: {one.text}" for name, one in self.table.chosen.items()]
         return [*lines, f"{VARIATION:g} deg either way change {moved} of {len(self.score)} scores"]
 
 
 class Scorer:
-    """Points by a table.
+    """Scorer of body parts by a table.
 
     Args:
         table: RULA's or REBA's.
         known: known fields of the posture and the task.
-        shift: shift of all chosen thresholds [deg].
+        shift: shift of all thresholds chosen by this project [deg].
         end: end of the spread of each angle that counts: -1 where it scores least, 1 where it scores most, 0 neither.
 
     Attributes:
         steps: steps of all parts so far.
-        parts: their scores, and those of tables.
+        parts: scores of the parts and of the tables.
     """
 
     def __init__(self, table: PostureTable, known: Known, shift: float = 0.0, end: int = 0) -> None:
@@ -118,7 +118,7 @@ class Scorer:
         self._chosen = {name: max(0.0, one.value + shift) for name, one in table.chosen.items()}
 
     def part(self, name: str) -> IntArray:
-        """Score of a part of the body, 1 at least, shape (n,)."""
+        """Score a part of the body and return its score, at least 1, shape (n,)."""
         part = self.table.parts[name]
         label = name.replace("_", " ")
         steps = [self._band(label, band) for band in part.bands] + [self._adder(label, adder) for adder in part.add]
@@ -129,19 +129,19 @@ class Scorer:
         return self.parts[name]
 
     def constant(self, part: str, points: int, reason: str) -> Step:
-        """A step that is the same at all instants."""
+        """Return a step with the same points at all instants."""
         zeros = np.zeros(self.known.count, np.int8)
         return Step(part, zeros + points, (reason,), zeros)
 
     def flagged(self, part: str, points: int, reason: str, flag: Any) -> IntArray:
-        """A step where a flag holds, shape (n,)."""
+        """Add a step that counts where a flag holds, and return its points, shape (n,)."""
         case = np.asarray(flag, np.int8)
         step = Step(part, points * case, (f"not {reason}", reason), case)
         self.steps.append(step)
         return step.points
 
     def cases(self, part: str, points: Sequence[int], reasons: Sequence[str], case: IntArray) -> IntArray:
-        """A step of several cases, shape (n,)."""
+        """Add a step with several cases, and return its points, shape (n,)."""
         step = Step(part, np.array(points)[case], tuple(reasons), case)
         self.steps.append(step)
         return step.points
@@ -178,7 +178,7 @@ class Scorer:
         return angle + (self._end * self._spread(name) if self._end else 0.0) > threshold
 
     def _spread(self, name: str) -> float:
-        """Half-width of the interval in which an angle lies [rad]."""
+        """Return the half-width of the interval in which an angle lies [rad]."""
         return self.known.spread.get(name, 0.0)
 
     def _bound(self, bound: float | str) -> float:
@@ -192,9 +192,9 @@ def scored(table: PostureTable, method: str, known: Known, total: Total) -> Scor
 
     Args:
         table: RULA's or REBA's.
-        method: its name and version.
+        method: name and version of the table.
         known: known fields of the posture and the task.
-        total: function that makes the score of the parts.
+        total: function that combines the parts into the score.
     """
     own = Scorer(table, known)
     score, stricter, looser = total(own), *(total(Scorer(table, known, shift)) for shift in (-VARIATION, VARIATION))
@@ -236,15 +236,18 @@ def cells(rows: Mapping[str, Sequence[int]], row: IntArray, column: IntArray) ->
 
     Args:
         rows: rows of the table, in order.
-        row, column: counted from 1 on, shape (n,); beyond the last the last counts.
+        row: row indices from 1 on, shape (n,); an index beyond the last means the last.
+        column: column indices, likewise.
     """
     table = np.array(list(rows.values()), np.int64)
     return np.asarray(table[np.minimum(row, table.shape[0]) - 1, np.minimum(column, table.shape[1]) - 1])
 
 
 def index(scores: Sequence[IntArray], sizes: Sequence[int]) -> IntArray:
-    """Return the running number from 1 on of scores counted from 1 on, the last the fastest, shape (n,); as tables of
-    several scores in a row have them."""
+    """Return the column number of a combination of scores, both starting at 1, shape (n,).
+
+    Scoring tables list several scores in one row; the last score varies fastest.
+    """
     number = np.zeros_like(scores[0])
     for score, size in zip(scores, sizes, strict=True):
         number = number * size + score - 1

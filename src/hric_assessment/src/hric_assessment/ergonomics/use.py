@@ -1,4 +1,4 @@
-"""Static and repeated use of muscles, counted from signals over time."""
+"""Static and repeated muscle use, counted from signals over time."""
 
 import math
 
@@ -19,8 +19,8 @@ def held(time: FloatArray, signals: FloatArray, tolerance: float, duration: floa
     Args:
         time: ascending, shape (n,) [s].
         signals: shape (n, k); a stretch of NaN is bridged, a signal of NaN alone does not count.
-        tolerance: largest difference of two block means within a stretch that is held.
-        duration: [s].
+        tolerance: largest difference of two block means within a held stretch.
+        duration: minimum duration of a held stretch [s].
     """
     block, means = _blocks(time, signals)
     count = math.floor(duration / BLOCK) + 1
@@ -33,11 +33,12 @@ def held(time: FloatArray, signals: FloatArray, tolerance: float, duration: floa
 
 
 def repeats(time: FloatArray, signals: FloatArray, amplitude: float) -> FloatArray:
-    """Return how often a signal goes there and back in the fullest minute with each instant in it, shape (n,) [1/min].
+    """Return the highest number of repetitions in any minute that contains each instant, shape (n,) [1/min].
 
     Args:
-        time, signals: as `held`; the signal that repeats most counts.
-        amplitude: smallest travel of a motion there, and of one back.
+        time: as in `held`.
+        signals: as in `held`; the signal with the most repetitions counts.
+        amplitude: smallest travel of a motion in one direction.
     """
     block, means = _blocks(time, signals)
     window = round(MINUTE / BLOCK)
@@ -51,7 +52,7 @@ def repeats(time: FloatArray, signals: FloatArray, amplitude: float) -> FloatArr
 
 
 def _moves(signal: list[float], amplitude: float) -> list[int]:
-    """Return where a signal has gone `amplitude` from its last turning point, up and down in turn."""
+    """Return the indices where a signal has moved `amplitude` from its last turning point, up and down in turn."""
     moves, direction, low, high = list[int](), 0, signal[0], signal[0]
     for index, value in enumerate(signal):
         low, high = min(low, value), max(high, value)
@@ -66,8 +67,8 @@ def _moves(signal: list[float], amplitude: float) -> list[int]:
 
 
 def _blocks(time: FloatArray, signals: FloatArray) -> tuple[np.ndarray[tuple[int], np.dtype[np.int64]], FloatArray]:
-    """Return the block of each sample, (n,), and the mean of each signal over each block, bridged, (b, k)."""
-    time = np.cumsum(np.minimum(np.diff(time, prepend=time[0]), MINUTE))  # so that a jump of the stamps takes no memory
+    """Return the block of each sample, (n,), and the mean of each signal in each block, gaps interpolated, (b, k)."""
+    time = np.cumsum(np.minimum(np.diff(time, prepend=time[0]), MINUTE))  # limits the memory after a jump of the stamps
     signals = signals[:, np.isfinite(signals).any(axis=0)]
     block = np.floor(time / BLOCK + 1e-6).astype(np.int64)
     means = np.empty((int(block[-1]) + 1, signals.shape[1]))

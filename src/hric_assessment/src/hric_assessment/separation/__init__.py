@@ -1,1 +1,1 @@
-"""How far a person is from an arm, and how far he should be."""
+"""Distance between a person and an arm, and the required distance."""

@@ -1,4 +1,4 @@
-"""Distances between capsules, in closed form, for many at once."""
+"""Distances between capsules in closed form, vectorised."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -10,7 +10,7 @@ from hric_human.body import Body
 
 IntArray = np.ndarray[Any, np.dtype[np.int64]]
 _TINY = 1e-300
-"""In place of the square of a length that is zero: a capsule may be a ball."""
+"""Replacement for a squared length of zero: a capsule may be a sphere."""
 
 
 @dataclass(frozen=True)
@@ -18,8 +18,8 @@ class Capsules:
     """Capsules of the links of a model.
 
     Attributes:
-        links: that they belong to, k names; a link may have several.
-        ends: of the straight parts, in axes of the links, shape (k, 2, 3) [m].
+        links: link of each capsule, k names; a link may have several.
+        ends: ends of the axes, in the frames of the links, shape (k, 2, 3) [m].
         radii: shape (k,) [m].
     """
 
@@ -28,13 +28,13 @@ class Capsules:
     radii: FloatArray
 
     def placed(self, T_world_link: FloatArray) -> FloatArray:
-        """Ends in the world, shape (n, k, 2, 3) [m]; T_world_link: of the link of each capsule, shape (n, k, 4, 4)."""
+        """Return the ends in the world, shape (n, k, 2, 3) [m]; T_world_link: pose of each link, shape (n, k, 4, 4)."""
         R, p = T_world_link[..., :3, :3], T_world_link[..., None, :3, 3]
         return np.asarray(np.einsum("nkij,kej->nkei", R, self.ends) + p)
 
 
 def of_body(body: Body) -> Capsules:
-    """Those of a simulated person, one for each segment."""
+    """Return the capsules of a simulated person, one for each segment."""
     segments = list(body.segments.values())
     return Capsules(
         tuple(segment.link for segment in segments),
@@ -44,18 +44,21 @@ def of_body(body: Body) -> Capsules:
 
 
 def segment_distance(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Distance of line segments, shape (...,) [m].
+    """Return the distance of line segments, shape (...,) [m]; shapes broadcast.
 
     Args:
-        a, b: both ends of each, shape (..., 2, 3) [m]; shapes that broadcast.
+        a: both ends of each first segment, shape (..., 2, 3) [m].
+        b: both ends of each second segment, likewise.
     """
     square, _, _ = _nearest(a, b)
     return np.asarray(np.sqrt(np.maximum(square, 0.0)))
 
 
 def nearest_points(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The point of each segment that is nearest to the other, shape (..., 3) each [m]; of several any. Arguments: see
-    `segment_distance`."""
+    """Return the point of each segment that is nearest to the other, shape (..., 3) each [m].
+
+    If there are several nearest points, any one of them. Arguments: see `segment_distance`.
+    """
     _, s, t = _nearest(a, b)
     return a[..., 0, :] + s[..., None] * (a[..., 1, :] - a[..., 0, :]), b[..., 0, :] + t[..., None] * (
         b[..., 1, :] - b[..., 0, :]
@@ -63,12 +66,11 @@ def nearest_points(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray
 
 
 def _nearest(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Square of the distance [m^2], and positions along both from 0 to 1, shape (...,) each.
+    """Return the squared distance [m^2], and the positions along both segments from 0 to 1, shape (...,) each.
 
-    The square of the distance is a convex quadratic of the positions s and t along both on the unit square. Its minimum
-    on the whole plane, brought back into the square by one coordinate after the other, is the one in the square
-    (Ericson, Real-Time Collision Detection, 5.1.9); of parallel segments, which have no single one, an end of the first
-    leads there.
+    The squared distance is a convex quadratic of the positions s and t on the unit square. Its minimum in the plane,
+    clamped to the square one coordinate after the other, is the minimum in the square (Ericson, Real-Time Collision
+    Detection, 5.1.9). Parallel segments have no unique minimum; starting at an end of the first segment finds one.
     """
     u, v, w = a[..., 1, :] - a[..., 0, :], b[..., 1, :] - b[..., 0, :], a[..., 0, :] - b[..., 0, :]
     uu, vv, uv = _dot(u, u), _dot(v, v), _dot(u, v)
@@ -91,10 +93,12 @@ def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def distances(a: FloatArray, radii_a: FloatArray, b: FloatArray, radii_b: FloatArray) -> FloatArray:
-    """Distance of each capsule of one model from each of another, shape (n, k, m) [m]; below 0 where they overlap.
+    """Return the distance of each capsule of one model from each of another, shape (n, k, m) [m]; negative: overlap.
 
     Args:
-        a, b: ends, shapes (n, k, 2, 3) and (n, m, 2, 3) [m].
-        radii_a, radii_b: shapes (k,) and (m,) [m].
+        a: ends of the first model, shape (n, k, 2, 3) [m].
+        radii_a: shape (k,) [m].
+        b: ends of the second model, shape (n, m, 2, 3) [m].
+        radii_b: shape (m,) [m].
     """
     return segment_distance(a[:, :, None], b[:, None]) - radii_a[:, None] - radii_b

@@ -1,4 +1,4 @@
-"""Capsules of a description, where its links are, and how both move over a recording."""
+"""Capsules of a description, poses of its links, and the motion of both over a recording."""
 
 from collections.abc import Callable, Collection, Iterable, Sequence
 
@@ -11,14 +11,13 @@ from hric_control.geometry.transforms import skew
 from hric_control.urdf.shapes import Shape, join_capsules
 
 Poses = Callable[[FloatArray], FloatArray]
-"""Times, shape (n,) [s] -> poses in the world, shape (n, 4, 4)."""
+"""Function from times, shape (n,) [s], to poses in the world, shape (n, 4, 4)."""
 
 
 def capsules_of(tree: urdf.Robot, links: Iterable[str]) -> tuple[Capsules, list[str]]:
-    """Return the capsules of the collision shapes of some links, and the links that have meshes among them.
+    """Return the capsules of the collision shapes of some links, and the links whose meshes are left out.
 
-    A cylinder becomes the capsule around it, a box the smallest one along its longest edge that holds it; a mesh is
-    left out.
+    A cylinder becomes the capsule around it, a box the smallest enclosing capsule along its longest edge.
     """
     names, ends, radii, left_out = [], [], [], []
     for name in links:
@@ -45,7 +44,7 @@ def moved_by(tree: urdf.Robot, joints: Collection[str]) -> list[str]:
 
 
 def _capsule(shape: Shape) -> tuple[FloatArray, float] | None:
-    """(half of the straight part, in axes of the shape; radius) [m]; None: a mesh."""
+    """Return (half of the capsule axis, in the frame of the shape; radius) [m]; None: a mesh."""
     z = np.array([0.0, 0.0, 1.0])
     if shape.kind == "sphere":
         return 0.0 * z, shape.size[0]
@@ -65,8 +64,8 @@ def poses(
 
     Args:
         tree: the description.
-        joints: names of the columns of q; all others are at zero.
-        q: shape (n, j) [rad or m].
+        joints: names of the columns of q; all other joints are at zero.
+        q: joint positions, shape (n, j) [rad or m].
         T_world_root: shape (n, 4, 4); None: the root is the world.
     """
     columns = {name: column for column, name in enumerate(joints)}
@@ -78,7 +77,7 @@ def poses(
 
 
 def _motion(joint: urdf.Joint, q: FloatArray) -> FloatArray:
-    """Poses of the child in the joint's frame, shape (n, 4, 4): Rodrigues' formula."""
+    """Return the poses of the child in the joint frame by Rodrigues' formula, shape (n, 4, 4)."""
     T = np.tile(np.eye(4), (len(q), 1, 1))
     if joint.type == "prismatic":
         T[:, :3, 3] = q[:, None] * joint.axis
@@ -89,15 +88,15 @@ def _motion(joint: urdf.Joint, q: FloatArray) -> FloatArray:
 
 
 class CapsuleMotion:
-    """The ends of capsules of a model over time.
+    """Ends of the capsules of a model over time.
 
     Args:
-        tree: its description.
-        capsules: of its links.
-        joints: names of the columns of q; all others are at zero.
+        tree: description of the model.
+        capsules: capsules of its links.
+        joints: names of the columns of q; all other joints are at zero.
         time: ascending, shape (m,) [s].
-        q: shape (m, j) [rad]; between two samples on straight lines.
-        root: of its root link.
+        q: joint positions, shape (m, j) [rad]; linear between two samples.
+        root: motion of the root link.
     """
 
     def __init__(
@@ -120,12 +119,12 @@ class CapsuleMotion:
 
 
 def speeds(ends: Callable[[FloatArray], FloatArray], time: FloatArray, block: int = 2000) -> FloatArray:
-    """Return the speed of the fastest end of any capsule, by differences over 1 ms to either side, shape (n,) [m/s].
+    """Return the speed of the fastest end of any capsule, by central differences over +-1 ms, shape (n,) [m/s].
 
     Args:
-        ends: of the capsules.
+        ends: function from times to the ends of the capsules.
         time: shape (n,) [s].
-        block: instants at once.
+        block: number of instants that are evaluated at once.
     """
     step = 1e-3
     found = []

@@ -1,10 +1,10 @@
-"""The separation of an arm and a person over a run, closely around its minima, and where it was too small.
+"""Separation of an arm and a person over a run, finely sampled around its minima, and its violations.
 
     found = separation(0.0, 60.0, ends_of_arm, arm.radii, ends_of_person, person.radii)
     found.closest.distance, found.violations(protective_distance(...).total)
 
-Between two instants it is not known: a dip of another pair of capsules may be missed there, of half a centimetre at
-most for each m/s at which the two come nearer.
+Between two instants it is not known: a minimum of another pair of capsules may be missed there, by at most half a
+centimetre for each m/s of approach speed.
 """
 
 from collections.abc import Callable
@@ -17,21 +17,21 @@ from hric_control.errors import HricError
 from hric_control.geometry import FloatArray
 
 Ends = Callable[[FloatArray], FloatArray]
-"""Robot times, shape (n,) [s] -> ends of the capsules of a model in the world then, shape (n, k, 2, 3) [m]."""
+"""Function from robot times, shape (n,) [s], to the ends of the capsules of a model in the world, (n, k, 2, 3) [m]."""
 RATE, CLOSE_RATE = 100.0, 1000.0
-"""Of all instants, and of those around each minimum [Hz]; project defaults."""
+"""Sampling rates of the run, and around each minimum [Hz] (project defaults)."""
 BLOCK = 250
-"""Instants at once: arrays of some MB."""
+"""Number of instants that are evaluated at once: arrays of some MB."""
 
 
 @dataclass(frozen=True)
 class Closest:
-    """A minimum of the separation.
+    """Minimum of the separation.
 
     Attributes:
         time: robot time [s].
-        distance: [m].
-        arm, person: index of the two capsules.
+        distance: separation [m].
+        arm, person: indices of the two capsules.
     """
 
     time: float
@@ -42,12 +42,12 @@ class Closest:
 
 @dataclass(frozen=True)
 class Violation:
-    """A stretch in which the separation is below what it should be.
+    """Stretch in which the separation is below the protective distance.
 
     Attributes:
         begin, end: robot time of its first and last instant [s].
-        time: of the smallest margin [s].
-        margin: separation less the protective distance there, below 0 [m].
+        time: robot time of the smallest margin [s].
+        margin: separation minus protective distance at that time, below 0 [m].
     """
 
     begin: float
@@ -58,13 +58,13 @@ class Violation:
 
 @dataclass(frozen=True)
 class Separation:
-    """Over a run.
+    """Separation over a run.
 
     Attributes:
         time: instants, closer around the minima, shape (n,) [s].
-        distance: of the nearest capsules, shape (n,) [m].
-        arm, person: index of these two, shape (n,).
-        minima: all local ones, in order of time.
+        distance: distance of the nearest capsules, shape (n,) [m].
+        arm, person: indices of these two capsules, shape (n,).
+        minima: all local minima, in order of time.
     """
 
     time: FloatArray
@@ -75,11 +75,11 @@ class Separation:
 
     @property
     def closest(self) -> Closest:
-        """The smallest of the minima."""
+        """Smallest of the minima."""
         return min(self.minima, key=lambda one: one.distance)
 
     def violations(self, protective: FloatArray | float) -> list[Violation]:
-        """Where the separation is below S_p; protective: of each instant, shape (n,), or of all [m]."""
+        """Return the stretches with a separation below S_p; protective: S_p per instant, shape (n,), or for all [m]."""
         margin = self.distance - protective
         below = np.flatnonzero(margin < 0.0)
         groups = np.split(below, np.flatnonzero(np.diff(below) > 1) + 1)
@@ -94,15 +94,18 @@ class Separation:
 def separation(
     begin: float, end: float, arm: Ends, arm_radii: FloatArray, person: Ends, person_radii: FloatArray
 ) -> Separation:
-    """Of two models over a stretch of time.
+    """Return the separation of two models over a stretch of time.
 
     Args:
-        begin, end: robot time [s].
-        arm, person: where the capsules are; time between the samples of a recording is for the caller to interpolate.
-        arm_radii, person_radii: shapes (k,) and (m,) [m].
+        begin: robot time [s].
+        end: robot time [s].
+        arm: function from times to the ends of the capsules, which interpolates between recorded samples.
+        arm_radii: shape (k,) [m].
+        person: function as for the arm.
+        person_radii: shape (m,) [m].
 
     Raises:
-        HricError: end is not after begin, or a place is not finite.
+        HricError: end is not after begin, or a position is not finite.
     """
     if not end > begin:
         raise HricError(f"separation from {begin} to {end} s; valid: an end after the begin")
@@ -123,7 +126,7 @@ def separation(
 def _nearest(
     time: FloatArray, arm: Ends, arm_radii: FloatArray, person: Ends, person_radii: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(distance, capsule of the arm, capsule of the person) at each instant, shape (n,) each."""
+    """Return (distance, capsule of the arm, capsule of the person) at each instant, shape (n,) each."""
     found = []
     for start in range(0, len(time), BLOCK):
         block = time[start : start + BLOCK]
@@ -140,17 +143,17 @@ def _nearest(
 
 
 def _minima(distance: FloatArray) -> IntArray:
-    """Indices of the local minima, ends included; of equal neighbours the first."""
+    """Return the indices of the local minima, ends included; of equal neighbours the first."""
     padded = np.concatenate([[np.inf], distance, [np.inf]])
     falls = padded[1:-1] < padded[:-2]
     change = np.concatenate([distance[1:] != distance[:-1], [True]])
-    # Behind equal neighbours it is their last that says whether the distance rises.
+    # The last of equal neighbours determines whether the distance rises.
     last = np.flatnonzero(change)[np.searchsorted(np.flatnonzero(change), np.arange(len(distance)))]
     return np.flatnonzero(falls & (padded[last + 2] > distance))
 
 
 def _around(time: FloatArray, distance: FloatArray) -> FloatArray:
-    """Instants at the close rate, between those beside each minimum, without those that there are."""
+    """Return instants at the close rate around each minimum, without the existing ones."""
     step = time[1] - time[0]
     parts = int(np.ceil(step * CLOSE_RATE))
     offsets = np.arange(-parts + 1, parts) * (step / parts)

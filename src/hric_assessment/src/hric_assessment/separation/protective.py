@@ -1,9 +1,9 @@
-"""The protective separation distance, term by term: ISO/TS 15066:2016, with speeds and intrusion of ISO 13855.
+"""Protective separation distance, term by term: ISO/TS 15066:2016, with speeds and intrusion of ISO 13855.
 
     S_p = S_h + S_r + S_s + C + Z_d + Z_r
     S_h = v_h (T_r + T_s),   S_r = v_r T_r,   S_s = v_r T_s / 2 (constant braking) or v_r T_s (nothing known)
 
-All terms are numbers or arrays of one shape. The values that are not given are in config/tables/separation.yaml.
+All terms are numbers or arrays of one shape. The constants are in config/tables/separation.yaml.
 """
 
 from typing import NamedTuple
@@ -16,19 +16,19 @@ from hric_control.geometry import FloatArray
 
 Values = FloatArray | float
 TINY = 1e-9
-"""In place of a time of zero, in which nobody comes nearer [s]."""
+"""Replacement for a time of zero, in which the person does not approach [s]."""
 
 
 class Terms(NamedTuple):
-    """Of the distance [m].
+    """Terms of the protective distance [m].
 
     Attributes:
-        person: S_h, by which the person comes nearer until the robot has stopped.
-        reaction: S_r, by which the robot does until it begins to brake.
-        stopping: S_s, while it brakes.
-        intrusion: C, by which a part of a body may be nearer than the sensor sees.
-        person_uncertainty: Z_d, of the person's position.
-        robot_uncertainty: Z_r, of the robot's.
+        person: S_h, approach of the person until the robot has stopped.
+        reaction: S_r, approach of the robot until it starts to brake.
+        stopping: S_s, approach of the robot while it brakes.
+        intrusion: C, distance by which a body part may be nearer than the sensor detects.
+        person_uncertainty: Z_d, uncertainty of the person's position.
+        robot_uncertainty: Z_r, uncertainty of the robot's position.
     """
 
     person: Values
@@ -40,18 +40,19 @@ class Terms(NamedTuple):
 
     @property
     def total(self) -> FloatArray:
-        """S_p [m]."""
+        """Protective distance S_p [m]."""
         return np.asarray(sum(np.asarray(term) for term in self))
 
 
 class Stop(NamedTuple):
-    """How a robot stops.
+    """Stop of a robot.
 
     Attributes:
-        reaction_time: T_r, from the person's motion until braking begins [s].
-        time: T_s, of the braking from the present speed [s].
-        distance: of that braking [m]; None: not known.
-        constant: it brakes evenly; otherwise, without a distance, it is taken as moving on at v_r until it has stopped.
+        reaction_time: T_r, from the person's motion until braking starts [s].
+        time: T_s, duration of braking from the present speed [s].
+        distance: braking distance [m]; None: not known.
+        constant: True: constant deceleration; otherwise, without a distance, the robot is assumed to move at v_r until
+            it has stopped.
     """
 
     reaction_time: Values
@@ -60,7 +61,7 @@ class Stop(NamedTuple):
     constant: bool = False
 
     def braked(self, speed: Values) -> Values:
-        """S_s from a speed [m/s]."""
+        """Return the braking distance S_s from a speed [m/s]."""
         return (
             np.multiply(speed, self.time) * (0.5 if self.constant else 1.0) if self.distance is None else self.distance
         )
@@ -74,13 +75,15 @@ def protective_distance(
     person_uncertainty: float,
     robot_uncertainty: float,
 ) -> Terms:
-    """The terms of S_p.
+    """Return the terms of S_p.
 
     Args:
         robot_speed: v_r, towards the person [m/s].
-        person_speed: v_h, towards the robot [m/s]; `person_speed` of this module where it is not measured.
-        stop: of the robot from that speed.
-        intrusion, person_uncertainty, robot_uncertainty: C, Z_d, Z_r [m].
+        person_speed: v_h, towards the robot [m/s]; `person_speed` of this module if it is not measured.
+        stop: stop of the robot from that speed.
+        intrusion: C [m].
+        person_uncertainty: Z_d [m].
+        robot_uncertainty: Z_r [m].
 
     Raises:
         HricError: a time, speed or distance below 0, or not finite.
@@ -109,14 +112,18 @@ def person_speed(
     robot_uncertainty: float,
     table: SeparationTable | None = None,
 ) -> FloatArray:
-    """v_h of a person whose speed is not measured [m/s].
+    """Return the assumed speed v_h of a person whose speed is not measured [m/s].
 
-    By ISO 13855 it is the hands' where the distance that follows from it is not above `near`; otherwise it is that of
-    walking, and the distance not below `near`. The speed in between which gives `near` does the same.
+    By ISO 13855 it is the hand speed if the resulting distance is not above `near`; otherwise it is the walking speed,
+    and the distance is not below `near`. The speed in between that gives `near` is equivalent.
 
     Args:
-        robot_speed, stop, intrusion, person_uncertainty, robot_uncertainty: those of `protective_distance`.
-        table: by default the one that comes with the package.
+        robot_speed: v_r, as in `protective_distance` [m/s].
+        stop: stop of the robot from that speed.
+        intrusion: C [m].
+        person_uncertainty: Z_d [m].
+        robot_uncertainty: Z_r [m].
+        table: values of the standard; by default those of the package.
     """
     table = table or separation_table()
     still = protective_distance(robot_speed, 0.0, stop, intrusion, person_uncertainty, robot_uncertainty).total
@@ -126,14 +133,14 @@ def person_speed(
 
 
 def intrusion(resolution: float, table: SeparationTable | None = None) -> float:
-    """C of a sensor that sees bodies of d or more [m].
+    """Return the intrusion distance C of a sensor that detects bodies of size d or more [m].
 
     Args:
         resolution: d [m].
-        table: by default the one that comes with the package.
+        table: values of the standard; by default those of the package.
 
     Raises:
-        HricError: d is beyond where the formula holds.
+        HricError: d is outside the range of the formula.
     """
     table = table or separation_table()
     if not 0.0 <= resolution <= table["resolution_limit"]:

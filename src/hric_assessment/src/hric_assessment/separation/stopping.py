@@ -1,9 +1,9 @@
-"""How long and how far an arm moves on after the request to stop: a table by speed and load, taken on the safe side.
+"""Stopping time and distance of an arm by speed and load, rounded to the safe side.
 
     table = load(Path("own.yaml"))                 # load() is the emulated arm's, config/stops.yaml
     stop = table.stop(speed, load=1.5, perception=0.05)      # for `protective_distance`
 
-What comes with the package is a stop in simulation: the emulated control box's own, not the brake of a real arm.
+The table of the package contains simulated stops of the emulated control box, not of the brake of a real arm.
 """
 
 from collections.abc import Mapping
@@ -23,14 +23,14 @@ from hric_control.parameters import Settings, choice, listing, number, package_y
 
 SIMULATION, MEASUREMENT = "simulation", "measurement"
 KINDS = (SIMULATION, MEASUREMENT)
-"""What a table was made by."""
+"""Origins of a table."""
 NOT_A_BRAKE = "stops of an emulated arm in simulation, not of a real arm's brake"
-"""Said beside each value that was not measured on an arm."""
+"""Remark on each value that was not measured on an arm."""
 
 
 @dataclass(frozen=True)
 class Row(Settings):
-    """A stop."""
+    """One stop."""
 
     speed: float = number(above=0.0, unit="m/s", text="with which the end effector moves when braking begins")
     load: float = number(0.0, minimum=0.0, unit="kg", text="that the arm carries")
@@ -44,8 +44,8 @@ class Row(Settings):
 class StopTable(Settings):
     """Stops of an arm by speed and load.
 
-    Between two rows nothing is interpolated: a stop from a speed with a load is that of the row which is next above in
-    both. Where a row with less speed and load stops later or farther, that counts.
+    There is no interpolation between two rows: a stop from a speed with a load is that of the next row above in both.
+    If a row with less speed and load stops later or farther, that row counts.
     """
 
     title: str = text(empty=False, text="as findings name it")
@@ -61,7 +61,7 @@ class StopTable(Settings):
     stops: tuple[Row, ...] = listing(section(Row), text="rows, see below")
 
     def check(self, where: str) -> None:
-        """Refuse a speed with a load twice, and a table without rows."""
+        """Refuse a duplicate pair of speed and load, and a table without rows."""
         if not self.stops:
             raise refused(f"{where}stops", [], "one row or more")
         pairs = [(row.speed, row.load) for row in self.stops]
@@ -71,29 +71,29 @@ class StopTable(Settings):
 
     @property
     def name(self) -> str:
-        """For findings."""
+        """Title for findings."""
         return f"{self.title} ({NOT_A_BRAKE})" if self.kind == SIMULATION else self.title
 
     @property
     def max_speed(self) -> float:
-        """Of all rows [m/s]; a load may have less."""
+        """Largest speed of all rows [m/s]; it may be lower for a given load."""
         return max(row.speed for row in self.stops)
 
     @property
     def max_load(self) -> float:
-        """Of all rows [kg]."""
+        """Largest load of all rows [kg]."""
         return max(row.load for row in self.stops)
 
     def stop(self, speed: Values, load: float = 0.0, perception: float = 0.0) -> Stop:
-        """From a speed with a load; an arm at rest stops at once.
+        """Return the stop from a speed with a load; an arm at rest stops at once.
 
         Args:
-            speed: of the end effector, a number or shape (n,) [m/s].
-            load: [kg].
-            perception: from the person's motion until the request to stop [s].
+            speed: speed of the end effector, a number or shape (n,) [m/s].
+            load: load of the arm [kg].
+            perception: time from the person's motion until the request to stop [s].
 
         Raises:
-            NotAssessableError: faster, or with more load, than any row.
+            NotAssessableError: a higher speed or load than in any row.
             HricError: not a finite number of 0 or more.
         """
         for name, value in (("speed", speed), ("load", load), ("perception", perception)):
@@ -114,8 +114,11 @@ class StopTable(Settings):
         )
 
     def _from(self, load: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(speeds, times, distances) with a load, in order of speed, shape (k,) each: for each speed that there is with
-        this load or more, the best of the rows above, a row being as bad as the worst with no more speed and load."""
+        """Return (speeds, times, distances) with a load, in order of speed, shape (k,) each.
+
+        For each speed with this load or more it is the best of the rows above, each row being as bad as the worst row
+        with no more speed and load.
+        """
         rows = np.array([[r.speed, r.load, r.time, _distance(r)] for r in self.stops])
         below = (rows[:, None, 0] >= rows[None, :, 0]) & (rows[:, None, 1] >= rows[None, :, 1])
         worst = np.max(np.where(below[..., None], rows[None, :, 2:], 0.0), axis=1)
@@ -131,10 +134,10 @@ def _distance(row: Row) -> float:
 
 
 def load(path: Path | None = None) -> StopTable:
-    """A user's own file, or the table that comes with the package.
+    """Return the table of a user's file, or that of the package.
 
     Raises:
-        HricError: a file that cannot be used, with all its mistakes.
+        HricError: an unusable file, with all its mistakes.
     """
     if path is None:
         return StopTable.of(package_yaml(__file__, "stops"), "stops.yaml:")
@@ -142,7 +145,7 @@ def load(path: Path | None = None) -> StopTable:
 
 
 def as_yaml(table: StopTable) -> str:
-    """The table as a file, which `load` reads."""
+    """Return the table as the text of a file for `load`."""
     content: dict[str, Any] = {key: value for key, value in asdict(table).items() if value is not None}
     stops = content.pop("stops")
     head = yaml.safe_dump(content, sort_keys=False, width=10_000, allow_unicode=True)

@@ -1,4 +1,4 @@
-"""Keeps a collaboration inside chosen limits while it runs: who is how near, and how fast the arm may then be.
+"""Online supervision of a collaboration: distances of the person, and the speed that the arm may have.
 
 An estimate of a model and a help in experiments: no certified safety function, and no protective stop.
 """

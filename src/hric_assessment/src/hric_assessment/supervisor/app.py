@@ -1,4 +1,4 @@
-"""The supervisor on a node: the same on a master and in a headless run."""
+"""Supervisor on a node, on a ROS master or in a headless run."""
 
 import math
 import threading
@@ -29,31 +29,31 @@ from hric_control.transmission import parse_transmissions
 from hric_msgs.msg import SafetyEvent, SafetyState, SpeedScale, SpeedScaleState
 
 NAME = "hric/safety/supervisor"
-"""Of the node, below the robot's namespace; its topics lie beside it."""
+"""Name of the node, below the robot's namespace; its topics are next to it."""
 SILENCE = 10.0
-"""Decisions that may be missing until the robot stops by itself; chosen here."""
+"""Number of missed decisions after which the robot stops by itself; chosen here."""
 MARKERS_PERIOD = 0.05
-"""Between two messages for rviz [s]."""
+"""Period of the markers for rviz [s]."""
 CONTROLLERS_PERIOD = 0.25
-"""Between two looks at who commands [s]; chosen here."""
+"""Period at which running controllers are checked [s]; chosen here."""
 WARNED = ("fault", "violation", "holder_lost")
-"""Kinds of events that are warnings in the log."""
+"""Event kinds that are logged as warnings."""
 KEPT = 100_000
-"""Latencies that are kept: a quarter of an hour of decisions."""
+"""Maximum number of stored latencies: a quarter of an hour of decisions."""
 Call = Callable[[str, type, Any], Any]
-"""(absolute name, type, request) -> response of a service."""
+"""Function (absolute name, type, request) -> response of a service."""
 
 
 class SupervisorApp:
-    """Reads its parameters, subscribes, decides on request, and publishes.
+    """Supervisor that reads its parameters, subscribes, decides on request, and publishes.
 
     Args:
         node: private node.
-        call: calls a service.
+        call: function that calls a service.
 
     Attributes:
-        settings: as read.
-        latencies: from the stamp of a person's pose to the cycle of the robot in which it began to slow down [s].
+        settings: parameters of the node.
+        latencies: delays from the stamp of a person's pose to the robot cycle in which the slow-down started [s].
 
     Raises:
         HricError: a parameter that is not valid, or a real arm without the acknowledgement.
@@ -99,14 +99,14 @@ class SupervisorApp:
             )
 
     def on_person(self, came: Callable[[], None]) -> None:
-        """Call `came` for each newer pose of a person, in whatever thread it comes."""
+        """Call `came` for each newer pose of a person, in the thread that received it."""
         for person in self._persons:
             person.came = came
 
     # -- deciding ------------------------------------------------------------------------------------------------------
 
     def decide(self, now: float) -> Decision:
-        """Decide at robot time `now` [s], one thread at a time, and publish once the lock is free for the next."""
+        """Decide at robot time `now` [s], one thread at a time, and publish after the lock is released."""
         with self._lock:
             person, *others = [person.take() for person in self._persons]
             decision = self._supervisor.decide(now, self._arm.take(), person, self._in_force, others)
@@ -121,11 +121,11 @@ class SupervisorApp:
         return decision
 
     def _later(self, act: Callable[[Any], None], argument: Any) -> None:
-        """Publish or log once no lock is held."""
+        """Queue a publication or log line until no lock is held."""
         self._outgoing.append(lambda: act(argument))
 
     def _send(self) -> None:
-        """Send what waits, in its order; a thread that finds another one at it leaves it to that one."""
+        """Send the queued items in order; return at once if another thread is sending."""
         while self._outgoing and self._sending.acquire(blocking=False):
             try:
                 while self._outgoing:
@@ -136,7 +136,7 @@ class SupervisorApp:
     def _request(self, decision: Decision) -> None:
         message = topics.request(decision, SILENCE / self.settings.rate)
         if not decision.fault:
-            if len(self._slower) > KEPT:  # nobody takes requests up
+            if len(self._slower) > KEPT:  # no robot accepts the requests
                 self._slower.clear()
             self._slower[message.header.stamp.to_nsec()] = decision.scale < self._scale
         self._scale = decision.scale
@@ -145,11 +145,11 @@ class SupervisorApp:
     def _report(self, decision: Decision, events: Any) -> None:
         for one in events:
             self._later(self._events.publish, topics.event(decision, one))
-            if not self._node.publishes_inline:  # a headless run has it in its report
+            if not self._node.publishes_inline:  # a headless run lists the events in its report
                 self._later(self._node.log_warn if one.kind in WARNED else self._node.log_info, one.text)
 
     def _of_holders(self) -> list[Event]:
-        """Return an event where another node holds the speed, or one was lost, since the last call."""
+        """Return an event if another node has limited the speed, or such a node was lost, since the last call."""
         (holder, lost), before = self._holder, self._holder_reported
         self._holder_reported = self._holder
         if self._holder == before or not holder or (holder == self._node.namespace and not lost):
@@ -159,7 +159,7 @@ class SupervisorApp:
         return [Event("held", f"{holder} requests less than the supervisor: it holds the speed")]
 
     def _on_taken(self, message: Any) -> None:
-        """Note what is in force since the robot took a request up, and how long after the measurement that was."""
+        """Store the speed scale in force since the robot accepted a request, and the latency since the measurement."""
         self._holder = message.holder, message.expired
         self._in_force = InForce(message.header.stamp.to_sec(), message.requested, message.scale)
         slower = self._slower.pop(message.request.to_nsec(), None)
@@ -172,7 +172,7 @@ class SupervisorApp:
     # -- controllers ---------------------------------------------------------------------------------------------------
 
     def stop_others(self, now: float) -> None:
-        """Stop the controllers that command and do not declare that they obey; now: robot time [s]."""
+        """Stop the controllers that command the arm without declaring that they obey; now: robot time [s]."""
         if not self.settings.active:
             return
         listed = self._call(
@@ -196,7 +196,7 @@ class SupervisorApp:
     # -- the end -------------------------------------------------------------------------------------------------------
 
     def latency_text(self) -> str:
-        """Median and 99 % of the latencies, for people."""
+        """Return median and 99 % of the latencies as text."""
         if not self.latencies:
             return "no slow-down was taken up"
         median, late = np.percentile(np.array(self.latencies), [50, 99])
@@ -206,7 +206,7 @@ class SupervisorApp:
         )
 
     def close(self) -> None:
-        """Take the topics back. The robot, whose requests end, comes to a stop by itself where it was supervised."""
+        """Unregister all topics; a supervised robot then gets no more requests and stops by itself."""
         of_persons = [registration for person in self._persons for registration in person.registrations]
         for registration in (*self._arm.registrations, *of_persons, self._taken):
             registration.unregister()
@@ -215,14 +215,14 @@ class SupervisorApp:
 
 
 class HeadlessSupervisor(SupervisorApp):
-    """Decides by robot time.
+    """Supervisor that decides by robot time.
 
     Args:
-        node: its private node.
-        call: calls a service.
+        node: private node.
+        call: function that calls a service.
 
     Attributes:
-        last: decision; None before the first.
+        last: last decision; None before the first.
     """
 
     def __init__(self, node: Node, call: Call) -> None:
@@ -231,7 +231,7 @@ class HeadlessSupervisor(SupervisorApp):
         self._next = self._look = 1.0 / self.settings.rate
 
     def advance(self, time: float) -> None:
-        """To robot time `time` [s]."""
+        """Advance to robot time `time` [s], and decide if a decision is due."""
         if time >= self._look:
             self._look = time + CONTROLLERS_PERIOD
             self.stop_others(time)
@@ -241,7 +241,7 @@ class HeadlessSupervisor(SupervisorApp):
 
 
 def robot_namespace(own: str) -> str:
-    """Of the robot, with a slash at its end; own: the supervisor's, `<robot>/hric/safety/supervisor`."""
+    """Return the robot's namespace with a trailing slash; own: the supervisor's, `<robot>/hric/safety/supervisor`."""
     end = f"/{NAME}"
     if not own.endswith(end):
         raise HricError(f"the supervisor runs as {own}; valid: as {NAME} below the robot's namespace")

@@ -1,4 +1,4 @@
-"""Where an arm is and how fast: the capsules of its description by its joints."""
+"""Position and velocity of an arm: the capsules of its description at its joint positions."""
 
 import math
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from hric_control.urdf import read
 from hric_control.urdf.mass_matrix import mass_matrix, point_jacobian
 
 STEP = 1e-3
-"""Along the present velocity, for the speeds of places [s]: what the curvature adds is below 1e-3 of the speed."""
+"""Time step along the present velocity, for point speeds [s]: curvature changes them by less than 1e-3."""
 
 
 class ArmState(NamedTuple):
@@ -21,8 +21,8 @@ class ArmState(NamedTuple):
 
     Attributes:
         stamp: robot time [s].
-        q, dq: shape (n,) each [rad or m], [rad/s or m/s].
-        fault: why it cannot be trusted, a clause; empty: it can.
+        q, dq: joint positions and velocities, shape (n,) each [rad or m], [rad/s or m/s].
+        fault: reason why the state cannot be trusted, a clause; empty: it can.
     """
 
     stamp: float
@@ -32,12 +32,12 @@ class ArmState(NamedTuple):
 
 
 class InForce(NamedTuple):
-    """The speed scale of the robot, in a cycle that took a request up.
+    """Speed scale of the robot in a cycle that accepted a request.
 
     Attributes:
         stamp: robot time of that cycle [s].
-        requested: scale that it goes to.
-        scale: in force.
+        requested: target of the scale.
+        scale: scale in force.
     """
 
     stamp: float = -math.inf
@@ -50,7 +50,7 @@ class Placed(NamedTuple):
 
     Attributes:
         ends: shape (k, 2, 3) [m].
-        velocities: of the ends, shape (k, 2, 3) [m/s].
+        velocities: velocities of the ends, shape (k, 2, 3) [m/s].
         radii: shape (k,) [m].
         links: k names.
     """
@@ -62,14 +62,14 @@ class Placed(NamedTuple):
 
 
 class ArmShape:
-    """The capsules of a description; those of a link that is fixed to the world are left out, since nothing slows it.
+    """Capsules of the moving links of a description; links fixed to the world are left out, since nothing slows them.
 
     Args:
         description: URDF, whose root is the world.
-        joints: whose positions are known, in order; all others stay at zero.
+        joints: joints with known positions, in order; all others stay at zero.
 
     Raises:
-        DescriptionError: a joint that it has not, or no link that moves has a shape.
+        DescriptionError: a joint that is not in the description, or no moving link has a shape.
     """
 
     def __init__(self, description: str, joints: Sequence[str]) -> None:
@@ -101,7 +101,7 @@ class ArmShape:
         return self.capsules.placed(np.stack([T[link] for link in self.capsules.links], axis=1))
 
     def at(self, state: ArmState) -> Placed:
-        """Return the capsules now, and how fast they move."""
+        """Return the present capsules with their velocities."""
         now, ahead = self.ends(np.array([state.q, state.q + STEP * state.dq]))
         return Placed(now, (ahead - now) / STEP, self.capsules.radii, self.capsules.links)
 
@@ -111,10 +111,10 @@ class ArmShape:
         """Return m_u = 1/(u' J (M + B)^-1 J' u) [kg]; NaN where M + B is singular.
 
         Args:
-            q: shape (j,) [rad or m].
-            rotors: B, of the joints, shape (j,) [kg m^2].
-            link: of the description.
-            point: of it, in the world, shape (3,) [m].
+            q: joint positions, shape (j,) [rad or m].
+            rotors: rotor inertias B at the joints, shape (j,) [kg m^2].
+            link: link of the description.
+            point: point of the link in the world, shape (3,) [m].
             direction: u, shape (3,).
         """
         angles = dict(zip(self.joints, q.tolist(), strict=True))
@@ -129,7 +129,7 @@ class ArmShape:
 
     @property
     def moving_mass(self) -> float:
-        """Of all links behind the first joint [kg]."""
+        """Mass of all links behind the first joint [kg]."""
         fixed = self.tree.rigid_groups()
         return sum(
             link.mass.mass

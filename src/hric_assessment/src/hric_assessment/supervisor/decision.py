@@ -1,4 +1,4 @@
-"""The supervisor's decision: from what is known of arm and person to the speed that the arm may have."""
+"""Decision of the supervisor: from the states of arm and person to the speed that the arm may have."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -21,16 +21,16 @@ from hric_control.geometry import FloatArray, Vector
 WORLD = "world"
 FREE, SLOWED, STOPPED = "free", "slowed", "stopped"
 UNHINDERED = InForce()
-"""Nobody requested anything of the robot."""
+"""Speed scale of a robot without requests."""
 _KINDS = {FREE: "freed", SLOWED: "slowed", STOPPED: "stopped"}
 
 
 class Event(NamedTuple):
-    """What is worth a line.
+    """Event for the log.
 
     Attributes:
         kind: fault, recovered, stopped, slowed, freed, violation, moved.
-        text: for people.
+        text: description for the log.
     """
 
     kind: str
@@ -38,14 +38,14 @@ class Event(NamedTuple):
 
 
 class Permitted(NamedTuple):
-    """What a mode allows.
+    """Limits that a mode allows.
 
     Attributes:
-        scale: of the speed.
-        part: index of the person's capsule that permits least; -1: none does.
-        contact_speed: that a contact with its region permits [m/s]; NaN in other modes.
+        scale: speed scale.
+        part: index of the person's capsule with the lowest limit; -1: none.
+        contact_speed: speed that a contact with its region permits [m/s]; NaN in other modes.
         stiffness, force: limits for Cartesian controllers [N/m], [N].
-        reason: in place of one that says distances.
+        reason: reason that replaces the one with distances.
     """
 
     scale: float
@@ -58,15 +58,15 @@ class Permitted(NamedTuple):
 
 @dataclass(frozen=True)
 class Part:
-    """The part of the person with the smallest margin.
+    """Body part with the smallest margin.
 
     Attributes:
-        terms: of its protective distance.
-        margin: distance less that [m].
+        terms: terms of its protective distance.
+        margin: distance minus protective distance [m].
         robot_speed, person_speed: v_r and v_h [m/s].
-        robot_link, person_link: nearest to each other.
-        region: of ISO/TS 15066; several joined; empty where it has none.
-        robot_point, person_point: nearest places on the axes of the capsules [m].
+        robot_link, person_link: nearest links.
+        region: region of ISO/TS 15066; several joined; empty if there is none.
+        robot_point, person_point: nearest points on the capsule axes [m].
     """
 
     terms: Terms
@@ -82,21 +82,21 @@ class Part:
 
 @dataclass(frozen=True)
 class Decision:
-    """Of one instant.
+    """Decision at one instant.
 
     Attributes:
         time: robot time [s].
-        perception: stamp of the person's pose [s]; NaN before any.
+        perception: stamp of the person's pose [s]; NaN before the first.
         state: free, slowed or stopped.
-        scale: of the speed.
+        scale: speed scale.
         stiffness, force: limits [N/m], [N].
-        fault: why nothing could be decided; empty: nothing is wrong.
-        reason: of the scale, for people.
+        fault: reason why no decision was possible; empty: no fault.
+        reason: reason for the scale, as text.
         separation: smallest distance [m]; NaN with a fault.
-        part: that counts; None with a fault.
-        violation: the arm moves nearer than it should.
+        part: body part that decides; None with a fault.
+        violation: True if the arm moves closer than the protective distance.
         contact_speed: see `Permitted`.
-        events: since the decision before.
+        events: events since the previous decision.
     """
 
     time: float
@@ -115,19 +115,19 @@ class Decision:
 
     @property
     def margin(self) -> float:
-        """Smallest of the person's parts [m]; NaN with a fault."""
+        """Smallest margin of the body parts [m]; NaN with a fault."""
         return math.nan if self.part is None else self.part.margin
 
 
 class Motion:
-    """Velocity of one person, from two observations."""
+    """Velocity estimator of one person, from two observations."""
 
     def __init__(self) -> None:
         self._before: Observation | None = None
         self._velocities = np.zeros((0, 2, 3))
 
     def reset(self) -> None:
-        """Forget the observation before."""
+        """Forget the previous observation."""
         self._before = None
 
     def velocities(self, person: Observation) -> FloatArray:
@@ -141,14 +141,14 @@ class Motion:
 
 
 class Supervisor:
-    """Decides again and again; it keeps what the hysteresis and the speeds need.
+    """Supervisor that decides cyclically, with the memory that hysteresis and velocities need.
 
     Args:
-        settings: its parameters.
-        arm: the robot's shape.
-        rotors: inertia of its rotors at the joints, shape (j,) [kg m^2]; None: not known.
-        frames: T_world_frame of each frame in which persons are seen, shape (4, 4); None: the root of the arm's
-            description alone.
+        settings: parameters of the supervisor.
+        arm: shape of the robot.
+        rotors: rotor inertias at the joints, shape (j,) [kg m^2]; None: not known.
+        frames: T_world_frame of each frame in which persons are observed, shape (4, 4); None: only the root of the
+            arm's description.
 
     Raises:
         HricError: no such table of limits.
@@ -181,11 +181,12 @@ class Supervisor:
         in_force: InForce = UNHINDERED,
         others: Sequence[Observation | None] = (),
     ) -> Decision:
-        """Decide what the arm may do from robot time `now` [s] on, by the newest that is known.
+        """Decide from the newest data what the arm may do from robot time `now` [s] on.
 
         Args:
             now: robot time [s].
-            arm, person: None: not known.
+            arm: state of the arm; None: not known.
+            person: observation of the person; None: not known.
             in_force: speed scale of the robot.
             others: further persons, in the order of `settings.persons`.
         """
@@ -203,7 +204,7 @@ class Supervisor:
     def _decided(
         self, now: float, arm: ArmState, person: Observation, velocities: FloatArray, in_force: InForce
     ) -> Decision:
-        """Decide by valid data; velocities: of the person's capsules, shape (m, 2, 3) [m/s]."""
+        """Decide from valid data; velocities: of the ends of the person's capsules, shape (m, 2, 3) [m/s]."""
         placed, stamp = self._arm.at(arm), person.stamp
         speeds = np.linalg.norm(placed.velocities, axis=2)
         fastest = float(speeds.max())
@@ -220,7 +221,7 @@ class Supervisor:
         braking = self._stopping.left(now, min(arm.stamp, person.stamp), in_force, fastest)
         human, terms = self._protective.measured(near, braking)
         part = _part(placed, person, near, human, terms)
-        # An arm that is to stand and has stood is moved by others.
+        # An arm that must stand still, has stopped and moves again is moved by others.
         self._stood = before == 0.0 and (self._stood or at_rest)
         violation = part.margin < 0.0 and not at_rest and not self._stood
         is_moved = self._stood and not at_rest
@@ -242,7 +243,7 @@ class Supervisor:
         return Decision(now, stamp, self._state, 0.0, fault=fault, reason=fault, events=events)
 
     def _smoothed(self, now: float, scale: float, freer: float) -> float:
-        """Slower at once; faster where the person has been farther away than need be, for a while."""
+        """Reduce the scale at once; raise it after the person has been farther away than necessary for a hold time."""
         if scale <= self._scale:
             if scale < self._scale or freer <= self._scale:
                 self._since = now
@@ -256,7 +257,7 @@ class Supervisor:
     def _events(
         self, scale: float, fault: str, reason: str, moves: tuple[bool, bool], part: Part | None
     ) -> list[Event]:
-        """What is new; moves: whether the arm does and must not, of itself and by others."""
+        """Return the new events; moves: True if the arm moves although it must not, and True if others move it."""
         events = []
         violation, is_moved = moves
         if fault and fault.split(":")[0] != self._fault.split(":")[0]:
@@ -277,7 +278,7 @@ class Supervisor:
     # -- modes ---------------------------------------------------------------------------------------------------------
 
     def _allowed(self, arm: ArmState, placed: Placed, person: Observation, near: Nearness, less: float) -> Permitted:
-        """By the mode, as if the person were nearer by `less` [m]."""
+        """Return the limits of the mode, as if the person were nearer by `less` [m]."""
         mode, distance = self.settings.mode, near.distance - less
         by_distance = self._protective.permitted(distance, near.person_speed, self._speed)
         if mode == HAND_GUIDED:
@@ -292,7 +293,7 @@ class Supervisor:
     def _by_contact(
         self, arm: ArmState, placed: Placed, person: Observation, near: Nearness, by_distance: FloatArray
     ) -> Permitted:
-        """Each part of the person is far enough, or the arm slow enough for a contact with its region."""
+        """Return limits: each body part is far enough away, or the arm slow enough for a contact with its region."""
         worst = int(np.argmin(by_distance))
         if by_distance[worst] >= 1.0:
             return Permitted(1.0, worst)
@@ -309,7 +310,7 @@ class Supervisor:
         )
 
     def _contact_speed(self, regions: Sequence[str], mass: float) -> float:
-        """That a touch of one of some regions permits [m/s]; 0 where none is."""
+        """Return the lowest permitted contact speed of some regions [m/s]; 0 if no contact is permitted."""
         if not regions or not math.isfinite(mass):
             return 0.0
         try:
@@ -319,11 +320,11 @@ class Supervisor:
             return 0.0
 
     def _held(self, regions: Sequence[str]) -> float:
-        """Force that a region bears for long [N]; 0 where it has no limit."""
+        """Return the quasi-static force limit of some regions [N]; 0 without a limit."""
         return self._limits.held_force(regions)
 
     def _guided(self, person: Observation, distance: FloatArray, towards: FloatArray) -> Permitted:
-        """A hand leads the arm; all else of all persons but that arm is as far as it must be."""
+        """Return the limits while a hand guides the arm and all other body parts of all persons keep their distance."""
         own = self.settings
         hands = [at for at, regions in enumerate(person.regions) if HAND in regions]
         at_arm = [at for at in hands if distance[at] <= own.guided_distance]

@@ -1,4 +1,4 @@
-"""Subscriptions of the supervisor: the arm's joints, and who sees the persons."""
+"""Subscriptions of the supervisor: joints of the arm, and sources of the persons' poses."""
 
 import threading
 from collections import deque
@@ -24,22 +24,21 @@ from hric_msgs.msg import MocapData, PersonTracking
 from hric_perception.person.settings import PersonSettings
 
 WAITING = 50
-"""Messages of a topic that wait for those of another one, or for the next decision, at most (project default,
-unconfirmed)."""
+"""Maximum number of messages of a topic that are queued for a pair or a decision (project default, unconfirmed)."""
 JOINTS, FRAMES = "joint_states", "hric/perception/mocap"
 PERSON_JOINTS, PERSON_TRACKING = "hric/person/joint_states", "hric/person/tracking"
 HUMAN_JOINTS, HUMAN_ROOT = "hric/human/joint_states", "hric/human/root"
 
 
 class Publishers:
-    """Nodes that publish the topics of one body: two of one topic are two bodies in one."""
+    """Publishers of the topics of one body: two publishers of one topic would mix two bodies."""
 
     def __init__(self) -> None:
         self._names: dict[str, str] = {}
         self._fault = ""
 
     def note(self, topic: str, message: Any) -> None:
-        """Note who sent a message of a topic."""
+        """Record the publisher of a message on a topic."""
         name = publisher_of(message)
         before = self._names.setdefault(topic, name)
         if name != before:
@@ -53,12 +52,12 @@ class Publishers:
 
 
 class ArmInput:
-    """The newest state of the arm. Two nodes that publish its joints are two arms in one: a fault.
+    """Newest state of the arm; two nodes that publish its joints are a fault.
 
     Args:
-        node: any.
-        root: namespace of the robot, with a slash at its end.
-        joints: names, in order.
+        node: node that subscribes.
+        root: namespace of the robot, with a trailing slash.
+        joints: names of the joints, in order.
     """
 
     def __init__(self, node: Node, root: str, joints: Sequence[str]) -> None:
@@ -70,13 +69,13 @@ class ArmInput:
     def _on_joints(self, message: Any) -> None:
         index = {name: at for at, name in enumerate(message.name)}
         if any(name not in index for name in self._joints):
-            return  # of a gripper, or another robot
+            return  # joints of a gripper or another robot
         self._publishers.note(JOINTS, message)
         if len(index) < len(message.name):
-            return  # which of two values of a joint is true is not known
+            return  # ambiguous: a joint has two values
         rows = [index[name] for name in self._joints]
         if max(rows) >= min(len(message.position), len(message.velocity)):
-            return  # without a speed nothing is known of the arm
+            return  # a state without velocities is unusable
         q, dq = (np.array([values[at] for at in rows]) for values in (message.position, message.velocity))
         self._newest = ArmState(message.header.stamp.to_sec(), q, dq)
 
@@ -87,11 +86,11 @@ class ArmInput:
 
 
 class PersonInput:
-    """What comes of one person. Two nodes that publish one topic of a person are two persons in one: a fault.
+    """Observations of one person; two nodes that publish one of the topics are a fault.
 
     Attributes:
-        frame: in which the person is seen.
-        came: called when there is a newer observation.
+        frame: frame in which the person is observed.
+        came: callback for a newer observation.
         registrations: subscriptions.
     """
 
@@ -109,22 +108,22 @@ class PersonInput:
         self.registrations.append(node.subscribe(topic, message_type, on_message))
 
     def take(self) -> Observation | None:
-        """Return the newest observation, with those that came since the last call; None before the first."""
+        """Return the newest observation with the earlier ones since the last call; None before the first."""
         if new := self._made():
             fault = self._publishers.take()
             self._newest = new[-1]._replace(earlier=tuple(new[:-1]), fault=new[-1].fault or fault)
         return self._newest
 
     def _made(self) -> list[Observation]:
-        """Observations that came since the last call."""
+        """Return the observations received since the last call."""
         raise NotImplementedError
 
 
 class Pairs:
-    """Messages of two topics that belong together, by their stamps: one topic may be behind the other.
+    """Pairing of messages of two topics by their stamps, where either topic may be delayed.
 
     Args:
-        take: called with both.
+        take: callback for both messages.
     """
 
     def __init__(self, take: Callable[[Any, Any], None]) -> None:
@@ -133,7 +132,7 @@ class Pairs:
         self._lock = threading.Lock()
 
     def add(self, side: int, message: Any) -> None:
-        """One of topic 0 or 1, from any thread."""
+        """Add a message of topic 0 or 1, from any thread."""
         stamp = message.header.stamp.to_nsec()
         with self._lock:
             other = self._waiting[1 - side].pop(stamp, None)
@@ -147,12 +146,12 @@ class Pairs:
 
 
 class _BodyInput(PersonInput):
-    """A person by the angles of joints, and the message that says where the root is.
+    """Person from joint angles and a message with the pose of the root.
 
     Args:
-        shape: of the body.
-        frame: in which the person is seen.
-        kept: messages that are kept between two decisions, the newest.
+        shape: shape of the body.
+        frame: frame in which the person is observed.
+        kept: maximum number of messages stored between two decisions; the newest are stored.
     """
 
     def __init__(self, shape: BodyShape, frame: str, kept: int) -> None:
@@ -161,7 +160,7 @@ class _BodyInput(PersonInput):
         self._pairs: deque[tuple[Any, Any]] = deque(maxlen=kept)
 
     def _take(self, joints: Any, where: Any) -> None:
-        """Keep both messages of one instant; where: None for a root that stays."""
+        """Store both messages of one instant; where: None for a fixed root."""
         self._pairs.append((joints, where))
         self.came()
 
@@ -173,7 +172,7 @@ class _BodyInput(PersonInput):
         return [self._observation(*self._pairs.popleft()) for _ in range(len(self._pairs))]
 
     def _observation(self, joints: Any, where: Any) -> Observation:
-        """Made when a decision needs it: more messages come than decisions are."""
+        """Return the observation of a message pair, only when a decision needs it: messages are more frequent."""
         stamp, frame = joints.header.stamp.to_sec(), self.frame if where is None else where.header.frame_id
         before, self._joints = self._joints, tuple(joints.name)
         if before not in ((), self._joints):
@@ -186,11 +185,11 @@ class _BodyInput(PersonInput):
 
 
 class HumanInput(_BodyInput):
-    """The human in the robot's plant, by the joint states and, of one who walks, the root.
+    """Simulated human in the robot's plant, from the joint states and, for a walking person, the root.
 
     Args:
-        node: any.
-        root: namespace of the robot, with a slash at its end.
+        node: node that subscribes.
+        root: namespace of the robot, with a trailing slash.
         person: the section `human` of the experiment.
         where: name of that parameter.
     """
@@ -213,14 +212,14 @@ class HumanInput(_BodyInput):
 
 
 class MarkerInput(PersonInput):
-    """A hand by its rigid body in the frames of motion capture. A frame in which it is not tracked says nothing of it.
+    """Hand from its rigid body in motion capture; frames without the tracked body are ignored.
 
     Args:
-        node: any.
-        root: namespace of the robot, with a slash at its end.
-        radius: of the ball that holds the hand [m].
+        node: node that subscribes.
+        root: namespace of the robot, with a trailing slash.
+        radius: radius of the sphere around the hand [m].
         body: name of the rigid body.
-        frame: of the arm's base, in which the frames must be.
+        frame: frame of the arm's base, in which the data must be.
     """
 
     def __init__(self, node: Node, root: str, radius: float, body: str, frame: str) -> None:
@@ -245,15 +244,14 @@ class MarkerInput(PersonInput):
 
 
 class TrackedInput(_BodyInput):
-    """A real person by the joints that the node `person` estimates. While a joint or the root is lost nothing is known
-    of the person.
+    """Real person from the joints that the node `person` estimates; ignored while a joint or the root is lost.
 
     Args:
-        node: any.
-        root: namespace of the robot, with a slash at its end.
+        node: node that subscribes.
+        root: namespace of the robot, with a trailing slash.
         person: the section `person` of the experiment; None: its defaults.
         where: name of that parameter.
-        frame: of the arm's base, in which the markers must be.
+        frame: frame of the arm's base, in which the markers must be.
     """
 
     def __init__(self, node: Node, root: str, person: Mapping[str, Any] | None, where: str, frame: str) -> None:
@@ -276,9 +274,9 @@ def person_inputs(node: Node, root: str, settings: NodeSettings, base: str) -> l
     """Return an input for each of `settings.persons`.
 
     Args:
-        node: of the supervisor.
-        root: namespace of the robot, with a slash at its end.
-        settings: of the supervisor.
+        node: node of the supervisor.
+        root: namespace of the robot, with a trailing slash.
+        settings: parameters of the supervisor.
         base: frame of the arm's base.
 
     Raises:

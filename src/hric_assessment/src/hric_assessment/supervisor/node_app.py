@@ -1,4 +1,4 @@
-"""The node `supervisor`."""
+"""ROS node `supervisor`."""
 
 import threading
 from typing import Any
@@ -12,13 +12,13 @@ from hric_control.ros import RosNode, run
 from hric_control.ros.process import NodeApp
 
 CONTROLLERS_PERIOD = 0.5
-"""Between two looks at who commands [s of wall time]; chosen here."""
+"""Period at which running controllers are checked [s of wall time]; chosen here."""
 CALL_TIMEOUT = 2.0
 """Longest wait for a service [s of wall time]; chosen here."""
 
 
 class SupervisorNode(NodeApp):
-    """Decides when a pose of the person comes, and at its rate where none does.
+    """Node that decides for each new pose of the person, and at its rate without new poses.
 
     Args:
         node: private node.
@@ -34,11 +34,11 @@ class SupervisorNode(NodeApp):
         self._thread.start()
 
     def tick(self) -> None:
-        """Nobody came: what is stale is noticed."""
+        """Decide without a new pose, so that stale data is detected."""
         self._decide()
 
     def _decide(self) -> None:
-        """Once for a robot time, and no more often than at the rate."""
+        """Decide at most once for a robot time, and no more often than at the rate."""
         now = self._node.now().to_sec()
         with self._deciding:
             if now <= 0.0 or 0.0 <= now - self._decided < 0.5 * self.period:
@@ -54,7 +54,7 @@ class SupervisorNode(NodeApp):
                 rospy.logwarn_throttle(10.0, f"who commands is not known: {error}")
 
     def close(self) -> None:
-        """Say how fast it was."""
+        """Stop the node and log its latencies."""
         self._stop.set()
         self._thread.join(CALL_TIMEOUT)
         self._node.log_info(self._app.latency_text())
@@ -70,5 +70,5 @@ def _call(name: str, service: type, request: Any) -> Any:
 
 
 def main(text: str) -> int:
-    """Run the node; text: for --help. Returns the exit code."""
+    """Run the node and return its exit code; text: for --help."""
     return run("supervisor", text, SupervisorNode, NodeSettings)

@@ -1,4 +1,4 @@
-"""Inputs about persons and arm, and whether they can be trusted: what cannot is named, and stops the arm."""
+"""Validity checks of the inputs about persons and arm; an invalid input is named and stops the arm."""
 
 from collections.abc import Collection, Sequence
 
@@ -10,19 +10,18 @@ from hric_assessment.supervisor.settings import HUMAN, SupervisorSettings
 from hric_assessment.supervisor.validity import PersonValidator
 
 AHEAD = 0.02
-"""Largest lead of a stamp over the clock [s]: a clock is known by messages 10 ms apart (project default,
-unconfirmed)."""
+"""Largest lead of a stamp over the clock [s]: clock messages are 10 ms apart (project default, unconfirmed)."""
 PAUSE = 1.0
-"""Longest time between two decisions; beyond it the clock has jumped [s] (project default, unconfirmed)."""
+"""Longest time between two decisions; a longer one means that the clock jumped [s] (project default, unconfirmed)."""
 ARM = "the arm"
 
 
 class Watch:
-    """Checks the inputs of each decision.
+    """Checks of the inputs before each decision.
 
     Args:
-        settings: of the supervisor.
-        frames: in which persons may be.
+        settings: parameters of the supervisor.
+        frames: frames in which persons may be observed.
     """
 
     def __init__(self, settings: SupervisorSettings, frames: Collection[str]) -> None:
@@ -33,7 +32,7 @@ class Watch:
         self._stamps = dict.fromkeys([ARM, *self._names], -np.inf)
 
     def fault(self, now: float, arm: ArmState | None, persons: Sequence[Observation | None]) -> str:
-        """Return why nothing can be decided at robot time `now` [s], or an empty text."""
+        """Return why no decision is possible at robot time `now` [s], or an empty text."""
         jumped = self._jumped(now)
         of_persons = [
             self._of_person(now, name, validator, person)

@@ -1,4 +1,4 @@
-"""Capsules of a person: a body by its joints, or a ball around a hand of which a marker alone is known."""
+"""Capsules of a person: a body from its joints, or a sphere around a hand with a single marker."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -13,22 +13,22 @@ from hric_human.body import Body
 from hric_human.control.whole_body import WholeBody
 
 HAND = "hand, fingers"
-"""Region of a hand whose marker is all that is known."""
+"""Region of a hand that is known only from its marker."""
 
 
 class Observation(NamedTuple):
-    """A person at an instant.
+    """Person at an instant.
 
     Attributes:
         stamp: robot time of the measurement [s].
-        frame: in which the person is.
+        frame: frame of the capsules.
         ends: ends of the person's capsules, shape (m, 2, 3) [m].
         radii: shape (m,) [m].
         links: m names.
-        regions: those of ISO/TS 15066 of each; of which one is met is not known; empty where it has none.
-        dominant: True for those on the side of the dominant hand; None: not known.
-        fault: reason why this cannot be a person; empty: none is known.
-        earlier: observations that came since the last decision, oldest first.
+        regions: regions of ISO/TS 15066 that each capsule may belong to; empty if it has none.
+        dominant: True for capsules on the side of the dominant hand; None: not known.
+        fault: reason why this cannot be a person; empty: no fault.
+        earlier: observations since the last decision, oldest first.
     """
 
     stamp: float
@@ -43,12 +43,12 @@ class Observation(NamedTuple):
 
 
 def unplaced(stamp: float, frame: str, fault: str) -> Observation:
-    """Return an observation of which nothing but its fault is known; stamp: robot time [s]."""
+    """Return an observation that consists only of a fault; stamp: robot time [s]."""
     return Observation(stamp, frame, np.zeros((0, 2, 3)), np.zeros(0), (), (), (), fault)
 
 
 def joined(observations: Sequence[Observation], names: Sequence[str]) -> Observation:
-    """Return all persons as one, as old as the oldest; the links of several begin with their names."""
+    """Return all persons as one observation with the oldest stamp; links of several are prefixed by their names."""
     if len(observations) == 1:
         return observations[0]
     pairs = list(zip(names, observations, strict=True))
@@ -64,11 +64,11 @@ def joined(observations: Sequence[Observation], names: Sequence[str]) -> Observa
 
 
 class BodyShape:
-    """The capsules of a body.
+    """Capsules of a body.
 
     Args:
-        body: of the person.
-        root: T_world_root of a person who does not walk; `seen` may give another.
+        body: body of the person.
+        root: T_world_root of a person who does not walk; `seen` may replace it.
     """
 
     def __init__(self, body: Body, root: Pose) -> None:
@@ -84,9 +84,9 @@ class BodyShape:
 
         Args:
             stamp: robot time [s].
-            frame: that of `root`.
-            angles: by joint [rad].
-            root: T_frame_root; None: the one of the construction.
+            frame: frame of `root`.
+            angles: joint angles by name [rad].
+            root: T_frame_root; None: the root of the constructor.
 
         Raises:
             HricError: a joint without an angle.
@@ -106,13 +106,13 @@ class BodyShape:
 
 
 def hand_ball(stamp: float, frame: str, position: Sequence[float], radius: float) -> Observation:
-    """Return a hand within a ball.
+    """Return a hand as a sphere.
 
     Args:
         stamp: robot time [s].
-        frame: of the position.
-        position: of the marker, 3 floats [m].
-        radius: within which all of the hand is [m].
+        frame: frame of the position.
+        position: position of the marker, 3 floats [m].
+        radius: radius of the sphere that contains the hand [m].
     """
     ends = np.tile(np.asarray(position, dtype=float), (1, 2, 1))
     return Observation(stamp, frame, ends, np.array([radius]), ("hand",), ((HAND,),), (None,))
@@ -122,7 +122,8 @@ def moved(seen: Observation, frame: str, T: FloatArray) -> Observation:
     """Return the person in another frame.
 
     Args:
-        frame: its name.
+        seen: the person.
+        frame: name of the other frame.
         T: T_frame_seen, shape (4, 4).
     """
     return seen._replace(frame=frame, ends=seen.ends @ T[:3, :3].T + T[:3, 3])

@@ -1,4 +1,4 @@
-"""How near a person is to an arm, part by part, and how fast the arm may be for it."""
+"""Distance of each body part from an arm, and the speed scale that it permits."""
 
 import math
 from dataclasses import dataclass
@@ -20,22 +20,22 @@ from hric_control.speed_scale import stopping_time
 STANDING = 0.01
 """Speed below which an arm is at rest [m/s]: 10 mm/s, chosen here."""
 SCALES = np.linspace(0.0, 1.0, 21)[1:]
-"""At which the protective distance is computed; between them it is interpolated. Below the first it is 0."""
+"""Speed scales at which the protective distance is computed; linear between them, 0 below the first."""
 _SLOWEST = 1e-6
-"""In place of a speed of zero [m/s]."""
+"""Replacement for a speed of zero [m/s]."""
 
 
 @dataclass(frozen=True)
 class Nearness:
-    """Of each of the person's m capsules.
+    """Distances and speeds of each of the person's m capsules.
 
     Attributes:
-        distance: from the arm's nearest one, shape (m,) [m].
-        arm: index of that, shape (m,).
-        robot_point, person_point: nearest places on the axes, shape (m, 3) [m].
+        distance: distance from the nearest capsule of the arm, shape (m,) [m].
+        arm: index of that capsule, shape (m,).
+        robot_point, person_point: nearest points on the axes, shape (m, 3) [m].
         direction: unit vectors from the arm to the person, shape (m, 3).
-        robot_speed: of the arm's capsule towards him, at least 0, shape (m,) [m/s].
-        person_speed: of his towards the arm, at least 0, shape (m,) [m/s].
+        robot_speed: speed of the arm's capsule towards the person, at least 0, shape (m,) [m/s].
+        person_speed: speed of the person's capsule towards the arm, at least 0, shape (m,) [m/s].
     """
 
     distance: FloatArray
@@ -48,14 +48,14 @@ class Nearness:
 
 
 def nearness(arm: Placed, person: Observation, velocities: FloatArray) -> Nearness:
-    """Of an arm and a person; velocities: of the ends of his capsules, shape (m, 2, 3) [m/s]."""
+    """Return distances and speeds; velocities: of the ends of the person's capsules, shape (m, 2, 3) [m/s]."""
     apart = distances(arm.ends[None], arm.radii, person.ends[None], person.radii)[0]
     nearest = np.argmin(apart, axis=0)
     own = arm.ends[nearest]
     robot_point, person_point = nearest_points(own, person.ends)
     offset = person_point - robot_point
     length = np.linalg.norm(offset, axis=1)
-    # Where the axes cross there is no direction: then each speed counts in full, see below.
+    # Crossing axes have no direction: then each speed counts in full, see below.
     direction = offset / np.maximum(length, 1e-9)[:, None]
     crossing = length < 1e-6
     robot = _towards(arm.velocities[nearest], direction, crossing)
@@ -65,19 +65,19 @@ def nearness(arm: Placed, person: Observation, velocities: FloatArray) -> Nearne
 
 
 def _towards(velocities: FloatArray, direction: FloatArray, crossing: FloatArray) -> FloatArray:
-    """The faster end of each capsule along a direction, at least 0, shape (m,) [m/s]."""
+    """Return the speed of the faster end of each capsule along a direction, at least 0, shape (m,) [m/s]."""
     along = np.einsum("mei,mi->me", velocities, direction).max(axis=1)
     full = np.linalg.norm(velocities, axis=2).max(axis=1)
     return np.asarray(np.maximum(np.where(crossing, full, along), 0.0))
 
 
 class Braking(NamedTuple):
-    """What is still to come of a stop that is requested now, or was before; numbers, or arrays of one shape.
+    """Remainder of a stop that is requested now or in progress; numbers, or arrays of one shape.
 
     Attributes:
-        reaction: until the arm begins to brake [s].
-        time: from then on until it is at rest [s].
-        lead: distance that it covers in that time, by the speed at which it begins to brake [s].
+        reaction: time until the arm starts to brake [s].
+        time: braking time from then on until rest [s].
+        lead: braking distance divided by the speed at the start of braking [s].
     """
 
     reaction: float
@@ -86,11 +86,12 @@ class Braking(NamedTuple):
 
 
 class Stopping:
-    """How the arm stops: by its speed scale and what the controller lags behind, or as a table has it. It follows the
-    scale from decision to decision: of a stop that has begun less is still to come.
+    """Stopping model of the arm: speed scale plus controller lag, or a table of stops.
+
+    It tracks the scale from decision to decision, so that a stop in progress has less time and distance left.
 
     Args:
-        settings: of the supervisor.
+        settings: parameters of the supervisor.
 
     Attributes:
         fastest: speed up to which stops are known [m/s].
@@ -114,9 +115,9 @@ class Stopping:
     def _braking(
         self, reaction: float, speed: FloatArray | float, ramp: FloatArray | float, settling: float
     ) -> Braking:
-        """From a speed of the fastest place [m/s], with a ramp of the scale and what comes after it [s]."""
+        """Return the braking from a speed of the fastest point [m/s], with scale ramp and settling time [s]."""
         if self._table is None:
-            # Half of the ramp at the full speed, as at any even deceleration, and all of what the controller lags.
+            # Half of the ramp at full speed, as at any constant deceleration, plus the complete lag of the controller.
             return Braking(reaction, ramp + settling, 0.5 * ramp + settling)
         stop = self._table.stop(speed, self._table.max_load)
         assert stop.distance is not None, "of a table"
@@ -124,21 +125,21 @@ class Stopping:
         return Braking(reaction, np.maximum(stop.time, ramp), np.maximum(lead, 0.5 * np.asarray(ramp)))
 
     def from_scales(self, scales: FloatArray, speed: float) -> Braking:
-        """From scales, shape (k,), of a speed [m/s]."""
+        """Return the braking from scales, shape (k,), of a speed [m/s]."""
         ramps = np.array([stopping_time(scale) for scale in scales])
         return self._braking(self._reaction, speed * scales, ramps, self._settings.settling_time)
 
     def left(self, now: float, known: float, in_force: InForce, speed: float) -> Braking:
-        """At robot time `now` [s].
+        """Return the remaining braking at robot time `now` [s].
 
         Args:
             now: robot time [s].
-            known: stamp of the older of what is known of person and arm [s].
+            known: stamp of the older observation of person and arm [s].
             in_force: the robot's speed scale.
-            speed: of the arm's fastest place, `fastest` at most [m/s].
+            speed: speed of the arm's fastest point, at most `fastest` [m/s].
         """
         own = self._settings
-        # An arm that brakes has reacted; of that time is left by how much the person was seen before now.
+        # A braking arm has reacted; the remaining reaction time is the age of the observation of the person.
         if in_force.stamp != self._before.stamp:
             falls = in_force.scale < self._before.scale
             slows = in_force.requested < in_force.scale and (falls or self._brakes)
@@ -150,40 +151,43 @@ class Stopping:
         if speed < STANDING:
             return Braking(reaction, 0.0, 0.0)
         settling = own.settling_time - max(now - self._standing_since, 0.0)
-        # An arm that is not at rest when it should be has a stop of which nothing is known.
+        # If the arm is not at rest when it should be, its stop is unknown.
         left = settling if settling > 0.0 else own.settling_time
         return self._braking(reaction, speed, stopping_time(in_force.scale), left)
 
 
 class Protective:
-    """The protective separation distance of this arm.
+    """Protective separation distance of this arm.
 
     Args:
-        settings: of the supervisor.
-        stopping: how the arm stops.
+        settings: parameters of the supervisor.
+        stopping: stopping model of the arm.
     """
 
     def __init__(self, settings: SupervisorSettings, stopping: Stopping) -> None:
         self._settings, self._stopping, self._table = settings, stopping, separation_table()
 
     def _terms(self, robot: FloatArray, person: FloatArray, braking: Braking) -> tuple[FloatArray, Terms]:
-        """(v_h, terms) from a speed of the arm towards him, and his measured one, which counts where he is faster than
-        the table has it [m/s]."""
+        """Return (v_h, terms) from the arm's speed towards the person and the person's measured speed [m/s].
+
+        The measured speed counts if it is higher than that of the table.
+        """
         stop = Stop(braking.reaction, braking.time, robot * braking.lead)
         own = self._settings.intrusion, self._settings.person_uncertainty, self._settings.robot_uncertainty
         human = np.maximum(person_speed(robot, stop, *own, self._table), person)
         return human, protective_distance(robot, human, stop, *own)
 
     def measured(self, near: Nearness, braking: Braking) -> tuple[FloatArray, Terms]:
-        """v_h [m/s] and the terms of each capsule at the measured speeds, shape (m,)."""
+        """Return v_h [m/s] and the terms of each capsule at the measured speeds, shape (m,)."""
         return self._terms(near.robot_speed, near.person_speed, braking)
 
     def permitted(self, distance: FloatArray, person: FloatArray, speed: float) -> FloatArray:
-        """Largest scale at which each capsule is as far as it must be, shape (m,); 0: the arm must stand.
+        """Return the largest scale at which each capsule is far enough away, shape (m,); 0: the arm must stand still.
 
         Args:
-            distance, person: of the capsules [m], and their measured speed towards the arm [m/s].
-            speed: of the arm at full speed [m/s], as if all of it were towards him.
+            distance: distances of the capsules [m].
+            person: measured speeds of the capsules towards the arm [m/s].
+            speed: speed of the arm at full scale [m/s], assumed to be directed towards the person.
         """
         scales = SCALES[speed * SCALES <= self._stopping.fastest]
         if not len(scales):

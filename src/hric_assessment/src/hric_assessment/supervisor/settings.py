@@ -20,7 +20,7 @@ ACTS_WITH = {
 
 @dataclass(frozen=True)
 class SupervisorSettings(Settings):
-    """Parameters of an experiment's section. What no source gives is a project default, unconfirmed."""
+    """Parameters of an experiment's section; values without a source are project defaults, unconfirmed."""
 
     separator = "."
     active: bool = flag(True, text="false: it watches and reports, and the robot is left alone")
@@ -130,14 +130,14 @@ class SupervisorSettings(Settings):
 
     @property
     def persons(self) -> tuple[tuple[str, str], ...]:
-        """(name, source) of each person who is watched."""
+        """Pairs (name, source) of the watched persons."""
         watched = [(name, source) for source in self.source for name in (self.body if source == MARKER else (source,))]
         return tuple(watched) if len(watched) > 1 else (("the person", self.source[0]),)
 
 
 @dataclass(frozen=True)
 class NodeSettings(SupervisorSettings):
-    """Parameters that the node has besides."""
+    """Additional parameters of the node."""
 
     human: Any = anything(
         None, default_text="none", text="with `human`: that section of the experiment: who it is, and where"

@@ -1,4 +1,4 @@
-"""What the supervisor publishes: messages from its decisions."""
+"""Messages of the supervisor, made from its decisions."""
 
 import math
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ _TERMS = ("person", "reaction", "stopping", "intrusion", "person_uncertainty", "
 
 
 def state(decision: Decision, settings: SupervisorSettings, latency: float) -> Any:
-    """hric_msgs/SafetyState; latency: the last one [s]."""
+    """Return a hric_msgs/SafetyState; latency: the last one [s]."""
     message = SafetyState(mode=settings.mode, state=decision.state, fault=decision.fault, reason=decision.reason)
     message.header.stamp, message.header.frame_id = stamps.to_time(decision.time), WORLD
     message.scale, message.stiffness, message.force = decision.scale, decision.stiffness, decision.force
@@ -40,14 +40,14 @@ def state(decision: Decision, settings: SupervisorSettings, latency: float) -> A
 
 
 def event(decision: Decision, one: Event) -> Any:
-    """hric_msgs/SafetyEvent."""
+    """Return a hric_msgs/SafetyEvent."""
     message = SafetyEvent(kind=one.kind, separation=decision.separation, margin=decision.margin, text=one.text)
     message.header.stamp = stamps.to_time(decision.time)
     return message
 
 
 def request(decision: Decision, valid_for: float) -> Any:
-    """hric_msgs/SpeedScale, stamped with the measurement that it follows from."""
+    """Return a hric_msgs/SpeedScale, stamped with the measurement that it follows from."""
     message = SpeedScale()
     message.scale, message.stiffness, message.force = decision.scale, decision.stiffness, decision.force
     message.valid_for = valid_for
@@ -56,7 +56,7 @@ def request(decision: Decision, valid_for: float) -> Any:
 
 
 def markers(decision: Decision) -> Any:
-    """visualization_msgs/MarkerArray: a line between the nearest places, and what is said of them."""
+    """Return a visualization_msgs/MarkerArray: a line between the nearest points, and a text."""
     colour = _COLOURS.get(decision.state, _SLOWED)
     line, text = _marker(0, Marker.LINE_STRIP, colour, decision.time), _marker(1, Marker.TEXT_VIEW_FACING, colour, 0.0)
     text.header = line.header

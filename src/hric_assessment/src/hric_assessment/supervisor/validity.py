@@ -1,4 +1,4 @@
-"""Person data that cannot be: a jump, a body of another size, two bodies in one, a tracker that hangs.
+"""Detection of impossible person data: a jump, a change of size, two bodies in one, a frozen tracker.
 
 Each such fault stops the arm. It ends when the data was valid for `person_hold`.
 """
@@ -10,20 +10,20 @@ from hric_assessment.supervisor.settings import SupervisorSettings
 from hric_control.geometry import FloatArray
 
 SAME_SIZE = 1e-3
-"""Largest change of a capsule's length or radius that is rounding [m] (project default, unconfirmed)."""
+"""Largest change of a capsule's length or radius due to rounding [m] (project default, unconfirmed)."""
 
 
 class PersonValidator:
-    """Checks each observation of one person against the one before.
+    """Check of each observation of one person against the previous one.
 
-    A person who is not seen may be elsewhere later: the gap allows `person_max_speed` times its duration, and
-    `person_uncertainty` for noise. Of a person who is measured a pose that repeats to the last bit is as old as its
-    first: cameras have noise, and a tracker without news hangs. A simulated person may truly stand still.
+    An unobserved person may reappear elsewhere: a gap allows `person_max_speed` times its duration, plus
+    `person_uncertainty` for noise. A measured pose that repeats to the last bit is as old as its first occurrence:
+    cameras have noise, and only a frozen tracker repeats a pose. A simulated person may truly stand still.
 
     Args:
-        name: of the person, for the texts.
+        name: name of the person, for the texts.
         measured: False for the person in the robot's plant.
-        settings: of the supervisor.
+        settings: parameters of the supervisor.
     """
 
     def __init__(self, name: str, measured: bool, settings: SupervisorSettings) -> None:
@@ -31,7 +31,7 @@ class PersonValidator:
         self.reset()
 
     def reset(self) -> None:
-        """Forget all observations, after the clock was set back or forth."""
+        """Forget all observations, after a jump of the clock."""
         self._last: Observation | None = None
         self._changed_at = -np.inf
         self._fault, self._until = "", -np.inf
@@ -41,8 +41,8 @@ class PersonValidator:
 
         Args:
             now: robot time [s].
-            newest: newest observation, with those that came since the last call.
-            late: True if its stamp cannot be used.
+            newest: newest observation, with the earlier ones since the last call.
+            late: True if its stamp is not usable.
         """
         for observation in (*newest.earlier, newest):
             text = observation.fault or ("" if len(observation.ends) else "has no shape")
@@ -55,7 +55,7 @@ class PersonValidator:
         return ""
 
     def _impossible(self, observation: Observation) -> str:
-        """Return what is impossible about a finite observation after the last one, or an empty text."""
+        """Return why a finite observation is impossible after the last one, or an empty text."""
         last = self._last
         if last is None:
             self._changed_at = observation.stamp
@@ -80,6 +80,6 @@ class PersonValidator:
 
 
 def _sizes(observation: Observation) -> FloatArray:
-    """Lengths and radii of the capsules, shape (2 m,) [m]."""
+    """Return lengths and radii of the capsules, shape (2 m,) [m]."""
     lengths = np.linalg.norm(observation.ends[:, 1] - observation.ends[:, 0], axis=1)
     return np.concatenate([lengths, observation.radii])

@@ -1,10 +1,10 @@
-"""The published tables, and the one loader of their files.
+"""Published tables, and the loader of their files.
 
     limits = limit_table("iso_ts_15066")        # or "bgia2011", or a Path to a user's own file
     rula_table(), reba_table(), niosh_table(), separation_table(), episode_table(), area_table(), verdict_table()
 
-Each file in config/tables has the values in the units in which they are printed, their sources, and a mark for each: by
-how many public sources it is confirmed. What is read here is as printed; who computes converts to SI.
+Each file in config/tables has the values in their printed units, their sources, and a mark for each value: the number
+of public sources that confirm it. The tables return printed values; the users of a table convert them to SI.
 """
 
 from functools import cache
@@ -49,17 +49,17 @@ __all__ = [
     "verdict_table",
 ]
 LIMIT_TABLES = ("iso_ts_15066", "bgia2011")
-"""Those that come with the package; the first is the default."""
+"""Limit tables of the package; the first is the default."""
 T = TypeVar("T", bound="Table")
 UNITS = {"force": 1.0, "pressure": 1e4, "stiffness": 1e3, "length": 1e-2}
-"""What a printed unit is in SI: N, N/cm^2, N/mm, cm."""
+"""SI values of the printed units N, N/cm^2, N/mm, cm."""
 
 
 def limit_table(which: str | Path = LIMIT_TABLES[0]) -> LimitTable:
-    """One of LIMIT_TABLES, or a user's own file, which takes its place.
+    """Return one of LIMIT_TABLES, or the table of a user's file.
 
     Raises:
-        ParameterError: no such table, or a file that cannot be used, with all its mistakes.
+        ParameterError: no such table, or an unusable file, with all its mistakes.
     """
     if isinstance(which, Path):
         return LimitTable.of(read_yaml(which), f"{which.name}:")
@@ -70,43 +70,43 @@ def limit_table(which: str | Path = LIMIT_TABLES[0]) -> LimitTable:
 
 @cache
 def rula_table() -> RulaTable:
-    """config/tables/rula.yaml."""
+    """Return config/tables/rula.yaml."""
     return _built_in(RulaTable, "rula")
 
 
 @cache
 def reba_table() -> RebaTable:
-    """config/tables/reba.yaml."""
+    """Return config/tables/reba.yaml."""
     return _built_in(RebaTable, "reba")
 
 
 @cache
 def niosh_table() -> NioshTable:
-    """config/tables/niosh.yaml."""
+    """Return config/tables/niosh.yaml."""
     return _built_in(NioshTable, "niosh")
 
 
 @cache
 def separation_table() -> SeparationTable:
-    """config/tables/separation.yaml."""
+    """Return config/tables/separation.yaml."""
     return _built_in(SeparationTable, "separation")
 
 
 @cache
 def episode_table() -> EpisodeTable:
-    """config/tables/episodes.yaml."""
+    """Return config/tables/episodes.yaml."""
     return _built_in(EpisodeTable, "episodes")
 
 
 @cache
 def area_table() -> AreaTable:
-    """config/tables/contact_areas.yaml."""
+    """Return config/tables/contact_areas.yaml."""
     return _built_in(AreaTable, "contact_areas")
 
 
 @cache
 def verdict_table() -> VerdictTable:
-    """config/tables/verdict.yaml."""
+    """Return config/tables/verdict.yaml."""
     return _built_in(VerdictTable, "verdict")
 
 

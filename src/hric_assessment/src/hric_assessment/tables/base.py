@@ -1,4 +1,4 @@
-"""What the files of all tables have in common."""
+"""Common part of all table files."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from typing import Any
 from hric_control.parameters import Settings, choice, listing, mapping, text, unknown
 
 MARKS = ("confirmed twice", "confirmed once", "unconfirmed", "chosen here")
-"""Of a value: seen in two or more independent public sources, in one, from memory only, or of no source."""
+"""Marks of a value: two or more independent public sources, one source, from memory only, or no source."""
 
 
 def _short_names(of: str, default: str = "") -> Any:
@@ -16,7 +16,7 @@ def _short_names(of: str, default: str = "") -> Any:
 
 @dataclass(frozen=True)
 class Table(Settings):
-    """What each file begins with."""
+    """Head of a table file."""
 
     title: str = text(empty=False, text="as findings name it")
     edition: str = text(empty=False, figures=True, text="likewise")
@@ -30,28 +30,28 @@ class Table(Settings):
 
     @property
     def name(self) -> str:
-        """For findings."""
+        """Title and edition, for findings."""
         return self.title if self.edition in self.title else f"{self.title} ({self.edition})"
 
     def mark_of(self, row: "Marked") -> str:
-        """One of MARKS."""
+        """Return the mark of a row, one of MARKS."""
         return row.mark or self.mark
 
     def source_of(self, row: "Marked") -> tuple[str, ...]:
-        """Short names of its sources."""
+        """Return the short names of a row's sources."""
         return row.source or self.source
 
 
 @dataclass(frozen=True)
 class Marked(Settings):
-    """A row with its mark and sources, where these are not the file's."""
+    """Row with its mark and sources, where these differ from the file's."""
 
     mark: str | None = choice(*MARKS, default=None, default_text="the file's", text="of the row")
     source: tuple[str, ...] = _short_names("of the row", "the file's")
 
 
 def check_sources(given: Sequence[str], sources: Mapping[str, str], where: str) -> None:
-    """Raises UnknownParameterError for a source that is not described."""
+    """Raise UnknownParameterError for a source that the file does not describe."""
     for name in given:
         if name not in sources:
             raise unknown("source", name, sources, where)

@@ -1,4 +1,4 @@
-"""Limits of contacts, as their files have them."""
+"""Limits of contacts, as in their files."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,18 +10,18 @@ from hric_control.parameters import Mistakes, choice, either, listing, number, r
 from hric_human.body.regions import REGION_MODELS
 
 FOOT = "foot, toes, ankle"
-"""A region of BG/BGIA that ISO/TS 15066 and so `hric_human.body.regions` do not have."""
+"""Region of BG/BGIA that ISO/TS 15066, and therefore `hric_human.body.regions`, do not have."""
 REGIONS = (*REGION_MODELS, FOOT)
 LARGEST_LIMIT, LARGEST_FACTOR = 1000.0, 10.0
 """Largest value of a row [N] or [N/cm^2], twice that of any published table (transient, 440 N and 600 N/cm^2); and
 of a factor [1], five times the 2 of ISO/TS 15066."""
 NO_TRANSIENT = "none"
-"""In place of a transient limit: a touch is not permitted, however short and soft."""
+"""Value of a missing transient limit: a touch is not permitted, however short and soft."""
 
 
 @dataclass(frozen=True)
 class Row(Marked):
-    """A limit of a region, or of an area of it."""
+    """Limit of a region, or of an area of it."""
 
     region: str = choice(*REGIONS, default=REQUIRED, text="of the body")
     area: str | None = text(None, empty=False, text="of the region, by any name; without one all of it")
@@ -35,7 +35,7 @@ class Row(Marked):
     )
 
     def transient_by(self, factor: float | None) -> float | None:
-        """Transient limit in the unit of the row; None: there is none, a touch is not permitted."""
+        """Return the transient limit in the unit of the row; None: there is none, a touch is not permitted."""
         if self.transient == NO_TRANSIENT:
             return None
         return float(self.transient) if self.transient is not None else self.quasi_static * (factor or 1.0)
@@ -43,7 +43,7 @@ class Row(Marked):
 
 @dataclass(frozen=True)
 class ForceRow(Row):
-    """Forces [N]."""
+    """Force limits [N]."""
 
     stiffness: float | None = number(
         None, above=0.0, unit="N/mm", default_text="of `hric_human.body.regions`", text="of the region's spring"
@@ -57,7 +57,7 @@ class ForceRow(Row):
 
 @dataclass(frozen=True)
 class PressureRow(Row):
-    """Pressures [N/cm^2]."""
+    """Pressure limits [N/cm^2]."""
 
     number: int | None = whole(None, minimum=1, text="in the source")
     hand: str | None = choice("dominant", "other", default=None, text="on which side; without one both")
@@ -65,7 +65,7 @@ class PressureRow(Row):
 
 @dataclass(frozen=True)
 class LimitTable(Table):
-    """What a person bears of a contact."""
+    """Biomechanical limits of contacts."""
 
     force_factor: float | None = number(
         None,
@@ -81,7 +81,7 @@ class LimitTable(Table):
     pressures: tuple[PressureRow, ...] = listing(section(PressureRow), default=(), text="rows [N/cm^2], see below")
 
     def check(self, where: str) -> None:
-        """Refuse rows twice, without a transient limit, and pressures of what has no force."""
+        """Refuse duplicate rows, rows without a transient limit, and pressures of areas without a force."""
         super().check(where)
         mistakes = Mistakes()
         kinds: Sequence[tuple[str, Sequence[Row], str, float | None]] = (
@@ -109,15 +109,17 @@ class LimitTable(Table):
             raise refused(f"{where}.region", row.region, "a region, and an area, that forces have too")
 
     def force_rows(self, region: str, area: str | None = None) -> list[ForceRow]:
-        """Rows for an area of a region; of an area without a row of its own those without an area; without an area all
-        of the region."""
+        """Return the rows for an area of a region; without an area all rows of the region.
+
+        If the area has no row, the rows of the region without an area are returned.
+        """
         rows = [row for row in self.forces if row.region == region]
         if area is None:
             return rows
         return [row for row in rows if row.area == area] or [row for row in rows if row.area is None]
 
     def pressure_rows(self, region: str, area: str | None = None, hand: str | None = None) -> list[PressureRow]:
-        """Rows for an area of a region; hand: "dominant" or "other", without one both."""
+        """Return the pressure rows for an area of a region; hand: "dominant" or "other"; None: both."""
         return [
             row
             for row in self.pressures

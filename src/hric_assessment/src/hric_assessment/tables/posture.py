@@ -1,4 +1,4 @@
-"""Tables of RULA and REBA, as their files have them."""
+"""Tables of RULA and REBA, as in their files."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ from hric_control.parameters import (
 
 @dataclass(frozen=True)
 class Chosen(Settings):
-    """A threshold that no source has [deg]."""
+    """Threshold that no source has [deg]."""
 
     value: float = number(unit="deg", minimum=0.0)
     text: str = text(empty=False)
@@ -34,7 +34,7 @@ class Band(Settings):
     """Scores between the bounds of an angle [deg], from below.
 
     Attributes:
-        bounds: numbers, or names of chosen thresholds, with a minus in front for their negatives.
+        bounds: numbers, or names of thresholds in `chosen`, with a minus in front for their negatives.
         higher_on: bounds on which the higher score counts; on all others the lower.
         unless: a flag where the score is `then`.
     """
@@ -47,14 +47,14 @@ class Band(Settings):
     then: int = whole(0)
 
     def check(self, where: str) -> None:
-        """Refuse bounds and scores that do not go together."""
+        """Refuse bounds and scores whose numbers do not match."""
         if len(self.scores) != len(self.bounds) + 1:
             raise refused(f"{where}scores", list(self.scores), f"{len(self.bounds) + 1} values, one more than bounds")
 
 
 @dataclass(frozen=True)
 class Condition(Settings):
-    """A flag; or an angle above a threshold, or beyond it to either side; the threshold is one of the chosen."""
+    """Flag; or an angle above a threshold, or beyond it to either side; the threshold is one of `chosen`."""
 
     flag: str | None = text(None, empty=False)
     angle: str | None = text(None, empty=False)
@@ -62,7 +62,7 @@ class Condition(Settings):
     beyond: str | None = text(None, empty=False)
 
     def check(self, where: str) -> None:
-        """Refuse all but one of the three forms."""
+        """Refuse all but exactly one of the three forms."""
         given = [name for name in ("flag", "angle", "above", "beyond") if getattr(self, name) is not None]
         if given not in (["flag"], ["angle", "above"], ["angle", "beyond"]):
             raise refused(where.rstrip(". "), ", ".join(given), "flag, or angle with above, or angle with beyond")
@@ -70,7 +70,7 @@ class Condition(Settings):
 
 @dataclass(frozen=True)
 class Adder(Settings):
-    """A score where any of some conditions holds."""
+    """Score that is added if any of some conditions holds."""
 
     score: int = whole()
     text: str = text(empty=False)
@@ -79,7 +79,7 @@ class Adder(Settings):
 
 @dataclass(frozen=True)
 class Part(Settings):
-    """A part of the body."""
+    """Part of the body."""
 
     start: int = whole(0)
     bands: tuple[Band, ...] = listing(section(Band), default=())
@@ -107,7 +107,7 @@ class PostureTable(Table):
     table_c: Mapping[str, tuple[int, ...]] = mapping(listing(whole(minimum=1)))
 
     def check(self, where: str) -> None:
-        """Refuse thresholds that are not among the chosen."""
+        """Refuse thresholds that are not in `chosen`."""
         super().check(where)
         for name, part in self.parts.items():
             bounds = [bound.lstrip("-") for band in part.bands for bound in band.bounds if isinstance(bound, str)]
@@ -117,13 +117,13 @@ class PostureTable(Table):
                     raise unknown("threshold", threshold, self.chosen, f"{where}parts.{name}")
 
     def level(self, score: int) -> str:
-        """Name of the level of a score."""
+        """Return the name of the level of a score."""
         return next(name for highest, name in self.levels.items() if score <= int(highest))
 
 
 @dataclass(frozen=True)
 class RulaTable(PostureTable):
-    """RULA; older_rows: those of table A in which an older worksheet differs, with the mark older_mark."""
+    """Table of RULA; older_rows: rows of table A that differ in an older worksheet, with the mark older_mark."""
 
     older_mark: str = choice(*MARKS, default="unconfirmed")
     older_rows: Mapping[str, tuple[int, ...]] = mapping(listing(whole(minimum=1), 8), default={})
@@ -131,6 +131,6 @@ class RulaTable(PostureTable):
 
 @dataclass(frozen=True)
 class RebaTable(PostureTable):
-    """REBA; couplings: in order of their scores from 0 on."""
+    """Table of REBA; couplings: in order of their scores from 0 on."""
 
     couplings: tuple[str, ...] = names()

@@ -1,4 +1,4 @@
-"""Tables of single values, as their files have them."""
+"""Tables of single values, as in their files."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,14 +9,14 @@ from hric_control.parameters import listing, mapping, number, numbers, section
 
 @dataclass(frozen=True)
 class Value(Marked):
-    """A value alone."""
+    """Single value."""
 
     value: float = number()
 
 
 @dataclass(frozen=True)
 class ValueTable(Table):
-    """A table of single values."""
+    """Table of single values."""
 
     def check(self, where: str) -> None:
         """Refuse sources that the file does not describe."""
@@ -26,17 +26,17 @@ class ValueTable(Table):
 
     @property
     def values(self) -> dict[str, Value]:
-        """By name."""
+        """Values by name."""
         return {name: value for name, value in vars(self).items() if isinstance(value, Value)}
 
     def __getitem__(self, name: str) -> float:
-        """As printed. Raises KeyError."""
+        """Return a value in its printed unit. Raises KeyError."""
         return self.values[name].value
 
 
 @dataclass(frozen=True)
 class NioshTable(ValueTable):
-    """The lifting equation; what each is: config/tables/niosh.yaml."""
+    """Values of the lifting equation; explained in config/tables/niosh.yaml."""
 
     load_constant: Value = section(Value)
     horizontal: Value = section(Value)
@@ -60,7 +60,7 @@ class NioshTable(ValueTable):
 
 @dataclass(frozen=True)
 class SeparationTable(ValueTable):
-    """What a protective separation distance takes where nothing else is known; config/tables/separation.yaml."""
+    """Default values of the protective separation distance; config/tables/separation.yaml."""
 
     walking_speed: Value = section(Value)
     hand_speed: Value = section(Value)
@@ -72,7 +72,7 @@ class SeparationTable(ValueTable):
 
 @dataclass(frozen=True)
 class EpisodeTable(ValueTable):
-    """How contacts are cut; config/tables/episodes.yaml."""
+    """Rules for splitting contacts; config/tables/episodes.yaml."""
 
     transient_time: Value = section(Value)
     rate: Value = section(Value)
@@ -82,7 +82,7 @@ class EpisodeTable(ValueTable):
 
 @dataclass(frozen=True)
 class VerdictTable(ValueTable):
-    """Rules that no source has; config/tables/verdict.yaml."""
+    """Rules without a published source; config/tables/verdict.yaml."""
 
     near_limit: Value = section(Value)
     rula_within: Value = section(Value)

@@ -1,4 +1,4 @@
-"""What a whole run, bag or c3d file would have meant for the person in it: findings, figures, and what is missing.
+"""Verdict on a run, bag or c3d file for the person in it: findings, figures, and missing signals.
 
 verdict = assess(opened("latest"), Choices())
 verdict.outcome, verdict.findings[0], verdict.to_dict()

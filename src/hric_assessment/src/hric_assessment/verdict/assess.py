@@ -1,4 +1,4 @@
-"""From a recording to its verdict."""
+"""Assessment of a recording, which results in its verdict."""
 
 from dataclasses import replace
 from typing import Any
@@ -21,11 +21,11 @@ from hric_control.errors import HricError
 
 
 def assess(given: Given, choices: Choices | None = None) -> Verdict:
-    """Return the verdict of a recording: the findings of each person in it, and all figures that its signals give.
+    """Return the verdict of a recording: findings of each person in it, and all figures that its signals allow.
 
     Args:
         given: the recording.
-        choices: limits, braking, area of contacts; None: the defaults.
+        choices: limits, braking, contact area; None: the defaults.
     """
     verdict, people = judge(given, choices), people_of(given)
     each = [loads(given, person) for person in people] or [loads(given, None)]
@@ -41,8 +41,10 @@ def assess(given: Given, choices: Choices | None = None) -> Verdict:
 
 
 def judge(given: Given, choices: Choices | None = None) -> Verdict:
-    """Return a verdict without the figures of joints and muscles, which take most of the time and decide nothing;
-    arguments as of `assess`."""
+    """Return a verdict without the figures of joints and muscles, which take most of the time and decide nothing.
+
+    Arguments as of `assess`.
+    """
     choices = (choices or Choices()).stated(given.definition)
     people, found = people_of(given), given.recording
     findings = contact_findings(given, choices)
@@ -54,7 +56,7 @@ def judge(given: Given, choices: Choices | None = None) -> Verdict:
             timelines[arm.scores.table.title.lower()].append(arm.timeline())
         findings += [*_separation(given, person, choices, distances), *lift_findings(given, person)]
     if len({finding.person for finding in findings}) < 2:
-        findings = [replace(finding, person="") for finding in findings]  # there is nobody to confuse the person with
+        findings = [replace(finding, person="") for finding in findings]  # with one person no name is needed
     nearest = min(distances, key=lambda one: one.margin, default=None)
     timelines["separation"] = None if nearest is None else nearest.timeline()
     table, first = choices.limits.table, people[0] if people else None
@@ -76,7 +78,7 @@ def judge(given: Given, choices: Choices | None = None) -> Verdict:
     drawn = _concluded(verdict, given)
     try:
         return replace(drawn, moment=moment(given, people, drawn.conclusions))
-    except HricError:  # what cannot be drawn is among the findings
+    except HricError:  # the findings contain the error
         return drawn
 
 
@@ -87,10 +89,10 @@ def _concluded(verdict: Verdict, given: Given) -> Verdict:
 
 
 def _separation(given: Given, person: Person, choices: Choices, distances: list[Separated]) -> list[Finding]:
-    """Return the finding of the distance of a person, and add the curve to `distances`."""
+    """Return the finding about a person's distance, and add the curve to `distances`."""
     try:
         apart = separated(given, person, choices)
-    except HricError as error:  # a description or a root that cannot be used hides no contact
+    except HricError as error:  # an unusable description or root must not hide a contact
         return [not_separated(str(error), person.name)]
     if apart is None:
         return []
@@ -99,7 +101,7 @@ def _separation(given: Given, person: Person, choices: Choices, distances: list[
 
 
 def _figures(each: list[Loads], people: list[Person]) -> list[Figure]:
-    """Return the figures of all persons, which carry the name of their person where there are several."""
+    """Return the figures of all persons, prefixed by the person's name if there are several."""
     if len(people) < 2:
         return [figure for one in each for figure in one.figures]
     named = zip(each, people, strict=True)

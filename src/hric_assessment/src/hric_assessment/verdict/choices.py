@@ -17,13 +17,13 @@ class Braking:
     """Braking of the arm.
 
     Attributes:
-        stops: stops by speed and load; None: nothing is known of its braking.
+        stops: stops by speed and load; None: not known.
     """
 
     stops: StopTable | None = None
 
     def text(self, load: float) -> str:
-        """Return the assumption, or the source; load: load of the arm [kg]."""
+        """Return the assumption or the source of the braking as text; load: load of the arm [kg]."""
         rules = verdict_table()
         reaction, time = f"{rules['reaction_time']:g} s", f"{rules['stopping_time']:g} s"
         if self.stops is None:
@@ -40,7 +40,7 @@ class Braking:
         """Return the stop from speeds of the arm, shape (n,) [m/s], with a load [kg].
 
         Raises:
-            NotAssessableError: faster, or with more load, than any stop that is known.
+            NotAssessableError: a higher speed or load than in any known stop.
         """
         rules = verdict_table()
         if self.stops is not None:
@@ -56,9 +56,9 @@ class Choices:
         limits: limits of contacts.
         braking: braking of the arm.
         contact_area: area over which contacts act, the smaller of the robot's and the body's [m^2]; None: not known.
-            Where a contact has an area of its own in the recording, the smaller of the two counts.
+            If the recording has an area for a contact, the smaller of the two counts.
         rula_table: version of RULA's table A, one of `hric_assessment.ergonomics.rula.VERSIONS`.
-        assumptions: about what was chosen, one sentence each.
+        assumptions: assumptions behind the choices, one sentence each.
     """
 
     limits: Limits = field(default_factory=Limits.named)
@@ -68,7 +68,7 @@ class Choices:
     assumptions: tuple[str, ...] = ()
 
     def stated(self, experiment: Mapping[str, Any]) -> "Choices":
-        """Return a copy with the contact area that an experiment states, where the user chose none."""
+        """Return a copy with the contact area of an experiment, if the user chose none."""
         area = (experiment.get("human") or {}).get("contact_area")
         if self.contact_area is not None or area is None:
             return self

@@ -1,4 +1,4 @@
-"""Command line: assess."""
+"""Command line of `assess`."""
 
 import argparse
 import sys
@@ -31,15 +31,15 @@ AREA_OPTION = "--contact-area"
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Return the exit code of `main`, and SOFTWARE with a message where the program itself fails.
+    """Return the exit code of `main`, or SOFTWARE with a message if the program itself fails.
 
     Raises:
-        HricError: as `main`.
+        HricError: as in `main`.
     """
     try:
         return main(arguments)
     except HricError as error:
-        error.exit_code = MISTAKE  # whatever failed: 1 is "above limits"
+        error.exit_code = MISTAKE  # for any failure: 1 means "above limits"
         raise
     except OSError as error:
         raise HricError(str(refused_by_system(error))) from error
@@ -80,7 +80,7 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def _assessed(name: str, root: Path, choices: Choices) -> Verdict:
-    """Return the verdict of a recording, and write it beside the recording."""
+    """Return the verdict of a recording, and write it next to the recording."""
     given = opened(name, root)
     verdict = assess(given, choices)
     if choices.contact_area is not None:
@@ -97,7 +97,7 @@ def _draw(verdict: Verdict, path: Path) -> None:
 
 
 def _questions(text: str) -> list[str]:
-    """Return the questions of an option."""
+    """Return the questions of an option as a list."""
     check_known("question", names := text.split(","), QUESTIONS, "--only")
     return names
 

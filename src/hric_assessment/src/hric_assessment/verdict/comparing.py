@@ -11,10 +11,10 @@ NONE = "-"
 
 
 def compared(verdicts: Sequence[Verdict], only: Collection[str] = ()) -> str:
-    """Return a table: a row for each question, for the worst finding of each subject, and for each figure.
+    """Return a table with a row for each question, for the worst finding of each subject, and for each figure.
 
     Args:
-        verdicts: to compare.
+        verdicts: verdicts to compare.
         only: questions that count; empty: those of a verdict.
     """
     cells = [["", *_names(verdicts)]]
@@ -32,14 +32,16 @@ def compared(verdicts: Sequence[Verdict], only: Collection[str] = ()) -> str:
 
 
 def _names(verdicts: Sequence[Verdict]) -> list[str]:
-    """Return a name for each verdict; the same name again carries its number."""
+    """Return a name for each verdict, with a number if the name occurs again."""
     names = [str(one.input["name"]) for one in verdicts]
     return [f"{name} ({names[: k + 1].count(name)})" if names.count(name) > 1 else name for k, name in enumerate(names)]
 
 
 def _worst(verdict: Verdict) -> dict[str, Finding]:
-    """Return the worst finding of each subject: contacts by region, distances all together, since which links are
-    nearest differs from run to run."""
+    """Return the worst finding of each subject: contacts by region, all distances together.
+
+    The nearest links differ from run to run, so distances are not separated by link.
+    """
     findings: dict[str, Finding] = {}
     for one in verdict.findings:
         subject = one.subject

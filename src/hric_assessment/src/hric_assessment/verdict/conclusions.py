@@ -1,9 +1,9 @@
-"""Conclusions of a verdict about five questions, which come before all its findings.
+"""Conclusions of a verdict about five questions, which precede its findings.
 
-contact   Did every contact stay within what the person bears?
+contact   Did every contact stay within the limits of the body?
 distance  Was the arm never nearer than the protective separation distance?
 posture   Is the score of every known arm within limits?
-effort    How much does it cost the person? A limit exists for lifts alone.
+effort    How much effort does it cost the person? Only lifts have a limit.
 task      Was the run completed?
 """
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 CONTACT, DISTANCE, POSTURE, EFFORT, TASK = QUESTIONS = ("contact", "distance", "posture", "effort", "task")
 BY_DEFAULT = (CONTACT, DISTANCE, POSTURE)
-"""Questions that count unless the user names others: those about limits of a person."""
+"""Questions that count by default: those about limits of a person."""
 GROUPS = {CONTACT: "contact", DISTANCE: "separation", POSTURE: "posture", EFFORT: "lift"}
 """Group of findings that decides a question."""
 GIVES = {
@@ -30,18 +30,18 @@ GIVES = {
     POSTURE: ("RULA, REBA, the distance",),
     EFFORT: ("strength",),
 }
-"""Words by which a missing signal says that it would decide a question."""
+"""Words in the description of a missing signal that show which question it would decide."""
 AREA, PENALTY = "the contact's area", "a force of penalty contact"
 AREA_REMEDY = "--contact-area M2, or human.contact_area in the experiment"
 PENALTY_REMEDY = "give one of the two bodies a spring: contact: penalty of the object, or surfaces of the robot"
 PARTS_REMEDY = "simulate more of the body: human.parts:="
 SEE = "see the reason of the finding"
 ORDER = (Outcome.ABOVE, Outcome.NOT_ASSESSABLE, Outcome.WARNING, Outcome.WITHIN)
-"""Outcomes from the worst on: what is not assessable may be above."""
+"""Outcomes from the worst on; "not assessable" is second because it may be above limits."""
 
 
 class Reply(StrEnum):
-    """Reply to a question. A warning is within limits, by a rule that the finding states."""
+    """Reply to a question; a warning is within limits, by a rule that the finding states."""
 
     YES = "yes"
     WARNING = "warning"
@@ -65,11 +65,11 @@ class Conclusion:
 
     Attributes:
         question: one of QUESTIONS.
-        reply: yes only where the evidence carries it.
-        subject: what the number is of.
+        reply: yes only with sufficient evidence.
+        subject: subject of the number.
         value, limit: number and its limit in `unit`; None: not known, or no limit exists.
-        reason: why, one sentence.
-        remedy: command, argument or topic that would make an unknown known.
+        reason: reason for the reply, one sentence.
+        remedy: command, argument or topic that would make an unknown value known.
         person: namespace of the person with the worst finding; empty: there is one person only.
         finding: the finding that decides; None: there is none.
     """
@@ -107,12 +107,12 @@ class Conclusion:
 def conclusions(
     findings: Sequence[Finding], figures: "Sequence[Figure]", missing: "Sequence[Missing]", run: Mapping[str, Any]
 ) -> tuple[Conclusion, ...]:
-    """Return the conclusions about all questions, each that of the person with the worst finding.
+    """Return the conclusions about all questions, each for the person with the worst finding.
 
     Args:
         findings: all findings, from the worst on.
         figures: numbers without a limit.
-        missing: signals that the recording does not have.
+        missing: signals that the recording lacks.
         run: contents of run.yaml; empty without a run folder.
     """
     people = list(dict.fromkeys(finding.person for finding in findings if finding.person)) or [""]
@@ -133,8 +133,11 @@ def _of_person(question: str, findings: Sequence[Finding], missing: "Sequence[Mi
 
 
 def _posture(findings: Sequence[Finding]) -> list[Finding]:
-    """Return those that decide: all of RULA, and REBA where it can be assessed. REBA needs legs that most recordings
-    lack; it is another method for the same question, so that not knowing it hides no score of RULA."""
+    """Return the findings that decide the posture: all of RULA, and REBA where it can be assessed.
+
+    REBA needs legs that most recordings lack; it is another method for the same question, so a missing REBA score must
+    not hide a RULA score.
+    """
     rula = [one for one in findings if one.subject.startswith("RULA")]
     return [one for one in findings if not rula or one in rula or one.outcome != Outcome.NOT_ASSESSABLE]
 
@@ -160,7 +163,7 @@ def _number(finding: Finding) -> tuple[float | None, float | None, str]:
 
 
 def with_remedy(finding: Finding) -> Finding:
-    """Return a finding that is not assessable with what would make it so, by what it says is missing."""
+    """Return a finding; if it is not assessable, with the remedy for its missing data."""
     if finding.outcome != Outcome.NOT_ASSESSABLE or finding.remedy:
         return finding
     remedy = SEE
@@ -179,7 +182,7 @@ def _lacking(question: str, missing: "Sequence[Missing]") -> str:
 
 
 def _effort(findings: Sequence[Finding], figures: "Sequence[Figure]", missing: "Sequence[Missing]") -> Conclusion:
-    """Return the conclusion of the worst lift; where no lift is rated the largest load, which has no limit."""
+    """Return the conclusion about the worst lift; without a rated lift about the largest load, which has no limit."""
     lifts = [one for one in findings if one.group == GROUPS[EFFORT]]
     if lifts and lifts[0].outcome != Outcome.NOT_ASSESSABLE:
         return _by(EFFORT, lifts[0])
@@ -221,14 +224,14 @@ def outcome(given: Sequence[Conclusion], only: Collection[str] = ()) -> Outcome:
 
 
 def headline(given: Sequence[Conclusion], only: Collection[str] = ()) -> str:
-    """Return the outcome in words; arguments as of `outcome`. Whether a run was completed is no limit of a person."""
+    """Return the outcome in words; arguments as in `outcome`. Completion of a run is no limit of a person."""
     limits = [one.question for one in given if one.question in only and one.question != TASK]
     tasks = [one.subject for one in given if one.question == TASK and TASK in only]
     return ", ".join([str(outcome(given, limits))] * (not only or bool(limits)) + tasks)
 
 
 def unknown_beforehand(section: Mapping[str, Any] | None) -> str:
-    """Return a line about what the verdict of a run will not know; empty: nothing, or nobody is simulated.
+    """Return a line about what the verdict of a run will not know; empty: nothing, or no person is simulated.
 
     Args:
         section: section `human` of the experiment; None: there is none.

@@ -1,5 +1,7 @@
-"""Findings of contacts: every episode of a person with other bodies, by the force of the simulated body and by the
-standard's body; the worse of the two decides."""
+"""Findings of contacts: every contact episode of a person with other bodies.
+
+Each is judged by the force of the simulated body and by the standard's body model; the worse of the two decides.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -32,27 +34,29 @@ OTHER_REGION = "the region is not one of the link's"
 ALL = "contacts"
 """Subject of a finding about all contacts of a person."""
 UNBOUNDED = 1e12
-"""Mass of a robot of which nothing is known: so heavy that no mass is worse [kg]."""
+"""Mass of a robot with unknown mass [kg]: large enough to be the worst case."""
 SILENT_GAP = 0.075
-"""Longest time between two messages of a simulated person's contacts [s]: one and a half of the 50 ms after which an
-empty one is due (`hric_human.participant.topics.SILENCE`)."""
+"""Longest time between two messages of a simulated person's contacts [s].
+
+1.5 times the 50 ms after which an empty message is due (`hric_human.participant.topics.SILENCE`).
+"""
 SPEED_STEP = 1e-3
-"""Time step of a plant that does not state its own [s]: 1 kHz, as every run of this workspace has it."""
+"""Default time step of a plant that does not state one [s]: 1 kHz, as in every run of this workspace."""
 
 
 def contact_findings(given: Given, choices: Choices) -> list[Finding]:
-    """Return the findings of all contacts of each person; where nothing is recorded of them, one that says so."""
+    """Return the findings of all contacts of each person; one finding says so if contacts are not recorded."""
     humans = given.recording.humans
     findings = [finding for record in humans.values() for finding in _of_person(given, record, choices)]
     on_camera = (given.definition.get("mocap") or {}).get("human")
     for topic in given.recording.people:
-        if not (humans and on_camera):  # else it is the simulated person once more
+        if not (humans and on_camera):  # otherwise it is the same simulated person
             findings.append(_not_recorded(given, choices, topic.rpartition("/")[0]))
     return findings or [_not_recorded(given, choices, "")]
 
 
 def _not_recorded(given: Given, choices: Choices, name: str) -> Finding:
-    """Nothing is known of the contacts of a person."""
+    """Return the finding that the contacts of a person are not recorded."""
     topic = f"{name}/contacts" if name.startswith("/") else TOPIC
     reason = f"contacts are not recorded: the topic {topic} is not in the recording"
     begin, end = given.recording.begin, given.recording.end
@@ -90,11 +94,11 @@ def _of_person(given: Given, record: HumanRecord, choices: Choices) -> list[Find
 
 
 def _evidence(given: Given, record: HumanRecord, stream: ContactStream) -> tuple[Evidence, str]:
-    """Return how much of the recording the contacts are known for, and a sentence where that is not all of it.
+    """Return how much of the recording the contacts are known for, and a sentence if they are not completely known.
 
-    A source that reports silence, as the simulated person does, is known where its messages are. Of one that reports
-    contacts alone nothing is known without a message where an arm is recorded, which may have touched the person since;
-    without an arm it is taken to report each contact while anything of the person is recorded.
+    A source that also sends empty messages, as the simulated person does, is known wherever it has messages. A source
+    that sends only contacts is unknown between its messages if an arm is recorded, which may have touched the person;
+    without an arm it is assumed to report each contact while any data of the person is recorded.
     """
     window = given.recording.begin, given.recording.end
     times = [stream.time]
@@ -115,13 +119,12 @@ def _evidence(given: Given, record: HumanRecord, stream: ContactStream) -> tuple
 
 
 def reports_silence(given: Given, stream: ContactStream) -> bool:
-    """Return whether the source of contacts sends messages while nothing touches the person."""
+    """Return True if the source of contacts sends messages while nothing touches the person."""
     return stream.silent > 1 or bool(given.definition.get("human"))
 
 
 def silence_assumed(given: Given) -> list[str]:
-    """Return an assumption for each person whose source of contacts reports contacts alone, of a recording without an
-    arm."""
+    """Return an assumption for each person without messages between contacts, in a recording without an arm."""
     return [
         f"{record.name}/contacts has no message while nothing touches: its source is taken to have run until the end"
         for record in given.recording.humans.values()
@@ -131,7 +134,7 @@ def silence_assumed(given: Given) -> list[str]:
 
 
 def _rest(given: Given, record: HumanRecord, evidence: Evidence, lost: str, touched: bool, choices: Choices) -> Finding:
-    """Return the finding about the time in which no contact is recorded."""
+    """Return the finding about the time without recorded contacts."""
     window, table = (given.recording.begin, given.recording.end), choices.limits.table.name
     signals = (f"{record.name}/contacts",)
     held = [grip.name for grip in record.grips.values() if grip.closed.any()]
@@ -145,12 +148,12 @@ def _rest(given: Given, record: HumanRecord, evidence: Evidence, lost: str, touc
 
 
 class _Judge:
-    """Judges the contacts of one person.
+    """Assessment of the contacts of one person.
 
     Args:
         given: the recording.
-        record: of the person.
-        choices: with the limits.
+        record: recording of the person.
+        choices: choices with the limits.
     """
 
     def __init__(self, given: Given, record: HumanRecord, choices: Choices) -> None:
@@ -175,7 +178,7 @@ class _Judge:
         return findings
 
     def _without_force(self, contacts: Sequence[RegionForce]) -> Finding:
-        """Return one finding for all touches of a pair whose force means nothing."""
+        """Return one finding for all touches of a pair without a meaningful force."""
         where, _ = self._where(contacts)
         window = min(one.begin for one in contacts), max(course.end_of(one) for one in contacts)
         finding = self._assessed(None, where, window, Unknown(), None)
@@ -215,14 +218,14 @@ class _Judge:
         try:
             episode = None if meeting is None else meeting.episode
             finding = assess(episode, where, self._choices.limits, signals, unknown, approach)
-        except HricError as error:  # a region that nobody knows costs this contact alone
+        except HricError as error:  # an unknown region affects only this contact
             table = self._choices.limits.table.name
             finding = Finding(where.subject, Outcome.NOT_ASSESSABLE, str(error), table, signals=signals)
         name = self._record.name
         return replace(finding, group=GROUP, regions=where.regions, window=window, person=name)
 
     def _where(self, contacts: Sequence[RegionForce]) -> tuple[Where, list[str]]:
-        """Return the place, and notes on what the recording and the user state of it."""
+        """Return the contact's location, and notes on the statements of the recording and the user about it."""
         first, notes, areas = contacts[0], list[str](), dict[str, float]()
         names = tuple(dict.fromkeys(name for one in contacts for name in one.regions))
         recorded = min((one.area for one in contacts if one.area is not None), default=None)
@@ -255,8 +258,8 @@ class Masses:
     """Masses of an arm.
 
     Attributes:
-        moving: what moves behind the first joint [kg].
-        tool: what of it is the tool [kg].
+        moving: mass behind the first joint [kg].
+        tool: mass of the tool, part of `moving` [kg].
     """
 
     moving: float
@@ -264,12 +267,12 @@ class Masses:
 
 
 class Expected:
-    """The closed form of two masses and a spring beside what was recorded.
+    """Closed form of two masses and a spring, for comparison with the recorded contacts.
 
     Args:
         given: the recording.
-        record: of the person.
-        choices: with the limits.
+        record: recording of the person.
+        choices: choices with the limits.
     """
 
     def __init__(self, given: Given, record: HumanRecord, choices: Choices) -> None:
@@ -296,19 +299,19 @@ class Expected:
         Args:
             meeting: the contacts.
             where: the two bodies.
-            simulated: True if the recording is of a plant, which states each speed of approach.
+            simulated: True if the recording is of a plant, which states each approach speed.
         """
         unknown = [one for one in meeting.contacts if one.speed is None or not np.isfinite(one.speed)]
         placed = any(one.point is not None for one in unknown)
         doubts = ["the speed at which they met is not known"] if unknown and (simulated or placed) else []
         found = []
         for contact in meeting.contacts:
-            speed = 0.0 if contact.speed is None else abs(contact.speed)  # of a touch while they part, too
+            speed = 0.0 if contact.speed is None else abs(contact.speed)  # also for a touch while the bodies separate
             if not speed > 0.0:
                 continue
             form = None if self._beside is None else self._beside.transient(contact)
             if form is not None and not np.isfinite(form.peak):
-                form = None  # the arm's motion is not known then
+                form = None  # the arm's motion is not known at that time
             if (limit := self._lowest(form, where)) is not None:
                 label = f"{limit.region}, {'robot of unknown mass' if form is None else 'heavier of both masses'}"
                 found.append((Approach(speed, float(limit.transient), label, form is not None), form))
@@ -335,7 +338,7 @@ class Expected:
     def beside(
         self, form: Transient | None, where: Where
     ) -> tuple[Mapping[str, float | None], tuple[str, ...], tuple[str, ...]]:
-        """Return values, notes and what is missing."""
+        """Return values, notes and missing data of the closed form."""
         if self._beside is None:
             return {}, (), (self._why,)
         if form is None:
@@ -379,7 +382,7 @@ class Expected:
 
 
 def masses(tree: urdf.Robot, joints: Sequence[str]) -> Masses:
-    """Return the masses of an arm; the tool is what hangs rigidly behind the link that the last of its joints moves."""
+    """Return the masses of an arm; the tool is everything fixed to the link behind the last joint."""
     behind: dict[str, list[str]] = {}
     for joint in tree.joints.values():
         behind.setdefault(joint.parent, []).append(joint.child)

@@ -14,13 +14,13 @@ from hric_perception.person.settings import PersonSettings
 
 @dataclass(frozen=True)
 class Given:
-    """A recording and what is written beside it.
+    """Recording and the files next to it.
 
     Attributes:
-        name: for people.
+        name: name for texts.
         kind: run, bag or c3d.
-        folder: where its verdict.json goes.
-        recording: what it has.
+        folder: folder for verdict.json.
+        recording: recorded signals.
         run: contents of run.yaml; empty without a run folder.
         description: URDF of the robot; "": none.
     """
@@ -34,7 +34,7 @@ class Given:
 
     @property
     def definition(self) -> Mapping[str, Any]:
-        """The experiment; empty without a run folder."""
+        """Definition of the experiment; empty without a run folder."""
         return self.run.get("definition") or {}
 
     @property
@@ -44,14 +44,14 @@ class Given:
 
 
 def opened(given: str, root: Path | None = None) -> Given:
-    """Read it.
+    """Read the input of a verdict.
 
     Args:
         given: a run folder, its name, "latest", a bag, or a c3d file.
         root: folder of all runs.
 
     Raises:
-        HricError: there is no such thing, or it cannot be read.
+        HricError: it does not exist, or cannot be read.
     """
     path = Path(given).expanduser()
     if path.suffix.lower() == ".c3d":
@@ -68,7 +68,7 @@ def opened(given: str, root: Path | None = None) -> Given:
 
 
 def _with_markers(given: Given, bag: Path) -> Given:
-    """Return the recording with the person whom frames of motion capture show, where nothing else shows one."""
+    """Return the recording with the person from motion capture frames, if no other signal shows a person."""
     found = given.recording
     if found.humans or found.people or FRAMES not in found.kinds:
         return given

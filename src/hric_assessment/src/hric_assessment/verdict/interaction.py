@@ -1,4 +1,4 @@
-"""Figures of the interaction, and of the share of time in which the arm stood. They have no limit."""
+"""Figures of the interaction, and the share of time in which the arm is at rest; without limits."""
 
 import numpy as np
 
@@ -32,7 +32,7 @@ def interaction(given: Given) -> list[Figure]:
 
 
 def _smooth(grip: GripRecord, events: list[Event], what: str) -> Figure:
-    """Return the smoothness of the motion, from its begin to its end where these are known."""
+    """Return the smoothness of the motion, from its start to its end if these are known."""
     begin = max((one.time for one in events if one.kind == "started"), default=-np.inf)
     end = max((one.time for one in events if one.kind == "ended"), default=np.inf)
     during = grip.closed & (grip.time >= begin) & (grip.time <= (end if end > begin else np.inf))
@@ -49,7 +49,7 @@ def productivity(apart: Separated | None, safety: SafetyRecord | None) -> list[F
 
 
 def _supervised(safety: SafetyRecord | None) -> list[Figure]:
-    """Return what a supervisor requested, which an arm may have done or not."""
+    """Return the shares of a supervisor's requests, which an arm may or may not have followed."""
     if safety is None:
         return []
     note = f"requested in mode {safety.mode}, between its first decision and its last"
@@ -60,7 +60,7 @@ def _supervised(safety: SafetyRecord | None) -> list[Figure]:
 
 
 def _standing(apart: Separated | None) -> list[Figure]:
-    """Between the arm's first and its last motion."""
+    """Return the share of time in which the arm is at rest between its first and its last motion."""
     if apart is None:
         return []
     table = verdict_table()

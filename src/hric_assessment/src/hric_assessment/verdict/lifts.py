@@ -25,14 +25,14 @@ ASSUMED = (
 
 @dataclass(frozen=True)
 class Carried:
-    """What the hands of a person carry together.
+    """Body that a person carries with one or both hands.
 
     Attributes:
-        held: the body.
-        hands: how many of his.
-        time: while it is held, shape (n,) [s].
-        point: middle of the grips, shape (n, 3) [m].
-        load: vertical force on the hands over g, shape (n,) [kg].
+        held: name of the body.
+        hands: number of the person's hands on it.
+        time: instants while it is held, shape (n,) [s].
+        point: midpoint of the grips, shape (n, 3) [m].
+        load: vertical force on the hands divided by g, shape (n,) [kg].
     """
 
     held: str
@@ -43,7 +43,7 @@ class Carried:
 
 
 def lift_findings(given: Given, person: Person) -> list[Finding]:
-    """Return a finding for picking up and for putting down each body that the hands of a person lift."""
+    """Return a finding for picking up and for putting down each body that a person lifts with the hands."""
     human = person.record
     if human is None or person.settings is None or person.root is None:
         return []
@@ -62,7 +62,7 @@ def lift_findings(given: Given, person: Person) -> list[Finding]:
 
 
 def _proven(finding: Finding, grips: Sequence[GripRecord], name: str) -> Finding:
-    """Return the finding with its evidence: a lift is within limits where the grips are known all through it."""
+    """Return the finding with its evidence: a lift is within limits only if the grips are known all the time."""
     assert finding.window is not None
     gap = verdict_table()["max_gap"]
     usable = [(grip.time, finite_rows(np.hstack([grip.force, grip.point]))) for grip in grips]
@@ -86,7 +86,7 @@ def _carried(held: str, grips: Sequence[GripRecord]) -> Carried:
 
 
 def _of(one: Carried, person: Person) -> list[Finding]:
-    """Its picking up, from where it is held first to its height, and its putting down."""
+    """Return the findings of picking up, from the start of the hold to its highest point, and of putting down."""
     height, limit = one.point[:, 2], verdict_table()["lift"]
     top = int(np.argmax(height))
     found = []
@@ -98,7 +98,7 @@ def _of(one: Carried, person: Person) -> list[Finding]:
 
 
 def _lift(one: Carried, person: Person, phase: str, end: int, top: int) -> Lift:
-    """Of the samples between one of its ends and its height."""
+    """Return the lift between one of its ends and its highest point."""
     settings, root = person.settings, person.root
     assert settings is not None and root is not None
     rows = slice(min(end, top), max(end, top) + 1)

@@ -1,4 +1,4 @@
-"""Figures of joints and muscles of a person. They neither pass nor fail: the strength is that of a model."""
+"""Figures of joints and muscles of a person, without limits: the strength is that of a model."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -21,9 +21,9 @@ from hric_human.muscles.anatomy import Anatomy
 from hric_human.muscles.choose import find
 
 RATE = 20.0
-"""Of the instants at which the load of muscles is computed [Hz]; none needs the others."""
+"""Rate at which the muscle load is computed [Hz]; each instant is independent of the others."""
 PIECE, OVERLAP = 60.0, 1.0
-"""A long motion is filtered in pieces, whose ends are left out [s]."""
+"""Length of the pieces in which a long motion is filtered, and the overlap that is discarded at their ends [s]."""
 MODEL = "a model's estimate"
 
 
@@ -32,15 +32,15 @@ class Loads:
     """Loads of one person.
 
     Attributes:
-        figures: by group.
-        activation: of muscles over time; None: not known.
+        figures: figures by group.
+        activation: muscle activation over time; None: not known.
     """
 
     figures: tuple[Figure, ...]
     activation: Columns | None
 
     def timeline(self) -> dict[str, Any] | None:
-        """For the JSON."""
+        """Return the activation for the JSON."""
         if self.activation is None:
             return None
         worst = np.nan_to_num(self.activation.values).max(axis=1)
@@ -53,11 +53,11 @@ class Loads:
 
 
 def loads(given: Given, person: Person | None) -> Loads:
-    """Return torque as share of strength, activation, and joint contact force, as far as they are known.
+    """Return torque as share of strength, muscle activation, and joint contact force, as far as they are known.
 
     Args:
         given: the recording.
-        person: whose; None: there is none, and all that the recording has counts.
+        person: the person; None: there is none, and all signals of the recording count.
     """
     figures = _strength(given, person)
     recorded = next(_own(given.recording.activation, person), None)
@@ -87,8 +87,7 @@ def _own(streams: Mapping[str, Columns], person: Person | None) -> Iterator[Colu
 
 @dataclass(frozen=True)
 class _Muscles:
-    """Activation of muscles alone, without actuators of joints; contact: size of the force in each joint centre, shape
-    (n,) [N]."""
+    """Activation of muscles, without joint actuators; contact: force magnitude in each joint centre, shape (n,) [N]."""
 
     columns: Columns
     contact: Mapping[str, FloatArray] = field(default_factory=dict)
@@ -103,7 +102,7 @@ def _muscles_of(recorded: Columns, computed: "tuple[_Muscles, _Muscles] | None")
 
 
 def _strength(given: Given, person: Person | None) -> list[Figure]:
-    """Return the largest share of each joint's strength; of shoulders also of a weaker one."""
+    """Return the largest share of each joint's strength; for shoulders also that of a weaker person."""
     record, table = None if person is None else person.record, verdict_table()
     columns = next(_own(given.recording.shares, person), None)
     if record is not None and len(record.torque_time):
@@ -147,7 +146,7 @@ def _active(muscles: _Muscles, note: str, brief: bool = False) -> list[Figure]:
 
 
 def _contact(contact: Mapping[str, FloatArray], how: str) -> list[Figure]:
-    """Sizes of forces, by joint centre, shape (n,) each [N]; NaN: not known."""
+    """Return figures of contact force magnitudes by joint centre, shape (n,) each [N]; NaN: not known."""
     found = []
     for joint, force in contact.items():
         size = force[np.isfinite(force)]
@@ -158,7 +157,7 @@ def _contact(contact: Mapping[str, FloatArray], how: str) -> list[Figure]:
 
 
 def _computed(person: Person | None) -> tuple[_Muscles, _Muscles] | None:
-    """Return the muscles of a simulated human, whose body and grips are known: as modelled, and weaker ones."""
+    """Return the muscles of a simulated human with known body and grips: as modelled, and weaker ones."""
     if person is None or person.settings is None or person.record is None:
         return None
     record = person.record
@@ -168,7 +167,7 @@ def _computed(person: Person | None) -> tuple[_Muscles, _Muscles] | None:
         root = person.settings.root(person.body)
         as_modelled = _over(person, record, anatomy, root, own.strength)
         return as_modelled, _over(person, record, anatomy, root, factor * own.strength)
-    except HricError:  # too short a motion, a body without arms, an anatomy that has gone since
+    except HricError:  # too short a motion, a body without arms, an anatomy that no longer exists
         return None
 
 

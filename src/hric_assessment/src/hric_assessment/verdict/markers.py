@@ -1,4 +1,4 @@
-"""The motion of a person from markers of the body: of a c3d file, or of frames of motion capture in a bag."""
+"""Motion of a person from body markers, of a c3d file or of motion capture frames in a bag."""
 
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
@@ -19,11 +19,11 @@ from hric_perception.person.settings import PersonSettings
 
 FRAMES = "hric_msgs/msg/MocapData"
 Frame = tuple[float, FloatArray]
-"""Robot time [s], positions of the markers, shape (m, 3) [m]."""
+"""Robot time [s] and positions of the markers, shape (m, 3) [m]."""
 
 
 def of_c3d(path: Path) -> Recording:
-    """What a c3d file has of a person of the default subject's measures.
+    """Return the recording of a c3d file, with a person of the default subject's measures.
 
     Raises:
         HricError: no such file, or no markers of a body in it.
@@ -51,7 +51,7 @@ def of_c3d(path: Path) -> Recording:
 
 
 def of_frames(bag: Path, found: Recording, settings: PersonSettings) -> tuple[Columns, Tracked] | None:
-    """Return joints and root by the frames of motion capture in a bag; None: the markers are not in it."""
+    """Return joints and root from motion capture frames in a bag; None: the markers are not in it."""
     body, calibrated = settings.known()
     tracker, rows = PersonTracker(body, settings.worn), MarkerRows(settings.worn, settings.labels, settings.asset)
     frame = ["mocap"]
@@ -72,14 +72,14 @@ def of_frames(bag: Path, found: Recording, settings: PersonSettings) -> tuple[Co
 def tracked(
     frames: Iterable[Frame], tracker: PersonTracker, name: str, frame: str | Callable[[], str], calibrated: bool
 ) -> tuple[Columns, Tracked]:
-    """Joints and root link over time; NaN: lost.
+    """Return joints and root link over time; NaN: lost.
 
     Args:
-        frames: in order of time.
-        tracker: of the body.
-        name: of the recording, before the names of what would be topics.
-        frame: of the markers.
-        calibrated: whether the body was fitted to the person.
+        frames: frames in order of time.
+        tracker: tracker of the body.
+        name: name of the recording, prefix of the topic names.
+        frame: frame of the markers.
+        calibrated: True if the body was fitted to the person.
     """
     body: Body = tracker.body
     times, angles, roots, residuals = list[float](), list[FloatArray](), list[list[float]](), list[float]()

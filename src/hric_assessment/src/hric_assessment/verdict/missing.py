@@ -1,4 +1,4 @@
-"""Signals that a recording does not have, and what each would give."""
+"""Missing signals of a recording, and what each would add."""
 
 from hric_assessment.verdict.given import Given
 from hric_assessment.verdict.person import Person
@@ -17,7 +17,7 @@ GRIP = "what the hands hold, and with which force (hric/human/grip)"
 
 
 def missing(given: Given, person: Person | None) -> list[Missing]:
-    """Return the missing signals of a recording; person: the first in it."""
+    """Return the missing signals of a recording; person: the first person in it."""
     found = given.recording
     lacks = (
         (person is None, ANGLES, "RULA, REBA, the distance to the arm, the load of the muscles"),

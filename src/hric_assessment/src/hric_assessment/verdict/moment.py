@@ -15,24 +15,24 @@ from hric_control import urdf
 from hric_control.geometry import FloatArray
 
 INSTANTS = 200
-"""Instants of a finding's window among which the nearest one is searched (project default)."""
+"""Number of instants in a finding's window among which the nearest one is searched (project default)."""
 WIDTH, HIGHEST, HEAD, MARGIN = 420.0, 320.0, 20.0, 14.0
 """Width and greatest height of the picture, height of its key, and its margin [units of the picture]."""
 TILT = np.radians(15.0)
 """Elevation of the viewer above the horizontal [rad] (project default)."""
 ROBOT, PERSON, MARKS = "#8fa3b8", "#d9b48f", {"no": "#b3261e", "unknown": "#7a3fb0", "warning": "#d98324"}
-"""Colours; of what decides by the reply, green where it is yes."""
+"""Colours; deciding capsules have the colour of the reply, green for yes."""
 
 
 def moment(given: Given, people: Sequence[Person], conclusions: Sequence[Conclusion]) -> dict[str, Any] | None:
-    """Return arm and person at the worst moment, as in the JSON; None: nobody's place is known.
+    """Return arm and person at the worst moment, as in the JSON; None: no position is known.
 
-    It is that of what is above its limit, else of the worst contact or the distance, else of the posture.
+    It is that of the finding above its limit, otherwise of the worst contact or distance, otherwise of the posture.
 
     Args:
         given: the recording.
         people: persons of the recording.
-        conclusions: about all questions.
+        conclusions: conclusions about all questions.
     """
     shown = [one for one in conclusions if one.question in BY_DEFAULT and one.finding and one.finding.window]
     shown = [one for one in shown if one.question != CONTACT or (one.finding and one.finding.regions)]
@@ -72,19 +72,19 @@ def moment(given: Given, people: Sequence[Person], conclusions: Sequence[Conclus
 
 
 def _severity(conclusion: Conclusion) -> int:
-    """Return the place of a reply among all, from the worst on."""
+    """Return the rank of a reply, from the worst on."""
     return ORDER.index(OUTCOMES[conclusion.reply])
 
 
 def _of_arm(person: Person, conclusion: Conclusion) -> list[int]:
-    """Return the capsules of the arm that a posture is of; of other findings none."""
+    """Return the capsules of the arm that a posture finding is about; for other findings none."""
     side = next((side for side in person.sides if side in conclusion.subject), None)
     arm = (f"{side}_upper_arm", f"{side}_forearm", f"{side}_hand")
     return [k for k, name in enumerate(person.body.segments) if name in arm and conclusion.question == POSTURE]
 
 
 def _concerned(person: Person, body: Capsules, conclusion: Conclusion) -> np.ndarray[Any, np.dtype[np.bool_]]:
-    """Return which capsules of the body have the regions of a contact; of other findings all."""
+    """Return a mask of the capsules in the regions of a contact; for other findings all."""
     regions = conclusion.finding.regions if conclusion.question == CONTACT and conclusion.finding else ()
     own = {link: {region.name for region in of_link} for link, of_link in person.body.regions.items()}
     concerned = np.array([bool(own.get(link, set()) & set(regions)) for link in body.links])
@@ -92,13 +92,13 @@ def _concerned(person: Person, body: Capsules, conclusion: Conclusion) -> np.nda
 
 
 def _listed(capsules: Capsules, ends: FloatArray, marked: Sequence[int]) -> list[dict[str, Any]]:
-    """Return capsules as the JSON has them; ends: in the world, shape (k, 2, 3) [m]; marked: those that decide."""
+    """Return capsules as in the JSON; ends: in the world, shape (k, 2, 3) [m]; marked: indices of deciding capsules."""
     rows = zip(capsules.links, np.round(ends, 4).tolist(), np.round(capsules.radii, 4).tolist(), strict=True)
     return [{"link": row[0], "ends": row[1], "radius": row[2], "decides": k in marked} for k, row in enumerate(rows)]
 
 
 def picture(scene: Mapping[str, Any]) -> str:
-    """Return an SVG of arm and person, across the line between them; scene: result of `moment`."""
+    """Return an SVG of arm and person, seen across the line between them; scene: result of `moment`."""
     arm, person = scene["arm"], scene["person"]
     capsules = [*arm, *person]
     flat = np.array([one["ends"] for one in capsules]) @ _view(arm, person).T
@@ -133,7 +133,7 @@ def picture(scene: Mapping[str, Any]) -> str:
 
 
 def _view(arm: Sequence[Mapping[str, Any]], person: Sequence[Mapping[str, Any]]) -> FloatArray:
-    """Return right (from arm to person), up, and towards the viewer as rows, shape (3, 3)."""
+    """Return the view axes right (from arm to person), up, and towards the viewer as rows, shape (3, 3)."""
     middles = [np.mean([one["ends"] for one in model], axis=(0, 1))[:2] for model in (arm, person) if model]
     between = middles[-1] - middles[0] if len(middles) == 2 else np.array([1.0, 0.0])
     x, y = between / max(float(np.linalg.norm(between)), 1e-9)

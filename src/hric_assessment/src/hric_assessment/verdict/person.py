@@ -1,4 +1,4 @@
-"""The persons of a recording and how each moved."""
+"""Persons of a recording and their motion."""
 
 from dataclasses import dataclass
 
@@ -17,28 +17,28 @@ from hric_perception.person.settings import PersonSettings
 
 ROOT_FRAME = "human_base"
 BEYOND = np.radians(30.0)
-"""Angle beyond the range of a joint from which on it is not known [rad] (project default, unconfirmed)."""
+"""Angle beyond the range of a joint from which on the joint is not known [rad] (project default, unconfirmed)."""
 
 
 @dataclass(frozen=True)
 class Person:
-    """A person whose posture and distance is assessed.
+    """Person whose posture and distance are assessed.
 
     Attributes:
         what: simulated human, tracked person, or joint states alone.
-        body: of the person, or the one that is assumed.
-        names: of joints whose angles are known.
+        body: body of the person, or an assumed one.
+        names: names of joints with known angles.
         time: robot time, shape (n,) [s].
-        q: shape (n, j) [rad]; NaN where not known.
+        q: joint angles, shape (n, j) [rad]; NaN where not known.
         root: pose of the root link in the world; None: not known.
-        attitude: pose of the root link in a frame whose z is up, of which orientations alone count; None: not known.
+        attitude: pose of the root link in a frame whose z is up; only the orientation counts; None: not known.
         signals: topics.
         assumptions: sentences.
-        settings: of a simulated human; None: of others.
-        uncertainty: of the position of the body, Z_d [m].
-        uncertainty_from: what that is.
+        settings: settings of a simulated human; None for others.
+        uncertainty: uncertainty of the body's position, Z_d [m].
+        uncertainty_from: explanation of the uncertainty.
         name: namespace.
-        record: of a simulated human, with grips and torques; None: of others.
+        record: recording of a simulated human, with grips and torques; None for others.
     """
 
     what: str
@@ -62,7 +62,7 @@ class Person:
         return tuple(side for side in ("right", "left") if f"{side}_el_flex" in self.names)
 
     def about(self) -> dict[str, object]:
-        """Return what the JSON says of the person."""
+        """Return the description of the person for the JSON."""
         subject = self.body.subject
         return {"what": self.what, "code": subject.code, "mass": float(subject.mass), "height": float(subject.height)}
 
@@ -70,7 +70,7 @@ class Person:
 def people_of(given: Given) -> list[Person]:
     """Return the simulated persons with joint states, and the tracked ones.
 
-    A tracked person is left out where the emulated cameras of the run see the simulated one.
+    A tracked person is left out if the emulated cameras of the run track the simulated one.
     """
     people = [_simulated(given, record) for record in given.recording.humans.values() if len(record.time)]
     if people and (given.definition.get("mocap") or {}).get("human"):
@@ -87,7 +87,7 @@ def known_angles(body: Body, names: tuple[str, ...], q: FloatArray) -> FloatArra
 
 
 def body_of(given: Given, record: HumanRecord) -> Body | None:
-    """Return the body of a simulated person; None: neither the run nor joint states say whose it is."""
+    """Return the body of a simulated person; None: neither the run nor joint states define it."""
     section = given.definition.get("human")
     if section is not None:
         return describe(HumanSettings.of(section, "human").person)
@@ -127,9 +127,9 @@ def _simulated(given: Given, record: HumanRecord) -> Person:
 
 
 def _placed(given: Given, name: str) -> Pose | None:
-    """Return the pose of a root link that a static transform places in the world; name: namespace of the person.
+    """Return the pose of a root link from a static transform from the world; name: namespace of the person.
 
-    The frame is `human_base` below the name of the person; without a name it is that of `human`, or of the only one.
+    The frame is `human_base` below the name of the person; without a name it is that of `human`, or of the only person.
     """
     frames = [f"{name.rpartition('/')[2]}/{ROOT_FRAME}"]
     frames += [ROOT_FRAME] if name.endswith("/human") or len(given.recording.humans) == 1 else []
@@ -179,7 +179,7 @@ def _residual(tracked: Tracked) -> float:
 
 
 def _root(tracked: Tracked, T_frame_markers: Pose) -> RootRecord | None:
-    """Return where the root link was in a frame; None: never known."""
+    """Return the pose of the root link in a frame; None: never known."""
     known = np.isfinite(tracked.pose).all(axis=1)
     if not known.any():
         return None
@@ -189,7 +189,7 @@ def _root(tracked: Tracked, T_frame_markers: Pose) -> RootRecord | None:
 
 
 def _markers_frame(given: Given, frame: str) -> Pose | None:
-    """T_world_markers: of a link of the robot that does not move, else by a static transform; None: not known."""
+    """Return T_world_markers, from a fixed link of the robot or a static transform; None: not known."""
     if given.description:
         tree = urdf.read(given.description)
         root, T_root_link = tree.rigid_groups().get(frame, ("", np.eye(4)))
@@ -200,7 +200,7 @@ def _markers_frame(given: Given, frame: str) -> Pose | None:
 
 
 def _parts(names: tuple[str, ...]) -> str:
-    """What of a body has all of these joints."""
+    """Return the smallest choice of body parts that has all of these joints."""
     if any(name.endswith("knee_flex") for name in names):
         return "whole_body"
     if any(name.startswith(("trunk", "neck")) for name in names):

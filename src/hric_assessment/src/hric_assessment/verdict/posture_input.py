@@ -1,4 +1,4 @@
-"""Posture and task of a person over a recording, as the scorers take them, and how well each angle is known."""
+"""Posture and task of a person over a recording, as input of the scorers, with the uncertainty of each angle."""
 
 import math
 from collections.abc import Mapping
@@ -17,15 +17,17 @@ from hric_human.control.marked_body import MarkedBody
 from hric_human.participant.settings import HAND
 
 COVERAGE = 3.0
-"""Half-width of the interval of an angle over its standard deviation [1] (project default, unconfirmed): it leaves out
-0.3 % of normal errors, which last for a second in recordings above six minutes alone."""
+"""Half-width of the interval of an angle divided by its standard deviation [1] (project default, unconfirmed).
+
+The interval excludes 0.3 % of normal errors, which last for a second only in recordings above six minutes.
+"""
 JOINTS = {**SAME, "upper_arm_flexion": "sh_abd", "upper_arm_abduction": "sh_abd", "forearm_inward": "sh_rot"}
-"""Joint of the arm whose uncertainty an angle has: an elevation that of sh_abd, since sh_flex is singular sideways."""
+"""Joint of the arm whose uncertainty an angle has: elevation that of sh_abd, since sh_flex is singular sideways."""
 ARM = ("sh_flex", "sh_abd", "sh_rot", "el_flex", "pro_sup", "wr_flex", "wr_dev")
 
 
 def posture_of(person: Person, side: str) -> tuple[Posture, bool]:
-    """Return the posture with one arm, rounded, shape (n,) each, and whether its trunk is to the vertical."""
+    """Return the rounded posture with one arm, shape (n,) each, and True if its trunk angles are to the vertical."""
     posture = of_joints(person.names, person.q, side)
     angles = {name: np.asarray(angle) for name in ANGLES if (angle := getattr(posture, name)) is not None}
     inclined, step = _inclined(person, angles), verdict_table()["angle"]
@@ -47,7 +49,7 @@ def _inclined(person: Person, angles: Mapping[str, FloatArray]) -> dict[str, Flo
 
 
 def task_of(person: Person, record: HumanRecord | None, posture: Posture, side: str, table: PostureTable) -> Task:
-    """Return the load and the static and repeated use of one arm, and of neck and trunk, counted from the recording."""
+    """Return load and static and repeated use of one arm, and of neck and trunk, counted from the recording."""
     tolerance, time = math.radians(verdict_table()["held"]), person.time
     arm = [column for column, name in enumerate(person.names) if name in {f"{side}_{joint}" for joint in ARM}]
     middle = [np.asarray(angle) for name in MIDDLE if (angle := getattr(posture, name)) is not None]
@@ -68,12 +70,12 @@ def task_of(person: Person, record: HumanRecord | None, posture: Posture, side: 
 
 
 def spread_of(person: Person, side: str) -> dict[str, float]:
-    """Return the half-width of the interval in which each angle of a tracked person lies [rad], by name; else none.
+    """Return the half-width of the interval of each angle of a tracked person [rad], by name; empty for other persons.
 
-    By least squares: markers with a standard deviation s of each coordinate give angles with the covariance
-    s^2 (J^T J)^-1, J the Jacobian of all markers of the body at the median posture; their root mean square distance r
-    from where the body has them is s sqrt((3 m - k) / m), of m markers and k motions. It is multiplied by COVERAGE, and
-    rounded as angles are.
+    Markers with a standard deviation s of each coordinate give, by least squares, angles with the covariance s^2 (J^T
+    J)^-1, J the Jacobian of all markers of the body at the median posture. The root mean square distance r of the
+    markers from their model positions is s sqrt((3 m - k) / m), with m markers and k motions. The standard deviation is
+    multiplied by COVERAGE and rounded as the angles are.
     """
     if not person.uncertainty > 0.0:
         return {}
@@ -91,8 +93,10 @@ def spread_of(person: Person, side: str) -> dict[str, float]:
 
 
 def _load(person: Person, record: HumanRecord | None, side: str) -> FloatArray | None:
-    """Return the force on a hand over g at the instants of the joint states, NaN where a grip is not recorded, shape
-    (n,) [kg]; None: nobody says that the person holds anything."""
+    """Return the force on a hand divided by g at the instants of the joint states, shape (n,) [kg].
+
+    NaN where a grip is not recorded; None: no grip is known or expected.
+    """
     segment, settings = person.body.segments.get(f"{side}_hand"), person.settings
     grips, expected = {} if record is None else record.grips, {} if settings is None else settings.grips
     if segment is None or not (grips or expected):
@@ -102,7 +106,7 @@ def _load(person: Person, record: HumanRecord | None, side: str) -> FloatArray |
     for name, held in expected.items():
         holder = grips[name].holder.rpartition("::")[2] if name in grips else ""
         if not holder or (held.holder == HAND and holder != dominant):
-            total += np.nan  # not recorded, or with another hand than that of the experiment
+            total += np.nan  # not recorded, or not with the hand of the experiment
     for grip in grips.values():
         if segment.link not in (grip.holder.rpartition("::")[2], grip.held.rpartition("::")[2]):
             continue

@@ -1,7 +1,7 @@
 """Findings of postures: RULA and REBA of each arm over the recording.
 
-A finding is judged by the worse end of its scores, where uncertain angles give several. It is within limits, or a
-warning, only where it would be so with all angles and times that are not known at their worst.
+If uncertain angles allow several scores, the worst one decides. A finding is "within limits", or a warning, only if it
+would be so with the worst values of all unknown angles and times.
 """
 
 from collections.abc import Iterator
@@ -25,10 +25,10 @@ from hric_control.geometry import FloatArray
 
 GROUP = "posture"
 UNSEEN = ("shoulder_elevation",)
-"""Angles that no body here has a joint for; a verdict does not wait for them."""
+"""Angles without a joint in any body model; they do not make a verdict not assessable."""
 CURVES = ("score", "stricter", "looser")
 INCLINATION = ("trunk_flexion", "trunk_bend")
-"""Angles that are to the pelvis where the orientation of the root is not known."""
+"""Angles that are relative to the pelvis if the orientation of the root is not known."""
 RECORD_JOINTS = "record the joints of neck, trunk and legs (parts: whole_body)"
 RECORD_ROOT = (
     "record where the root link of the body is (human/root, person/tracking, a static transform from world to "
@@ -37,7 +37,7 @@ RECORD_ROOT = (
 
 
 AT_WORST = "it can be up to"
-"""Words of a reason that say what the score is with all that is not known at its worst."""
+"""Words of a reason that introduce the score with the worst values of all unknowns."""
 
 
 @dataclass(frozen=True)
@@ -47,9 +47,9 @@ class Scored:
     Attributes:
         side: side of the arm.
         time: shape (n,) [s].
-        scores: scores, where each angle that is not known is where it scores least.
-        worst: highest scores, where it is where it scores most, shape (n,).
-        unknown: angles that the table needs, and that are never known.
+        scores: scores with each unknown angle where it scores least.
+        worst: highest scores, with each unknown angle where it scores most, shape (n,).
+        unknown: angles that the table needs and that are never known.
         vertical: True if the inclination of the trunk is to the vertical, False if to the pelvis.
         evidence: time for which all other angles are known.
     """
@@ -64,16 +64,16 @@ class Scored:
 
     @property
     def lacks_root(self) -> bool:
-        """True if the inclination of the trunk alone is not known, its angles to the pelvis are."""
+        """True if only the inclination of the trunk is unknown, and its angles to the pelvis are known."""
         return not self.vertical and INCLINATION[0] not in self.unknown
 
     def lasting(self, curve: str) -> int:
-        """Return the score of a curve of `scores` that counts."""
+        """Return the score that counts of a curve of `scores`."""
         return lasting(self.time, getattr(self.scores, curve), verdict_table()["lasting"])
 
     @property
     def worst_lasting(self) -> int:
-        """Score that counts with the highest score there is at times that are not known, too."""
+        """Score that counts if all unknown times had the highest score of the table."""
         seconds = verdict_table()["lasting"] - (self.evidence.requested - self.evidence.known)
         return lasting(self.time, self.worst, seconds) if seconds > 0.0 else int(list(self.scores.table.levels)[-1])
 
@@ -93,7 +93,7 @@ def scored(
     Args:
         person: the person.
         record: grips of a simulated human; None: not recorded.
-        window: begin and end of the recording [s].
+        window: start and end of the recording [s].
         version: version of RULA's table A.
     """
     for side in person.sides if len(person.time) else ():
@@ -128,7 +128,7 @@ def _scored(
 
 
 def _bridged(scores: Scores, known: BoolArray) -> Scores:
-    """Return the scores where an instant that is not known has the higher one of the known instants beside it."""
+    """Return the scores, with unknown instants set to the higher score of their known neighbours."""
     rows = np.flatnonzero(known)
     if known.all() or not len(rows):
         return scores
@@ -140,7 +140,7 @@ def _bridged(scores: Scores, known: BoolArray) -> Scores:
 
 
 def _known(posture: Posture, table: PostureTable, count: int) -> tuple[list[str], BoolArray]:
-    """Return the angles that a table needs and that are never known, and at which instants all others are, (n,)."""
+    """Return the needed angles that are never known, and a mask of the instants at which all others are known, (n,)."""
     never, known = [], np.ones(count, np.bool_)
     for name in needed(table):
         if name in ANGLES and name not in UNSEEN:
@@ -153,13 +153,14 @@ def _known(posture: Posture, table: PostureTable, count: int) -> tuple[list[str]
 
 
 def lasting(time: FloatArray, score: IntArray, seconds: float) -> int:
-    """Return the highest score that is reached or exceeded for so long, all stretches together; of a shorter recording
-    its highest.
+    """Return the highest score that is reached or exceeded for a time, summed over all stretches.
+
+    For a shorter recording it is the highest score.
 
     Args:
         time: shape (n,) [s].
         score: shape (n,).
-        seconds: [s].
+        seconds: required time [s].
     """
     period, highest = _periods(time), int(score.max())
     enough = (value for value in range(highest, 0, -1) if period[score >= value].sum() >= seconds - 1e-9)
@@ -167,7 +168,7 @@ def lasting(time: FloatArray, score: IntArray, seconds: float) -> int:
 
 
 def _periods(time: FloatArray) -> FloatArray:
-    """Return the time of each sample, shape (n,) [s]."""
+    """Return the duration of each sample, shape (n,) [s]."""
     return np.gradient(time) if len(time) > 1 else np.zeros(len(time))
 
 
@@ -263,7 +264,7 @@ def _first(arm: Scored) -> int:
 
 
 def _longest(arm: Scored) -> tuple[float, float]:
-    """Return the longest stretch with the score that counts, or a higher one [s]."""
+    """Return the longest stretch with at least the score that counts [s]."""
     rows = np.flatnonzero(arm.scores.highest >= arm.lasting("highest"))
     groups = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
     group = max(groups, key=lambda rows: arm.time[rows[-1]] - arm.time[rows[0]])

@@ -1,4 +1,4 @@
-"""The verdict: conclusions, findings from the worst on, figures beside them, what is missing; as JSON and as text."""
+"""Verdict: conclusions, findings from the worst on, figures, and missing signals; as JSON and as text."""
 
 import math
 from collections.abc import Collection, Mapping, Sequence
@@ -17,21 +17,21 @@ VERSION = 2
 """Version of the JSON; its schema is config/verdict.schema.json."""
 EXIT_CODES = {Outcome.WITHIN: 0, Outcome.WARNING: 0, Outcome.ABOVE: 1, Outcome.NOT_ASSESSABLE: 4}
 SHOWN_LINES = 15
-"""Lines of findings in a short text (project default)."""
+"""Maximum lines of findings in a short text (project default)."""
 SHOWN = 20
-"""Findings of one group in a full text; the JSON has all."""
+"""Maximum findings of one group in a full text; the JSON has all."""
 SHOWN_FIGURES = 12
-"""Figures of one group in a full text; likewise."""
+"""Maximum figures of one group in a full text; the JSON has all."""
 
 
 @dataclass(frozen=True)
 class Figure:
-    """A number beside the findings, without a limit: it neither passes nor fails.
+    """Number without a limit: it neither passes nor fails.
 
     Attributes:
         group: strength, muscles, joint load, interaction, productivity.
-        value: None: not known.
-        note: how it was made.
+        value: value in `unit`; None: not known.
+        note: origin of the value.
     """
 
     group: str
@@ -47,7 +47,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class Missing:
-    """A signal that is not there, and what it would give."""
+    """Missing signal, and what it would add."""
 
     signal: str
     gives: str
@@ -62,13 +62,14 @@ class Verdict:
 
     Attributes:
         input: name, kind, experiment, begin and end [s].
-        limits: title and edition of the table of contacts.
-        person: whose body it was; None: there was nobody.
+        limits: title and edition of the table of contact limits.
+        person: description of the body; None: there was no person.
         assumptions: a sentence each.
-        findings: from the worst on.
-        figures, missing: beside them.
-        timelines: as in the JSON.
-        conclusions: about the five questions.
+        findings: findings from the worst on.
+        figures: numbers without a limit.
+        missing: missing signals.
+        timelines: curves as in the JSON.
+        conclusions: conclusions about the five questions.
         moment: arm and person at the worst moment, as in the JSON; None: not known.
     """
 
@@ -85,7 +86,7 @@ class Verdict:
 
     @property
     def outcome(self) -> Outcome:
-        """The worst outcome of the questions about limits of a person; what is unknown is not assessable."""
+        """Worst outcome of the questions about limits of a person; unknown counts as not assessable."""
         return outcome(self.conclusions)
 
     def exit_code(self, only: Collection[str] = ()) -> int:
@@ -93,7 +94,7 @@ class Verdict:
         return EXIT_CODES[outcome(self.conclusions, only)]
 
     def to_dict(self) -> dict[str, Any]:
-        """As its JSON has it."""
+        """Return the contents of the JSON."""
         return {
             "version": VERSION,
             "disclaimer": DISCLAIMER,
@@ -120,7 +121,7 @@ class Verdict:
 
         Args:
             only: questions that count; empty: those of `outcome`.
-            full: with all findings, figures, what is missing, and assumptions.
+            full: with all findings, figures, missing signals, and assumptions.
         """
         name, begin, end = (self.input[key] for key in ("name", "begin", "end"))
         lines = [f"{name}, {begin:.2f} to {end:.2f} s: {headline(self.conclusions, only)}", ""]
@@ -164,7 +165,7 @@ def ranked(findings: Sequence[Finding]) -> tuple[Finding, ...]:
 
 
 def warned(finding: Finding, table: VerdictTable | None = None) -> Finding:
-    """A finding near its limit becomes a warning."""
+    """Return the finding, as a warning if it is near its limit."""
     table = table or verdict_table()
     near = table["near_limit"]
     if finding.outcome != Outcome.WITHIN or finding.share is None or finding.share < near:
@@ -174,11 +175,12 @@ def warned(finding: Finding, table: VerdictTable | None = None) -> Finding:
 
 
 def thinned(time: FloatArray, *curves: FloatArray, count: int = 2000) -> list[int]:
-    """Indices of `count` instants at most, with the extremes of all curves between any two of them.
+    """Return the indices of at most `count` instants, with the extremes of all curves between any two of them.
 
     Args:
         time: shape (n,) [s].
         curves: shape (n,) each.
+        count: maximum number of indices.
     """
     n = len(time)
     if n <= count:
@@ -197,7 +199,7 @@ def _any_known(values: FloatArray) -> bool:
 
 
 def numbers(values: FloatArray) -> list[float | None]:
-    """For JSON, which has no NaN."""
+    """Return values for JSON, None for NaN."""
     return [_finite(value) for value in np.asarray(values, dtype=float).tolist()]
 
 
@@ -233,7 +235,7 @@ def _grouped(findings: Sequence[Finding]) -> dict[str, list[Finding]]:
 
 
 def _figures(figures: Sequence[Figure]) -> list[str]:
-    """The first ones of each group, which are the largest where their order is of no meaning."""
+    """Return the first figures of each group, which are the largest if the group has no other order."""
     groups: dict[str, list[Figure]] = {}
     for one in figures:
         groups.setdefault(one.group, []).append(one)

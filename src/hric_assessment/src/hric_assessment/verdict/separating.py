@@ -1,4 +1,4 @@
-"""The finding of separation: distance of a person from the arm, and the distance that the arm needed to stop."""
+"""Finding of separation: distance of a person from the arm, compared with the distance that the arm needs to stop."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -23,9 +23,9 @@ from hric_control.geometry import FloatArray
 GROUP = "separation"
 SUBJECT = "distance from the arm"
 TOUCHING = 0.01
-"""Distance up to which S_p over it is no figure any more [m]; project default."""
+"""Distance up to which the ratio of S_p to it is not reported [m]; project default."""
 NAMES = ("S_h", "S_r", "S_s", "C", "Z_d", "Z_r")
-"""Of the terms of S_p."""
+"""Names of the terms of S_p."""
 
 
 @dataclass(frozen=True)
@@ -34,17 +34,17 @@ class Separated:
 
     Attributes:
         found: distances.
-        speed: of the fastest end of the arm's capsules, shape (n,) [m/s].
+        speed: speed of the fastest end of the arm's capsules, shape (n,) [m/s].
         human: v_h, shape (n,) [m/s].
-        terms: of S_p.
+        terms: terms of S_p.
         arm, person: links of the capsules.
-        notes: how it was made.
+        notes: assumptions and methods.
         signals: topics.
-        sampled: whether arm and person were recorded at each instant, shape (n,).
-        evidence: of the arm's log, with the share of its motion in which the person is known.
-        relied: nothing but the distance protected the person.
-        shapeless: links of the arm whose shapes are meshes, which the distances do not have.
-        unmeasured: joints of the body whose angles are never known, and taken as zero.
+        sampled: True where arm and person were recorded, shape (n,).
+        evidence: evidence of the arm's log, with the share of its motion in which the person is known.
+        relied: True if only the distance protected the person.
+        shapeless: links of the arm with mesh shapes, which the distances ignore.
+        unmeasured: joints of the body whose angles are never known, and assumed as zero.
         name: namespace of the person.
     """
 
@@ -65,12 +65,12 @@ class Separated:
 
     @property
     def protective(self) -> FloatArray:
-        """S_p while the arm moves, NaN while it rests and where arm or person were not recorded, shape (n,) [m]."""
+        """Protective distance S_p while the arm moves, NaN at rest or without recorded data, shape (n,) [m]."""
         return np.where((self.speed > verdict_table()["moving"]) & self.sampled, self.terms.total, np.nan)
 
     @property
     def margin(self) -> float:
-        """Smallest distance less S_p while the arm moves [m]; infinite: it never does."""
+        """Smallest distance minus S_p while the arm moves [m]; infinite: it never moves."""
         margins = self.found.distance - self.protective
         return float(np.nanmin(margins)) if np.isfinite(margins).any() else float("inf")
 
@@ -86,11 +86,11 @@ class Separated:
 
 
 def separated(given: Given, person: Person, choices: Choices) -> Separated | None:
-    """Return the distances of a person from the arm; None: something that they need is not in the recording.
+    """Return the distances of a person from the arm; None: a required signal is not in the recording.
 
     Raises:
-        NotAssessableError: the arm is faster, or carries more, than any stop that is known, or nobody knows how well
-            the markers show the body.
+        NotAssessableError: the arm is faster, or carries more, than any known stop, or the accuracy of the markers on
+            the body is unknown.
     """
     log = given.recording.log
     if person.root is None or log is None or not given.description:
@@ -133,7 +133,7 @@ def separated(given: Given, person: Person, choices: Choices) -> Separated | Non
 
 
 def _relied(person: Person, notes: list[str]) -> bool:
-    """True if nothing but the distance protected the person; adds a note where something else did."""
+    """Return True if only the distance protected the person; otherwise add a note on the other protection."""
     held = person.record is not None and any(grip.closed.any() for grip in person.record.grips.values())
     if not held and (person.record is None or person.record.stream is None):
         return True
@@ -149,7 +149,7 @@ def _protective(speed: FloatArray, stop: Stop, uncertainty: float) -> tuple[Floa
 
 
 def _sampled(log: ControlRecord, person: Person, time: FloatArray) -> BoolArray:
-    """Return whether arm and person were recorded at some instants, shape (n,)."""
+    """Return a mask of the instants at which arm and person were recorded, shape (n,)."""
     window, sampled = (float(time[0]), float(time[-1])), np.ones(len(time), dtype=bool)
     for gap in _gaps(log, person, window, np.asarray(np.isfinite(person.q).any(axis=1))):
         sampled &= (time <= gap[0]) | (time >= gap[1])
@@ -159,8 +159,7 @@ def _sampled(log: ControlRecord, person: Person, time: FloatArray) -> BoolArray:
 def _gaps(
     log: ControlRecord, person: Person, window: tuple[float, float], seen: BoolArray
 ) -> list[tuple[float, float]]:
-    """Stretches of a window in which arm, person or the person's root are not recorded [s]; seen: rows of the person
-    that count, shape (n,)."""
+    """Return the stretches of a window without data of arm, person or root [s]; seen: valid rows, shape (n,)."""
     root, longest = person.root, verdict_table()["max_gap"]
     gaps = [*unknown(log.time, finite_rows(log.position), window, longest)]
     gaps += unknown(person.time, seen, window, longest)
@@ -170,8 +169,7 @@ def _gaps(
 
 
 def _evidence(given: Given, log: ControlRecord, person: Person, arm: CapsuleMotion) -> Evidence:
-    """Return the evidence of the arm's log over the recording, with the share of its motion in which all of the person
-    is known."""
+    """Return the evidence of the arm's log, with the share of its motion in which the person is completely known."""
     window = given.recording.begin, given.recording.end
     finite = finite_rows(log.position)
     evidence = Evidence.of(log.time, finite, window, verdict_table()["max_gap"])
@@ -185,8 +183,10 @@ def _evidence(given: Given, log: ControlRecord, person: Person, arm: CapsuleMoti
 
 
 def filled(q: FloatArray) -> tuple[FloatArray, float]:
-    """Return angles with straight lines over what is not known, zero where nothing is, shape (n, j) [rad], and the
-    share of instants with any such [1]."""
+    """Return angles with unknown values interpolated, or zero if never known, shape (n, j) [rad].
+
+    The second result is the share of instants with any unknown value [1].
+    """
     lost = ~np.isfinite(q)
     if not lost.any():
         return q, 0.0
@@ -217,7 +217,7 @@ def _notes(person: Person, braking: str, unknown_share: float) -> list[str]:
 
 
 def not_separated(why: str, name: str = "", remedy: str = "") -> Finding:
-    """Return the finding where nothing can be held against the protective distance; why: a clause."""
+    """Return the finding if nothing can be compared with the protective distance; why: a clause."""
     table = separation_table().name
     return Finding(SUBJECT, Outcome.NOT_ASSESSABLE, why, table, group=GROUP, person=name, remedy=remedy)
 
@@ -265,7 +265,7 @@ def separation_finding(one: Separated) -> Finding:
 
 
 def _unproven(one: Separated) -> tuple[str, str]:
-    """Return why a distance is not known to be large enough, and the remedy; both empty: it is known."""
+    """Return why a distance is not proven to be large enough, and the remedy; both empty: it is proven."""
     if not one.evidence.complete:
         why = f"the arm's motion or the person is not known for all of the time: {one.evidence.shortfall}"
         topics = [topic for topic in one.signals if not topic.endswith("joint_torque")]
