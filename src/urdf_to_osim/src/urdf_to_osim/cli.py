@@ -28,7 +28,7 @@ rigid-body library, damping, friction, stops and couplers with closed forms. Exi
 
 
 def parser() -> argparse.ArgumentParser:
-    """The arguments of the command."""
+    """Return the argument parser of the command."""
     made = argparse.ArgumentParser(
         prog="urdf_to_osim",
         description="Convert a robot description to an OpenSim 4 model, and prove it.",
@@ -55,7 +55,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def _add_options(made: argparse.ArgumentParser) -> None:
-    """What becomes of the description; see `Options`."""
+    """Add the options of the conversion; see `Options`."""
     for name, default, text in (
         ("up", "y", "OpenSim axis along the description's z (default: y)"),
         ("inertia", "refuse", "inertias that no body has (default: refuse)"),
@@ -87,7 +87,7 @@ def _count(text: str) -> int:
 
 
 def main(words: Sequence[str]) -> int:
-    """Run the command; returns its exit code."""
+    """Run the command and return its exit code."""
     arguments = parser().parse_args(list(words))
     opensim.Logger.setLevelString("Error")
     return run_command("urdf_to_osim", lambda: run(arguments))
@@ -128,7 +128,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _demand(path: Path, urdf_xml: str, conversion: Conversion, arguments: argparse.Namespace) -> "Proof":
-    from urdf_to_osim.proof.proof import prove  # loads the rigid-body library, which a refusal need not wait for
+    from urdf_to_osim.proof.proof import prove  # loads the rigid-body library, which a refusal does not need
 
     proof = prove(
         path, urdf_xml, conversion.options, arguments.states, arguments.seed, forward=FORWARD, conversion=conversion
@@ -140,7 +140,7 @@ def _demand(path: Path, urdf_xml: str, conversion: Conversion, arguments: argpar
 
 
 def read_description(source: str, xacro_arguments: Sequence[str] = ()) -> str:
-    """The URDF of a file, of a xacro file, or of standard input ("-").
+    """Return the URDF of a file, of a xacro file, or of standard input ("-").
 
     Raises:
         ParameterError: no such file, or arguments that do not fit.

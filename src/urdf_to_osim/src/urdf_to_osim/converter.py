@@ -1,4 +1,4 @@
-"""From a description to a model in memory."""
+"""Conversion of a description to a model in memory."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -16,11 +16,11 @@ from urdf_to_osim.prepare import ILLEGAL, Plan, prepare
 
 @dataclass(frozen=True)
 class JointMap:
-    """Where a joint of the description is in the model.
+    """Joint of the description in the model.
 
     Attributes:
-        kind: its URDF type.
-        path: of the joint, e.g. "/jointset/panda_joint1"; empty where a fixed joint became an offset frame.
+        kind: URDF type of the joint.
+        path: path of the joint, e.g. "/jointset/panda_joint1"; empty where a fixed joint became an offset frame.
         coordinates: names of its coordinates, in the joint's order (`joints.coordinate_names`).
     """
 
@@ -30,29 +30,29 @@ class JointMap:
 
     @property
     def paths(self) -> tuple[str, ...]:
-        """Paths of the coordinates, which are unique where names need not be."""
+        """Paths of the coordinates, which are unique even where names are not."""
         return tuple(f"{self.path}/{name}" for name in self.coordinates)
 
 
 @dataclass(frozen=True)
 class FrameMap:
-    """Where a link of the description is in the model: `path` of a frame with its origin and axes."""
+    """Link of the description in the model: `path` of a frame with the link's origin and axes."""
 
     path: str
 
 
 @dataclass
 class Conversion:
-    """A converted robot.
+    """Converted robot.
 
     Attributes:
-        model: connections are finalised; `initSystem` is the caller's.
-        joints, frames: of each joint and link of the description.
-        notes: what was repaired, renamed or left out.
-        plan, options: what was decided before the model was built.
-        meshes: visual and contact geometry that waits for files.
-        geometry: once `geometry.lay` has been called: name of each of them -> bare name of its file.
-        attached: name of each -> what sets its file, and the component; for `geometry`.
+        model: model with finalised connections; the caller calls `initSystem`.
+        joints, frames: joints and frames in the model, for each joint and link of the description.
+        notes: repairs, renamings and omissions.
+        plan, options: decisions made before the model was built.
+        meshes: visual and contact geometry whose files are not written yet.
+        geometry: after `geometry.lay`: name of each such shape -> bare name of its file.
+        attached: name of each such shape -> function that sets its file, and component; for `geometry`.
     """
 
     model: opensim.Model
@@ -67,10 +67,10 @@ class Conversion:
 
 
 def convert(urdf_xml: str, options: Options | None = None) -> Conversion:
-    """The model of a pure URDF text.
+    """Return the model of a pure URDF text.
 
     Raises:
-        DescriptionError: the description cannot be used, or OpenSim cannot hold it; names the element and what to do.
+        DescriptionError: an unusable description, or one that OpenSim cannot represent; names the element and a remedy.
         UnknownNameError: options name a joint that does not exist.
     """
     options = options or Options()
@@ -87,7 +87,7 @@ def convert(urdf_xml: str, options: Options | None = None) -> Conversion:
 
 
 class _Builder:
-    """Bodies and joints of a model, from the root outwards."""
+    """Builder of a model's bodies and joints, from the root outwards."""
 
     def __init__(self, plan: Plan, options: Options) -> None:
         self.plan = plan
@@ -98,12 +98,12 @@ class _Builder:
         self.carriers: dict[str, tuple[opensim.PhysicalFrame, FloatArray]] = {}
         self._pose = transforms.base_pose(options.up)
         self.model = opensim.Model()
-        # What OpenSim forbids becomes an underscore in any case, since nothing refers to this name.
+        # Forbidden characters always become underscores, since nothing refers to this name.
         self.model.setName(ILLEGAL.sub("_", options.name or plan.robot.name))
         self.model.setGravity(transforms.vec3(self._pose[:3, :3] @ np.asarray(options.gravity, dtype=float)))
 
     def bodies(self) -> None:
-        """All links and joints."""
+        """Add all links and joints."""
         self._root()
         for joint in self.plan.robot.joints.values():
             if joint.child in self.plan.bodies:
@@ -114,7 +114,7 @@ class _Builder:
                 self.joints[joint.name] = JointMap(joint.type, "", ())
 
     def _root(self) -> None:
-        """The root link is fixed in ground, welded if it has mass."""
+        """Fix the root link in ground, with a weld joint if it has mass."""
         root = self.plan.robot.root
         ground = self.model.updGround()
         if root not in self.plan.bodies:

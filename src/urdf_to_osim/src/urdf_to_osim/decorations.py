@@ -1,5 +1,7 @@
-"""What an OpenSim model shows at a pose, as forms in ground: OpenSim's own decorations, without its visualizer and
-without a display."""
+"""Geometry that an OpenSim model shows at a pose, in ground.
+
+OpenSim's decorations, without its visualizer and without a display.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,22 +17,22 @@ from hric_control.parameters import Settings, flag, number, whole
 from urdf_to_osim import transforms
 
 WIREFRAME = 2
-"""SimTK::DecorativeGeometry::DrawWireframe."""
+"""Value of SimTK::DecorativeGeometry::DrawWireframe."""
 
 
 @dataclass(frozen=True)
 class Decoration:
-    """One thing to draw.
+    """Primitive to draw.
 
     Attributes:
         kind: "mesh", "sphere", "ellipsoid", "brick", "cylinder" (about y) or "line".
-        size: its numbers [m]: half lengths, radii (of a cylinder: radius, half height, radius), of a mesh factors, of a
-            line both ends (6).
-        T_ground: its pose, shape (4, 4).
+        size: dimensions [m]: half lengths, radii (of a cylinder: radius, half height, radius), scale factors of a mesh,
+            both ends of a line (6).
+        T_ground: pose, shape (4, 4).
         colour: red, green, blue from 0 to 1.
         opacity: from 0 to 1.
-        wireframe: only edges.
-        file: of a mesh.
+        wireframe: True to draw only edges.
+        file: file of a mesh.
     """
 
     kind: str
@@ -44,7 +46,7 @@ class Decoration:
 
 @dataclass(frozen=True)
 class Look(Settings):
-    """How to draw."""
+    """Settings of a picture."""
 
     width: int = whole(900, minimum=16, maximum=8192, unit="pixel", text="of the picture")
     height: int = whole(900, minimum=16, maximum=8192, unit="pixel", text="of the picture")
@@ -56,10 +58,10 @@ class Look(Settings):
 
 @dataclass(frozen=True)
 class Scene:
-    """A model at a pose.
+    """Model at a pose.
 
     Attributes:
-        decorations: what its components show.
+        decorations: geometry of its components.
         centres: body -> pose of its axes at its centre of mass, shape (4, 4); bodies without mass have none.
         frames: body -> pose of its frame, shape (4, 4).
         up: unit vector in ground against gravity, shape (3,).
@@ -74,15 +76,16 @@ class Scene:
 
 
 def load_scene(path: Path, pose: Mapping[str, float] | None = None) -> Scene:
-    """What a model shows.
+    """Return the scene of a model at a pose.
 
     Args:
-        path: an .osim; its meshes are looked for as OpenSim does, so in Geometry/ beside it.
+        path: an .osim; its meshes are searched as OpenSim does, so in Geometry/ next to it.
         pose: coordinate -> value [rad or m]; the others have the model's defaults.
 
     Raises:
         DescriptionError: OpenSim cannot read the file or build the model.
-        UnknownNameError, ParameterError: the pose names a coordinate that is not there, or a value that it cannot have.
+        UnknownNameError: the pose names a coordinate that does not exist.
+        ParameterError: the pose has an impossible value.
     """
     if not path.is_file():
         raise DescriptionError(f"no file {path}")
@@ -123,7 +126,7 @@ def _set_pose(model: Any, state: Any, pose: Mapping[str, float]) -> None:
 
 
 def _bodies(model: Any, state: Any) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
-    """Poses of centres of mass and of frames, by body."""
+    """Return the poses of centres of mass and of frames, by body."""
     centres, frames = {}, {}
     bodies = model.getBodySet()
     for i in range(bodies.getSize()):
@@ -136,7 +139,7 @@ def _bodies(model: Any, state: Any) -> tuple[dict[str, FloatArray], dict[str, Fl
 
 
 def _decorations(model: Any, state: Any) -> tuple[list[Decoration], list[str]]:
-    """Everything that components draw, and the meshes that were not found."""
+    """Return the geometry that components draw, and the meshes that were not found."""
     visitor = _Visitor(model, state)
     missing = []
     hints = model.getDisplayHints()
@@ -153,7 +156,7 @@ def _decorations(model: Any, state: Any) -> tuple[list[Decoration], list[str]]:
 
 
 class _Visitor(opensim.DecorativeGeometryImplementation):
-    """Takes each decoration as a Decoration; text, points, frames and other marks are left out."""
+    """Visitor that stores each decoration; text, points, frames and other marks are left out."""
 
     def __init__(self, model: Any, state: Any) -> None:
         super().__init__()
@@ -179,31 +182,31 @@ class _Visitor(opensim.DecorativeGeometryImplementation):
         )
 
     def implementMeshFileGeometry(self, geometry: Any) -> None:
-        """A mesh by the file that OpenSim found."""
+        """Store a mesh with the file that OpenSim found."""
         self._add(geometry, "mesh", (1.0, 1.0, 1.0), geometry.getMeshFile())
 
     def implementSphereGeometry(self, geometry: Any) -> None:
-        """A sphere."""
+        """Store a sphere."""
         self._add(geometry, "sphere", (geometry.getRadius(),) * 3)
 
     def implementEllipsoidGeometry(self, geometry: Any) -> None:
-        """An ellipsoid."""
+        """Store an ellipsoid."""
         self._add(geometry, "ellipsoid", tuple(geometry.getRadii().to_numpy()))
 
     def implementBrickGeometry(self, geometry: Any) -> None:
-        """A box."""
+        """Store a box."""
         self._add(geometry, "brick", tuple(geometry.getHalfLengths().to_numpy()))
 
     def implementCylinderGeometry(self, geometry: Any) -> None:
-        """A cylinder about y."""
+        """Store a cylinder about y."""
         self._add(geometry, "cylinder", (geometry.getRadius(), geometry.getHalfHeight(), geometry.getRadius()))
 
     def implementLineGeometry(self, geometry: Any) -> None:
-        """A piece of a muscle's path."""
+        """Store a segment of a muscle's path."""
         self._add(geometry, "line", (*geometry.getPoint1().to_numpy(), *geometry.getPoint2().to_numpy()))
 
     def _leave_out(self, geometry: Any) -> None:
-        """Text, points, frames and the like."""
+        """Ignore text, points, frames and similar geometry."""
 
     implementArrowGeometry = implementCircleGeometry = implementConeGeometry = implementFrameGeometry = _leave_out
     implementMeshGeometry = implementPointGeometry = implementTextGeometry = implementTorusGeometry = _leave_out

@@ -1,4 +1,4 @@
-"""Forces at the joints: damping, friction, stops, actuators; and mimic joints as couplers."""
+"""Forces at the joints (damping, friction, stops, actuators), and mimic joints as couplers."""
 
 import math
 
@@ -14,8 +14,8 @@ PRISMATIC = "prismatic"
 
 
 def add(model: opensim.Model, plan: Plan, options: Options) -> None:
-    """Add what the options include to a model that has its joints."""
-    # Not Model.addForce, which goes through the whole model each time: with a hundred joints it took most of the
+    """Add the selected forces to a model that has its joints."""
+    # Model.addForce would traverse the complete model each time: with a hundred joints it took most of the
     # conversion.
     acting = model.updForceSet()
     single = {joint.name: joint for joint in plan.robot.joints.values() if joint.type in ONE_COORDINATE}
@@ -46,9 +46,9 @@ def _add_losses(acting: opensim.ForceSet, joint: Joint, name: str, options: Opti
 
 
 def friction_expression(joint: Joint, options: Options, velocity: float | None) -> str | None:
-    """Friction of a joint [N m or N] in OpenSim's terms of its velocity `qdot` [rad/s or m/s]; None if there is none.
+    """Return a joint's friction [N m or N] as OpenSim expression of its velocity `qdot` [rad/s or m/s]; None: none.
 
-    Coulomb: -f tanh(dq/v) with v = `velocity`, which is None for a joint without.
+    Coulomb: -f tanh(dq/v) with v = `velocity`, which is None for a joint without Coulomb friction.
     Sigmoid (C. Gaz et al., Dynamic identification of the Franka Emika Panda robot, IEEE RA-L 4(4), 2019):
 
     -(phi1 / (1 + exp(-phi2 (dq + phi3))) - phi1 / (1 + exp(-phi2 phi3))),
@@ -64,7 +64,7 @@ def friction_expression(joint: Joint, options: Options, velocity: float | None) 
 
 
 def _stop(joint: Joint, name: str, options: Options) -> opensim.Force:
-    """CoordinateLimitForce; of a rotation it takes degrees, N m/deg and N m s/deg."""
+    """Return the CoordinateLimitForce of a joint; for a rotation it takes degrees, N m/deg and N m s/deg."""
     degree = 1.0 if joint.type == PRISMATIC else math.pi / 180.0
     stiffness, damping, transition = stop_parameters(joint, options)
     force = opensim.CoordinateLimitForce(
@@ -81,15 +81,14 @@ def _stop(joint: Joint, name: str, options: Options) -> opensim.Force:
 
 
 def stop_parameters(joint: Joint, options: Options) -> tuple[float, float, float]:
-    """(stiffness, damping, transition) of a joint's stop: [N m/rad, N m s/rad, rad], or of a prismatic joint [N/m, N
-    s/m, m]."""
+    """Return (stiffness, damping, transition) of a stop [N m/rad, N m s/rad, rad], prismatic [N/m, N s/m, m]."""
     if joint.type == PRISMATIC:
         return options.stop_stiffness_linear, options.stop_damping_linear, options.stop_transition_linear
     return options.stop_stiffness, options.stop_damping, options.stop_transition
 
 
 def _actuator(joint: Joint, name: str) -> opensim.Force:
-    """Control 1 is 1 N m or N. OpenSim enforces the limits in no simulation: who writes the controls clamps them."""
+    """Return an actuator (control 1 is 1 N m or N); the caller must clamp controls, OpenSim enforces no limits."""
     actuator = opensim.CoordinateActuator(name)
     actuator.setName(f"{name}_actuator")
     actuator.setOptimalForce(1.0)
@@ -106,7 +105,7 @@ def _coupler(joint: Joint, name: str, source: str) -> opensim.Constraint:
     coupler.setName(f"{name}_mimic")
     coupler.setIndependentCoordinateNames(names)
     coupler.setDependentCoordinateName(name)
-    # Not a LinearFunction, whose coefficients OpenSim writes with six digits.
+    # A LinearFunction would be written with only six digits by OpenSim.
     coefficients = opensim.Vector(2, joint.mimic.offset)
     coefficients.set(0, joint.mimic.multiplier)
     coupler.setFunction(opensim.PolynomialFunction(coefficients))
@@ -114,7 +113,7 @@ def _coupler(joint: Joint, name: str, source: str) -> opensim.Constraint:
 
 
 def _set_mimic_defaults(model: opensim.Model, plan: Plan) -> None:
-    """A mimic joint starts where its coupler puts it, so that opening the model moves no other joint."""
+    """Start each mimic joint at its coupler's value, so that opening the model moves no other joint."""
     described = plan.robot.joints
 
     def start(joint: Joint) -> float:

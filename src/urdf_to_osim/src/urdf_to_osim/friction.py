@@ -1,5 +1,4 @@
-"""How fast a joint must move for Coulomb friction to act fully: friction as a smooth function of the speed, soft enough
-to be integrated."""
+"""Transition velocity of Coulomb friction, as a smooth function of the speed that can be integrated."""
 
 import math
 
@@ -8,21 +7,20 @@ from urdf_to_osim.min_inertias import min_inertias
 from urdf_to_osim.options import Options
 
 REST_TIME = 0.002
-"""Time constant with which friction alone brings a slow, free joint to rest [s]: default chosen by this project,
-unconfirmed."""
+"""Time constant with which friction alone stops a slow, free joint [s] (project default, unconfirmed)."""
 DAMPING_SHARE = 0.5
-"""Friction may damp a slow joint by this part of the description's own viscous damping, however light it is.
-Default chosen by this project, unconfirmed."""
+"""Friction damping allowed at any inertia, relative to viscous damping [1] (project default, unconfirmed)."""
 SPEED_SHARE = 0.01
-"""Least transition as a part of the joint's velocity limit: default chosen by this project, unconfirmed."""
+"""Smallest transition velocity relative to the joint's velocity limit [1] (project default, unconfirmed)."""
 USUAL_SPEED, HIGHEST_SPEED = 1.0, 10.0
-"""Speed where the description has no velocity limit, and what a limit counts at most [rad/s or m/s]: descriptions write
-1e4 and the like. Defaults chosen by this project, unconfirmed."""
+"""Speed without a velocity limit, and upper bound of limits [rad/s or m/s] (project defaults, unconfirmed).
+
+Descriptions contain limits such as 1e4.
+"""
 
 
 def transition_velocities(robot: Robot, options: Options) -> dict[str, float]:
-    """v of Coulomb friction, -f tanh(dq/v), for each joint that has it [rad/s or m/s]: the user's, or by
-    `transition_velocity`."""
+    """Return v of Coulomb friction -f tanh(dq/v) by joint, the user's or `transition_velocity` [rad/s or m/s]."""
     rubbing = [joint for joint in robot.joints.values() if joint.type in ONE_COORDINATE and joint.friction > 0.0]
     if options.friction != "coulomb" or not rubbing:
         return {}
@@ -33,15 +31,15 @@ def transition_velocities(robot: Robot, options: Options) -> dict[str, float]:
 
 
 def transition_velocity(joint: Joint, inertia: float) -> float:
-    """v = max(0.01 dq_max, min(0.002 s * f / I, f / (0.5 b))) [rad/s or m/s], with the numbers of this module.
+    """Return v = max(0.01 dq_max, min(0.002 s * f / I, f / (0.5 b))) [rad/s or m/s], with this module's constants.
 
     At rest friction is a damping of f/v. With v = T f/I it slows the joint with the time constant T, for which an
-    integrator needs steps of about T; where the description's damping b needs shorter steps, friction may be as
-    steep as a part of it.
+    integrator needs steps of about T; if the description's damping b requires shorter steps, friction may be as steep
+    as a part of it.
 
     Args:
         joint: f its friction [N m or N], b its damping [N m s/rad or N s/m], dq_max its velocity limit [rad/s or m/s].
-        inertia: I, what resists the joint [kg m^2 or kg].
+        inertia: inertia I of the joint [kg m^2 or kg].
     """
     speed = USUAL_SPEED if math.isinf(joint.velocity) else min(joint.velocity, HIGHEST_SPEED)
     damped = joint.friction / (DAMPING_SHARE * joint.damping) if joint.damping > 0.0 else math.inf
@@ -49,7 +47,7 @@ def transition_velocity(joint: Joint, inertia: float) -> float:
 
 
 def note(velocities: dict[str, float]) -> str:
-    """The velocities as a note."""
+    """Return a note with the velocities."""
     return (
         f"friction is -f tanh(dq/v), v [rad/s or m/s]: {', '.join(f'{name} {v:.3g}' for name, v in velocities.items())}"
     )

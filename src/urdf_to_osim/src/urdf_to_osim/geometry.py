@@ -1,4 +1,4 @@
-"""Mesh files laid into a Geometry folder, and the model's geometry that shows them."""
+"""Mesh files in a Geometry folder, and the model's geometry that refers to them."""
 
 import hashlib
 import re
@@ -16,21 +16,19 @@ from urdf_to_osim.meshes import MeshRequest, convert_meshes
 from urdf_to_osim.shapes import Shape, attach
 
 FACETS = 64
-"""Of a cylinder or capsule as a contact mesh: its radius is 0.12 % short between the edges (project default,
-unconfirmed)."""
+"""Facets of a cylinder or capsule as contact mesh: radius 0.12 % short between edges (project default, unconfirmed)."""
 
 
 @dataclass(frozen=True)
 class Laid:
-    """What `lay` did: bare names of the files, and the time for them [s]."""
+    """Result of `lay`: bare names of the files, and the time for them [s]."""
 
     files: tuple[str, ...]
     seconds: float
 
 
 def lay(conversion: Conversion, folder: Path, cache: Path | None = None) -> Laid:
-    """Convert the meshes into a folder and let the model in memory refer to them there; may be called again for another
-    folder.
+    """Convert the meshes into a folder and let the model in memory refer to them; repeatable for another folder.
 
     Raises:
         DescriptionError: a mesh is missing, cannot be read, or has no closed surface for contact; names the link.
@@ -48,14 +46,13 @@ def lay(conversion: Conversion, folder: Path, cache: Path | None = None) -> Laid
 
 
 def refer(conversion: Conversion, folder: Path | None) -> None:
-    """Let the model refer to the mesh files in a folder, or by bare name: OpenSim looks for these in Geometry/ beside
-    the .osim.
+    """Let the model refer to mesh files in a folder, or by bare name, which OpenSim searches in Geometry/.
 
     Raises:
         DescriptionError: a surface for contact is not closed; names the link.
     """
     if not conversion.attached:
-        with transforms.quiet():  # a mesh complains that it has no model yet
+        with transforms.quiet():  # a mesh logs that it has no model yet
             for shape in conversion.meshes:
                 conversion.attached[shape.name] = _add(conversion.model, shape, _file(conversion, shape, folder))
             conversion.model.finalizeConnections()
@@ -70,8 +67,7 @@ def _file(conversion: Conversion, shape: Shape, folder: Path | None) -> str:
 
 
 def _request(shape: Shape, source: Path | None) -> MeshRequest:
-    """Names the file after the mesh and where it comes from, so that links share it, and robots in one folder do not
-    overwrite each other's."""
+    """Return the request for a mesh; its file name, from mesh and source, is shared by links but not by robots."""
     x, y, z = shape.size
     key = hashlib.sha256(f"{source}|{shape.address}|{shape.size}".encode()).hexdigest()[:8]
     stem = re.sub(r"[^A-Za-z0-9_.-]+", "_", Path(shape.address).stem)
@@ -79,7 +75,7 @@ def _request(shape: Shape, source: Path | None) -> MeshRequest:
 
 
 def _add(model: opensim.Model, shape: Shape, file: str) -> tuple[Callable[[str], None], opensim.Component]:
-    """Put a geometry with a file into the model; returns what sets its file, and the geometry."""
+    """Add a geometry with a file to the model; return the function that sets its file, and the geometry."""
     carrier = opensim.PhysicalFrame.safeDownCast(model.updComponent(shape.carrier))
     if shape.visual:
         mesh = opensim.Mesh(file)
@@ -93,7 +89,7 @@ def _add(model: opensim.Model, shape: Shape, file: str) -> tuple[Callable[[str],
 
 
 def _check_closed(shape: Shape, path: Path) -> None:
-    """As contact geometry OpenSim takes closed surfaces only."""
+    """Refuse a surface that is not closed: OpenSim takes only closed surfaces as contact geometry."""
     import trimesh
 
     mesh = trimesh.load_mesh(path, process=False)
@@ -105,7 +101,7 @@ def _check_closed(shape: Shape, path: Path) -> None:
 
 
 def _write_primitive(shape: Shape, folder: Path) -> str:
-    """A box, cylinder or capsule as a mesh: as contact geometry OpenSim has none of these that meets all others."""
+    """Write a box, cylinder or capsule as a mesh: OpenSim's own contact primitives do not contact all other shapes."""
     import trimesh
 
     if shape.kind == "box":

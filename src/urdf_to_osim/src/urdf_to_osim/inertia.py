@@ -1,4 +1,4 @@
-"""Inertias that no body has: reported, repaired or kept.
+"""Physically impossible inertias: reported, repaired or kept.
 
 A tensor J about the centre of mass belongs to a body if its second moments S = tr(J)/2 E - J have no negative
 eigenvalue, which is the triangle inequality of the principal moments (P. Wensing, S. Kim, J.-J. Slotine, Linear matrix
@@ -13,21 +13,21 @@ from hric_control.errors import DescriptionError
 from hric_control.geometry import MassProperties, judge
 from hric_control.plants.models import as_point
 
-# Tensors are written with few digits: a thin rod or a plate may miss the inequality by this part of its largest moment.
-# Project default, unconfirmed.
+# Tolerance of the inequality relative to the largest moment: tensors have few digits, and a thin rod or a plate may
+# violate it slightly. Project default, unconfirmed.
 ROUNDING = 1e-6
-# A moving leaf that is repaired: too light to be felt, heavy enough to be integrated. Project default, unconfirmed
-# [kg], [kg m^2].
+# Repair of a moving leaf link [kg], [kg m^2]: negligible in the dynamics, but large enough for the integrator. Project
+# default, unconfirmed.
 MIN_MASS, MIN_INERTIA = 1e-5, 1e-6
 MINIMUM = MassProperties(MIN_MASS, np.zeros(3), MIN_INERTIA * np.eye(3))
-# A radius of gyration that no body has, since it is a hundredth of an atom's: the tensor is what is left of a zero [m].
+# Impossible radius of gyration, a hundredth of an atom's: a smaller tensor is a rounded zero [m].
 MIN_RADIUS = 1e-12
-# A body without an inertia is repaired to a ball of water [kg/m^3].
+# A body without an inertia is repaired to a sphere of water [kg/m^3].
 DENSITY = 1000.0
 
 
 def fault(body: MassProperties) -> str:
-    """Why no body has these, or an empty text. A body with neither mass nor inertia is a frame, and no fault."""
+    """Return why the inertia is physically impossible, or an empty text; without mass and inertia it is a frame."""
     if body.mass == 0.0:
         return "it has an inertia but no mass" if body.inertia.any() else ""
     if _has_none(body):
@@ -47,7 +47,7 @@ def fault(body: MassProperties) -> str:
 
 
 def says_nothing(body: MassProperties) -> bool:
-    """Whether a body has no mass or no inertia, so that a repair must invent them."""
+    """Return True if a body has no mass or no inertia, so that a repair must invent them."""
     return body.mass == 0.0 or _has_none(body)
 
 
@@ -56,7 +56,7 @@ def _has_none(body: MassProperties) -> bool:
 
 
 def repaired(body: MassProperties) -> tuple[MassProperties, str]:
-    """The nearest body, and what was done to it."""
+    """Return the nearest physical body, and a description of the repair."""
     if body.mass == 0.0:
         return MassProperties(), "its inertia was dropped, since it has no mass"
     if _has_none(body):
@@ -74,15 +74,15 @@ def repaired(body: MassProperties) -> tuple[MassProperties, str]:
 
 
 def settled(name: str, body: MassProperties, choice: str) -> tuple[MassProperties, str]:
-    """Return the mass properties of a link to build with, and a note (empty if nothing was done).
+    """Return the mass properties with which to build a link, and a note (empty if nothing was changed).
 
     Args:
-        name: of the link.
-        body: as the description has it.
+        name: name of the link.
+        body: mass properties of the description.
         choice: as in `Options.inertia`.
 
     Raises:
-        DescriptionError: a fault that may not stay; says what to do.
+        DescriptionError: a fault that must be corrected; says how.
     """
     reason = fault(body)
     if not reason:

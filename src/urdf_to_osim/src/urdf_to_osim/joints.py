@@ -1,4 +1,4 @@
-"""URDF joints as OpenSim's: the joint frames are rotated so that its fixed axes lie on the axes of the description."""
+"""OpenSim joints for URDF joints: the joint frames are rotated so that OpenSim's fixed axes match the description's."""
 
 import math
 
@@ -12,7 +12,7 @@ from urdf_to_osim import transforms
 
 PLANAR = ("theta", "x", "y")
 FLOATING = ("rx", "ry", "rz", "tx", "ty", "tz")
-# Angle that a slider of OpenSim's GUI offers where the description sets no limit [rad], and the length likewise [m].
+# Range of a slider in OpenSim's GUI if the description sets no limit: angle [rad], and length [m].
 # Project default, unconfirmed.
 FREE_ANGLE, FREE_LENGTH = 2.0 * math.pi, 10.0
 _CLASSES = {
@@ -26,7 +26,7 @@ _CLASSES = {
 
 
 def joint_rotation(joint: Joint) -> FloatArray:
-    """R_joint_osim, shape (3, 3): rotates the axis of OpenSim's joint onto the joint's own.
+    """Return R_joint_osim, shape (3, 3), which rotates the axis of OpenSim's joint onto the joint's axis.
 
     PinJoint rotates about z, SliderJoint moves along x, PlanarJoint moves in x and y and rotates about z: its normal.
     """
@@ -38,7 +38,7 @@ def joint_rotation(joint: Joint) -> FloatArray:
 
 
 def coordinate_names(joint: Joint, name: str) -> tuple[str, ...]:
-    """Names of the coordinates that OpenSim gives the joint called `name` there, in the joint's order.
+    """Return the names of the coordinates that OpenSim gives the joint with its name `name`, in the joint's order.
 
     A planar joint has <name>_theta [rad], _x, _y [m] in the plane; a floating one <name>_rx, _ry, _rz (body-fixed x-y-z
     angles [rad]), _tx, _ty, _tz (position in the joint frame [m]).
@@ -52,14 +52,14 @@ def coordinate_names(joint: Joint, name: str) -> tuple[str, ...]:
 def build(
     joint: Joint, name: str, parent: opensim.PhysicalFrame, T_frame_parent: FloatArray, child: opensim.Body
 ) -> opensim.Joint:
-    """The joint in OpenSim.
+    """Return the joint in OpenSim.
 
     Args:
-        joint: of the description.
-        name: in OpenSim.
-        parent: the body (or ground) that carries the parent link.
+        joint: joint of the description.
+        name: name in OpenSim.
+        parent: body (or ground) with the parent link.
         T_frame_parent: pose of the parent link in it, shape (4, 4) [m].
-        child: the body that moves.
+        child: body that moves.
     """
     A = homogeneous(joint_rotation(joint))
     made = _CLASSES[joint.type](
@@ -71,7 +71,7 @@ def build(
 
 
 def default_value(joint: Joint) -> float:
-    """Coordinate of the joint when the model is opened: zero, or the nearer end of its range [rad or m]."""
+    """Return the coordinate of the joint when the model is opened: zero, or the nearer end of its range [rad or m]."""
     return min(max(0.0, joint.lower), joint.upper)
 
 

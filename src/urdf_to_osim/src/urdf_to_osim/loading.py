@@ -1,10 +1,9 @@
-"""Loads OpenSim's libraries such that they run at their own speed.
+"""Loading of OpenSim's libraries in an order that gives full speed.
 
-OpenSim's Python modules carry slow copies of Simbody's small functions (products of 3 x 3 matrices and the like),
-compiled without inlining. A library that is first loaded as a part of such a module is bound to these copies by the
-dynamic linker, which looks in the module before it looks in the library. Loaded before the modules, each library is
-bound to its own, compiled with all optimisation: a step of OpenSim then takes little more than half the time, with the
-same results.
+OpenSim's Python modules contain slow copies of Simbody's small functions (products of 3 x 3 matrices and the like),
+compiled without inlining. The dynamic linker binds a library that is first loaded as part of such a module to these
+copies, because it searches the module before the library. If the libraries are loaded before the modules, each uses its
+own optimised functions: a step of OpenSim then takes little more than half the time, with the same results.
 """
 
 import contextlib
@@ -15,26 +14,24 @@ from importlib.util import find_spec
 from pathlib import Path
 
 SIMBODY = ("libSimTKcommon.so", "libSimTKmath.so", "libSimTKsimbody.so")
-"""In the order in which they need each other."""
+"""Simbody's libraries in the order of their dependencies."""
 
 
 def load_opensim() -> None:
-    """Import OpenSim with Simbody's libraries loaded first, and without the log file that it would write where the user
-    happens to stand."""
+    """Import OpenSim with Simbody's libraries loaded first, and without its log file in the working folder."""
     load_simbody_first()
     importlib.import_module("opensim").Logger.removeFileSink()
 
 
 def load_simbody_first() -> bool:
-    """Load Simbody's libraries before OpenSim's Python modules; whether that was possible. It is an optimisation:
-    nothing depends on it."""
+    """Load Simbody's libraries before OpenSim's modules, an optimisation; return True if that was possible."""
     spec = find_spec("opensim")
     if "opensim" in sys.modules or spec is None or spec.origin is None:
         return False
     folder = Path(spec.origin).parent
     with contextlib.suppress(OSError):
         for name in SIMBODY:
-            # By the name with the version, as the modules request it: else the linker would load it a second time.
+            # The modules request the versioned name; with another name the linker would load the library twice.
             versions = sorted(folder.glob(f"{name}.*.*"))
             ctypes.CDLL(str(versions[0] if versions else folder / name))
         return True

@@ -1,4 +1,4 @@
-"""The meshes of a description as files that OpenSim reads, converted once and kept by the hash of their content."""
+"""Meshes of a description as files for OpenSim, converted once and cached by the hash of their content."""
 
 import time
 from collections.abc import Sequence
@@ -12,14 +12,14 @@ from hric_control.meshes.canonical import WRITTEN_SUFFIX, canonical, find
 
 @dataclass(frozen=True)
 class MeshRequest:
-    """A mesh file of the description, to be converted.
+    """Mesh file of the description to convert.
 
     Attributes:
-        link: that shows it, for errors.
-        address: as the description has it: package://, file:// or a path.
+        link: link that shows it, for errors.
+        address: address in the description: package://, file:// or a path.
         scale: factors along x, y, z, applied to the vertices.
-        file: name that the model has for the result in Geometry/, without folder or ending; the same for the same
-            address and scale.
+        file: name of the result in Geometry/ in the model, without folder or ending; the same for the same address and
+            scale.
     """
 
     link: str
@@ -30,13 +30,13 @@ class MeshRequest:
 
 @dataclass(frozen=True)
 class MeshResult:
-    """A mesh that lies in the folder now, in metres, with the request's scale already in it.
+    """Converted mesh in the folder, in metres, with the request's scale applied.
 
     Attributes:
-        request: as given.
+        request: the request.
         file: bare file name with its ending, for `Mesh` and `ContactMesh`.
-        seconds: time that it took [s].
-        cached: whether an earlier conversion was used.
+        seconds: time of the conversion [s].
+        cached: True if an earlier conversion was used.
     """
 
     request: MeshRequest
@@ -48,18 +48,17 @@ class MeshResult:
 def convert_meshes(
     requests: Sequence[MeshRequest], folder: Path, cache: Path | None = None, relative_to: Path | None = None
 ) -> list[MeshResult]:
-    """Lay `<file>.obj` for each request into a folder. Each file appears whole or not at all.
+    """Write `<file>.obj` for each request into a folder, each file completely or not at all.
 
     Args:
-        requests: meshes in any order; the same address may come more than once.
-        folder: the Geometry folder; made where it is missing, other files in it are left alone.
-        cache: where conversions are kept; `cache_folder("meshes")` by default. One that cannot be written costs time,
-            not the result.
-        relative_to: folder against which relative addresses are meant, the description's own.
+        requests: meshes in any order; the same address may occur more than once.
+        folder: the Geometry folder; created if missing, other files in it are not touched.
+        cache: folder of cached conversions; `cache_folder("meshes")` by default. A read-only cache only costs time.
+        relative_to: base folder of relative addresses, the description's own.
 
     Raises:
         DescriptionError: a mesh is missing, has an unknown ending or a bad scale, or cannot be read; nothing is written
-            for missing ones.
+            if meshes are missing.
     """
     paths = _find_all(requests, relative_to)
     folder.mkdir(parents=True, exist_ok=True)
@@ -67,7 +66,7 @@ def convert_meshes(
 
 
 def _find_all(requests: Sequence[MeshRequest], relative_to: Path | None) -> list[Path]:
-    """The file of each request; the error names the first that is missing and how many more are."""
+    """Return the file of each request; the error names the first missing one and the number of others."""
     paths: list[Path] = []
     errors: list[str] = []
     for request in requests:

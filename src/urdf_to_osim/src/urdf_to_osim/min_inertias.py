@@ -1,5 +1,4 @@
-"""Inertia that resists each joint of a description: what is decided before a model exists rests on it. The proof uses
-another library."""
+"""Inertia of each joint of a description, for decisions before a model exists; the proof uses another library."""
 
 import math
 
@@ -9,13 +8,13 @@ from hric_control.urdf import ONE_COORDINATE, Robot
 from hric_control.urdf.mass_matrix import mass_matrix
 
 POSES = 8
-"""Number of poses that a robot is judged by: default chosen by this project, unconfirmed."""
+"""Number of poses at which a robot is evaluated (project default, unconfirmed)."""
 SINGULAR = 1e-13
-"""Smallest eigenvalue of a mass matrix that is scaled to a diagonal of ones, below which a pose says nothing."""
+"""Smallest eigenvalue of a mass matrix scaled to a unit diagonal, below which a pose is ignored as singular."""
 
 
 def poses(robot: Robot) -> list[dict[str, float]]:
-    """The same poses for each call, within the joints' ranges and half a turn or pi metres."""
+    """Return poses within the joints' ranges and half a turn or pi metres; the same for each call."""
     random = np.random.default_rng(0)
     single = [joint for joint in robot.joints.values() if joint.type in ONE_COORDINATE]
     lower = np.array([min(max(joint.lower, -math.pi), joint.upper) for joint in single])
@@ -27,8 +26,7 @@ def poses(robot: Robot) -> list[dict[str, float]]:
 
 
 def min_inertias(robot: Robot) -> dict[str, float]:
-    """What resists each joint while all others are free, 1 / (M^-1)_ii, the smallest over `poses` [kg m^2 or kg]; empty
-    where all are singular."""
+    """Return 1 / (M^-1)_ii of each joint, the smallest over `poses` [kg m^2 or kg]; empty if all are singular."""
     smallest: dict[str, float] = {}
     for q in poses(robot):
         M, rows = mass_matrix(robot, q)

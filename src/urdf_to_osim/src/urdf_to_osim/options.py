@@ -1,4 +1,4 @@
-"""What a user may choose about a conversion, with defaults, units and where they come from."""
+"""Options of a conversion, with defaults, units and sources."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ CHOICES = {
 
 @dataclass(frozen=True)
 class Options(Settings):
-    """Choices of `convert`."""
+    """Options of `convert`."""
 
     name: str = text("", text="name of the model; empty takes the robot's")
     up: str = choice(*CHOICES["up"], text="axis of OpenSim's ground that points where z of the description does")

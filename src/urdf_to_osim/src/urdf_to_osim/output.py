@@ -1,4 +1,4 @@
-"""A converted model as files: all of them, or none."""
+"""Files of a converted model: all are written, or none."""
 
 import os
 import shutil
@@ -17,7 +17,7 @@ SUFFIX = ".osim"
 
 @dataclass(frozen=True)
 class Written:
-    """What `write` left: the model, its mesh files in Geometry/, and the time for the meshes [s]."""
+    """Result of `write`: the model, its mesh files in Geometry/, and the time for the meshes [s]."""
 
     path: Path
     meshes: tuple[Path, ...]
@@ -27,17 +27,16 @@ class Written:
 def write(
     conversion: Conversion, path: Path | str, check: Callable[[Path], None] | None = None, cache: Path | None = None
 ) -> Written:
-    """Write a model and its mesh files; files of the same names are replaced, others in Geometry/ left alone.
+    """Write a model and its mesh files; files of the same names are replaced, others in Geometry/ not touched.
 
     Args:
-        conversion: what to write.
-        path: of the .osim; its folder must exist.
-        check: called with the finished file at another place; what it raises stops the writing, and nothing is left
-            behind.
-        cache: of converted meshes; `hric_control.kept.cache_folder("meshes")` by default.
+        conversion: the converted robot.
+        path: path of the .osim; its folder must exist.
+        check: callback for the finished file at a temporary path; its exception stops the writing, and no file is left.
+        cache: folder of converted meshes; `hric_control.kept.cache_folder("meshes")` by default.
 
     Raises:
-        ParameterError: the path is not that of a file that can be written.
+        ParameterError: the path is not that of a writable file.
         DescriptionError: a mesh is missing or cannot be read; names link and address.
         CommandError: the files cannot be written.
     """
@@ -72,8 +71,7 @@ def _write(
 
 
 def _move(stage: Path, folder: Path, files: tuple[str, ...]) -> None:
-    """Move files into a folder, one whole file after the other; those that are new are taken away again if one
-    fails."""
+    """Move files into a folder one by one; if one fails, remove the new ones."""
     made_folder = bool(files) and not folder.exists()
     made: list[Path] = []
     try:

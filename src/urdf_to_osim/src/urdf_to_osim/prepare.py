@@ -1,4 +1,4 @@
-"""What is decided before a model is built: names, inertias, and which links become bodies."""
+"""Decisions before a model is built: names, inertias, and which links become bodies."""
 
 import re
 from collections.abc import Iterable, Mapping
@@ -18,7 +18,7 @@ from urdf_to_osim.joints import coordinate_names
 from urdf_to_osim.min_inertias import poses
 from urdf_to_osim.options import Options
 
-# What separates and matches component paths in OpenSim, and white space.
+# Separators and wildcards of component paths in OpenSim, and white space.
 ILLEGAL = re.compile(r"[/\\*+\s]")
 REPAIRING = ("repair", "invent")
 # Components that every body, joint or model has.
@@ -27,17 +27,17 @@ RESERVED = ("ground", "frame_geometry", "wrapobjectset", "components", "..", "."
 
 @dataclass(frozen=True)
 class Plan:
-    """A description ready to be built.
+    """Description ready to be built.
 
     Attributes:
-        described: the description as it is.
-        robot: with inertias settled.
+        described: the unchanged description.
+        robot: description with settled inertias.
         links, joints: names of the description -> names in OpenSim.
         bodies: links that become bodies; the others are frames.
-        masses: of the bodies, in axes of the link; of those without mass none. The sum over links that are fixed to
-            each other is that of `robot`.
-        notes: what was repaired, kept or renamed, and how friction was made smooth.
-        friction_velocities: of Coulomb friction, -f tanh(dq/v), for each joint that has it [rad/s or m/s].
+        masses: mass properties of the bodies, in axes of the link; bodies without mass have none. The sum over links
+            that are fixed to each other is that of `robot`.
+        notes: repairs, kept faults, renamings, and the smoothing of friction.
+        friction_velocities: v of Coulomb friction, -f tanh(dq/v), for each joint that has it [rad/s or m/s].
     """
 
     described: Robot
@@ -51,7 +51,7 @@ class Plan:
 
     @property
     def repaired(self) -> bool:
-        """Whether the mass properties of a link are not those of the description."""
+        """True if the mass properties of a link differ from the description."""
         return any(link.mass is not self.described.links[name].mass for name, link in self.robot.links.items())
 
 
@@ -59,8 +59,8 @@ def prepare(robot: Robot, options: Options) -> Plan:
     """Decide names, inertias and bodies.
 
     Raises:
-        DescriptionError: an inertia or a name that may not stay; names the element and what to do.
-        UnknownNameError: friction parameters of a joint that does not exist or has not one coordinate.
+        DescriptionError: an inertia or a name that must be corrected; names the element and a remedy.
+        UnknownNameError: friction parameters of a joint that does not exist or does not have exactly one coordinate.
     """
     notes: list[str] = []
     links = legal_names("link", robot.links, options.names, notes)
@@ -79,7 +79,7 @@ def prepare(robot: Robot, options: Options) -> Plan:
 
 
 def legal_names(kind: str, names: Iterable[str], choice: str, notes: list[str]) -> dict[str, str]:
-    """Names of the description -> names that OpenSim allows, all different; `choice` is "refuse" or "rename".
+    """Return a map from names to unique names that OpenSim allows; `choice` is "refuse" or "rename".
 
     Raises:
         DescriptionError: a forbidden name that may not be changed.
@@ -109,7 +109,7 @@ def _check_friction(robot: Robot, options: Options) -> None:
 
 
 def _check_coordinates(robot: Robot, names: dict[str, str]) -> None:
-    """Forces find coordinates by name: those of planar and floating joints must not be another joint's name."""
+    """Refuse coordinate names that two joints share, since forces find coordinates by name."""
     owner: dict[str, str] = {}
     for joint in robot.joints.values():
         for coordinate in coordinate_names(joint, names[joint.name]):
@@ -136,8 +136,7 @@ def _free(wish: str, taken: set[str]) -> str:
 
 
 def _join_faulty(robot: Robot, options: Options, notes: list[str]) -> dict[str, MassProperties | None]:
-    """Return the masses of links that are fixed to each other, where one of them is no body by itself and together they
-    are one: the topmost has all of it."""
+    """Return masses joined in the topmost of fixed links, if one is physically impossible alone but not their sum."""
     clusters: dict[str, dict[str, MassProperties]] = {}
     for name, (top, T_top_link) in robot.rigid_groups().items():
         cluster, mass = clusters.setdefault(top, {}), robot.links[name].mass
@@ -166,7 +165,7 @@ def _settle_inertias(
             mass, note = inertia.settled(name, link.mass, options.inertia)
             links[name] = replace(link, mass=mass)
             notes += [note] if note else []
-    # From the leaves inwards, since what a link gets counts for the one before it.
+    # From the leaves inwards, since the mass of a link counts for its parent.
     for joint in reversed(robot.joints.values()):
         reason = "" if joint.type == "fixed" else _carries_nothing(joint, robot.joints.values(), links)
         if reason and options.inertia == "keep":
@@ -183,7 +182,7 @@ def _settle_inertias(
             )
     settled = replace(robot, links=links)
     if options.inertia == "repair" and notes:
-        # A tensor that was moved to the nearest of a body is not invented; what came from nothing is.
+        # A tensor moved to the nearest physical one is not invented; one without a value in the description is.
         nothing = {
             name: link for name, link in robot.links.items() if link.mass is None or inertia.says_nothing(link.mass)
         }
@@ -192,8 +191,7 @@ def _settle_inertias(
 
 
 def _carries_nothing(joint: Joint, joints: Iterable[Joint], links: dict[str, Link]) -> str:
-    """Why OpenSim cannot hold a moved link without mass; empty if it can: something with mass is fixed to it or follows
-    at the next joint."""
+    """Return why OpenSim cannot hold a moved link without mass; empty: a link fixed to it or the next one has mass."""
     joints = list(joints)
     group, followed = [joint.child], False
     for name in group:
@@ -216,14 +214,13 @@ def _has_mass(link: Link) -> bool:
 
 
 MOSTLY = 0.5
-"""A larger part of a joint's inertia is most of it, and of a robot's joints most of them: default chosen by this
-project, unconfirmed."""
+"""Fraction [1] that counts as most of a joint's inertia, or of a robot's joints (project default, unconfirmed)."""
 NAMED = 5
-"""Joints that a refusal names."""
+"""Maximum number of joints that a refusal names."""
 
 
 def invented_joints(described: Robot, repaired: Robot) -> list[str]:
-    """Joints most of whose own inertia, as the mass matrix has it over `poses`, is not in the description."""
+    """Return the joints most of whose inertia, by the mass matrix over `poses`, is not in the description."""
     rows: list[str] = []
     own = np.zeros(
         (2, sum({"fixed": 0, "planar": 3, "floating": 6}.get(joint.type, 1) for joint in described.joints.values()))
@@ -236,10 +233,10 @@ def invented_joints(described: Robot, repaired: Robot) -> list[str]:
 
 
 def check_invented(described: Robot, repaired: Robot) -> None:
-    """Refuse a robot that is moved by what a repair gave it rather than by what the description says.
+    """Refuse a robot whose motion depends mostly on invented inertia.
 
     Raises:
-        DescriptionError: most joints move mostly invented inertia; names some, and what to do.
+        DescriptionError: most joints move mostly invented inertia; names some, and a remedy.
     """
     moving = [joint for joint in repaired.joints.values() if joint.type != "fixed"]
     invented = invented_joints(described, repaired) if moving else []

@@ -1,4 +1,4 @@
-"""A model read back from its file, in the order of the description's joints."""
+"""Model read back from its file, in the order of the description's joints."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -13,7 +13,7 @@ from urdf_to_osim import transforms
 
 
 class Reading:
-    """An .osim file.
+    """Model of an .osim file.
 
     Args:
         path: the file.
@@ -50,39 +50,38 @@ class Reading:
         self._drives = {name: drive for name, drive in drives.items() if drive is not None}
 
     def _find_indices(self) -> list[int]:
-        """Index of each coordinate's speed in Simbody's order, found by giving each its own value."""
+        """Return the index of each coordinate's speed in Simbody's order, found by setting distinct speeds."""
         for number, coordinate in enumerate(self._coordinates, 1):
             coordinate.setSpeedValue(self.state, float(number))
         values = list(self.state.getU().to_numpy())
         return [values.index(float(number)) for number in range(1, len(self._coordinates) + 1)]
 
     def only(self, names: Iterable[str]) -> None:
-        """Let only these forces act, and gravity."""
+        """Let only these forces and gravity act."""
         acting = set(names)
         for name in (acting ^ self._acting) & self.forces.keys():
             self.forces[name].setAppliesForce(self.state, name in acting)
         self._acting = acting
 
     def move(self, x: FloatArray, xd: FloatArray) -> None:
-        """Put all coordinates and their speeds, shape (n,) each, without regard to couplers."""
+        """Set all coordinates and their speeds, shape (n,) each, ignoring couplers."""
         for coordinate, value, speed in zip(self._coordinates, x, xd, strict=True):
             coordinate.setValue(self.state, float(value), False)
             coordinate.setSpeedValue(self.state, float(speed))
         self.model.realizeVelocity(self.state)
 
     def frames(self) -> dict[str, FloatArray]:
-        """Pose of each frame in ground, shape (4, 4) [m]."""
+        """Return the pose of each frame in ground, shape (4, 4) [m]."""
         return {name: transforms.matrix(frame.getTransformInGround(self.state)) for name, frame in self._frames.items()}
 
     def mass(self) -> FloatArray:
-        """Mass matrix, shape (n, n) [kg m^2, kg m, kg]."""
+        """Return the mass matrix, shape (n, n) [kg m^2, kg m, kg]."""
         matrix = opensim.Matrix()
         self.model.getMatterSubsystem().calcM(self.state, matrix)
         return np.array(matrix.to_numpy())[np.ix_(self._indices, self._indices)]
 
     def inverse_dynamics(self, xdd: FloatArray) -> FloatArray:
-        """Efforts that give accelerations xdd, shape (n,), against gravity and the forces that act, without couplers [N
-        m or N]."""
+        """Return efforts for accelerations xdd, shape (n,), against gravity and active forces, without couplers."""
         acceleration = opensim.Vector(len(self._indices), 0.0)
         for index, value in zip(self._indices, xdd, strict=True):
             acceleration.set(index, float(value))
@@ -90,18 +89,18 @@ class Reading:
         return np.array(efforts.to_numpy())[self._indices]
 
     def accelerations(self) -> FloatArray:
-        """Accelerations under gravity and the forces that act, with couplers, shape (n,)."""
+        """Return the accelerations under gravity and the active forces, with couplers, shape (n,)."""
         self.model.realizeAcceleration(self.state)
         return np.array(self.state.getUDot().to_numpy())[self._indices]
 
     def coupler_errors(self) -> tuple[FloatArray, FloatArray]:
-        """What the couplers are off in position and speed, in the order of the constraints."""
+        """Return the coupler errors of position and speed, in the order of the constraints."""
         self.model.realizeVelocity(self.state)
         return np.array(self.state.getQErr().to_numpy()), np.array(self.state.getUErr().to_numpy())
 
     @contextmanager
     def acting(self, names: Iterable[str]) -> Iterator[None]:
-        """These forces and gravity act inside."""
+        """Let these forces and gravity act inside the context."""
         self.only(names)
         try:
             yield
@@ -117,5 +116,5 @@ class Reading:
         self.model.setControls(self.state, controls)
 
     def control_limits(self) -> dict[str, tuple[float, float]]:
-        """Smallest and greatest control of each actuator [N m or N]."""
+        """Return the smallest and greatest control of each actuator [N m or N]."""
         return {name: (drive.getMinControl(), drive.getMaxControl()) for name, drive in self._drives.items()}

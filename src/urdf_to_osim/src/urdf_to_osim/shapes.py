@@ -1,4 +1,4 @@
-"""Visual and collision shapes of links, and those among them that OpenSim has by itself."""
+"""Visual and collision shapes of links, and their OpenSim primitives."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -20,17 +20,17 @@ Z_TO_Y = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 
 
 @dataclass(frozen=True)
 class Shape:
-    """A visual or collision element.
+    """Visual or collision element.
 
     Attributes:
-        link: whose it is.
-        name: unique in the model, e.g. "panda_link1_visual_1".
-        visual: drawn; else it is for contact.
+        link: link of the element.
+        name: unique name in the model, e.g. "panda_link1_visual_1".
+        visual: True if drawn; False for contact.
         kind: box, sphere, cylinder, capsule or mesh.
         size: box: edges along x, y, z; sphere: radius; cylinder and capsule: radius, length (of the straight part) [m];
             mesh: scale.
-        address: of a mesh, as the description has it.
-        carrier: path of the body or ground that carries the link.
+        address: address of a mesh in the description.
+        carrier: path of the body or ground with the link.
         T_carrier_shape: shape (4, 4) [m].
         colour: red, green, blue, opacity, each from 0 to 1.
     """
@@ -47,10 +47,14 @@ class Shape:
 
 
 def add(model: opensim.Model, plan: Plan, options: Options, carriers: Carriers, notes: list[str]) -> list[Shape]:
-    """Attach what the options include; returns the shapes that wait for a mesh file (`geometry.lay`).
+    """Attach the selected shapes; return those that wait for a mesh file (`geometry.lay`).
 
     Args:
-        notes: gets what was left out.
+        model: the model.
+        plan: the description ready to be built.
+        options: options of the conversion.
+        carriers: link -> body or ground with it, and the link's pose in it.
+        notes: list to which omissions are added.
 
     Raises:
         DescriptionError: a collision shape without extent; names the link.
@@ -84,7 +88,7 @@ def attach(
 
 
 def _drawn(shape: Shape) -> Iterator[tuple[opensim.Geometry, FloatArray]]:
-    """OpenSim's geometry for a shape, with poses in the carrier."""
+    """Yield the OpenSim primitives of a shape, with poses in the carrier."""
     if shape.kind == "box":
         pieces = [(opensim.Brick(transforms.vec3(0.5 * np.array(shape.size))), np.eye(4))]
     elif shape.kind == "sphere":

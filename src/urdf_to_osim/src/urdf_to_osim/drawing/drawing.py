@@ -1,4 +1,4 @@
-"""Draws a scene off-screen: no X server, no window, software rendering where there is no graphics card."""
+"""Off-screen rendering of a scene: no X server, no window, software rendering without a graphics card."""
 
 import ctypes
 import math
@@ -25,19 +25,19 @@ from urdf_to_osim.decorations import Decoration, Look, Scene
 
 READERS = {".obj": vtkOBJReader, ".stl": vtkSTLReader, ".vtp": vtkXMLPolyDataReader}
 AXES = ((0.85, 0.15, 0.15), (0.1, 0.6, 0.15), (0.15, 0.3, 0.85))
-"""Colours of x, y, z."""
+"""Colours of the axes x, y, z."""
 BALL, AXIS, LINE = 0.022, 0.3, 0.003
-"""Radius of a centre of mass, length of ground's axes, radius of a muscle's line: parts of the scene's radius."""
+"""Radius of a centre of mass, length of ground's axes, radius of a muscle's line, relative to the scene [1]."""
 BACKGROUND, GRID = (0.92, 0.94, 0.96), (0.75, 0.77, 0.8)
 VIEW_ANGLE, MARGIN = 20.0, 0.05
-"""Of the camera, vertical [deg]; what is left free at the edges, a part of the picture."""
+"""Vertical view angle of the camera [deg], and free margin at the edges, relative to the picture [1]."""
 
 
 def draw(scene: Scene, look: Look) -> bytes:
-    """The scene as a PNG.
+    """Return a PNG of the scene.
 
     Raises:
-        HricError: this machine has no EGL to draw with, or a mesh cannot be read.
+        HricError: this machine has no EGL for rendering, or a mesh cannot be read.
     """
     window = _window(look)
     solid, over = rendering.vtkRenderer(), rendering.vtkRenderer()
@@ -62,7 +62,7 @@ def draw(scene: Scene, look: Look) -> bytes:
 
 
 def _window(look: Look) -> Any:
-    """An off-screen window; EGL needs no display, and VTK would crash where it is missing."""
+    """Return an off-screen window; EGL needs no display, and VTK would crash without it."""
     need = (
         "pictures are drawn through EGL; Debian's packages libegl1 and libgl1-mesa-dri have it "
         "(scripts/setup installs them)"
@@ -81,7 +81,7 @@ def _window(look: Look) -> Any:
 
 
 def _aim(renderer: Any, up: FloatArray, bounds: FloatArray, look: Look) -> None:
-    """Camera and its lamp, so that the box around the scene just fits into the picture."""
+    """Place camera and lamp so that the scene's bounding box just fits into the picture."""
     forwards, left = _floor_axes(up)
     azimuth, elevation = math.radians(look.azimuth), math.radians(look.elevation)
     sideways = math.cos(azimuth) * forwards + math.sin(azimuth) * left
@@ -105,7 +105,7 @@ def _aim(renderer: Any, up: FloatArray, bounds: FloatArray, look: Look) -> None:
 
 
 def _floor_axes(up: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Two unit vectors in the floor: ground's x (its z where x points up), and what is left of it."""
+    """Return two unit vectors in the floor: ground's x (z where x points up), and the vector to its left."""
     start = np.eye(3)[0] if abs(up[0]) < 0.9 else np.eye(3)[2]
     forwards = start - (start @ up) * up
     forwards /= np.linalg.norm(forwards)
@@ -113,7 +113,7 @@ def _floor_axes(up: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _bounds(renderer: Any, scene: Scene) -> FloatArray:
-    """Smallest and greatest coordinates of everything and of the origin, shape (2, 3) [m]."""
+    """Return the smallest and greatest coordinates of all geometry and the origin, shape (2, 3) [m]."""
     points = [np.zeros(3), *(T[:3, 3] for T in scene.frames.values()), *(T[:3, 3] for T in scene.centres.values())]
     if scene.decorations:
         drawn = np.array(renderer.ComputeVisiblePropBounds()).reshape(3, 2)
@@ -134,7 +134,7 @@ def _actor_of(decoration: Decoration) -> Any:
 
 
 def _source(decoration: Decoration) -> Any:
-    """A VTK source of its unit form."""
+    """Return a VTK source of a decoration's unit shape."""
     if decoration.kind == "mesh":
         return _mesh(Path(decoration.file))
     if decoration.kind == "line":
@@ -147,7 +147,7 @@ def _source(decoration: Decoration) -> Any:
 
 
 def _mesh(path: Path) -> Any:
-    """A mesh with edges kept sharp where its faces meet at more than 30 degrees."""
+    """Return a mesh with sharp edges where its faces meet at more than 30 degrees."""
     reader = READERS.get(path.suffix.lower())
     if reader is None:
         raise HricError(f"mesh {path}: cannot be drawn; valid: {', '.join(READERS)}")
@@ -166,7 +166,7 @@ def _tube(start: Sequence[float] | FloatArray, end: Sequence[float] | FloatArray
 
 
 def _ball(T_ground: FloatArray, radius: float) -> Any:
-    """The sign of a centre of mass: a ball whose octants are black and white in turn."""
+    """Return the symbol of a centre of mass: a sphere with alternating black and white octants."""
     source = _sphere()
     source.Update()
     ball = vtkPolyData()
@@ -185,7 +185,7 @@ def _ball(T_ground: FloatArray, radius: float) -> Any:
 
 
 def _add_axes(renderer: Any, T_ground: FloatArray, length: float, *, letters: bool = False) -> None:
-    """Three axes of a frame, x red, y green, z blue."""
+    """Draw the axes of a frame, x red, y green, z blue."""
     for axis, (colour, letter) in enumerate(zip(AXES, "xyz", strict=True)):
         end = T_ground[:3, 3] + length * T_ground[:3, axis]
         bar = _actor(_tube(T_ground[:3, 3], end, length / 40.0), colour)
@@ -202,8 +202,7 @@ def _add_axes(renderer: Any, T_ground: FloatArray, length: float, *, letters: bo
 
 
 def _add_floor(renderer: Any, up: FloatArray, bounds: FloatArray, radius: float) -> None:
-    """A grid through ground's origin, across gravity, with squares of 0.1 m, or of another power of ten for other
-    sizes."""
+    """Draw a grid through ground's origin, normal to gravity, with squares of 0.1 m or another power of ten."""
     step = 10.0 ** round(math.log10(radius / 8.0))
     forwards, left = _floor_axes(up)
     middle = bounds.mean(axis=0)

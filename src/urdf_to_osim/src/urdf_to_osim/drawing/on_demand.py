@@ -1,4 +1,4 @@
-"""vtk, which draws, weighs 0.6 GB and nothing else needs it: it is installed when the first picture is drawn."""
+"""Installation of vtk when the first picture is drawn: it has 0.6 GB and only pictures need it."""
 
 import importlib
 import importlib.util
@@ -11,10 +11,10 @@ from hric_control.errors import FailureError
 
 
 def install_vtk() -> None:
-    """Let scripts/setup install vtk where it is missing; its progress goes to stderr.
+    """Install vtk through scripts/setup if it is missing; its progress goes to stderr.
 
     Raises:
-        HricError: that failed, or this is no workspace.
+        HricError: the installation failed, or this is no workspace.
     """
     if importlib.util.find_spec("vtkmodules") is not None:
         return

@@ -1,4 +1,4 @@
-"""A picture of an OpenSim model at a pose, made without a display; and the command for it."""
+"""Picture of an OpenSim model at a pose, drawn without a display; and its command."""
 
 import argparse
 import sys
@@ -15,15 +15,16 @@ from urdf_to_osim.drawing.on_demand import install_vtk
 
 
 def picture(osim: Path, png: Path, pose: Mapping[str, float] | None = None, look: Look | None = None) -> list[str]:
-    """Draw a model into a PNG, which appears whole or not at all; returns the mesh files that the model names and that
-    were not found.
+    """Draw a model into a PNG, written completely or not at all, and return the missing mesh files.
 
     Args:
+        osim: the model.
+        png: the picture.
         pose: coordinate -> value [rad or m]; the others have the model's defaults.
+        look: settings of the picture; None: the defaults.
 
     Raises:
-        HricError: the model cannot be read, the pose is not one of its poses, or the picture cannot be drawn or
-            written.
+        HricError: the model cannot be read, the pose is impossible, or the picture cannot be drawn or written.
     """
     look = look or Look()
     scene = load_scene(osim, pose)
@@ -39,7 +40,7 @@ def picture(osim: Path, png: Path, pose: Mapping[str, float] | None = None, look
 
 
 def main(arguments: Sequence[str]) -> int:
-    """The command; returns its exit code."""
+    """Run the command and return its exit code."""
     given = _parser().parse_args(arguments)
     return run_command("picture", lambda: _draw(given))
 

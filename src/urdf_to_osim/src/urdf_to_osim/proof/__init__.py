@@ -1,1 +1,1 @@
-"""Whether a conversion is right: the model against oracles and closed forms."""
+"""Verification of a conversion: the model compared with oracles and closed forms."""

@@ -1,5 +1,4 @@
-"""Random states for the proof, and what damping, friction and stops must be there, in closed form and in SI units: the
-proof compares the model's forces with these."""
+"""Random states for the proof, and closed forms of damping, friction and stops in SI, to compare the model with."""
 
 import math
 
@@ -12,14 +11,17 @@ from urdf_to_osim.forces import stop_parameters
 from urdf_to_osim.options import Options
 
 LARGEST_MIDDLE_ANGLE = 1.2
-"""Away from +-pi/2, where body-fixed angles of a floating joint are singular [rad]."""
+"""Largest middle angle of a floating joint [rad], away from the singularity of body-fixed angles at +-pi/2."""
 NEAR = 4.0
-"""How far inside a range the forces are compared [rad or m]: near its ends, since sums lose digits far from zero."""
+"""Distance inside a range within which forces are compared [rad or m]: sums lose digits far from zero."""
 
 
 def friction(joint: Joint, dq: float, options: Options, velocity: float) -> float:
-    """Coulomb: -f tanh(dq/v) with v = `velocity`; sigmoid: -(phi1 / (1 + exp(-phi2 (dq + phi3))) - phi1 / (1 +
-    exp(-phi2 phi3))) [N m or N]."""
+    """Return the friction effort of a joint [N m or N].
+
+    Coulomb: -f tanh(dq/v) with v = `velocity`; sigmoid: -(phi1 / (1 + exp(-phi2 (dq + phi3))) - phi1 / (1 + exp(-phi2
+    phi3))).
+    """
     if options.friction == "coulomb":
         return -joint.friction * math.tanh(dq / velocity)
     if joint.name not in options.friction_parameters:
@@ -29,10 +31,10 @@ def friction(joint: Joint, dq: float, options: Options, velocity: float) -> floa
 
 
 def stop(joint: Joint, q: float, dq: float, options: Options) -> float:
-    """Effort of a joint's stop [N m or N] at q [rad or m], dq [rad/s or m/s].
+    """Return the effort of a joint's stop [N m or N] at q [rad or m], dq [rad/s or m/s].
 
-    Beyond a limit by d the share s of stiffness k and damping c acts, -s (k d + c dq), where s = 10 y^3 - 15 y^4 + 6
-    y^5 with y = d / transition grows from 0 to 1 (CoordinateLimitForce, OpenSim API reference).
+    At a distance d beyond a limit, the share s of stiffness k and damping c acts, -s (k d + c dq), where s = 10 y^3 -
+    15 y^4 + 6 y^5 with y = d / transition grows from 0 to 1 (CoordinateLimitForce, OpenSim API reference).
     """
     if math.isinf(joint.lower):
         return 0.0
@@ -47,7 +49,7 @@ def _share(y: float) -> float:
 
 
 def coordinates(joint: Joint, random: np.random.Generator) -> list[float]:
-    """Coordinates of a joint in OpenSim: angles anywhere, lengths within a metre [rad, m]."""
+    """Return random coordinates of a joint in OpenSim: any angle, lengths within a metre [rad, m]."""
     if joint.type in ONE_COORDINATE:
         return [random.uniform(-1.0, 1.0) if joint.type == "prismatic" else random.uniform(-math.pi, math.pi)]
     angle, length = random.uniform(-math.pi, math.pi, 3), random.uniform(-1.0, 1.0, 3)
@@ -58,7 +60,7 @@ def coordinates(joint: Joint, random: np.random.Generator) -> list[float]:
 
 
 def around_stops(joint: Joint, random: np.random.Generator, options: Options) -> float:
-    """Coordinate of a joint inside its range, in the transition of a stop, or beyond [rad or m]."""
+    """Return a random coordinate of a joint inside its range, in the transition of a stop, or beyond [rad or m]."""
     if math.isinf(joint.lower):
         return float(random.uniform(-math.pi, math.pi))
     transition = stop_parameters(joint, options)[2]
@@ -74,5 +76,5 @@ def around_stops(joint: Joint, random: np.random.Generator, options: Options) ->
 
 
 def speeds(count: int, random: np.random.Generator) -> FloatArray:
-    """Speeds from creeping, where friction changes its sign, to fast, shape (count,) [rad/s or m/s]."""
+    """Return random speeds from very slow, where friction changes its sign, to fast, shape (count,) [rad/s or m/s]."""
     return np.asarray(random.choice([-1.0, 1.0], count) * 10.0 ** random.uniform(-4.0, 0.5, count))

@@ -1,4 +1,4 @@
-"""A model in forward dynamics: whether OpenSim can integrate it from its default pose, and how fast."""
+"""Forward dynamics of a model from its default pose: OpenSim's ability to integrate it, and its speed."""
 
 import time
 from dataclasses import dataclass
@@ -10,20 +10,20 @@ from hric_control.errors import DescriptionError
 from urdf_to_osim import transforms
 
 PIECE = 0.01
-"""Simulated time between two looks at the processor's clock [s]."""
+"""Simulated time between two checks of the processor time [s]."""
 ENOUGH = 0.05
-"""Processor time that is measured: a quick run is repeated until then, since the clock may tick in milliseconds [s]."""
+"""Minimum processor time of a measurement [s]: a fast run is repeated, since the clock may tick in milliseconds."""
 LIMIT = 2.0
-"""Processor time after which a slow run is not carried on [s]: default chosen by this project, unconfirmed."""
+"""Processor time after which a slow run is stopped [s] (project default, unconfirmed)."""
 
 
 @dataclass(frozen=True)
 class Forward:
-    """A forward run without controls, from the default pose at rest, with OpenSim's own integrator and accuracy.
+    """Forward run without controls, from the default pose at rest, with OpenSim's own integrator and accuracy.
 
     Attributes:
-        simulated: time that was simulated [s].
-        processor: processor time for it, repetitions included [s].
+        simulated: simulated time [s].
+        processor: processor time, repetitions included [s].
         runs: number of repetitions.
     """
 
@@ -33,11 +33,11 @@ class Forward:
 
     @property
     def real_time_factor(self) -> float:
-        """Simulated time per processor time."""
+        """Simulated time divided by processor time [1]."""
         return self.runs * self.simulated / self.processor
 
     def summary(self) -> str:
-        """The result in one line."""
+        """Return the result in one line."""
         factor = f"real-time factor {self.real_time_factor:.2g} by processor time"
         return (
             f"forward {self.simulated:g} s: {factor} ({self.runs} runs, {self.processor:.3f} s of processor "
@@ -45,14 +45,14 @@ class Forward:
         )
 
     told = summary
-    """The former name, for one release."""
+    """Former name of `summary`, for one release."""
 
 
 def run_forward(model: opensim.Model, start: opensim.State, seconds: float) -> Forward:
     """Integrate a model from a state, which is not changed.
 
     Raises:
-        DescriptionError: OpenSim cannot integrate it, or what it finds is not finite.
+        DescriptionError: OpenSim cannot integrate it, or a result is not finite.
     """
     runs, simulated, began = 0, seconds, time.process_time()
     while (spent := time.process_time() - began) < ENOUGH:
@@ -62,7 +62,7 @@ def run_forward(model: opensim.Model, start: opensim.State, seconds: float) -> F
 
 
 def _run(model: opensim.Model, state: opensim.State, seconds: float) -> float:
-    """One run; returns how far it came within the limit [s]."""
+    """Return the simulated time that one run reached within the limit [s]."""
     manager = opensim.Manager(model)
     manager.setWriteToStorage(False)
     manager.setPerformAnalyses(False)

@@ -1,8 +1,8 @@
-"""The description in an independent rigid-body library (pinocchio), in OpenSim's coordinates.
+"""Description in an independent rigid-body library (pinocchio), in OpenSim's coordinates.
 
-Pinocchio reads the description itself; only what it cannot read as it is meant is rewritten, in XML: the axis of a
-planar joint, which it ignores, is moved into the joint's origin; mimic joints move freely; inertias that were repaired
-are replaced.
+Pinocchio reads the description itself. Only elements that it would misread are rewritten in the XML: the axis of a
+planar joint, which it ignores, is moved into the joint's origin; mimic joints move freely; repaired inertias are
+replaced.
 """
 
 import math
@@ -24,7 +24,7 @@ from urdf_to_osim import transforms
 from urdf_to_osim.joints import joint_rotation
 from urdf_to_osim.prepare import Plan
 
-# In pinocchio links and joints share one space of names.
+# In pinocchio links and joints share one namespace.
 LINK, JOINT = "link:", "joint:"
 NOT_DYNAMICS = (
     "visual",
@@ -39,19 +39,20 @@ NOT_DYNAMICS = (
 
 
 Motion = tuple[FloatArray, FloatArray, FloatArray]
-"""(q, J, Jd xd) in pinocchio's terms, q, v = J xd, a = J xdd + Jd xd, of coordinates x, speeds xd and accelerations xdd
-in
-OpenSim: of a joint or of the robot."""
+"""Motion (q, J, Jd xd) of a joint or the robot in pinocchio's terms: q, v = J xd, a = J xdd + Jd xd.
+
+x, xd and xdd are coordinates, speeds and accelerations in OpenSim.
+"""
 
 
 class Oracle:
-    """A description in pinocchio.
+    """Description in pinocchio.
 
     Args:
-        plan: of the conversion; its inertias are those that the model is to have.
+        plan: plan of the conversion; its inertias are those of the model.
         urdf_xml: the description.
-        gravity: in axes of the root link, three numbers [m/s^2].
-        up: as in `Options`: frames are given in OpenSim's ground.
+        gravity: gravity in axes of the root link, three numbers [m/s^2].
+        up: as in `Options`: frames are in OpenSim's ground.
 
     Attributes:
         joints: joints with coordinates; all arrays follow them and their coordinates in order.
@@ -79,32 +80,30 @@ class Oracle:
         self._known: tuple[bytes, Motion] | None = None
 
     def frames(self, x: FloatArray) -> dict[str, FloatArray]:
-        """Pose of each link in OpenSim's ground, shape (4, 4) [m], at coordinates x."""
+        """Return the pose of each link in OpenSim's ground, shape (4, 4) [m], at coordinates x."""
         q, _, _ = self._motion(x, np.zeros(self.size))
         pin.framesForwardKinematics(self._model, self._data, q)
         return {name: self._T_ground_base @ self._data.oMf[index].homogeneous for name, index in self._frames.items()}
 
     def mass(self, x: FloatArray) -> FloatArray:
-        """Mass matrix at coordinates x, shape (n, n) [kg m^2, kg m, kg]."""
+        """Return the mass matrix at coordinates x, shape (n, n) [kg m^2, kg m, kg]."""
         q, J, _ = self._motion(x, np.zeros(self.size))
         M = np.triu(pin.crba(self._model, self._data, q))
         M = M + np.triu(M, 1).T
         return np.asarray(J.T @ M @ J)
 
     def gravity(self, x: FloatArray) -> FloatArray:
-        """Efforts that hold the robot still at coordinates x, shape (n,) [N m or N]."""
+        """Return the efforts that hold the robot still at coordinates x, shape (n,) [N m or N]."""
         q, J, _ = self._motion(x, np.zeros(self.size))
         return np.asarray(J.T @ pin.computeGeneralizedGravity(self._model, self._data, q))
 
     def inverse_dynamics(self, x: FloatArray, xd: FloatArray, xdd: FloatArray) -> FloatArray:
-        """Efforts of a motion without losses, shape (n,) [N m or N]; x, xd, xdd: coordinates, speeds, accelerations,
-        shape (n,)."""
+        """Return the efforts of a motion (x, xd, xdd), shape (n,) each, without losses, shape (n,) [N m or N]."""
         q, J, Jd_xd = self._motion(x, xd)
         return np.asarray(J.T @ pin.rnea(self._model, self._data, q, J @ xd, J @ xdd + Jd_xd))
 
     def described(self, joint: Joint) -> Joint:
-        """A joint with one coordinate, its limits, damping and friction as pinocchio reads them from the
-        description."""
+        """Return a joint with one coordinate, with limits, damping and friction as pinocchio reads them."""
         pin_joint = self._pin_joints[self.joints.index(joint)]
         v, model = pin_joint.idx_v, self._model
         lower, upper = (
@@ -118,8 +117,7 @@ class Oracle:
         )
 
     def _motion(self, x: FloatArray, xd: FloatArray) -> Motion:
-        """q of pinocchio, J, and Jd xd, whose rows follow pinocchio's velocities and whose columns follow ours; the
-        last result is kept."""
+        """Return pinocchio's q, J and Jd xd: rows as its velocities, columns as OpenSim's coordinates; cached."""
         key = x.tobytes() + xd.tobytes()
         if self._known is None or self._known[0] != key:
             self._known = key, self._find_motion(x, xd)
@@ -146,8 +144,7 @@ def _continuous(x: FloatArray, xd: FloatArray) -> Motion:
 
 
 def _planar(x: FloatArray, xd: FloatArray) -> Motion:
-    """Coordinates (theta, x, y), x and y of the child's origin; pinocchio: (x, y, cos, sin) and the velocity in axes of
-    the child."""
+    """Return the motion of (theta, x, y); pinocchio: (x, y, cos, sin) and the velocity in axes of the child."""
     c, s = math.cos(x[0]), math.sin(x[0])
     J = np.array([[0.0, c, s], [0.0, -s, c], [1.0, 0.0, 0.0]])
     Jd = xd[0] * np.array([[0.0, -s, c], [0.0, -c, -s], [0.0, 0.0, 0.0]])
@@ -155,10 +152,10 @@ def _planar(x: FloatArray, xd: FloatArray) -> Motion:
 
 
 def _floating(x: FloatArray, xd: FloatArray) -> Motion:
-    """Coordinates (a, b, c, p) with R = Rx(a) Ry(b) Rz(c), speeds (omega, pd) in axes of the joint frame: not the
-    derivatives of the angles.
+    """Return the motion of coordinates (a, b, c, p) with R = Rx(a) Ry(b) Rz(c).
 
-    Pinocchio: (p, quaternion) and the twist (R' pd, R' omega) in axes of the child.
+    The speeds are (omega, pd) in axes of the joint frame, not the derivatives of the angles. Pinocchio: (p, quaternion)
+    and the twist (R' pd, R' omega) in axes of the child.
     """
     R = pin.utils.rotate("x", x[0]) @ pin.utils.rotate("y", x[1]) @ pin.utils.rotate("z", x[2])
     J = np.zeros((6, 6))
@@ -178,11 +175,11 @@ MOTIONS: dict[str, Callable[[FloatArray, FloatArray], Motion]] = {
 
 
 def rewritten(plan: Plan, urdf_xml: str) -> str:
-    """Return the description as pinocchio is to read it."""
+    """Return the description rewritten for pinocchio."""
     root = parse(urdf_xml)
     for element in root.iter():
         for name in {"xyz", "rpy", "quat_xyzw"}.intersection(element.keys()):
-            element.set(name, " ".join(element.get(name, "").split()))  # urdfdom takes spaces only
+            element.set(name, " ".join(element.get(name, "").split()))  # urdfdom accepts only spaces
     root.set("name", plan.robot.name)
     for parent in list(root.iter()):
         for child in [child for child in parent if child.tag in NOT_DYNAMICS]:
@@ -218,7 +215,7 @@ def _rewrite_joint(root: Element, element: Element, joint: Joint) -> None:
 
 
 def _rewrite_planar(root: Element, element: Element, joint: Joint) -> None:
-    """A planar joint about its normal: the rotation is in its origin, and a fixed joint behind it rotates back."""
+    """Rewrite a planar joint about its normal: its origin rotates, and a fixed joint behind it rotates back."""
     A = homogeneous(joint_rotation(joint))
     for old in element.findall("origin"):
         element.remove(old)

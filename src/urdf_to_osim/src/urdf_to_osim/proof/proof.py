@@ -1,4 +1,4 @@
-"""Proof of a conversion: the file, read back, against a rigid-body library and closed forms over random states."""
+"""Proof of a conversion: the written file compared with a rigid-body library and closed forms at random states."""
 
 import math
 import time
@@ -18,11 +18,9 @@ from urdf_to_osim.proof.oracle import Oracle
 from urdf_to_osim.reading import Reading
 
 TOLERANCE = 1e-9
-"""Largest error, relative to the largest value compared where that is above 1 [SI]; project default, unconfirmed, a
-thousand times what the sums lose by rounding."""
+"""Largest error, relative to values above 1 [SI]: 1000 times the rounding (project default, unconfirmed)."""
 LIGHT = "mass matrix / inertia"
-"""Error of an element of the mass matrix relative to the two joints' own inertia: what an absolute error hides in a
-small robot."""
+"""Error of a mass matrix element relative to the two joints' own inertia, which shows errors in a small robot."""
 LIGHT_TOLERANCE = 1e-6
 LIMITS = {LIGHT: LIGHT_TOLERANCE}
 UNITS = {
@@ -39,11 +37,11 @@ class Proof:
     """Largest errors over the states.
 
     Attributes:
-        errors: what was compared -> largest error; only what the robot has.
+        errors: compared quantity -> largest error; only quantities that the robot has.
         states: number of random states.
-        seconds: time that it took, without the forward run [s].
-        repaired: what the repair of inertias changed -> largest change, relative to the largest value; empty without a
-            repair.
+        seconds: time of the proof, without the forward run [s].
+        repaired: quantity changed by the repair of inertias -> largest change, relative to the largest value; empty
+            without a repair.
         forward: the forward run; None without one.
     """
 
@@ -55,16 +53,16 @@ class Proof:
 
     @property
     def failed(self) -> list[str]:
-        """What is above its tolerance or not a number."""
+        """Quantities whose error is above its tolerance or not a number."""
         return [name for name, error in self.errors.items() if not error <= LIMITS.get(name, TOLERANCE)]
 
     @property
     def passed(self) -> bool:
-        """Whether everything is within its tolerance."""
+        """True if all errors are within their tolerances."""
         return bool(self.errors) and not self.failed
 
     def compare(self, name: str, found: FloatArray, expected: FloatArray) -> None:
-        """Add an error, relative to the largest expected value where that is above 1."""
+        """Add an error, relative to the largest expected value if that is above 1."""
         scale = max(1.0, float(np.max(np.abs(expected), initial=0.0)))
         self._add(name, float(np.max(np.abs(found - expected), initial=0.0)) / scale)
 
@@ -79,7 +77,7 @@ class Proof:
         self.errors[name] = error if math.isnan(error) or error > known else known
 
     def table(self) -> str:
-        """The errors for a reader."""
+        """Return a table of the errors as text."""
         lines = [f"{'compared':<24}{'unit':<14}{'largest error':>14}{'tolerance':>12}"]
         for name, error in self.errors.items():
             verdict = "" if name not in self.failed else "  FAILED"
@@ -104,14 +102,14 @@ def prove(
     Args:
         path: the .osim file.
         urdf_xml: the description, pure URDF.
-        options: those of the conversion.
+        options: options of the conversion.
         states: number of random states.
-        seed: of the random numbers.
+        seed: seed of the random numbers.
         forward: simulated time of a forward run after the comparisons [s]; 0 for none.
-        conversion: of this description with these options, where it is at hand; without it, it is made again.
+        conversion: conversion of this description with these options, if available; otherwise it is made again.
 
     Returns:
-        The errors; `passed`: whether they are small enough.
+        The errors; `passed` is True if they are small enough.
 
     Raises:
         DescriptionError: OpenSim or pinocchio cannot use the model, or it cannot move: a joint moves no inertia, or the
@@ -129,7 +127,7 @@ def prove(
 
 
 class _Prover:
-    """The comparisons of one file."""
+    """Comparisons of one file."""
 
     def __init__(self, conversion: Conversion, urdf_xml: str, path: Path, options: Options) -> None:
         self.options, self.plan, self.urdf_xml = options, conversion.plan, urdf_xml
@@ -158,7 +156,7 @@ class _Prover:
         return proof
 
     def repaired(self, count: int, seed: int) -> dict[str, float]:
-        """What the repair of inertias changed, largest over random states, relative to the largest value in each."""
+        """Return the largest changes by the repair of inertias over random states, relative to the largest values."""
         if not self.size or not self.plan.repaired:
             return {}
         before = Oracle(
@@ -241,12 +239,12 @@ class _Prover:
             return
         with self.reading.acting(names):
             found = none - self.reading.inverse_dynamics(np.zeros(self.size))
-        # Taken from a difference of efforts, so what these lose by rounding counts.
+        # A difference of efforts, so their rounding errors count.
         scale = max(1.0, float(np.max(np.abs(none))))
         proof.compare({"stop": "stops"}.get(kind, kind), found / scale, expected / scale)
 
     def _driven(self) -> dict[str, tuple[Joint, int]]:
-        """Actuators of the model: joint and index of its coordinate."""
+        """Return the actuators of the model with joint and index of its coordinate."""
         if not self.options.actuators:
             return {}
         return {
