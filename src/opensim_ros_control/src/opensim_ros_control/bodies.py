@@ -1,10 +1,8 @@
-"""Poses and Jacobians of the bodies of a model, computed at most once per state; and the loads in the robot's joints.
+"""Poses and Jacobians of a model's bodies, computed at most once per state, and the loads of the robot's joints.
 
-The loads are by Newton and Euler: a joint carries what moves the links outboard of it, less what acts on them from
-outside.
-
-OpenSim's own reactions do not serve here: they know neither rotors nor the forces that the plant applies beside the
-model.
+The loads follow from Newton and Euler: a joint transmits the inertial forces of the outboard links minus the external
+forces on them. OpenSim's own reactions are unsuitable: they know neither rotors nor the forces that the plant applies
+outside the model.
 """
 
 from collections.abc import Sequence
@@ -21,10 +19,10 @@ from urdf_to_osim.transforms import matrix
 
 
 class Kinematics:
-    """Bodies of one engine by OpenSim's numbers; the ground is 0. All in the ground frame.
+    """Poses and Jacobians of one engine's bodies by OpenSim's body numbers; ground is 0. All in the ground frame.
 
     Args:
-        engine: with positions realized at each call.
+        engine: the model; positions must be realized at each call.
     """
 
     def __init__(self, engine: Engine) -> None:
@@ -36,45 +34,47 @@ class Kinematics:
         self._jacobians: FloatArray | None = None
 
     def carrier(self, frame: opensim.Frame) -> tuple[int, FloatArray]:
-        """(number of the body that carries a frame, the frame's pose in it, shape (4, 4))."""
+        """Return (number of the body that carries a frame, the frame's pose in it, shape (4, 4))."""
         base = opensim.PhysicalFrame.safeDownCast(frame.findBaseFrame())
         number = int(base.getMobilizedBodyIndex())
         return number, matrix(frame.findTransformInBaseFrame())
 
     def body(self, number: int) -> opensim.PhysicalFrame:
-        """The frame of a body."""
+        """Return the frame of a body."""
         return self._bodies.get(number, self._engine.model.getGround())
 
     def count(self) -> int:
-        """Number of bodies, the ground among them."""
+        """Return the number of bodies, ground included."""
         return len(self.system_jacobian()) // 6
 
     def forget(self) -> None:
-        """The state is another one."""
+        """Discard cached values, after a change of the state."""
         self._poses.clear()
         self._jacobians = None
 
     def pose(self, number: int) -> FloatArray:
-        """T_ground_body, shape (4, 4)."""
+        """Return T_ground_body, shape (4, 4)."""
         if number not in self._poses:
             state = self._engine.system_state
             self._poses[number] = np.eye(4) if number == 0 else matrix(self._bodies[number].getTransformInGround(state))
         return self._poses[number]
 
     def system_jacobian(self) -> FloatArray:
-        """(angular, linear) velocity of all bodies' origins per speed, shape (6 bodies, nu): all at once costs less
-        than one of them alone."""
+        """Return the (angular, linear) velocity Jacobian of all bodies' origins, shape (6 bodies, nu).
+
+        All bodies together cost less than one alone.
+        """
         if self._jacobians is None:
             self._engine.matter.calcSystemJacobian(self._engine.system_state, self._matrix)
             self._jacobians = np.asarray(self._matrix.to_numpy())
         return self._jacobians
 
     def jacobian(self, number: int, point: FloatArray) -> FloatArray:
-        """(angular, linear) velocity at a point of a body per speed, shape (6, nu).
+        """Return the (angular, linear) velocity Jacobian at a point of a body, shape (6, nu).
 
         Args:
-            number: of the body.
-            point: in the ground frame, shape (3,) [m].
+            number: number of the body.
+            point: point in the ground frame, shape (3,) [m].
         """
         result: FloatArray = self.system_jacobian()[6 * number : 6 * number + 6].copy()
         if number != 0:
@@ -86,11 +86,11 @@ class Kinematics:
 
 @dataclass(frozen=True)
 class Load:
-    """A force that acted on a body in a step, ground frame.
+    """External force on a body in a step, ground frame.
 
     Attributes:
-        number: of the body.
-        position: shape (3,) [m].
+        number: number of the body.
+        position: point of application, shape (3,) [m].
         force, torque: shape (3,) each [N], [N m].
     """
 
@@ -106,7 +106,7 @@ class Reactions:
     Args:
         engine: the model.
         joints: (joint, child link) of the robot's moving joints.
-        kinematics: of the same engine.
+        kinematics: kinematics of the same engine.
     """
 
     def __init__(self, engine: Engine, joints: Sequence[tuple[str, str]], kinematics: Kinematics) -> None:
@@ -128,15 +128,14 @@ class Reactions:
         self._gravity = np.array([gravity.get(i) for i in range(3)])
 
     def _carriers(self, link: str, children: dict[str, list[str]]) -> list[int]:
-        """Bodies of a link and all that hangs on it."""
+        """Return the bodies of a link and of all links outboard of it."""
         links = [link]
         for name in links:
             links += children[name]
         return sorted({self._kinematics.carrier(self._engine.frames[name])[0] for name in links})
 
     def _inertial(self, u: FloatArray, du: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(forces, torques about the ground's origin) that move the bodies against gravity, ground frame, one row per
-        body."""
+        """Return (forces, torques about ground's origin) that move the bodies against gravity, ground frame, by row."""
         bias = opensim.Vector()
         self._engine.matter.calcBiasForSystemJacobian(self._engine.system_state, bias)
         J = self._kinematics.system_jacobian()
@@ -153,7 +152,7 @@ class Reactions:
     def loads(
         self, y: FloatArray, du: FloatArray, outside: Sequence[Load], R_ground_world: FloatArray
     ) -> list[JointReaction]:
-        """Loads in a state y with du/dt, under forces from outside."""
+        """Return the joint loads in a state y with du/dt, under external forces."""
         engine, n = self._engine, self._engine.nu
         engine.put_y(y)
         engine.model.realizeVelocity(engine.system_state)
@@ -174,12 +173,12 @@ class Reactions:
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """a x b of each row, shape (..., 3)."""
+    """Return a x b of each row, shape (..., 3)."""
     return np.asarray(a[..., [1, 2, 0]] * b[..., [2, 0, 1]] - a[..., [2, 0, 1]] * b[..., [1, 2, 0]])
 
 
 def _times(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
-    """Matrix times vector of each row, shapes (k, 3, 3) and (k, 3)."""
+    """Return the product of matrix and vector of each row, shapes (k, 3, 3) and (k, 3)."""
     return np.asarray((matrices @ vectors[:, :, None])[:, :, 0])
 
 

@@ -1,5 +1,8 @@
-"""Bushings between links of one build of the model. How links move, and the forces between them, go out of and into
-OpenSim's memory as plain floats, in C (links.c); Simbody turns the forces of all bodies into efforts at once."""
+"""Bushings between links of one build of the model.
+
+Link motions and bushing forces are exchanged with OpenSim's memory as plain floats, in C (links.c); Simbody converts
+the forces of all bodies into efforts at once.
+"""
 
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
@@ -18,15 +21,19 @@ _built = load("hric_opensim_links")
 
 
 class Links(Protocol):
-    """Pairs of links, one after the other."""
+    """Interface of the link pairs in C, one pair after the other."""
 
     def motions(self) -> list[tuple[Vector, Quaternion, Vector, Vector]]:
-        """Of each link, in the world frame: position of its origin [m], orientation (x, y, z, w), velocity of the
-        origin [m/s], angular velocity [rad/s]. All forces are zero from now on."""
+        """Return the motion of each link's frame, world frame; also set all forces to zero.
+
+        Position [m], orientation (x, y, z, w), linear velocity [m/s], angular velocity [rad/s].
+        """
 
     def push(self, pair: int, force: Vector, torque: Vector, point: Vector, /) -> None:
-        """A force [N] at a point [m] and a torque [N m] on the first link of a pair, and the opposite ones on the
-        second, in the world frame; they add up."""
+        """Add a force [N] at a point [m] and a torque [N m] to the first link of a pair, the opposite to the second.
+
+        All in the world frame.
+        """
 
 
 def _zero() -> opensim.SpatialVec:
@@ -34,14 +41,15 @@ def _zero() -> opensim.SpatialVec:
 
 
 class EngineBushings(Bushings):
-    """All that are connected, and what they do in OpenSim.
+    """Connected bushings and their forces in OpenSim.
 
     Args:
-        full_name, near: see the base.
+        full_name: as in `Bushings`.
+        near: as in `Bushings`.
         R_ground_world: rotation of the world in OpenSim's ground, shape (3, 3).
 
     Attributes:
-        any: whether there is one.
+        any: True if there is a bushing.
     """
 
     def __init__(
@@ -51,12 +59,12 @@ class EngineBushings(Bushings):
         self._R, self.any = R_ground_world, False
 
     def bind(self, engine: Engine, kinematics: Kinematics, frame: Callable[[str], str]) -> None:
-        """Another build of the model, or others connected.
+        """Bind the bushings to another build of the model, or after a change of the connections.
 
         Args:
             engine: the model.
-            kinematics: of the same.
-            frame: names the engine's frame of "model::link".
+            kinematics: kinematics of the same engine.
+            frame: function from "model::link" to the engine's frame name.
         """
         carriers = [kinematics.carrier(engine.frame(frame(link))) for pair in self.pairs() for link in pair]
         self.any = bool(carriers)
@@ -81,13 +89,12 @@ class EngineBushings(Bushings):
         return made
 
     def _motion(self, body: opensim.PhysicalFrame) -> tuple[Any, Any]:
-        """Pose and velocity of a body in OpenSim's own memory, where they stay until the state is another one."""
+        """Return pose and velocity of a body in OpenSim's own memory, valid until the state changes."""
         state = self._engine.system_state
         return body.getTransformInGround(state), body.getVelocityInGround(state)
 
     def efforts(self, y: FloatArray) -> FloatArray:
-        """What holds both links of each together in a step from the state y, as efforts on the coordinates, shape
-        (nu,) [N m or N]."""
+        """Return the bushings' efforts on the coordinates in a step from the state y, shape (nu,) [N m or N]."""
         engine = self._engine
         engine.put_y(y)
         engine.model.realizeVelocity(engine.system_state)
@@ -103,7 +110,7 @@ class EngineBushings(Bushings):
         return self._efforts_view.copy()
 
     def loads(self) -> list[Load]:
-        """What acted on the bodies in the last step."""
+        """Return the loads on the bodies in the last step."""
         loads = []
         for i, law in enumerate(self.laws.values()):
             force, torque, point = (self._R @ vector for vector in law.load[:3])

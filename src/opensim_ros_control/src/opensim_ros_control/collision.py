@@ -1,5 +1,7 @@
-"""The colliders of a model, the pairs of them that may touch, and which do. Far pairs cost next to nothing: a pair is
-looked at again only when what moved since could have closed its gap."""
+"""Colliders of a model, the pairs of them that may touch, and the pairs that touch.
+
+Far pairs cost almost nothing: a pair is checked again only when the motion since could have closed its gap.
+"""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,13 +18,11 @@ from opensim_ros_control.engine import Engine
 from opensim_ros_control.shapes import Pairing, Shape, Touch, pose
 
 MARGIN = 2e-3
-"""Shapes that are nearer than this are looked at in every step [m] (project default, unconfirmed)."""
+"""Distance below which shapes are checked in every step [m] (project default, unconfirmed)."""
 FLANK = 1e-6
-"""A corner that is less deep than this lies on the sides of both shapes, which say nothing of their overlap [m]
-(project default, unconfirmed)."""
+"""Depth below which a corner on the sides of both shapes shows no overlap [m] (project default, unconfirmed)."""
 AT_ONCE = 20.0
-"""When one pair must be looked at, so are those that would have to be within so many steps: the poses cost more than
-the pairs (project default, unconfirmed)."""
+"""Steps ahead for which pairs are checked with a due one: poses cost more (project default, unconfirmed)."""
 
 
 @dataclass
@@ -31,10 +31,10 @@ class Collider:
 
     Attributes:
         link: "model::link".
-        model: its model.
-        mobile: OpenSim's number of the moving body that carries it, 0 for the ground.
-        T_body_shape: its pose in that body, shape (4, 4).
-        moved_by: how far a point of the shape goes at the most per change of each coordinate, shape (nq,) [m/rad or 1].
+        model: name of its model.
+        mobile: OpenSim's number of the moving body that carries it, 0 for ground.
+        T_body_shape: pose in that body, shape (4, 4).
+        moved_by: largest travel of a point of the shape per change of each coordinate, shape (nq,) [m/rad or 1].
     """
 
     link: str
@@ -47,7 +47,7 @@ class Collider:
 
 @dataclass
 class Meeting:
-    """Two colliders that touch, or nearly do, in the ground frame."""
+    """Two colliders that touch or nearly touch, in the ground frame."""
 
     a: Collider
     b: Collider
@@ -56,16 +56,16 @@ class Meeting:
 
 
 def _path_per_change(a: Collider, b: Collider) -> FloatArray:
-    """What moves both moves them alike: only the coordinates that move one of them count."""
+    """Return the largest relative travel per coordinate; coordinates that move both colliders do not count."""
     apart = (a.moved_by > 0.0) != (b.moved_by > 0.0)
     return np.where(apart, a.moved_by + b.moved_by, 0.0)
 
 
 class Collisions:
-    """All pairs of colliders that may touch.
+    """Pairs of colliders that may touch.
 
     Args:
-        pairs: of colliders.
+        pairs: pairs of colliders.
         nq: number of coordinates.
     """
 
@@ -78,7 +78,7 @@ class Collisions:
         self._poses: dict[int, Any] = {}
 
     def near(self, q: FloatArray) -> list[int]:
-        """Pairs that must be looked at, and those that soon must, given all coordinates, shape (nq,)."""
+        """Return the pairs that must be checked now or soon, given all coordinates, shape (nq,)."""
         if not self.pairs:
             return []
         spent = np.zeros(1) if self._last is None else self._path @ np.abs(q - self._last)
@@ -91,12 +91,12 @@ class Collisions:
     def meetings(
         self, near: Sequence[int], body_pose: Callable[[int], FloatArray], areas: Callable[[Collider, Collider], bool]
     ) -> Iterator[Meeting]:
-        """What touches, or nearly does.
+        """Yield the pairs that touch or nearly touch.
 
         Args:
-            near: of `near`.
-            body_pose: T_ground_body of a moving body by OpenSim's number, shape (4, 4).
-            areas: whether the whole area of a meeting is needed.
+            near: result of `near`.
+            body_pose: function from OpenSim's number of a moving body to T_ground_body, shape (4, 4).
+            areas: function that returns True if the complete contact area of a pair is needed.
         """
         self._poses.clear()
         for i in near:
@@ -112,7 +112,7 @@ class Collisions:
                 yield Meeting(a, b, touch, corners or touch.points)
 
     def depths(self, meeting: Meeting) -> list[tuple[FloatArray, float]]:
-        """(point, depth [m]) of each point of the meeting that was last handed out, or before in the same step."""
+        """Return (point, depth [m]) of each point of the last yielded meeting, or of an earlier one of the step."""
         if len(meeting.points) == 1:
             return [(meeting.points[0], meeting.touch.depth)]
         sides = [(c.shape.geometry, self._poses[id(c)]) for c in (meeting.a, meeting.b)]
@@ -122,7 +122,7 @@ class Collisions:
         return found
 
     def corners(self, meeting: Meeting, body_pose: Callable[[int], FloatArray]) -> list[faces.Corner]:
-        """Where the sides of the two shapes meet; their deepest point where they do not."""
+        """Return the intersections of the two shapes' sides; without any, their deepest point."""
         a, b, touch = meeting.a, meeting.b, meeting.touch
         T_a, T_b = body_pose(a.mobile) @ a.T_body_shape, body_pose(b.mobile) @ b.T_body_shape
         return faces.corners(a.shape.solid, T_a, b.shape.solid, T_b, touch.normal, touch.points[0], touch.depth)
@@ -135,13 +135,14 @@ class Collisions:
 
 
 def moved_by(description: Robot, link: str, reach: float, indices: Mapping[str, Sequence[int]], nq: int) -> FloatArray:
-    """How far a point of a link goes at the most per change of each coordinate, shape (nq,).
+    """Return the largest travel of a point of a link per change of each coordinate, shape (nq,).
 
     Args:
-        link: of the description.
+        description: the description.
+        link: link of the description.
         reach: distance of the point from the link's origin [m].
-        indices: of each moving joint's coordinates in q; of a floating joint three angles first, of a planar
-            one an angle.
+        indices: indices of each moving joint's coordinates in q; a floating joint has three angles first, a planar one
+            an angle.
         nq: number of coordinates.
     """
     result = np.zeros(nq)
@@ -167,11 +168,13 @@ def make_colliders(
     indices: Mapping[str, Sequence[int]],
     robot: str,
 ) -> list[Collider]:
-    """Colliders of all links that have shapes.
+    """Return the colliders of all links that have shapes.
 
     Args:
-        description: of everything in the model.
-        shapes: by link of the description.
+        description: description of the complete model.
+        shapes: shapes by link of the description.
+        engine: the model.
+        kinematics: kinematics of the same engine.
         indices: see `moved_by`.
         robot: name of the robot's model, to which links without "model::" belong.
     """
@@ -195,8 +198,11 @@ def colliding_pairs(
     self_collision: bool,
     connected: Iterable[tuple[str, str]],
 ) -> list[tuple[Collider, Collider]]:
-    """Pairs that may touch: of different models, unless both stand still; of the robot's links those that are neither
-    neighbours nor masked. Links that are connected do not, by "model::link"."""
+    """Return the pairs that may touch, by "model::link".
+
+    Links of different models, unless both are fixed; of the robot those that are neither neighbours nor masked.
+    Connected links do not touch.
+    """
     top = {link: name for link, (name, _) in description.rigid_groups().items()}
     name = {link if "::" in link else f"{robot}::{link}": link for link in description.links}
     neighbours = description.neighbours()

@@ -1,9 +1,9 @@
-"""Contact forces from the meetings of one step.
+"""Contact forces from the touching pairs of one step.
 
-Penalty contact is one spring per pair of links, at the centre of all the area in which they overlap, with the mean
-force of its motion through the step (`hric_control.plants.spring_step`): held over the step, it gives and takes the
-same energy. Rigid contact is solved for the speeds at the end of the step, as the usual engines of robotics do: no
-approach that would leave a point inside, forces that never pull, friction within its cone (projected Gauss-Seidel).
+Penalty contact is one spring per pair of links, at the centre of the overlap area, with the mean force of its motion
+through the step (`hric_control.plants.spring_step`), which is constant over the step and transfers the same energy.
+Rigid contact is solved for the speeds at the end of the step, as in common robotics engines: no approach that would
+leave a point inside, no pulling forces, friction within its cone (projected Gauss-Seidel).
 """
 
 import functools
@@ -18,37 +18,36 @@ from hric_control.geometry import FloatArray
 from hric_control.plants import Springs
 
 RETURN = 0.2
-"""Share of an overlap that rigid contact takes back in one step; the same as the usual engines' (project default,
-unconfirmed)."""
+"""Fraction of an overlap corrected per step, as in common engines [1] (project default, unconfirmed)."""
 RETURN_SPEED = 0.5
-"""An overlap is not taken back faster than this [m/s] (project default, unconfirmed)."""
+"""Largest speed of the overlap correction [m/s] (project default, unconfirmed)."""
 _SWEEPS = 100
 _ROUNDS = 10
-"""Of the directions of sliding, until they settle."""
+"""Maximum number of iterations of the sliding directions."""
 _SPEED = 1e-9
-"""What counts as no speed [m/s]."""
+"""Speed that counts as zero [m/s]."""
 _TOLERANCE = 1e-6
-"""Relative change of the forces at which the iteration ends."""
+"""Relative change of the forces at which the iteration ends [1]."""
 _SINGULAR = 1e-10
-"""Share of the largest eigenvalue below which one counts as zero."""
+"""Fraction of the largest eigenvalue below which an eigenvalue counts as zero [1]."""
 
 
 @dataclass
 class Point:
-    """One point of contact, all in one frame.
+    """One contact point, all in one frame.
 
     Attributes:
         a, b: names of the links.
-        bodies: OpenSim's numbers of what carries them.
+        bodies: OpenSim's numbers of the bodies that carry them.
         position: shape (3,) [m].
-        normal: from b to a, unit vector.
-        depth: [m], negative for a gap.
-        J: velocity of a seen from b there per speed, shape (3, nu).
+        normal: unit vector from b to a.
+        depth: penetration depth, negative for a gap [m].
+        J: Jacobian of the velocity of a relative to b at the point, shape (3, nu).
         law: (stiffness [N/m], damping [N s/m], friction) of penalty contact; stiffness None for rigid contact.
-        key: of the same point in the step before.
-        force: on a, held over the last step, shape (3,) [N].
-        reading: what a sensor reads of it along the normal, where that is something else [N].
-        closing: speed of penalty contact as the step began [m/s].
+        key: key that identifies the same point in the previous step.
+        force: force on a, constant over the last step, shape (3,) [N].
+        reading: sensor reading along the normal, if it differs from the force [N].
+        closing: approach speed of penalty contact at the start of the step [m/s].
     """
 
     a: str
@@ -66,20 +65,21 @@ class Point:
 
     @property
     def normal_force(self) -> float:
-        """What a sensor reads [N]."""
+        """Normal force as a sensor reads it [N]."""
         return float(self.force @ self.normal) if self.reading is None else self.reading
 
 
 def push_apart(
     points: Sequence[Point], u: FloatArray, before: FloatArray, response: FloatArray, springs: Springs
 ) -> FloatArray:
-    """Efforts of all penalty contacts, shape (nu,).
+    """Return the efforts of all penalty contacts, shape (nu,).
 
     Args:
-        points: with stiffness, one per pair of links; their depths are those of the middle of the step.
-        u, before: speeds now and a step before, shape (nu,) each.
+        points: points with stiffness, one per pair of links; their depths are those at the middle of the step.
+        u: present speeds, shape (nu,).
+        before: speeds one step before, shape (nu,).
         response: change of du/dt per effort, shape (nu, nu).
-        springs: between the links.
+        springs: springs between the links.
     """
     efforts = np.zeros_like(u)
     for point in points:
@@ -107,13 +107,13 @@ def push_apart(
 
 
 def _inverse_mass(J: FloatArray, response: FloatArray, along: FloatArray) -> float:
-    """Inverse effective mass along a unit vector [1/kg]; see Point and push_apart."""
+    """Return the inverse effective mass along a unit vector [1/kg]; see Point and push_apart."""
     row = along @ J
     return float(row @ response @ row)
 
 
 def _axes(normal: FloatArray) -> FloatArray:
-    """A unit vector and two directions across it, shape (3, 3); in plain floats, which is quicker here."""
+    """Return a unit vector and two directions normal to it, shape (3, 3); plain floats are faster here."""
     x, y, z = normal.tolist()
     if abs(x) <= min(abs(y), abs(z)):
         a, b, c = 0.0, z, -y
@@ -127,22 +127,22 @@ def _axes(normal: FloatArray) -> FloatArray:
 
 
 class RigidContact:
-    """Solves rigid contact; remembers the forces of the step before, from which the next solution starts."""
+    """Solver of rigid contact, warm-started with the forces of the previous step."""
 
     def __init__(self, time_step: float) -> None:
         self._dt = time_step
         self._before: dict[tuple[object, ...], tuple[float, float, float]] = {}
 
     def forget(self) -> None:
-        """Bodies were put elsewhere."""
+        """Forget the previous forces, after bodies were repositioned."""
         self._before.clear()
 
     def solve(self, points: Sequence[Point], v: FloatArray, gain: FloatArray) -> FloatArray:
-        """Efforts of all points together, shape (nu,).
+        """Return the efforts of all points together, shape (nu,).
 
         Args:
-            points: that touch rigidly.
-            v: speeds at the end of the step without them, shape (nu,).
+            points: points in rigid contact.
+            v: speeds at the end of the step without contact, shape (nu,).
             gain: change of these speeds per effort, shape (nu, nu).
         """
         axes = [_axes(point.normal) for point in points]
@@ -159,7 +159,7 @@ class RigidContact:
         return np.asarray(rows.T @ f)
 
     def _min_speed(self, depth: float) -> float:
-        """Minimum speed of the point along the normal [m/s]."""
+        """Return the minimum speed of the point along the normal [m/s]."""
         if depth <= 0.0:
             return depth / self._dt
         return min(RETURN * depth / self._dt, RETURN_SPEED)
@@ -167,12 +167,12 @@ class RigidContact:
 
 @dataclass(frozen=True)
 class _Problem:
-    """Forces of points with three rows each, along the normal and twice across it.
+    """Contact problem with three rows per point, one along the normal and two normal to it.
 
     Attributes:
         A: change of the speeds along the rows per force, shape (3 n, 3 n).
-        free: these speeds without force, shape (3 n,).
-        min_speeds: along each normal, shape (n,).
+        free: speeds without force, shape (3 n,).
+        min_speeds: minimum speeds along the normals, shape (n,).
         friction: coefficients, shape (n,).
     """
 
@@ -182,7 +182,7 @@ class _Problem:
     friction: FloatArray
 
     def part(self, points: npt.NDArray[np.bool_]) -> "_Problem":
-        """Only some of the points."""
+        """Return the problem of some of the points."""
         if points.all():
             return self
         rows = np.repeat(points, 3)
@@ -190,12 +190,14 @@ class _Problem:
 
 
 def _forces(problem: _Problem, before: FloatArray) -> FloatArray:
-    """Shape (3 n,) [N]. Mostly nothing acts, or all points that press stick, or all slide: these are tried first,
-    directly. Else the sweeps decide.
+    """Return the contact forces, shape (3 n,) [N].
+
+    Usually no point acts, or all pressing points stick, or all slide: these cases are solved directly first, others by
+    sweeps.
 
     Args:
         problem: the points.
-        before: where the sweeps begin, shape (3 n,).
+        before: initial forces of the sweeps, shape (3 n,).
     """
     if (problem.free[::3] >= problem.min_speeds).all():
         return np.zeros_like(problem.free)
@@ -215,7 +217,7 @@ def _forces(problem: _Problem, before: FloatArray) -> FloatArray:
 
 
 def _pressing(problem: _Problem, law: Callable[[_Problem], FloatArray | None]) -> FloatArray | None:
-    """Forces by a law, without the points that would have to pull; None where that is no solution."""
+    """Return forces by a law, without the points that would pull; None if that is no solution."""
     active = np.ones(len(problem.min_speeds), dtype=bool)
     for _ in range(len(active)):
         f = law(problem.part(active)) if active.any() else None
@@ -236,7 +238,7 @@ def _pressing(problem: _Problem, law: Callable[[_Problem], FloatArray | None]) -
 
 
 def _sticking(problem: _Problem) -> FloatArray:
-    """The smallest forces by which no point moves any more."""
+    """Return the smallest forces for which no point slides."""
     aim = -problem.free
     aim[::3] += problem.min_speeds
     if problem.friction.all():
@@ -249,8 +251,7 @@ def _sticking(problem: _Problem) -> FloatArray:
 
 
 def _sliding(problem: _Problem) -> FloatArray | None:
-    """The smallest forces with all friction at its bound, against the direction in which each point then slides; None
-    where that does not settle."""
+    """Return the smallest forces with all points sliding, friction against the motion; None without convergence."""
     A, speeds = problem.A, problem.free
     old = np.zeros((len(problem.min_speeds), 2))
     for _ in range(_ROUNDS):
@@ -270,7 +271,7 @@ def _sliding(problem: _Problem) -> FloatArray | None:
 
 
 def _min_norm(A: FloatArray, aim: FloatArray) -> FloatArray:
-    """The smallest f with A f = aim; A is symmetric, and singular where several points hold one body."""
+    """Return the smallest f with A f = aim; A is symmetric, and singular where several points support one body."""
     values, vectors = np.linalg.eigh(A)
     kept = values > _SINGULAR * max(values[-1], 0.0)
     V = vectors[:, kept]
@@ -280,8 +281,7 @@ def _min_norm(A: FloatArray, aim: FloatArray) -> FloatArray:
 def _sweeps(
     A: list[list[float]], free: list[float], min_speeds: list[float], friction: list[float], f: list[float]
 ) -> list[float]:
-    """Projected Gauss-Seidel over points of three rows each: normal force >= 0, friction within its cone. Plain floats:
-    the problems are small."""
+    """Return forces by projected Gauss-Seidel: normal force >= 0, friction within its cone; plain floats."""
     n = len(f)
     for _ in range(_SWEEPS):
         change, largest = 0.0, 0.0
@@ -289,7 +289,7 @@ def _sweeps(
             i = 3 * k
             row, old = A[i], f[i]
             if row[i] <= 1e-12:
-                continue  # neither body can give way
+                continue  # neither body can yield
             new = old + (speed - free[i] - sum(map(float.__mul__, row, f))) / row[i]
             f[i] = new = max(new, 0.0)
             change, largest = max(change, abs(new - old)), max(largest, new)
@@ -303,8 +303,7 @@ def _sweeps(
 
 
 def _rub(A: list[list[float]], free: list[float], f: list[float], i: int, bound: float) -> float:
-    """Friction of the point whose normal row is i, towards standing still, no more than `bound` [N]; returns the
-    change."""
+    """Apply friction towards rest, at most `bound` [N], to the point with normal row i; return the change."""
     before = f[i + 1], f[i + 2]
     for j in (i + 1, i + 2):
         if A[j][j] > 1e-12:

@@ -1,10 +1,10 @@
 """Forward dynamics with rotor inertia, brakes and constraints, from OpenSim's own acceleration and mass matrix.
 
-OpenSim knows the links only: its acceleration a solves  M a = f + G' lambda,  with all forces of the model in f
-(gravity, velocity terms, damping). Rotors add B = diag(b), and tau acts in the joints besides. x is such that
+OpenSim knows only the links: its acceleration a solves  M a = f + G' lambda,  with all forces of the model in f
+(gravity, velocity terms, damping). Rotors add B = diag(b), and tau acts in the joints in addition. x is such that
     (M + B) x = f + tau + G' mu,   G x = G a,
-in which f need not be known: M a differs from it by a G' lambda, which mu takes up. So (M + B) x = M a + tau + G' nu.
-Braked joints have x = 0 and leave the equations; what their rows lack is the effort of the brake.
+in which f need not be known: M a differs from it by a G' lambda, which mu absorbs. So (M + B) x = M a + tau + G' nu.
+Braked joints have x = 0 and leave the equations; the residual of their rows is the effort of the brake.
 """
 
 from collections.abc import Sequence
@@ -17,16 +17,16 @@ from opensim_ros_control.stages import balance, rubbed, solve
 
 
 class Dynamics:
-    """du/dt of one model.
+    """Equations of motion (du/dt) of one model.
 
     Args:
         engine: the model.
-        inertia: of the rotors, shape (nu,) [kg m^2].
-        friction: a row per coordinate beyond the model's own forces, see `stages.rubbed`; None for none.
+        inertia: rotor inertias, shape (nu,) [kg m^2].
+        friction: a row per coordinate besides the model's own forces, see `stages.rubbed`; None for none.
 
     Attributes:
-        rotors: their inertia, as given.
-        inertia: that acts in the joints in place of the rotors' from now on, shape (nu,) [kg m^2].
+        rotors: rotor inertias of the constructor.
+        inertia: inertia that acts in the joints instead of the rotors', shape (nu,) [kg m^2].
     """
 
     def __init__(self, engine: Engine, inertia: FloatArray, friction: FloatArray | None) -> None:
@@ -38,12 +38,12 @@ class Dynamics:
         self.brake(())
 
     def brake(self, braked: Sequence[int]) -> None:
-        """These coordinates do not move from now on, the others do."""
+        """Brake these coordinates and free the others."""
         self._braked = sorted(braked)
         self._free = np.setdiff1d(self._all, np.array(self._braked, dtype=np.intp)) if self._braked else self._all
 
     def evaluate(self, y: FloatArray, tau: FloatArray) -> FloatArray:
-        """du/dt, shape (nu,), in this state, as the engine takes it, under the efforts tau, shape (nu,)."""
+        """Return du/dt, shape (nu,), in the state y in the engine's order, under the efforts tau, shape (nu,)."""
         engine = self.engine
         engine.put_y(y)
         self._a = a = engine.acceleration()
@@ -59,7 +59,7 @@ class Dynamics:
     @staticmethod
     def _solve(A: FloatArray, b: FloatArray) -> FloatArray:
         x = solve(A, b)
-        # Not positive definite: a description with tensors that no body has.
+        # Not positive definite: a description with physically impossible inertia tensors.
         return np.asarray(np.linalg.solve(A, b)) if x is None else x
 
     def _constrained(self, drive: FloatArray) -> FloatArray:
@@ -73,15 +73,14 @@ class Dynamics:
         G = self.engine.constraint_jacobian()
         W = self._solve(A, np.ascontiguousarray(G[:, free].T))
         x0 = self._solve(A, drive[free])
-        # Least squares: braked joints may leave constraints without anything to move.
+        # Least squares: with braked joints, constraints may have no free coordinate.
         nu = np.linalg.lstsq(G[:, free] @ W, G @ self._a - G[:, free] @ x0, rcond=None)[0]
         x[free] = x0 + W @ nu
         self._pull = G.T @ nu
         return x
 
     def response(self) -> FloatArray:
-        """Change of du/dt per effort, shape (nu, nu), in the state that was evaluated last; zeros for braked
-        joints."""
+        """Return the change of du/dt per effort in the last evaluated state, (nu, nu); zeros for braked joints."""
         n, free = self.engine.nu, self._free
         K = np.zeros((n, n))
         A = (self.engine.mass_matrix() + np.diag(self.inertia))[np.ix_(free, free)]
@@ -94,15 +93,13 @@ class Dynamics:
         return K
 
     def brake_efforts(self, x: FloatArray) -> FloatArray:
-        """Efforts of the brakes with du/dt = x in the state that was evaluated last, shape (nu,), zero for free joints
-        [N m]."""
+        """Return the brake efforts for du/dt = x in the last evaluated state, (nu,), zero for free joints [N m]."""
         efforts = np.zeros_like(x)
         efforts[self._braked] = (self._A @ x - self._drive - self._pull)[self._braked]
         return efforts
 
     def stopped(self, y: FloatArray) -> FloatArray:
-        """The state after the brakes have closed in y: the joints that they hold stop at once, the impulse goes
-        through the others."""
+        """Return the state after the brakes closed in y: their joints stop at once, with an impulse on the others."""
         n, braked = self.engine.nu, self._braked
         u = y[n : 2 * n]
         if not braked or not u[braked].any():

@@ -1,7 +1,7 @@
 """One OpenSim model with one state, read and written as arrays.
 
-All vectors are in the order of the multibody tree, which is not that of the description: `index` has the
-index of each coordinate.
+All vectors are in the order of the multibody tree, which differs from that of the description: `index` has the index of
+each coordinate.
 """
 
 import numpy as np
@@ -18,18 +18,18 @@ to_vector = opensim.Vector.createFromMat
 
 
 class Engine:
-    """A model made ready to run.
+    """Initialised model.
 
     Attributes:
-        built: what it was made of.
+        built: model and its sources.
         model, system_state: OpenSim's objects; the state belongs to the engine.
-        index: of each coordinate, by its path, in q and u.
+        index: index of each coordinate in q and u, by its path.
         state_names: paths of OpenSim's state variables, in its order.
-        straight: whether dq/dt = u for all coordinates.
+        straight: True if dq/dt = u for all coordinates.
         constraints: number of constraint equations (mimic joints and the like).
-        frames: by "link" or "model::link".
-        actuators: of coordinates, with their indices. In `system_state` they are off: the efforts enter beside the
-            model, which is cheaper.
+        frames: frames by "link" or "model::link".
+        actuators: coordinate actuators with their indices. They are off in `system_state`: it is cheaper to apply the
+            efforts outside the model.
     """
 
     def __init__(self, built: Built) -> None:
@@ -77,8 +77,7 @@ class Engine:
         return [(self.index[a.getCoordinate().getAbsolutePathString()], a) for a in actuators if a is not None]
 
     def _find_control_slots(self) -> list[int]:
-        """Indices of the controls of `actuators` among all controls of the model, which are in the order of its
-        actuators."""
+        """Return the indices of the controls of `actuators` among all controls, in the order of the actuators."""
         found, slots, number = self.model.getActuators(), [], 0
         for i in range(found.getSize()):
             if opensim.CoordinateActuator.safeDownCast(found.get(i)) is not None:
@@ -87,8 +86,7 @@ class Engine:
         return slots
 
     def set_controls(self, efforts: FloatArray) -> None:
-        """Default controls of the model: efforts, shape (nu,), on the coordinates that have actuators. What a state has
-        computed with those before stays as it is."""
+        """Set the default controls: efforts, shape (nu,), on actuated coordinates; cached states keep old ones."""
         if self._direct:
             self._controls[:] = efforts
         else:
@@ -101,7 +99,7 @@ class Engine:
         return int(np.argmax(state.getU().to_numpy()))
 
     def _position_slots(self) -> list[int]:
-        """Index of each coordinate among OpenSim's positions: a free joint has one more of them than it uses."""
+        """Return the index of each coordinate in OpenSim's positions: a free joint has one more than it uses."""
         slots = [0] * self.nu
         for path, coordinate in self.coordinates.items():
             state = opensim.State(self.system_state)
@@ -120,7 +118,7 @@ class Engine:
         return bool(np.array_equal(self.positions(state.getQDot()), u))
 
     def _slotted(self, q: FloatArray) -> FloatArray:
-        """Positions as OpenSim stores them."""
+        """Return positions as OpenSim stores them."""
         if self._slots is None:
             return q
         full = np.zeros(self.system_state.getNQ())
@@ -128,7 +126,7 @@ class Engine:
         return full
 
     def positions(self, vector: opensim.Vector) -> FloatArray:
-        """OpenSim's positions, or their rates, as one number per coordinate, shape (nu,)."""
+        """Return OpenSim's positions, or their rates, as one number per coordinate, shape (nu,)."""
         values = vector.to_numpy()
         return np.asarray(values if self._slots is None else values[self._slots])
 
@@ -141,8 +139,11 @@ class Engine:
         self.system_state.setU(to_vector(u))
 
     def put_y(self, y: FloatArray) -> None:
-        """Set all that is integrated: positions q, speeds u, and what else the model's parts have (z), shape (2 nu +
-        nz,). What was realized of the very same array stays so: nobody writes into one that was put."""
+        """Set all integrated states: positions q, speeds u, other states z, shape (2 nu + nz,).
+
+        Realized values of the identical array object stay valid, so the caller must not write into an array after this
+        call.
+        """
         if y is self._present:
             return
         if self._slots is None:
@@ -156,20 +157,19 @@ class Engine:
         self._present = y
 
     def q(self) -> FloatArray:
-        """Positions of the state, shape (nu,) [rad or m]."""
+        """Return the positions of the state, shape (nu,) [rad or m]."""
         return self.positions(self.system_state.getQ())
 
     def u(self) -> FloatArray:
-        """Speeds of the state, shape (nu,) [rad/s or m/s]."""
+        """Return the speeds of the state, shape (nu,) [rad/s or m/s]."""
         return np.asarray(self.system_state.getU().to_numpy())
 
     def y_view(self, state: opensim.State) -> FloatArray | None:
-        """All that is integrated of a state of this model in OpenSim's own memory, where that is as `put_y` takes
-        it."""
+        """Return a view of a state's integrated variables in OpenSim's memory; None if the layout differs."""
         return view(state.getY()) if self._slots is None else None
 
     def y_of(self, state: opensim.State) -> FloatArray:
-        """All that is integrated of a state of this model, as `put_y` takes it."""
+        """Return all integrated variables of a state of this model, as for `put_y`."""
         held = self.y_view(state)
         if held is not None:
             return held.copy()
@@ -177,7 +177,7 @@ class Engine:
         return np.concatenate([*parts, state.getZ().to_numpy()] if self.nz else parts)
 
     def continue_from(self, before: "Engine") -> None:
-        """Take over time and values of all state variables that the model of before has too."""
+        """Copy time and values of all state variables that the previous model also has."""
         state = self.system_state
         state.setTime(before.system_state.getTime())
         values = dict(zip(self.state_names, self.state_values(), strict=True))
@@ -186,43 +186,42 @@ class Engine:
         self.model.setStateVariableValues(state, to_vector(np.array([values[name] for name in self.state_names])))
 
     def state_values(self) -> list[float]:
-        """Values of all state variables, in the order of `state_names`."""
+        """Return the values of all state variables, in the order of `state_names`."""
         values: list[float] = self.model.getStateVariableValues(self.system_state).to_numpy().tolist()
         return values
 
-    # -- what the model makes of it ------------------------------------------------------------------------------------
+    # -- results of the model ------------------------------------------------------------------------------------------
 
     def acceleration(self) -> FloatArray:
-        """du/dt of the model alone, without rotor inertia and what acts in the joints from outside the model, shape
-        (nu,), valid until the next call."""
+        """Return du/dt of the model, without rotors and external efforts, shape (nu,), valid until the next call."""
         self.model.realizeAcceleration(self.system_state)
         return self._acceleration
 
     def mass_matrix(self) -> FloatArray:
-        """Shape (nu, nu) [kg m^2], valid until the next call; positions must be realized."""
+        """Return the mass matrix, shape (nu, nu) [kg m^2], valid until the next call; positions must be realized."""
         self.matter.calcM(self.system_state, self._M)
         return self._M_view
 
     def divided_by_mass(self, efforts: FloatArray) -> FloatArray:
-        """M^-1 times efforts, shape (nu,), valid until the next call; the acceleration must be realized."""
+        """Return M^-1 times efforts, shape (nu,), valid until the next call; the acceleration must be realized."""
         self._efforts_view[:] = efforts
         self.matter.multiplyByMInv(self.system_state, self._efforts, self._result)
         return self._result_view
 
     def constraint_jacobian(self) -> FloatArray:
-        """G with G du/dt given by the constraints, shape (constraints, nu); velocities must be realized."""
+        """Return the constraint Jacobian G, shape (constraints, nu), for G du/dt; velocities must be realized."""
         matrix = opensim.Matrix()
         self.matter.calcG(self.system_state, matrix)
         return np.asarray(matrix.to_numpy())
 
     def velocity_at(self, q: FloatArray, u: FloatArray) -> FloatArray:
-        """dq/dt with other speeds, shape (nu,)."""
+        """Return dq/dt for other speeds, shape (nu,)."""
         self.put(q, u)
         self.model.realizeVelocity(self.system_state)
         return self.positions(self.system_state.getQDot())
 
     def rate(self, y: FloatArray, acceleration: FloatArray) -> FloatArray:
-        """dy/dt with this du/dt in the state that was realized last, shape (2 nu + nz,)."""
+        """Return dy/dt for this du/dt in the last realized state, shape (2 nu + nz,)."""
         result = rate(y, acceleration)
         if not self.straight:
             result[: self.nu] = self.positions(self.system_state.getQDot())
@@ -231,11 +230,11 @@ class Engine:
         return result
 
     def z_rate(self) -> FloatArray:
-        """dz/dt, shape (nz,); the acceleration must be realized."""
+        """Return dz/dt, shape (nz,); the acceleration must be realized."""
         return np.asarray(self.system_state.getZDot().to_numpy())
 
     def frame(self, name: str) -> opensim.Frame:
-        """A frame by "link" or "model::link".
+        """Return a frame by "link" or "model::link".
 
         Raises:
             UnknownNameError: no such frame.

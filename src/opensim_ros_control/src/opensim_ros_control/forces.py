@@ -1,5 +1,4 @@
-"""What acts in a step besides the robot's joints: contact and wrenches, as efforts on the coordinates; and the joint
-loads that follow."""
+"""Contact and wrenches in a step as efforts on the coordinates, and the resulting joint loads."""
 
 from collections.abc import Callable, Mapping, Sequence
 from itertools import groupby
@@ -18,15 +17,15 @@ from opensim_ros_control.robot import Robot
 
 
 class Forces:
-    """Decided once at the beginning of each step and held over it.
+    """External efforts, computed at the start of each step and constant over it.
 
     Args:
-        robot: takes the efforts; `bind` before the first step and after each new build of its model.
+        robot: receives the efforts; call `bind` before the first step and after each new build of its model.
         R_ground_world: rotation of the world in OpenSim's ground, shape (3, 3).
 
     Attributes:
-        wrenches: from outside.
-        springs: of penalty contact.
+        wrenches: external wrenches.
+        springs: springs of penalty contact.
     """
 
     def __init__(self, robot: Robot, R_ground_world: FloatArray) -> None:
@@ -34,14 +33,14 @@ class Forces:
         self._robot, self._R, self._dt = robot, R_ground_world, config.time_step
         self.wrenches = Wrenches(config.time_step)
         self._accurate = config.integrator == "accurate"
-        # Until the middle of the step; semi-implicit positions are there already.
+        # Time to the middle of the step; semi-implicit positions are already there.
         self._ahead = 0.5 * self._dt if self._accurate else 0.0
         self._rigid = RigidContact(self._dt)
         self.springs = Springs(self._dt)
         self.forget()
 
     def forget(self) -> None:
-        """Bodies were put elsewhere: no contact, no step before, no memory."""
+        """Forget contacts, the previous step and spring memory, after bodies were repositioned."""
         self._rigid.forget()
         self.springs.forget()
         self._points: list[Point] = []
@@ -51,22 +50,22 @@ class Forces:
     def bind(
         self, kinematics: Kinematics, collisions: Collisions, surfaces: Mapping[str, Surface], reactions: Reactions
     ) -> None:
-        """All that depends on one build of the model; surfaces by "model::link"."""
+        """Bind to one build of the model; surfaces by "model::link"."""
         self._kinematics, self._reactions, self._surfaces = kinematics, reactions, surfaces
         self.look_at(collisions)
         self._laws: dict[tuple[str, str], tuple[float | None, float, float]] = {}
         self._points, self._pushed, self._before = [], [], None
 
     def look_at(self, collisions: Collisions) -> None:
-        """Other pairs may touch from now on."""
+        """Use other pairs that may touch."""
         self._collisions = collisions
 
     def act(self, frame: Callable[[str], str], held: FloatArray | None) -> None:
-        """Decide what acts in the coming step, and set it in the robot.
+        """Compute the external efforts of the coming step, and set them in the robot.
 
         Args:
-            frame: names the engine's frame of "model::link".
-            held: efforts on the coordinates besides, shape (nu,); None for none.
+            frame: function from "model::link" to the engine's frame name.
+            held: additional efforts on the coordinates, shape (nu,); None for none.
         """
         robot = self._robot
         before, self._before = self._before, robot.y
@@ -106,7 +105,7 @@ class Forces:
         return efforts
 
     def _law(self, a: Collider, b: Collider) -> tuple[float | None, float, float]:
-        """See Point."""
+        """Return the contact law of two colliders; see Point."""
         pair = (a.link, b.link)
         if pair not in self._laws:
             first, second = self._surfaces[a.link], self._surfaces[b.link]
@@ -115,7 +114,7 @@ class Forces:
         return self._laws[pair]
 
     def _meet(self, near: Sequence[int]) -> None:
-        """All points of contact of this step."""
+        """Compute all contact points of this step."""
         found = self._collisions.meetings(near, self._kinematics.pose, lambda a, b: self._law(a, b)[0] is None)
         meetings = sorted(found, key=lambda m: (m.a.link, m.b.link))
         for _, group in groupby(meetings, key=lambda m: (m.a.link, m.b.link)):
@@ -130,7 +129,7 @@ class Forces:
                         self._add(meeting.a, meeting.b, (point, meeting.touch.normal, depth), law, (number, k))
 
     def _add_spring(self, meetings: Sequence[Meeting], law: tuple[float | None, float, float]) -> None:
-        """One spring per pair of links: a link of several shapes is not stiffer for it."""
+        """Add one spring for a pair of links, so that several shapes do not make a link stiffer."""
         deepest = max(meetings, key=lambda m: m.touch.depth)
         normal = sum((max(m.touch.depth, 0.0) * m.touch.normal for m in meetings), np.zeros(3))
         size = float(np.linalg.norm(normal))
@@ -154,21 +153,21 @@ class Forces:
         law: tuple[float | None, float, float],
         key: tuple[int, ...],
     ) -> None:
-        """A point of contact; where: position, normal and depth, key: of the point among those of the two links."""
+        """Add a contact point; where: position, normal, depth; key: the point among those of the two links."""
         J, bodies = self._relative(a, b, where[0]), (a.mobile, b.mobile)
         self._points.append(Point(a.link, b.link, bodies, *where, J, law, (a.link, b.link, *key), np.zeros(3)))
 
     def _relative(self, a: Collider, b: Collider, point: FloatArray) -> FloatArray:
-        """Velocity of a seen from b at a point per speed, shape (3, nu); the ground, number 0, does not move."""
+        """Return the Jacobian of the velocity of a relative to b at a point, shape (3, nu); ground is number 0."""
         if b.mobile == 0:
             return self._kinematics.jacobian(a.mobile, point)[3:]
         J_b = self._kinematics.jacobian(b.mobile, point)[3:]
         return -J_b if a.mobile == 0 else self._kinematics.jacobian(a.mobile, point)[3:] - J_b
 
-    # -- what came of it -----------------------------------------------------------------------------------------------
+    # -- results of the step -------------------------------------------------------------------------------------------
 
     def contacts(self) -> list[Contact]:
-        """Contacts of the last step that carry a force or overlap."""
+        """Return the contacts of the last step that carry a force or overlap."""
         R = self._R.T
         result = []
         for point in self._points:
@@ -192,11 +191,10 @@ class Forces:
         return result
 
     def reactions(self, held: Sequence[Load]) -> list[JointReaction]:
-        """Loads of the robot's moving joints in the last step; empty before the first of a build. `held` acted on the
-        bodies besides contact and wrenches.
+        """Return the loads of the robot's moving joints in the last step; empty before the first step of a build.
 
-        The acceleration is that between its ends; accurate steps take it in their middle, to second order,
-        semi-implicit ones where they begin.
+        `held` are loads on the bodies besides contact and wrenches. The acceleration is the mean over the step;
+        accurate steps use it at their middle, to second order, semi-implicit ones at their start.
         """
         before, after, n = self._before, self._robot.y, self._robot.engine.nu
         if before is None or before is after:

@@ -1,8 +1,7 @@
-"""One step of the plant, in three ways: OpenSim's own third-order integrator, ours on M + B, and semi-implicit Euler as
-PyBullet has it.
+"""Integrators of one step: OpenSim's third-order one, the plant's on M + B, and semi-implicit Euler as in PyBullet.
 
-Efforts are held over a step. A step is never longer than the plant's, so what reads the state in between sees accepted
-states only, in order of time.
+Efforts are constant over a step. A step is never longer than the plant's, so observers see only accepted states, in
+order of time.
 """
 
 import math
@@ -20,31 +19,29 @@ from opensim_ros_control.joint_efforts import JointEfforts, Row
 from opensim_ros_control.stages import advanced, ralston
 
 Touch = Callable[[FloatArray, FloatArray], FloatArray]
-"""(speeds that the step would end with, shape (nu,); their change per effort, shape (nu, nu)) -> efforts of rigid
-contact, shape (nu,)."""
+"""Function (end speeds v, shape (nu,), change of v per effort, (nu, nu)) -> efforts of rigid contact, shape (nu,)."""
 _ROUNDS = 20
-"""Iterations at most between joints and contact in a step, until they agree."""
+"""Maximum number of iterations between joints and contact in a step."""
 _AGREED = 1e-9
-"""Relative change of the efforts below which they do."""
+"""Relative change of the efforts at which these iterations end [1]."""
 
 LONGEST_CALL = 1e-3
-"""Most simulated time in one call of OpenSim's integrator, which keeps all other threads waiting [s] (project default,
-unconfirmed)."""
+"""Longest simulated time of one integrator call, which blocks all threads [s] (project default, unconfirmed)."""
 
 _COMMANDED = opensim.Stage(opensim.Stage.Velocity)
-"""What a state has computed from here on depends on the efforts."""
+"""Stage from which the cached values of a state depend on the efforts."""
 
 
 class IntegrationError(FailureError):
-    """OpenSim's integrator gives a step up."""
+    """Failure of OpenSim's integrator in a step."""
 
 
 class Step(NamedTuple):
-    """A step that was done.
+    """Completed step.
 
     Attributes:
         y: state at its end, in the engine's order.
-        acceleration: du/dt at its beginning, shape (nu,); None where nobody needed it.
+        acceleration: du/dt at its start, shape (nu,); None if not needed.
     """
 
     y: FloatArray
@@ -61,9 +58,9 @@ class OwnSteps:
         self._q, self._u = slice(0, n), slice(n, 2 * n)
 
     def _begin(self, time: float, y: FloatArray, tau: FloatArray, touch: Touch | None) -> tuple[FloatArray, FloatArray]:
-        """(du/dt, efforts with those of all rows and of rigid contact) at the beginning of a step."""
+        """Return (du/dt, efforts with those of all rows and of rigid contact) at the start of a step."""
         dynamics, dt = self._dynamics, self._dt
-        if self._engine.nz:  # what has states of its own may follow the time
+        if self._engine.nz:  # components with own states may depend on time
             self._engine.system_state.setTime(time)
         x = dynamics.evaluate(y, tau)
         if self._rows.active or touch is not None:
@@ -76,7 +73,7 @@ class OwnSteps:
         return x, tau
 
     def _extra(self, rows: Sequence[Row], touch: Touch | None, v: FloatArray, gain: FloatArray) -> FloatArray:
-        """Efforts of the joints' rows and of rigid contact together."""
+        """Return the efforts of the joints' rows and of rigid contact together."""
         if touch is None:
             return self._rows.solve(rows, v, gain)
         by_touch = touch(v, gain)
@@ -93,7 +90,7 @@ class OwnSteps:
         return both
 
     def semi_implicit(self, time: float, y: FloatArray, tau: FloatArray, touch: Touch | None = None) -> Step:
-        """u += dt du/dt, then q += dt dq/dt with the new u."""
+        """Advance by u += dt du/dt, then q += dt dq/dt with the new u."""
         engine, dt = self._engine, self._dt
         x, _ = self._begin(time, y, tau, touch)
         end = y.copy()
@@ -104,7 +101,7 @@ class OwnSteps:
         return Step(end, x)
 
     def third_order(self, time: float, y: FloatArray, tau: FloatArray, touch: Touch | None = None) -> Step:
-        """Ralston's Runge-Kutta method of third order: stages at 0, 1/2 and 3/4 of the step, weights 2/9, 3/9 and 4/9.
+        """Advance by Ralston's Runge-Kutta method of third order: stages at 0, 1/2, 3/4, weights 2/9, 3/9, 4/9.
 
         A. Ralston, Runge-Kutta methods with minimum error bounds, Mathematics of Computation 16 (1962).
         """
@@ -119,13 +116,12 @@ class OwnSteps:
 
 
 class ManagerSteps:
-    """OpenSim's own integrator of third order, with error control, by its Manager. Knows nothing of rotors, brakes and
-    rows.
+    """Steps of OpenSim's third-order integrator with error control; without rotors, brakes and rows.
 
     Args:
         engine: the model.
         time_step: [s].
-        accuracy: of the error control, as OpenSim defines it.
+        accuracy: accuracy of the error control, as OpenSim defines it.
     """
 
     def __init__(self, engine: Engine, time_step: float, accuracy: float) -> None:
@@ -139,13 +135,13 @@ class ManagerSteps:
         engine = self._engine
         engine.put_y(y)
         state = opensim.State(engine.system_state)
-        # From zero, so that equal starts give equal bits whenever they happen; what has states of its own may follow
-        # the time.
+        # From zero, so that equal starts give equal bits at any time; components with own states may depend on
+        # time.
         self._origin, self._steps = (time if engine.nz else 0.0), 0
         state.setTime(self._origin)
         for _, actuator in engine.actuators:
             actuator.setAppliesForce(state, True)
-        # A Manager of its own for each start: one that was used keeps what it thinks of the end of its last step.
+        # A new Manager for each start: a used one stores the end of its last step.
         self._manager = manager = opensim.Manager(engine.model)
         manager.setIntegratorMethod(opensim.Manager.IntegratorMethod_RungeKutta3)
         manager.setIntegratorAccuracy(self._accuracy)
@@ -158,7 +154,7 @@ class ManagerSteps:
         return manager
 
     def step(self, time: float, y: FloatArray, tau: FloatArray) -> Step:
-        """Advance; y is either what the last step ended with, or set from outside."""
+        """Advance; y is the end of the last step, or was set from outside."""
         manager = self._manager
         if manager is None or y is not self._last:
             manager = self._start(time, y)

@@ -1,12 +1,11 @@
-"""Efforts within bounds that bring joints to a target speed in one step: Coulomb friction, joint stops, velocity and
-position drives.
+"""Bounded efforts that bring joints to a target speed in one step: Coulomb friction, stops, and drives.
 
-Each is a row: joint i, effort e_i within [low, high], target speed w. With the speeds v that the step would end with
-otherwise and the response K dt of the speeds to efforts, e is such that each joint reaches its w, or its effort is at
-the bound that keeps it from that (projected Gauss-Seidel). The efforts are held over the step, as commands are; so
-friction holds exactly up to its value, a stop is rigid and takes the joint's energy at any step and any inertia. A stop
-lets a joint come no nearer than it can stand at the end of the step; a joint that is beyond it returns by a fifth of
-the way in each step.
+Each is a row: joint i, effort e_i within [low, high], target speed w. With the speeds v at the end of the step without
+rows, and the response K dt of the speeds to efforts, e is such that each joint reaches its w, or its effort is at the
+bound that prevents it (projected Gauss-Seidel). The efforts are constant over the step, as commands are; so friction
+holds exactly up to its value, and a stop is rigid and absorbs the joint's energy at any step and any inertia. A stop
+limits the speed so that the joint just reaches it at the end of the step; a joint beyond it returns by a fifth of the
+way in each step.
 """
 
 import math
@@ -19,20 +18,17 @@ from hric_control.plant import FloatArray
 from hric_control.plants import StopMemory
 
 RETURN = 0.2
-"""Share of the way beyond a stop that is taken back in one step; the same as the usual engines' (project default,
-unconfirmed)."""
+"""Fraction of a stop violation that is corrected per step, as in common engines [1] (project default, unconfirmed)."""
 NEAR = 0.01
-"""A stop that is nearer than this, beyond what the joint travels in two steps, is looked at [rad or m] (project
-default, unconfirmed)."""
+"""Distance beyond two steps' travel at which a stop is considered [rad or m] (project default, unconfirmed)."""
 _SWEEPS = 50
 _TOLERANCE = 1e-12
-"""Relative change of the efforts at which the iteration ends."""
+"""Relative change of the efforts at which the iteration ends [1]."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """An effort within [low, high] [N m or N] that drives `joint` to `speed` [rad/s or m/s]; whether by a drive, whose
-    effort is reported."""
+    """Effort within [low, high] [N m or N] that drives `joint` to `speed` [rad/s or m/s]; drive: it is reported."""
 
     joint: int
     low: float
@@ -43,17 +39,17 @@ class Row:
 
 @dataclass
 class JointEfforts:
-    """The rows of one robot; all by indices in the tree.
+    """Rows of one robot; all by indices in the tree.
 
     Args:
-        coulomb: joint -> Coulomb friction [N m or N], where there is some.
-        stops: ranges by `stop_joints`, and which stops are still open.
+        coulomb: joint -> Coulomb friction [N m or N], if any.
+        stops: ranges in the order of `stop_joints`, and the stops that are still inactive.
         stop_joints: indices of the joints in the order of `stops`.
         time_step: [s].
 
     Attributes:
         drives: rows of velocity and position drives for the coming step.
-        active: whether there may be rows in the coming step.
+        active: True if there may be rows in the coming step.
         driven: joint -> effort of its drive in the last step [N m or N].
     """
 
@@ -72,18 +68,17 @@ class JointEfforts:
         self.forget()
 
     def forget(self) -> None:
-        """The state was set from outside: the iteration starts from nothing, and stops may be anywhere."""
+        """Forget the previous efforts and distances to stops, after the state was set from outside."""
         self._before.clear()
         self._clearance = self._fastest = 0.0
 
     @property
     def always(self) -> bool:
-        """Whether there are rows in every step."""
+        """True if there are rows in every step."""
         return bool(self.coulomb or self.drives)
 
     def near_stop(self, q: Sequence[float], u: Sequence[float]) -> bool:
-        """Whether a stop could act in the coming step. Joints cannot come near one before they have travelled the
-        shortest distance to one."""
+        """Return True if a stop could act in the coming step; distances are computed again only after enough travel."""
         fastest = max(max(u), -min(u)) * self.time_step
         self._clearance -= max(fastest, self._fastest)
         self._fastest = fastest
@@ -94,7 +89,7 @@ class JointEfforts:
         return self._clearance <= 2.0 * fastest
 
     def rows(self, q: FloatArray, v: FloatArray) -> list[Row]:
-        """What may act in a step from positions q that would end with speeds v."""
+        """Return the rows that may act in a step from positions q with end speeds v."""
         rows = [Row(i, -F, F, 0.0) for i, F in self.coulomb.items()]
         rows += self.drives
         return rows + self._stop_rows(q, v)
@@ -114,10 +109,10 @@ class JointEfforts:
         return distance / self.time_step if inside else RETURN * distance / self.time_step
 
     def solve(self, rows: Sequence[Row], v: FloatArray, gain: FloatArray) -> FloatArray:
-        """Efforts of all rows together, shape (nu,) [N m or N].
+        """Return the efforts of all rows together, shape (nu,) [N m or N].
 
         Args:
-            rows: what may act.
+            rows: rows that may act.
             v: speeds at the end of the step without them, shape (nu,).
             gain: change of these speeds per effort, shape (nu, nu).
         """

@@ -1,4 +1,4 @@
-"""The joints of a model beside the robot: where they are, what drives them, and their stops."""
+"""Joints of the models around the robot: their positions, drives and stops."""
 
 from collections.abc import Sequence
 
@@ -12,15 +12,14 @@ from opensim_ros_control.robot import Robot
 
 
 class ModelJoints:
-    """The joints of one model that have one coordinate each. Their damping and friction are in the engine's model and
-    in the robot's rows.
+    """Joints of one model with one coordinate each; damping and friction are in the engine and the robot's rows.
 
     Args:
-        model: whose they are.
-        robot: has the state of all coordinates.
+        model: model of the joints.
+        robot: holder of the state of all coordinates.
 
     Attributes:
-        joints: the description's, all of them actuated.
+        joints: joints of the description, all of them actuated.
     """
 
     def __init__(self, model: Model, robot: Robot) -> None:
@@ -34,11 +33,11 @@ class ModelJoints:
         return [engine.index[engine.built.joints[name][0]] for name in self._full_names]
 
     def bind(self, engine: Engine) -> None:
-        """Another build of the model, in which the joints are already where they shall go on."""
+        """Bind to another build of the model, which already has the joints' present positions."""
         self._indices = self._indices_in(engine)
 
     def begin(self, engine: Engine, q: FloatArray, u: FloatArray) -> None:
-        """Write where they were put last into all coordinates of a build, both of shape (nu,)."""
+        """Write the last set positions into all coordinates of a build, both of shape (nu,)."""
         self._robot.write(self._indices_in(engine), *self._start, q, u)
         self._stops.restart(self._start[0])
 
@@ -53,23 +52,22 @@ class ModelJoints:
         self._robot.read(self._indices, q, dq)
 
     def put(self, q: Sequence[float], dq: Sequence[float] | None) -> None:
-        """Be at q, dq now and at the start. Raises CommandError where they are not one finite number per joint."""
+        """Put the joints at q, dq now and at each start. Raises CommandError if not one finite number per joint."""
         zeros = self.joints.zeros
         self._start = self.joints.start(q, zeros if dq is None else dq, zeros)
         self._robot.put_coordinates(self._indices, *self._start)
         self._stops.restart(self._start[0])
 
     def drive(self, efforts: Sequence[float]) -> None:
-        """From the next step on [N m or N]. Raises CommandError where they are not as many as joints."""
+        """Set the efforts from the next step on [N m or N]. Raises CommandError if not one per joint."""
         self._efforts = self.joints.command(efforts)
 
     def let_go(self) -> None:
-        """No drive any more."""
+        """Set all drive efforts to zero."""
         self._efforts = self.joints.zeros
 
     def act(self, held: FloatArray | None) -> FloatArray | None:
-        """Efforts on all coordinates in the coming step, shape (nu,), with those of drives and stops; None for
-        none."""
+        """Return the efforts on all coordinates, shape (nu,), with those of drives and stops; None for none."""
         robot = self._robot
         q, dq = ([values[index] for index in self._indices] for values in (robot.q, robot.u))
         efforts = self._stops.add(q, dq, self._efforts)

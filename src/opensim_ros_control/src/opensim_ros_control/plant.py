@@ -1,4 +1,4 @@
-"""The OpenSim plant: one robot, the world around it, and the forces that act on both from outside."""
+"""OpenSim plant: one robot, the world around it, and the external forces on both."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -20,15 +20,15 @@ from urdf_to_osim import transforms
 
 
 class OpenSimPlant(EnginePlant, ReactingPlant):
-    """See `hric_control.plant.Plant`.
+    """Plant on OpenSim; see `hric_control.plant.Plant`.
 
-    The robot's base is rotated in OpenSim's ground so that the world's z points along OpenSim's y, as its users have
-    it. Everything here is in the world frame.
+    The robot's base is rotated in OpenSim's ground so that the world's z points along y, as is usual in OpenSim. All
+    public values are in the world frame.
 
     Attributes:
-        config: the parameters as checked.
+        config: checked parameters.
         robot: the robot, with OpenSim's model and state.
-        world: everything around it.
+        world: models around the robot.
         T_ground_world: pose of the world in OpenSim's ground, shape (4, 4).
     """
 
@@ -57,17 +57,20 @@ class OpenSimPlant(EnginePlant, ReactingPlant):
         self._values = [0.0] * len(self.joint_names)
 
     def reset(self, q: Sequence[float], dq: Sequence[float] | None = None) -> None:
-        """The robot to q, dq, and the world back to its start."""
+        """Reset the robot to q, dq, and the world to its start."""
         self.world.reset()
         self._put(q, dq)
 
     def set_configuration(self, q: Sequence[float]) -> None:
-        """Put the robot at q at rest and leave the world as it is."""
+        """Put the robot at q at rest; the world does not change."""
         self._put(q, None)
 
     def read_state(self, q: list[float], dq: list[float], tau: list[float]) -> None:
-        """Semi-implicit, the position belongs to the end of the step and the velocity to its middle; q - dt dq/2 brings
-        both together."""
+        """Read position, velocity and effort at the measuring instant.
+
+        Semi-implicit, the position belongs to the end of the step and the velocity to its middle; q - dt dq/2
+        synchronises both.
+        """
         robot, half = self.robot, self._half_step
         dq[:] = robot.pick(robot.u)
         q[:] = robot.pick(robot.q)
@@ -76,22 +79,22 @@ class OpenSimPlant(EnginePlant, ReactingPlant):
         tau[:] = robot.effort
 
     def motor_effort(self) -> list[float]:
-        """Efforts of the motors in the last step, n floats [N m]."""
+        """Return the motor efforts of the last step, n floats [N m]."""
         return list(self.robot.motor_effort)
 
     def engine_state(self) -> tuple[list[float], list[float]]:
-        """Raw q, dq of the engine."""
+        """Return the engine's raw q, dq."""
         return self.robot.pick(self.robot.q), self.robot.pick(self.robot.u)
 
     def mass_matrix(self) -> FloatArray:
-        """OpenSim's own mass matrix at the present engine position, shape (n, n) [kg m^2]."""
+        """Return OpenSim's own mass matrix at the present engine position, shape (n, n) [kg m^2]."""
         J = self.robot.law_jacobian()[:, self.robot.user]
         return np.asarray(J.T @ self.robot.synchronised().mass_matrix() @ J)
 
     # -- the step ------------------------------------------------------------------------------------------------------
 
     def apply(self, tau: Sequence[float]) -> None:
-        """Commands for the next step: efforts [N m], or what `set_modes` made of them."""
+        """Set the commands for the next step: efforts [N m], or values by `set_modes`."""
         values: list[float] = tau.tolist() if isinstance(tau, np.ndarray) else list(tau)
         self._check_length(values, "efforts")
         self._values = values
@@ -104,8 +107,7 @@ class OpenSimPlant(EnginePlant, ReactingPlant):
     # -- load ----------------------------------------------------------------------------------------------------------
 
     def set_load(self, load: Load | None, link: str | None = None) -> None:
-        """Fix a payload to `link` (default: behind the last joint); it replaces the one before. The model is built
-        again where everything is."""
+        """Fix a payload to `link` (default: behind the last joint), replacing the previous; the model is rebuilt."""
         model = self.robot.model
         link = link or model.last_link
         model.robot.check_link(link)
@@ -122,11 +124,11 @@ class OpenSimPlant(EnginePlant, ReactingPlant):
     def apply_wrench(
         self, body: str, force: Sequence[float], torque: Sequence[float], point: Sequence[float], duration: float
     ) -> None:
-        """Act on "link" or "model::link" for the steps that `duration` [s] covers (negative: until cleared)."""
+        """Apply a wrench to "link" or "model::link" for `duration` [s], in whole steps (negative: until cleared)."""
         self.world.forces.wrenches.add(self.world.full_name(body), force, torque, point, duration)
 
     def clear_wrenches(self, body: str | None = None) -> None:
-        """End the wrenches on one body ("model" for all of its links), or all."""
+        """End the wrenches on one body ("model" for all its links), or all."""
         if body is None:
             self.world.forces.wrenches.clear()
         elif "::" not in body and self.world.has(body):
@@ -135,21 +137,21 @@ class OpenSimPlant(EnginePlant, ReactingPlant):
             self.world.forces.wrenches.clear_link(self.world.full_name(body))
 
     def contacts(self) -> list[Contact]:
-        """Contacts of the last step."""
+        """Return the contacts of the last step."""
         return self.world.forces.contacts()
 
     def joint_reactions(self) -> list[JointReaction]:
-        """Loads of the robot's moving joints in the last step; empty before the first."""
+        """Return the loads of the robot's moving joints in the last step; empty before the first step."""
         return self.world.reactions()
 
     def take_contact_peaks(self) -> dict[tuple[str, str], float]:
-        """Largest force of each pair that met by a spring since the last call [N]."""
+        """Return the largest spring contact force of each pair since the last call [N]."""
         return self.world.forces.springs.take_peaks()
 
     def _spawn(
         self, name: str, urdf_xml: str, T_world_model: FloatArray, fixed: bool, surfaces: Mapping[str, Surface]
     ) -> None:
-        """Add a model. The whole model is built again, everything else goes on where it is."""
+        """Add a model; OpenSim's model is built again, and all others continue where they are."""
         self.world.spawn(name, urdf_xml, T_world_model, fixed, surfaces)
 
     def delete(self, name: str) -> None:
@@ -157,10 +159,9 @@ class OpenSimPlant(EnginePlant, ReactingPlant):
         self.world.delete(name)
 
     def model_names(self) -> list[str]:
-        """Names of all models but the robot."""
+        """Return the names of all models but the robot."""
         return self.world.names()
 
     def link_state(self, body: str) -> tuple[FloatArray, FloatArray]:
-        """(T_world_link shape (4, 4), twist at the link frame's origin in the world frame, linear then angular, shape
-        (6,))."""
+        """Return (T_world_link, (4, 4), twist at the link's origin, world frame, linear then angular, (6,))."""
         return self.world.state(body)

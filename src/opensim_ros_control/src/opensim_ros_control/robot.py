@@ -1,4 +1,4 @@
-"""The robot in OpenSim: its joints, what acts in them, and one step of that."""
+"""Robot in OpenSim: its joints, their efforts, and one step."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -30,7 +30,7 @@ from opensim_ros_control.stages import cut, gripped
 
 @dataclass(frozen=True)
 class OpenSimConfig(WindowlessConfig):
-    """The plant's parameters: those that all plants share, and OpenSim's own."""
+    """Plant parameters: those of all plants, and OpenSim's own."""
 
     accuracy: float = number(
         1e-3,
@@ -42,26 +42,25 @@ class OpenSimConfig(WindowlessConfig):
 
 
 class Robot:
-    """One robot with a fixed base in an OpenSim model, which may hold other things too.
+    """One robot with a fixed base in an OpenSim model, which may contain other models too.
 
     Vectors are in the tree's order of the model's coordinates; `user` has the indices of the actuated joints in it, in
     the user's order.
 
     Args:
-        model: builds the model.
-        joint_names: the actuated joints.
+        model: builder of the model.
+        joint_names: names of the actuated joints.
         config: the plant's parameters.
 
     Attributes:
-        config: as given.
-        engine: the model of the present.
-        time: [s].
-        y: state at the end of the last step: positions, speeds, and what else the model integrates.
-        q, u: positions and speeds in it as floats [rad or m, rad/s or m/s].
-        motor_effort: efforts of the actuated joints' motors in the last step, in the user's order [N m].
-        effort: what of them arrived behind the rotors, where an arm's torque sensors are [N m].
-        external: efforts that act on the coordinates in the coming steps besides the robot's, shape (nu,); None for
-            none.
+        config: the plant's parameters.
+        engine: the present model.
+        time: simulation time [s].
+        y: state at the end of the last step: positions, speeds, and other integrated states.
+        q, u: positions and speeds in y as floats [rad or m, rad/s or m/s].
+        motor_effort: motor efforts of the actuated joints in the last step, in the user's order [N m].
+        effort: efforts behind the rotors, where an arm's torque sensors are [N m].
+        external: external efforts on the coordinates in the coming steps, shape (nu,); None for none.
         touch: rigid contact in the coming step; None for none.
     """
 
@@ -96,7 +95,7 @@ class Robot:
     # -- the model -----------------------------------------------------------------------------------------------------
 
     def _bind(self, engine: Engine) -> None:
-        """Set everything up on a model that was built."""
+        """Bind to a new build of the model."""
         config = self.config
         self.engine = engine
         path = engine.built.coordinates
@@ -123,12 +122,11 @@ class Robot:
         ]
 
     def law_jacobian(self) -> FloatArray:
-        """Change of the speeds of all coordinates per speed of each, shape (nu, nu); joints that mimic go along."""
+        """Return the change of all coordinates' speeds per speed of each, mimic joints included, shape (nu, nu)."""
         return law_jacobian(self.engine.nu, self._laws)
 
     def _sticking(self) -> dict[int, float]:
-        """Coulomb friction by coordinate, where there is some [N m or N]: of the robot's joints, and of those of the
-        models beside it."""
+        """Return the Coulomb friction by coordinate, of the robot and of the models around it, if any [N m or N]."""
         own = zip(self._indices, self._joints, strict=True)
         beside = (
             (self.engine.index[self.engine.built.joints[f"{model.name}::{joint.name}"][0]], joint)
@@ -139,7 +137,7 @@ class Robot:
         return {index: joint.friction for index, joint in (*own, *beside) if joint.friction > 0.0}
 
     def _friction(self) -> FloatArray | None:
-        """A row of the identified friction per coordinate, where there is some."""
+        """Return a row of the identified friction per coordinate; None without friction."""
         if self.config.friction != "identified":
             return None
         refuse_other_joints(self.config.friction_parameters, self.joint_names)
@@ -149,7 +147,7 @@ class Robot:
         return rows
 
     def _bristle_rows(self) -> FloatArray | None:
-        """A row of the bristle per coordinate, where there is one."""
+        """Return a row of the bristle per coordinate; None without bristles."""
         held = [0.0] * len(self.user)
         if self.config.friction == "identified":
             held = breakaways(self.config.friction_parameters, self.joint_names)
@@ -160,7 +158,7 @@ class Robot:
         return rows
 
     def build_again(self, prepare: Callable[[Engine], None] | None = None) -> None:
-        """The model again, continuing where everything is; `prepare` may set states of what is new in it."""
+        """Build the model again and continue in the present state; `prepare` may set the states of new components."""
         self._write_state()
         engine = Engine(self.model.build())
         engine.continue_from(self.engine)
@@ -182,7 +180,7 @@ class Robot:
         self.u: list[float] = values[n : 2 * n]
 
     def synchronised(self) -> Engine:
-        """The engine with the present state in it, velocities realized: for poses and twists."""
+        """Return the engine with the present state, velocities realized: for poses and twists."""
         self._write_state()
         self.engine.model.realizeVelocity(self.engine.system_state)
         return self.engine
@@ -190,7 +188,7 @@ class Robot:
     # -- putting the robot somewhere -----------------------------------------------------------------------------------
 
     def put(self, q: Sequence[float], dq: Sequence[float]) -> None:
-        """Put the actuated joints at q, dq; the robot's other joints stay where they are, at rest."""
+        """Put the actuated joints at q, dq; the robot's other joints keep their positions, at rest."""
         for values in (q, dq):
             self._check_length(values)
         if not all(map(math.isfinite, [*q, *dq])):
@@ -208,7 +206,7 @@ class Robot:
         self._close_brakes()
 
     def put_coordinates(self, indices: Sequence[int], q: Sequence[float], dq: Sequence[float]) -> None:
-        """Put these coordinates of a model beside the robot at q, dq."""
+        """Put these coordinates of a model around the robot at q, dq."""
         y, n = self.y.copy(), self.engine.nu
         self.write(indices, q, dq, y[:n], y[n : 2 * n])
         self._set_y(y)
@@ -217,14 +215,13 @@ class Robot:
     def write(
         self, indices: Sequence[int], q: Sequence[float], dq: Sequence[float], all_q: FloatArray, all_u: FloatArray
     ) -> None:
-        """Have these coordinates at q, dq at the measuring instant, in positions and speeds of all, shape (nu,)
-        each."""
-        # The read-out goes half a step back, so the engine starts half a step ahead.
+        """Write q, dq of these coordinates at the measuring instant into positions and speeds of all, shape (nu,)."""
+        # The read-out subtracts half a step, so the engine starts half a step ahead.
         for index, x, v in zip(indices, q, dq, strict=True):
             all_q[index], all_u[index] = x + self._half * v, v
 
     def read(self, indices: Sequence[int], q: list[float], dq: list[float]) -> None:
-        """Write what these coordinates are at the measuring instant into the lists in place."""
+        """Write the values of these coordinates at the measuring instant into the lists in place."""
         dq[:] = [self.u[index] for index in indices]
         q[:] = [self.q[index] - self._half * v for index, v in zip(indices, dq, strict=True)]
 
@@ -235,16 +232,15 @@ class Robot:
             )
 
     def pick(self, values: list[float]) -> list[float]:
-        """Those of the actuated joints, in the user's order, among those of all coordinates."""
+        """Return the values of the actuated joints, in the user's order, from those of all coordinates."""
         return values if self.straight else [values[index] for index in self.user]
 
     def _of_joints(self, values: list[float]) -> list[float]:
-        """Those of all joints of the robot, in their own order, among those of all coordinates."""
+        """Return the values of all robot joints, in their own order, from those of all coordinates."""
         return values if self._all_straight else [values[index] for index in self._indices]
 
     def response(self) -> FloatArray:
-        """Change of du/dt per effort on the coordinates, shape (nu, nu), in the engine's present state; its positions
-        must be realized."""
+        """Return the change of du/dt per effort, shape (nu, nu), in the engine's state; positions must be realized."""
         if self.engine.constraints:
             self.engine.model.realizeVelocity(self.engine.system_state)
         return self._dynamics.response()
@@ -252,7 +248,7 @@ class Robot:
     # -- modes and brakes ----------------------------------------------------------------------------------------------
 
     def set_modes(self, modes: Sequence[Mode]) -> None:
-        """What the commands of the actuated joints mean from now on."""
+        """Set the meaning of the commands of the actuated joints."""
         self._modes = list(modes)
         self._close_brakes()
 
@@ -262,7 +258,7 @@ class Robot:
         self._close_brakes()
 
     def _close_brakes(self) -> None:
-        """A brake that closes stops its joint at once, as one that is far stronger than the joint."""
+        """Apply modes and brakes; a closing brake stops its joint at once, as a brake that is much stronger would."""
         modes = list(zip(self.user, self._modes, self._on, strict=True))
         braked = [index for index, mode, on in modes if on or mode is Mode.BRAKE]
         if self.config.passive_joints == "locked":
@@ -271,7 +267,7 @@ class Robot:
         self._braked = [on or mode is Mode.BRAKE for _, mode, on in modes]
         self._driven = [mode in (Mode.VELOCITY, Mode.POSITION) and not on for _, mode, on in modes]
         self._any_braked, self._any_driven = bool(braked), any(self._driven)
-        if self._bristles is not None:  # a brake leaves them nothing to hold
+        if self._bristles is not None:  # a braked joint needs no bristle
             self._gripping = self._bristles.copy()
             self._gripping[braked] = Losses().bristle_row()
         self._rows.drives = []
@@ -295,10 +291,10 @@ class Robot:
     # -- one step ------------------------------------------------------------------------------------------------------
 
     def step(self, values: Sequence[float]) -> None:
-        """Act in the joints and advance.
+        """Apply the commands and advance.
 
         Args:
-            values: commands of the actuated joints, in the meaning of their modes.
+            values: commands of the actuated joints, with the meaning of their modes.
         """
         efforts, tau = cut(values, *self._bounds)
         self._divergence.check_efforts(self.joint_names, efforts)
@@ -321,7 +317,7 @@ class Robot:
             self._finish(self._own_step(self.time, self.y, tau, self.touch), efforts)
 
     def _grip(self, tau: FloatArray, rows: FloatArray) -> FloatArray:
-        """Return the efforts, shape (nu,), that the bristles leave in the coming step [N m or N]."""
+        """Return the efforts after the bristles' forces in the coming step, shape (nu,) [N m or N]."""
         n, dynamics, step = self.engine.nu, self._dynamics, self.config.time_step
         tau, dynamics.inertia = gripped(tau, dynamics.rotors, self.y[n : 2 * n], self._bend, rows, self._bent, step)
         self._bent = step
@@ -347,7 +343,7 @@ class Robot:
             self.stops.check([self.q[index] for index in self._indices])
 
     def _motor_efforts(self, step: Step, efforts: list[float]) -> list[float]:
-        """Efforts of the step with those that brakes and drives found."""
+        """Return the efforts of the step, with those that brakes and drives needed."""
         if self._any_braked and step.acceleration is not None:
             brakes = self.pick(self._dynamics.brake_efforts(step.acceleration).tolist())
             efforts = [b if on else e for e, b, on in zip(efforts, brakes, self._braked, strict=True)]

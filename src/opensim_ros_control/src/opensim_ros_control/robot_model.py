@@ -1,4 +1,4 @@
-"""The robot as an OpenSim model, built again whenever its payload or the models beside it change."""
+"""Robot as an OpenSim model, built again whenever its payload or the models around it change."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,16 +17,16 @@ from urdf_to_osim.transforms import matrix
 
 @dataclass(frozen=True)
 class Built:
-    """A model ready for its system.
+    """Model before `initSystem`.
 
     Attributes:
-        model: connections done, system not yet made.
+        model: model with connections finalised, and no system yet.
         coordinates: path of each moving joint's coordinate.
-        frames: path of each link's frame; of the robot "link", of others "model::link".
-        joints: paths of the coordinates of all moving joints, in the joint's order; of the robot "joint", of others
-            "model::joint".
-        description: of everything in the model.
-        conversion: what OpenSim's objects depend on, to live as long as they do.
+        frames: path of each link's frame; "link" for the robot, "model::link" for others.
+        joints: paths of the coordinates of all moving joints, in the joint's order; "joint" for the robot,
+            "model::joint" for others.
+        description: description of the complete model.
+        conversion: object that must live as long as OpenSim's objects.
     """
 
     model: opensim.Model
@@ -38,20 +38,20 @@ class Built:
 
 
 class RobotModel:
-    """Builds the model of one robot with a fixed base, and whatever parts are put beside it.
+    """Builder of the model of one robot with a fixed base, and of the models around it.
 
-    Tensors that no real body has are taken as described, as the plant on PyBullet does.
+    Physically impossible inertia tensors are used as described, as in the plant on PyBullet.
 
     Args:
         urdf_xml: pure URDF.
-        joint_names: the actuated joints.
-        gravity: in the world frame, three numbers [m/s^2].
+        joint_names: names of the actuated joints.
+        gravity: gravity in the world frame, three numbers [m/s^2].
 
     Attributes:
         robot: the description.
-        joints: its moving joints by name.
-        last_link: behind the last actuated joint.
-        load: payload from the next build on: link, and its mass in the link's frame.
+        joints: moving joints by name.
+        last_link: link behind the last actuated joint.
+        load: payload from the next build on: link, and mass properties in the link's frame.
         beside: models around the robot from the next build on.
     """
 
@@ -76,7 +76,7 @@ class RobotModel:
         self.beside: list[Model] = []
 
     def build(self) -> Built:
-        """Robot, payload, and the models beside it."""
+        """Build robot, payload, and the models around the robot."""
         conversion = convert(together(self._urdf, self.beside), self._options)
         frames = {link: frame.path for link, frame in conversion.frames.items()}
         joints = {name: joint.paths for name, joint in conversion.joints.items() if joint.coordinates}
@@ -92,7 +92,7 @@ class RobotModel:
         base = frame.findBaseFrame()
         body = opensim.Body.safeDownCast(built.model.getComponent(base.getAbsolutePathString()))
         if body is None:
-            return  # what is fixed to the ground does not move
+            return  # a link fixed to ground does not move
         total = mass_properties(body) + load.moved(matrix(frame.findTransformInBaseFrame()))
         body.setMass(total.mass)
         body.setMassCenter(opensim.Vec3(*total.com.tolist()))
@@ -101,7 +101,7 @@ class RobotModel:
 
 
 def mass_properties(body: opensim.Body) -> MassProperties:
-    """Of a body, in its own axes."""
+    """Return the mass properties of a body, in its own axes."""
     inertia, com = body.getInertia(), body.getMassCenter()
     moments, products = inertia.getMoments(), inertia.getProducts()
     xy, xz, yz = (products.get(i) for i in range(3))

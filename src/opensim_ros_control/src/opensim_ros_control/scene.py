@@ -1,4 +1,4 @@
-"""One description of the robot and the models around it together."""
+"""Joint description of the robot and the models around it."""
 
 from collections.abc import Sequence
 from copy import deepcopy
@@ -11,11 +11,10 @@ from hric_control.urdf.elements import VERSIONS, parse
 
 
 def together(robot_xml: str, models: Sequence[Model]) -> str:
-    """Return one URDF of the robot and the models, whose links and joints are called "model::name".
+    """Return one URDF of the robot and the models, with links and joints named "model::name".
 
-    The robot's root link is the world.
-
-    A free model hangs on a floating joint "model::free", a fixed one on "model::fixed".
+    The robot's root link is the world. A free model is attached by a floating joint "model::free", a fixed one by
+    "model::fixed".
     """
     if not models:
         return robot_xml

@@ -1,4 +1,4 @@
-"""Collision shapes of a description, for coal: the collision library that comes with pinocchio."""
+"""Collision shapes of a description for coal, the collision library that comes with pinocchio."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from hric_control.urdf import solids
 from hric_control.urdf.shapes import FAR
 
 _POINT = 1e-6
-"""Radius of the ball that represents a point [m]; any small one does."""
+"""Radius of the sphere that represents a point [m]; any small value is suitable."""
 
 
 @dataclass(frozen=True)
@@ -24,10 +24,10 @@ class Shape:
     """One shape of a link.
 
     Attributes:
-        geometry: coal's.
-        T_link_shape: its pose in the link, shape (4, 4).
-        radius: of a ball about the link's origin that holds it [m].
-        solid: the same in its own frame, for its sides.
+        geometry: coal's geometry.
+        T_link_shape: pose in the link, shape (4, 4).
+        radius: radius of a sphere about the link's origin that contains the shape [m].
+        solid: the same shape in its own frame, for its sides.
     """
 
     geometry: Any
@@ -43,7 +43,7 @@ def _convex(corners: bytes) -> Any:
         points.append(point)
     try:
         return coal.ConvexBase.convexHull(points, True, "Qt")
-    except RuntimeError:  # a corner with more than 255 edges, such as one of a round lid; joggled, it shares them
+    except RuntimeError:  # a corner with more than 255 edges, as on a round lid; joggling (QJ) splits it
         return coal.ConvexBase.convexHull(points, True, "QJ")
 
 
@@ -60,7 +60,7 @@ def _geometry(shape: Described) -> Any:
 
 
 def shapes(collisions: Sequence[Described]) -> list[Shape]:
-    """Shapes of a link; a cylinder with balls at its ends is one capsule, a mesh is its convex hull.
+    """Return the shapes of a link; a cylinder with spheres at its ends is one capsule, a mesh is its convex hull.
 
     Raises:
         DescriptionError: a shape that cannot be used.
@@ -75,7 +75,7 @@ def shapes(collisions: Sequence[Described]) -> list[Shape]:
 
 
 def _solid(geometry: Any) -> Solid:
-    """coal's shape as one that has sides."""
+    """Return coal's shape as a solid with sides."""
     if isinstance(geometry, coal.Box):
         return Solid("box", tuple(2.0 * float(half) for half in geometry.halfSide), np.eye(4))
     if isinstance(geometry, coal.Sphere):
@@ -87,23 +87,23 @@ def _solid(geometry: Any) -> Solid:
 
 
 def plane() -> Shape:
-    """The half-space below z = 0 of the link."""
+    """Return the half-space below z = 0 of the link."""
     return Shape(coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0), np.eye(4), FAR, Solid("plane", (), np.eye(4)))
 
 
 def pose(T: FloatArray) -> Any:
-    """For coal, from shape (4, 4)."""
+    """Return a pose of shape (4, 4) for coal."""
     return coal.Transform3s(T[:3, :3], T[:3, 3])
 
 
 @dataclass(frozen=True)
 class Touch:
-    """Where two shapes meet, or nearly do.
+    """Contact or near contact of two shapes.
 
     Attributes:
-        points: middle of the overlap, shape (3,) each [m].
-        normal: from b to a, unit vector.
-        depth: of the deepest point, negative for a gap [m].
+        points: centre of the overlap, shape (3,) each [m].
+        normal: unit vector from b to a.
+        depth: depth of the deepest point, negative for a gap [m].
     """
 
     points: list[FloatArray]
@@ -112,7 +112,7 @@ class Touch:
 
 
 class Pairing:
-    """Distance and contact of two shapes by coal; keeps its requests and results."""
+    """Distance and contact of two shapes by coal, with reused requests and results."""
 
     def __init__(self, margin: float) -> None:
         self._margin = margin
@@ -126,12 +126,12 @@ class Pairing:
         self._patch = coal.ContactPatchResult(self._patch_request)
 
     def distance(self, a: Any, T_a: Any, b: Any, T_b: Any) -> float:
-        """Signed distance [m]."""
+        """Return the signed distance [m]."""
         self._distance.clear()
         return float(coal.distance(a, T_a, b, T_b, self._distance_request, self._distance))
 
     def touch(self, a: Any, T_a: Any, b: Any, T_b: Any) -> Touch | None:
-        """The meeting of two shapes that are nearer than the margin."""
+        """Return the contact of two shapes that are nearer than the margin; None if they are not."""
         self._result.clear()
         if not coal.collide(a, T_a, b, T_b, self._request, self._result):
             return None
@@ -140,13 +140,13 @@ class Pairing:
         return Touch([np.array(contact.pos)], -np.array(contact.normal), -float(contact.penetration_depth))
 
     def beyond(self, point: FloatArray, shape: Any, T: Any) -> float:
-        """How far a point is outside a shape; negative inside [m]."""
+        """Return the distance of a point outside a shape; negative inside [m]."""
         self._distance.clear()
         at = coal.Transform3s(np.eye(3), point)
         return float(coal.distance(self._point, at, shape, T, self._distance_request, self._distance)) + _POINT
 
     def patch(self, a: Any, T_a: Any, b: Any, T_b: Any) -> list[FloatArray]:
-        """Corners of the area in which the shapes of the last `touch` meet; empty where coal finds none."""
+        """Return the corners of the contact area of the shapes of the last `touch`; empty if coal finds none."""
         self._patch.clear()
         coal.computeContactPatch(a, T_a, b, T_b, self._result, self._patch_request, self._patch)
         if self._patch.numContactPatches() == 0:

@@ -1,4 +1,4 @@
-"""Everything around the robot: the objects of the world file and the models spawned later."""
+"""Models around the robot: the objects of the world file and the models spawned later."""
 
 from collections.abc import Sequence
 
@@ -20,24 +20,26 @@ from opensim_ros_control.robot import Robot
 from urdf_to_osim.transforms import matrix
 
 _FAR_ROTATED = 1.0
-"""Where a free body's middle angle passes this, its joint frame is laid again: at a right angle its three angles fail
-[rad] (project default, unconfirmed)."""
+"""Middle angle beyond which a free body's joint frame is moved to the body [rad] (project default, unconfirmed).
+
+At a right angle its three angles are singular.
+"""
 _MIDDLE = 1
 
 
 class World(Models):
-    """The models around the robot; it and they are one OpenSim model, built again whenever one of them comes or goes.
+    """Models around the robot, in one OpenSim model with it, which is built again for each addition or removal.
 
     Args:
-        robot: with the engine.
-        objects: of the world file.
+        robot: the robot with the engine.
+        objects: objects of the world file.
         rules: surfaces of single links.
         T_ground_world: pose of the world in OpenSim's ground, shape (4, 4).
         masks: pairs of link patterns of the robot that do not collide.
 
     Attributes:
         forces: contact and wrenches.
-        bushings: what holds links together.
+        bushings: bushings between links.
     """
 
     def __init__(
@@ -88,12 +90,12 @@ class World(Models):
         self.forces.wrenches.clear_model(name)
 
     def _build(self, begin: Sequence[Model] = ()) -> None:
-        """Those that begin are put at their origins, with their joints where they were put last."""
+        """Build the model; those in `begin` start at their origins, with their joints where they were set last."""
         self.robot.model.beside = list(self.models.values())
         self.robot.build_again(lambda engine: self._put(engine, begin))
 
     def _put(self, engine: Engine, models: Sequence[Model]) -> None:
-        """Put models as they begin: free ones at their origins with their velocities of the start."""
+        """Put models in their initial state: free ones at their origins with their initial velocities."""
         q, u = engine.q(), engine.u()
         for model in models:
             for joint in model.tree.joints:
@@ -106,15 +108,13 @@ class World(Models):
 
     @staticmethod
     def _put_free(engine: Engine, model: Model, q: FloatArray, u: FloatArray, twist: FloatArray) -> None:
-        """Coordinates of a free joint at zero; its speeds are (angular, linear) velocity of the body in axes of the
-        joint's frame."""
+        """Set a free joint to zero; its speeds are the body's (angular, linear) velocity in axes of the joint frame."""
         paths, R = engine.built.joints[model.free_joint], model.T_world_origin[:3, :3]
         indices = [engine.index[path] for path in paths]
         q[indices], u[indices] = 0.0, np.concatenate([R.T @ twist[:3], R.T @ twist[3:]])
 
     def reset(self) -> None:
-        """All models as at the start, those spawned where they were put, no wrench, no drive, no memory of contact and
-        slip."""
+        """Reset all models to their start, and clear wrenches, drives and the memory of contact and slip."""
         self.forces.wrenches.clear()
         self.forces.forget()
         self.bushings.restart()
@@ -126,7 +126,7 @@ class World(Models):
             self._build(list(self.models.values()))
 
     def _relocate_free_joints(self) -> None:
-        """Put the joint frames of free bodies that have rotated far where the bodies are."""
+        """Move the joint frames of free bodies that have rotated far to the bodies."""
         turned = [self.models[name] for name, index in self._middle.items() if abs(self.robot.y[index]) > _FAR_ROTATED]
         if not turned:
             return
@@ -148,13 +148,12 @@ class World(Models):
     # -- names ---------------------------------------------------------------------------------------------------------
 
     def frame(self, body: str) -> str:
-        """Name of a body's frame in the engine. Raises UnknownNameError."""
+        """Return the engine's frame name of a body. Raises UnknownNameError."""
         model, link = self.find(body)
         return link if model == self._name else f"{model}::{link}"
 
     def state(self, body: str) -> tuple[FloatArray, FloatArray]:
-        """(T_world_link shape (4, 4), twist at the link frame's origin in the world frame, linear then angular, shape
-        (6,))."""
+        """Return (T_world_link, (4, 4), twist at the link's origin, world frame, linear then angular, (6,))."""
         engine = self.robot.synchronised()
         frame, R = engine.frame(self.frame(body)), self._R_ground_world.T
         T_ground_link, twist = (
@@ -167,7 +166,7 @@ class World(Models):
     # -- the step ------------------------------------------------------------------------------------------------------
 
     def _bind(self) -> None:
-        """Everything that depends on one build of the model."""
+        """Bind everything that depends on one build of the model."""
         engine = self._bound = self.robot.engine
         description, self._kinematics = engine.built.description, Kinematics(engine)
         indices = {joint: [engine.index[path] for path in paths] for joint, paths in engine.built.joints.items()}
@@ -201,7 +200,7 @@ class World(Models):
             self._bind()
 
     def act(self) -> None:
-        """Decide what acts on all bodies in the coming step, and set it in the robot."""
+        """Compute the efforts on all bodies in the coming step, and set them in the robot."""
         self._bind_if_new()
         if self._middle:
             self._relocate_free_joints()
@@ -211,31 +210,31 @@ class World(Models):
         self.forces.act(self.frame, held)
 
     def reactions(self) -> list[JointReaction]:
-        """Loads of the robot's moving joints in the last step; empty before the first of a build."""
+        """Return the loads of the robot's moving joints in the last step; empty before the first step of a build."""
         self._bind_if_new()
         return self.forces.reactions(self.bushings.loads())
 
-    # -- joints of models, and what holds links together ---------------------------------------------------------------
+    # -- joints of models, and bushings between links ------------------------------------------------------------------
 
     def joints_of(self, model: str) -> ModelJoints:
-        """Of a model beside the robot. Raises UnknownNameError."""
+        """Return the joints of a model around the robot. Raises UnknownNameError."""
         if model not in self._joints:
             raise UnknownNameError("model", model, self._joints, "the world")
         self._bind_if_new()
         return self._joints[model]
 
     def put_joints(self, model: str, q: Sequence[float], dq: Sequence[float] | None) -> None:
-        """Joints of a model at q, dq. Raises UnknownNameError, CommandError."""
+        """Put the joints of a model at q, dq. Raises UnknownNameError, CommandError."""
         self.joints_of(model).put(q, dq)
         self.forces.forget()
 
     def bind_connected(self) -> None:
-        """Others are connected than before."""
+        """Bind collisions and bushings after a change of the connections."""
         self._bind_if_new()
         self.forces.look_at(self._collisions())
         self.bushings.bind(self.robot.engine, self._kinematics, self.frame)
 
 
 def _spatial(vector: opensim.SpatialVec) -> FloatArray:
-    """Angular and linear part of a velocity of OpenSim's, shape (6,)."""
+    """Return angular and linear part of an OpenSim velocity, shape (6,)."""
     return np.array([vector.get(i).get(j) for i in (0, 1) for j in range(3)])
