@@ -1,4 +1,4 @@
-"""The Franka Panda: URDF from xacro, identified dynamics, friction and limits with their sources."""
+"""Franka Panda: URDF from xacro, identified dynamics, friction and limits with their sources."""
 
 from panda_description.description import Argument, arguments, load, process_xacro
 from panda_description.inertial_sets import inertials

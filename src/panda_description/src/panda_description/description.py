@@ -1,5 +1,4 @@
-"""Builds the Panda's URDF from xacro, in process and without a ROS master; and the command line of
-`rosrun panda_description urdf`."""
+"""URDF of the Panda from xacro, in process, without a ROS master; and the command `rosrun panda_description urdf`."""
 
 import re
 import sys
@@ -22,11 +21,11 @@ from panda_description.parameters import LOG, PACKAGE, find_package, folder_uri,
 
 _BOOLS = {"true": True, "1": True, "false": False, "0": False}
 INTERFACES = ("EffortJointInterface", "PositionJointInterface", "VelocityJointInterface")
-_XACRO_LOCK = threading.Lock()  # xacro keeps its state in module variables
+_XACRO_LOCK = threading.Lock()  # xacro has its state in module variables
 
 
 def _vector(unit: str, said: str) -> Any:
-    """Three numbers, in a list or in one text, as the text."""
+    """Return a parameter of three numbers, given as a list or as one text, with a text as value."""
 
     def convert(value: Any, where: str, joints: Sequence[str]) -> str:
         parts = value.split() if isinstance(value, str) else value
@@ -52,7 +51,7 @@ def _interfaces(given: str) -> str:
 
 @dataclass(frozen=True)
 class Arguments(Settings):
-    """Of the description."""
+    """Arguments of the description."""
 
     arm_id: str = text(
         "panda",
@@ -105,7 +104,7 @@ class Arguments(Settings):
 
 @dataclass(frozen=True)
 class Argument:
-    """One argument of `load`: default, what is valid, what it does."""
+    """Argument of `load`: default, valid values, and meaning."""
 
     default: str | bool | float
     valid: str
@@ -113,10 +112,10 @@ class Argument:
 
 
 def load(**given: Any) -> str:
-    """The robot as pure URDF; `arguments()` says what each argument does and accepts.
+    """Return the robot as pure URDF; `arguments()` describes the arguments.
 
     Raises:
-        UnknownNameError: an argument that does not exist; lists those that do.
+        UnknownNameError: an argument that does not exist; lists the existing ones.
         ParameterError: a value that is not valid; names the argument and the valid values.
     """
     values = Arguments.of(given, PACKAGE)
@@ -132,7 +131,7 @@ def _described(values: Arguments, mesh_folder: str) -> str:
 
 
 def arguments() -> dict[str, Argument]:
-    """The arguments of `load` in order."""
+    """Return the arguments of `load` in order."""
     return {name: Argument(one.default, one.valid, one.text) for name, one in declared(Arguments).items()}
 
 
@@ -152,7 +151,7 @@ def _warn_unphysical(name: str) -> None:
 
 
 def xacro_module() -> Any:
-    """xacro 2, whose $(find) looks in ROS 2's index: here it finds this package's folder or ROS 1's packages."""
+    """Return xacro 2 with a $(find) that knows this package's folder and ROS 1 packages, instead of ROS 2's index."""
     if "ament_index_python.packages" not in sys.modules:
         packages = types.ModuleType("ament_index_python.packages")
         packages.get_package_share_directory = lambda name: str(share()) if name == PACKAGE else find_package(name)  # type: ignore[attr-defined]
@@ -165,14 +164,14 @@ def xacro_module() -> Any:
 
 
 def process_xacro(path: Path, mappings: dict[str, str]) -> minidom.Document:
-    """Any xacro file, in process; its $(find) knows ROS 1's packages.
+    """Return the expanded document of any xacro file, in process; its $(find) knows ROS 1 packages.
 
     Args:
         path: the file.
         mappings: its arguments.
 
     Raises:
-        DescriptionError: what xacro says, with the name of the file.
+        DescriptionError: the message of xacro, with the name of the file.
     """
     with _XACRO_LOCK:
         xacro = xacro_module()
@@ -184,7 +183,7 @@ def process_xacro(path: Path, mappings: dict[str, str]) -> minidom.Document:
 
 
 def _pure(document: minidom.Document, name: str) -> str:
-    """Pure URDF text: the robot named, without the comments and the namespace of the xacro files."""
+    """Return the URDF text with the robot's name, without the comments and namespaces of the xacro files."""
     _drop_comments(document)
     root: Any = document.documentElement
     root.setAttribute("name", name)
@@ -202,7 +201,7 @@ def _drop_comments(node: Any) -> None:
 
 
 def usage() -> str:
-    """Help text: each argument with default, valid values and meaning."""
+    """Return the help text: each argument with default, valid values and meaning."""
     lines = ["usage: rosrun panda_description urdf [ARG:=VALUE ...]", "Prints the Panda as pure URDF.", ""]
     for name, argument in arguments().items():
         lines += [f"  {name}:={_text(argument.default)}", f"      {argument.description}; {argument.valid}"]
@@ -210,10 +209,10 @@ def usage() -> str:
 
 
 def parse(words: Sequence[str]) -> dict[str, Any]:
-    """Arguments of `load` from words such as `hand:=false`.
+    """Return arguments of `load` from words such as `hand:=false`.
 
     Raises:
-        UnknownNameError: an argument that does not exist; lists those that do.
+        UnknownNameError: an argument that does not exist; lists the existing ones.
         ParameterError: a word without := or a value that cannot be read.
     """
     valid = declared(Arguments)
@@ -239,7 +238,7 @@ def _value(word: str, kind: str) -> Any:
 
 
 def run(words: Sequence[str]) -> str:
-    """What the command prints."""
+    """Return the output of the command."""
     if any(word in ("-h", "--help") for word in words):
         return usage()
     return load(**parse(words))

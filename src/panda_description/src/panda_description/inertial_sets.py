@@ -1,5 +1,4 @@
-"""The inertial sets, Steiner's theorem and their physical sense; and the command line of
-`rosrun panda_description inertials`."""
+"""Inertial sets, Steiner's theorem and physical consistency; command line of `rosrun panda_description inertials`."""
 
 import argparse
 from collections.abc import Sequence
@@ -13,11 +12,11 @@ from panda_description.parameters import PACKAGE, config
 
 INERTIAL_SETS = ("barycentric", "thesis")
 _STEINER = {"apply": 1.0, "undo": -1.0}
-"""What Steiner's term is multiplied by: apply is eq. 1 of the thesis, undo eq. 2."""
+"""Factor of Steiner's term: apply is eq. 1 of the thesis, undo eq. 2."""
 
 
 def inertials(name: str = "barycentric") -> dict[str, MassProperties]:
-    """Inertial parameters of a set by part: link0 to link7, hand, finger (each).
+    """Return the inertial parameters of a set by part: link0 to link7, hand, finger (each).
 
     Args:
         name: `barycentric` or `thesis`.
@@ -29,7 +28,7 @@ def inertials(name: str = "barycentric") -> dict[str, MassProperties]:
 
 
 def unphysical(name: str) -> dict[str, list[str]]:
-    """Parts of a set that no body can have, with the reasons."""
+    """Return the physically impossible parts of a set, with the reasons."""
     verdicts = {part: judge(link.inertia).reasons() for part, link in inertials(name).items()}
     return {part: reasons for part, reasons in verdicts.items() if reasons}
 
@@ -40,7 +39,7 @@ def _link_inertia(values: dict[str, dict[str, float]]) -> MassProperties:
 
 
 def _thesis(parts: dict[str, MassProperties]) -> dict[str, MassProperties]:
-    """The parts that the thesis's set changes, as config/inertials_thesis.yaml says."""
+    """Return the parts that the thesis's set changes, by config/inertials_thesis.yaml."""
     rule = config("inertials_thesis")
     changed = {}
     for part in rule["links"]:
@@ -52,7 +51,7 @@ def _thesis(parts: dict[str, MassProperties]) -> dict[str, MassProperties]:
 
 
 def parser() -> argparse.ArgumentParser:
-    """The command's arguments."""
+    """Return the argument parser of the command."""
     made = argparse.ArgumentParser(
         prog="rosrun panda_description inertials",
         description="Prints per link: mass, inertia tensor, principal moments, triangle margin (smaller two less the "
@@ -69,7 +68,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def moved(links: dict[str, MassProperties], steiner: str | None) -> dict[str, MassProperties]:
-    """The links with Steiner's term added (`apply`), subtracted (`undo`) or as they are (None)."""
+    """Return the links with Steiner's term added (`apply`), subtracted (`undo`) or unchanged (None)."""
     if steiner is None:
         return links
     sign = _STEINER[steiner]
@@ -80,8 +79,7 @@ def moved(links: dict[str, MassProperties], steiner: str | None) -> dict[str, Ma
 
 
 def report(links: dict[str, MassProperties]) -> str:
-    """One line per link: mass [kg], centre of mass [m], tensor and moments [kg m^2], triangle margin [kg m^2],
-    definiteness."""
+    """Return a line per link: mass [kg], tensor, principal moments and triangle margin [kg m^2], definiteness."""
     columns = ("Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "e1", "e2", "e3", "margin")
     rows = [f"{'part':7}{'mass':>10}" + "".join(f"{name:>11}" for name in columns) + "  verdict"]
     for part, link in links.items():
@@ -95,7 +93,7 @@ def report(links: dict[str, MassProperties]) -> str:
 
 
 def run(words: Sequence[str]) -> str:
-    """What the command prints."""
+    """Return the output of the command."""
     given = parser().parse_args(words)
     point = {None: "as the set has them", "apply": "Steiner's term added", "undo": "Steiner's term subtracted"}[
         given.steiner

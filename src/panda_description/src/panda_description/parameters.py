@@ -1,5 +1,4 @@
-"""Where this package's xacro and YAML files are, in a source tree or installed, and typed access to the numbers in
-config/: limits and friction."""
+"""Paths of this package's xacro and YAML files, in a source tree or installed, and its limits and friction."""
 
 import importlib.util
 import logging
@@ -17,27 +16,26 @@ HAND_LINKS = {"hand", "leftfinger", "rightfinger"}
 
 @cache
 def share() -> Path:
-    """Folder that holds config/ and urdf/."""
+    """Return the folder that contains config/ and urdf/."""
     source = Path(__file__).resolve().parents[2]
     return source if (source / "urdf").is_dir() else Path(find_package(PACKAGE))
 
 
 def find_package(name: str) -> str:
-    """Folder of any ROS package on ROS_PACKAGE_PATH; raises rospkg.ResourceNotFound."""
+    """Return the folder of any ROS package on ROS_PACKAGE_PATH; raises rospkg.ResourceNotFound."""
     import rospkg  # only an installed tree or a foreign $(find) needs it, and it is slow to import
 
     return str(rospkg.RosPack().get_path(name))
 
 
 def config(name: str) -> dict[str, Any]:
-    """Content of config/<name>.yaml; shared, so do not change it."""
+    """Return the content of config/<name>.yaml; it is shared, so do not change it."""
     return package_yaml(__file__, name)
 
 
 @cache
 def folder_uri() -> str:
-    """URI (file:///...) of the folder that config/meshes.yaml is relative to; empty, with one warning, if the package
-    or a mesh is missing."""
+    """Return the URI (file:///...) of the meshes' folder; empty, with one warning, if package or mesh is missing."""
     folder, missing = _look()
     if missing:
         LOG.warning("no visual meshes of the Panda (%s); the collision primitives are drawn instead", missing)
@@ -46,7 +44,7 @@ def folder_uri() -> str:
 
 
 def _look() -> tuple[Path, str]:
-    """Folder of the meshes, and what is missing (empty if nothing)."""
+    """Return the folder of the meshes, and a text about missing ones (empty if none)."""
     source = config("meshes")
     spec = importlib.util.find_spec(source["package"])
     if spec is None or not spec.submodule_search_locations:
@@ -62,11 +60,11 @@ class JointLimit:
 
     Args:
         lower, upper: position range [rad].
-        velocity: [rad/s].
-        acceleration: [rad/s^2].
-        jerk: [rad/s^3].
-        effort: [N m].
-        effort_rate: torque rate [N m/s].
+        velocity: largest velocity [rad/s].
+        acceleration: largest acceleration [rad/s^2].
+        jerk: largest jerk [rad/s^3].
+        effort: largest torque [N m].
+        effort_rate: largest torque rate [N m/s].
     """
 
     lower: float
@@ -80,8 +78,7 @@ class JointLimit:
 
 @dataclass(frozen=True)
 class CartesianLimit:
-    """Largest velocity, acceleration and jerk: [m/s], [m/s^2], [m/s^3] for translation, [rad/s], [rad/s^2], [rad/s^3]
-    for rotation and elbow."""
+    """Largest velocity, acceleration and jerk in SI: m for translation, rad for rotation and elbow; per s, s^2, s^3."""
 
     velocity: float
     acceleration: float
@@ -89,13 +86,12 @@ class CartesianLimit:
 
 
 def joint_limits(arm_id: str = "panda") -> dict[str, JointLimit]:
-    """Limits by full joint name, joints 1 to 7 in order."""
+    """Return the limits by full joint name, joints 1 to 7 in order."""
     return {f"{arm_id}_{joint}": JointLimit(**values) for joint, values in config("joint_limits")["joints"].items()}
 
 
 def joint_limit_parameters(arm_id: str = "panda") -> dict[str, dict[str, bool | float]]:
-    """The same limits under ros_control's parameter names, by full joint name: the content of `joint_limits/` on a
-    parameter server."""
+    """Return the content of ros_control's parameters `joint_limits/` by full joint name."""
     found: dict[str, dict[str, bool | float]] = {}
     for joint, limit in joint_limits(arm_id).items():
         found[joint] = {"has_position_limits": True, "min_position": limit.lower, "max_position": limit.upper}
@@ -105,19 +101,17 @@ def joint_limit_parameters(arm_id: str = "panda") -> dict[str, dict[str, bool | 
 
 
 def cartesian_limits() -> dict[str, CartesianLimit]:
-    """Limits of `translation`, `rotation` and `elbow`."""
+    """Return the limits of `translation`, `rotation` and `elbow`."""
     return {name: CartesianLimit(**values) for name, values in config("cartesian_limits").items()}
 
 
 def friction_parameters(arm_id: str = "panda") -> dict[str, dict[str, float]]:
-    """Identified friction by full joint name: phi1 [N m], phi2 [s/rad], phi3 [rad/s] of the sigmoid in
-    config/friction.yaml."""
+    """Return phi1 [N m], phi2 [s/rad], phi3 [rad/s] of the friction sigmoid by full joint name (config/friction)."""
     return {f"{arm_id}_{joint}": dict(values) for joint, values in config("friction")["sigmoid"].items()}
 
 
 def ignored_pairs(arm_id: str = "panda", hand: bool = True) -> list[tuple[str, str]]:
-    """Pairs of links that a simulator must not test for self-collision, beside those that share a joint; see
-    config/collision.yaml."""
+    """Return the link pairs not to test for self-collision, besides those with a common joint (config/collision)."""
     pairs = config("collision")["ignored_pairs"]
     return [
         (f"{arm_id}_{first}", f"{arm_id}_{second}")
