@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 @contextlib.contextmanager
 def _without_banner() -> Iterator[None]:
-    """PyBullet prints the time of its build on stderr whenever it is imported."""
+    """Suppress the build time that PyBullet prints on stderr at each import."""
     kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 2)
     try:

@@ -1,9 +1,9 @@
 """Bushings between links of one engine.
 
-Their law sees positions and velocities at the measuring instant, which is the beginning of the step, as in the other
-plants. The load is held over the step: on links of a body with a fixed base as efforts J'F, which the engine needs no
-call for and the balance knows beforehand; on others as a force of the engine. The engine's positions belong to the
-middle of the step, and so does the point where both forces act: there body b has carried it until then.
+Their law uses positions and velocities at the measuring instant, which is the start of the step, as in the other
+plants. The load is constant over the step: on links of a body with a fixed base as efforts J'F, which need no call of
+the engine and are known to the balance beforehand; on others as a force of the engine. The engine's positions belong to
+the middle of the step. So the point where both forces act is advanced with body b to the middle of the step.
 """
 
 from typing import Protocol
@@ -21,17 +21,17 @@ from pybullet_ros_control.world import World
 
 
 class _End(Protocol):
-    """A link that is held."""
+    """One end of a bushing."""
 
     def motion(self) -> Motion:
-        """At the measuring instant."""
+        """Return the motion of the link at the measuring instant."""
 
     def push(self, force: Vector, torque: Vector, point: Vector) -> None:
-        """Force [N] at a point [m] and torque [N m] in the coming step, world frame."""
+        """Apply a force [N] at a point [m] and a torque [N m] in the coming step, world frame."""
 
 
 class _JointedEnd:
-    """A link of a body with a fixed base and joints."""
+    """Link of a body with a fixed base and joints."""
 
     def __init__(self, joints: Robot | ModelJoints, link: str) -> None:
         assert joints.body.model is not None
@@ -48,7 +48,7 @@ class _JointedEnd:
 
 
 class _FreeEnd:
-    """Any other link: of a body with a free base, or one that never moves."""
+    """Any other link: of a body with a free base, or a fixed one."""
 
     def __init__(self, engine: Engine, forces: ExternalForces, body: Body, link: str, half: float) -> None:
         self._engine, self._forces, self._body, self._half = engine, forces, body, half
@@ -75,12 +75,12 @@ class _FreeEnd:
 
 
 class EngineBushings(Bushings):
-    """All that are connected, and what they do in the engine.
+    """Connected bushings, and their forces in the engine.
 
     Args:
-        engine: where the bodies are.
+        engine: engine with the bodies.
         world: the bodies.
-        robot: among them.
+        robot: the robot among them.
         config: the plant's parameters.
     """
 
@@ -90,7 +90,7 @@ class EngineBushings(Bushings):
         self._acting: list[tuple[BushingLaw, _End, _End]] = []
 
     def bind(self) -> None:
-        """Bodies were loaded again, or others are connected."""
+        """Bind the bushings after bodies were loaded again or connections changed."""
         self._world.keep_apart(self.apart())
         self._robot.mask()
         self._acting = [
@@ -107,7 +107,7 @@ class EngineBushings(Bushings):
         return _FreeEnd(self._engine, self._world.forces, body, link, self._half)
 
     def act(self) -> None:
-        """Hold both links of each together in the coming step."""
+        """Apply the bushing forces to both links of each pair in the coming step."""
         for law, a, b in self._acting:
             motion = b.motion()
             force, torque, point, *_ = law.step(a.motion(), motion)
@@ -122,7 +122,7 @@ def _vector(values: tuple[float, ...]) -> Vector:
 
 
 def _moved(point: Vector, rate: Vector, by: float) -> Vector:
-    """point + by rate."""
+    """Return point + by rate."""
     return point[0] + by * rate[0], point[1] + by * rate[1], point[2] + by * rate[2]
 
 

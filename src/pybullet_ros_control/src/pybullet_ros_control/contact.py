@@ -1,9 +1,9 @@
-"""Contacts: the engine's rigid ones as they are read, and own penalty contact where a true force is needed.
+"""Contacts: rigid ones as read from the engine, and the plant's penalty contact where a true force is needed.
 
-The engine's compliant contact gives the transient force of ISO/TS 15066 9 to 26 % too low at 1 ms. Here one spring per
-pair of links acts instead, as an external force on both: at the centre of all the area in which they overlap
-(`hric_control.plants.faces`), with the mean force of its motion through the step (`hric_control.plants.spring_step`).
-For links that use it the engine's own contact is off.
+The transient force of the engine's compliant contact is 9 to 26 % below ISO/TS 15066 at 1 ms. Here one spring per pair
+of links acts instead, as an external force on both: at the centre of the overlap area (`hric_control.plants.faces`),
+with the mean force of its motion through the step (`hric_control.plants.spring_step`). The engine's contact is off for
+these links.
 """
 
 from collections.abc import Callable, Collection, Mapping
@@ -23,18 +23,17 @@ from pybullet_ros_control.model_joints import ModelJoints
 from pybullet_ros_control.robot import Robot
 
 LOOK_AHEAD = 5.0
-"""Links that would meet within a step at this speed are looked at before they do [m/s] (default chosen by this project,
-unconfirmed)."""
+"""Approach speed for which links are checked before they touch within a step [m/s] (project default, unconfirmed)."""
 
 EngineLink = tuple[int, int]
-"""The engine's numbers of a body and of a link of it."""
+"""Engine numbers of a body and of one of its links."""
 Laws = dict[tuple[int, int], tuple[float, float, float]]
-"""(stiffness [N/m], damping [N s/m], friction) by engine links of two bodies."""
+"""Contact laws (stiffness [N/m], damping [N s/m], friction) by engine links of two bodies."""
 
 
 @dataclass
 class PenaltyPair:
-    """Two bodies of which some links meet by spring."""
+    """Two bodies with links that are in penalty contact."""
 
     a: Body
     b: Body
@@ -46,8 +45,9 @@ class _Link:
     """One link in this step.
 
     Attributes:
-        T: its frame of the centre of mass, shape (4, 4).
-        linear, angular: velocity of that frame now, and at the step before, shape (2, 3) each [m/s], [rad/s].
+        body, index: body and engine index of the link.
+        T: pose of the frame at its centre of mass, shape (4, 4).
+        linear, angular: velocity of that frame now and one step before, shape (2, 3) each [m/s], [rad/s].
     """
 
     body: Body
@@ -57,7 +57,7 @@ class _Link:
     angular: FloatArray
 
     def velocities(self, point: FloatArray) -> FloatArray:
-        """Of the link's material at a point now, and of the same material a step before, shape (2, 3) [m/s]."""
+        """Return the velocity of the material at a point, now and one step before, shape (2, 3) [m/s]."""
         # omega x r = - r x omega
         return np.array([v - cross(point - self.T[:3, 3], w) for v, w in zip(self.linear, self.angular, strict=True)])
 
@@ -67,15 +67,15 @@ def _names(body: Body, index: int) -> str:
 
 
 class PenaltyContact:
-    """All pairs that meet by spring, and their contacts in the last step.
+    """Pairs with penalty contact, and their contacts in the last step.
 
     Args:
-        engine: where they are.
+        engine: engine with the bodies.
 
     Attributes:
-        pairs: of bodies.
+        pairs: pairs of bodies.
         last: contacts of the last step.
-        springs: what they did.
+        springs: springs of the pairs.
     """
 
     def __init__(self, engine: Engine) -> None:
@@ -94,10 +94,11 @@ class PenaltyContact:
         surface: Callable[[Body, int], Surface],
         apart: Collection[tuple[EngineLink, EngineLink]],
     ) -> None:
-        """Decide all pairs again, and take their rigid contact out of the engine.
+        """Determine all pairs again, and switch off their rigid contact in the engine.
 
         Args:
-            surface: of an engine link.
+            bodies: bodies by name.
+            surface: function from an engine link to its surface.
             apart: links that do not touch each other.
         """
         self.forget()
@@ -121,12 +122,12 @@ class PenaltyContact:
                     self.pairs.append(PenaltyPair(a, b, laws))
 
     def forget(self) -> None:
-        """Bodies were put elsewhere: no step before."""
+        """Forget the previous step, after bodies were repositioned."""
         self.springs.forget()
         self.last, self._links = [], {}
 
     def apply(self, forces: ExternalForces, robot: Robot, joints: Mapping[str, ModelJoints]) -> None:
-        """Push every overlapping pair of links apart in the coming step; joints: of models beside the robot."""
+        """Push each overlapping pair of links apart in the coming step; joints: of models around the robot."""
         self.last = []
         self.springs.begin()
         self._before, self._links = self._links, {}
@@ -142,7 +143,7 @@ class PenaltyContact:
         for point in points:
             if (point[3], point[4]) in pair.laws:
                 by_links.setdefault((point[3], point[4]), []).append(point)
-        # One spring per pair of links: a link of several shapes is not stiffer for it.
+        # One spring per pair of links, so that several shapes do not make a link stiffer.
         for links, of_links in by_links.items():
             self._push(pair, links, of_links, forces)
 
@@ -154,8 +155,7 @@ class PenaltyContact:
         normal = _normal(points)
         corners = [corner for point in points for corner in self._corners(a, b, point)]
         step = self._engine.time_step
-        # The engine's positions belong half a step after its velocities: there the bodies are in the middle of the
-        # step.
+        # The engine's positions are half a step later than its velocities, at the middle of the step.
         position, depth = faces.centre(corners)
         relative = a.velocities(position) - b.velocities(position)
         speed, before = (-relative @ normal).tolist()
@@ -184,7 +184,7 @@ class PenaltyContact:
         )
 
     def _corners(self, a: _Link, b: _Link, point: tuple[Any, ...]) -> list[faces.Corner]:
-        """Where the shapes meet that this closest point belongs to."""
+        """Return the intersections of the shapes that a closest point belongs to."""
         normal, depth = np.array(point[7]), -point[8]
         deepest = 0.5 * (np.array(point[5]) + np.array(point[6]))
         for solid_a, solid_b in product(self._solids_of(a), self._solids_of(b)):
@@ -205,14 +205,14 @@ class PenaltyContact:
             position, orientation, linear, angular = self._engine.motion(body, index)
             T = homogeneous(rotation_from_quaternion(orientation), position)
             old = self._before.get(key)
-            # Where nothing is known of the step before, it is taken to have been the same.
+            # Without a previous step, its velocities are assumed to be the same.
             was = (linear, angular) if old is None else (old.linear[0], old.angular[0])
             self._links[key] = _Link(body, index, T, np.array([linear, was[0]]), np.array([angular, was[1]]))
         return self._links[key]
 
 
 def _normal(points: list[tuple[Any, ...]]) -> FloatArray:
-    """Of the deepest; where several overlap their mean by depth."""
+    """Return the normal of the deepest point, or the mean of overlapping points weighted by depth."""
     overlapping = [point for point in points if point[8] < 0.0]
     if len(overlapping) < 2:
         return np.array(min(points, key=lambda point: point[8])[7])
@@ -222,7 +222,7 @@ def _normal(points: list[tuple[Any, ...]]) -> FloatArray:
 
 
 def rigid_contacts(engine: Engine, bodies: Mapping[int, Body]) -> list[Contact]:
-    """The engine's contacts of the last step that carry a force or overlap."""
+    """Return the engine's contacts of the last step that carry a force or overlap."""
     result = []
     for point in pybullet.getContactPoints(physicsClientId=engine.client):
         force, depth = point[9], -point[8]
@@ -233,7 +233,7 @@ def rigid_contacts(engine: Engine, bodies: Mapping[int, Body]) -> list[Contact]:
 
 
 def solids(body: Body, index: int, engine: Engine) -> list[faces.Solid]:
-    """Shapes of an engine link, in the frame of its centre of mass. A mesh beside other shapes is left out."""
+    """Return the shapes of an engine link, in its centre-of-mass frame; a mesh next to other shapes is left out."""
     data = pybullet.getCollisionShapeData(body.id, index, physicsClientId=engine.client)
     found = []
     for shape in data:

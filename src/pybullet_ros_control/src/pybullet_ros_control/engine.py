@@ -1,4 +1,4 @@
-"""One PyBullet client with every setting that the plant relies on, and the loading of prepared models into it."""
+"""One PyBullet client with all settings that the plant needs, and the loading of prepared models into it."""
 
 import os
 import tempfile
@@ -17,30 +17,29 @@ from hric_control.urdf import mimic_laws
 from pybullet_ros_control.urdf_model import EngineModel
 
 _MAX_JOINT_VELOCITY = 1e6
-"""The engine cuts joint velocities at 100 rad/s by default [rad/s]."""
+"""Largest joint velocity in the engine, whose default is 100 rad/s [rad/s]."""
 
 
 GEAR_FORCE = 1e9
-"""What a gear may take [N m or N]: a constraint of the engine, so size does not make it stiff."""
+"""Largest effort of a gear [N m or N]: a constraint of the engine, so its size does not make it stiff."""
 NO_RATIO = 1e-300
-"""Ratio of a gear that moves nothing [1]: the engine does not take zero."""
+"""Ratio of a gear that moves nothing [1]: the engine does not accept zero."""
 SLACK = 1e-12
-"""Distance from its law below which a joint that mimics another is left where it is [rad or m, rad/s or m/s] (project
-default, unconfirmed)."""
+"""Largest deviation of a mimic joint from its law [rad or m, rad/s or m/s] (project default, unconfirmed)."""
 
 
 @dataclass
 class Body:
-    """A loaded model.
+    """Loaded model.
 
     Attributes:
-        name: of the model.
-        id: the engine's number of it.
-        model: what was loaded; None for a plain shape.
+        name: name of the model.
+        id: engine number of the body.
+        model: prepared model; None for a plain shape.
         links: engine index by link name; the base is -1.
         joints: engine index by name of the moving joints.
-        parents: engine index of each link's parent, the base left out.
-        gears: the engine's numbers of those between joints that mimic each other.
+        parents: engine index of each link's parent, without the base.
+        gears: engine numbers of the gears between mimic joints.
     """
 
     name: str
@@ -55,7 +54,7 @@ class Body:
         self.link_names = {index: name for name, index in self.links.items()}
 
     def frame(self, link: str) -> tuple[int, transforms.FloatArray]:
-        """(engine link index, T_body_frame shape (4, 4)) of a link of the description.
+        """Return (engine link index, T_body_frame, shape (4, 4)) of a link of the description.
 
         Raises:
             UnknownNameError: no such link.
@@ -71,8 +70,7 @@ class Body:
 
 @dataclass(frozen=True)
 class BodyState:
-    """Where a body is, as the engine has it: the base by its centre of mass, quaternion (x, y, z, w); (q, dq) of each
-    joint."""
+    """State of a body in the engine: base by its centre of mass, quaternion (x, y, z, w); (q, dq) of each joint."""
 
     position: tuple[float, ...]
     orientation: tuple[float, ...]
@@ -82,7 +80,7 @@ class BodyState:
 
 
 def _check_display() -> None:
-    """The engine ends the whole process when there is no display: look first."""
+    """Raise HricError without a display: the engine would end the complete process."""
     display = os.environ.get("DISPLAY", "")
     local = display.removeprefix("unix").partition(":")
     socket = Path("/tmp/.X11-unix") / f"X{local[2].split('.')[0]}"
@@ -93,7 +91,7 @@ def _check_display() -> None:
 
 
 class Engine:
-    """A physics client of its own: several may live in one process without seeing each other."""
+    """Separate physics client: several can be in one process without interaction."""
 
     def __init__(self, gui: bool, time_step: float, gravity: Sequence[float]) -> None:
         self.time_step, self.gravity, self.gui = time_step, tuple(gravity), gui
@@ -105,12 +103,12 @@ class Engine:
         self.settings()
 
     def settings(self) -> None:
-        """Forget all bodies and set the world up again."""
+        """Remove all bodies and set up the world again."""
         client = self.client
         pybullet.resetSimulation(physicsClientId=client)
         pybullet.setGravity(*self.gravity, physicsClientId=client)
         pybullet.setTimeStep(self.time_step, physicsClientId=client)
-        # No sub-steps: with them the engine's contact forces come out too small by their number.
+        # No sub-steps: they reduce the engine's contact forces by the number of sub-steps.
         pybullet.setPhysicsEngineParameter(
             numSubSteps=0, enableFileCaching=0, deterministicOverlappingPairs=1, physicsClientId=client
         )
@@ -135,15 +133,15 @@ class Engine:
         """Load a prepared model with its root link at T_world_root, shape (4, 4).
 
         Raises:
-            HricError: the engine refuses it.
+            HricError: the engine cannot load it.
         """
         # A cylinder would be a hull of 64 corners with a skin of 1 mm.
         flags = pybullet.URDF_USE_INERTIA_FROM_FILE | pybullet.URDF_USE_IMPLICIT_CYLINDER
-        if self_collision:  # what is left out of it is the plant's to say, not the engine's
+        if self_collision:  # the plant, not the engine, excludes pairs
             flags |= pybullet.URDF_USE_SELF_COLLISION | pybullet.URDF_USE_SELF_COLLISION_INCLUDE_PARENT
         T = T_world_root @ model.T_root_base
         pose = T[:3, 3].tolist(), transforms.quaternion_from_rotation(T[:3, :3])
-        # Not kept for the engine's life: a process that is killed would leave it behind.
+        # Deleted at once: a killed process would leave the folder behind.
         with tempfile.TemporaryDirectory(prefix="hric_plant_") as folder:
             path = Path(folder) / "model.urdf"
             for file, content in model.files.items():
@@ -162,7 +160,7 @@ class Engine:
         return body
 
     def _add_gears(self, body: Body) -> None:
-        """Gears of joints that mimic others: what the engine does by itself, contact and stops, acts on both."""
+        """Add gears for mimic joints, so that the engine's contact and stops act on both joints."""
         assert body.model is not None
         for name, law in mimic_laws(body.model.joints).items():
             joints, axis, origin = (body.joints[name], body.joints[law.joint]), [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]
@@ -193,8 +191,7 @@ class Engine:
         return Body(name, body_id, model, links, joints, parents)
 
     def _set_dynamics(self, body: Body) -> None:
-        """The engine's hidden dampings off, its speed limit up, and the true principal moments, which it may have
-        replaced."""
+        """Switch off the engine's hidden damping, raise its speed limit, and set the true principal moments."""
         assert body.model is not None
         for link, index in body.links.items():
             dampings = {"linearDamping": 0.0, "angularDamping": 0.0, "jointDamping": 0.0}
@@ -204,7 +201,7 @@ class Engine:
             moments = body.model.moments.get(link)
             if moments is None:
                 continue
-            # In a call of its own: together with the settings above the engine ignores it.
+            # In a separate call: together with the settings above the engine ignores it.
             pybullet.changeDynamics(body.id, index, localInertiaDiagonal=moments, physicsClientId=self.client)
             info = pybullet.getDynamicsInfo(body.id, index, physicsClientId=self.client)
             if info[0] != body.model.bodies[link].mass or tuple(info[2]) != moments:
@@ -213,7 +210,7 @@ class Engine:
                 )
 
     def state(self, body: Body) -> BodyState:
-        """Where a body is and how it moves."""
+        """Return pose, velocity and joint states of a body."""
         position, orientation = pybullet.getBasePositionAndOrientation(body.id, physicsClientId=self.client)
         linear, angular = pybullet.getBaseVelocity(body.id, physicsClientId=self.client)
         joints = {
@@ -222,7 +219,7 @@ class Engine:
         return BodyState(position, orientation, linear, angular, joints)
 
     def set_state(self, body: Body, state: BodyState) -> None:
-        """Put a body where another one of the same model was."""
+        """Put a body into the state of another body of the same model."""
         pybullet.resetBasePositionAndOrientation(
             body.id, state.position, state.orientation, physicsClientId=self.client
         )
@@ -231,7 +228,7 @@ class Engine:
             pybullet.resetJointState(body.id, body.joints[name], q, dq, physicsClientId=self.client)
 
     def motors_off(self, body: Body) -> None:
-        """The engine starts every joint with a motor that holds it; take the force out."""
+        """Remove the force of the motors with which the engine holds every joint by default."""
         indices = list(body.joints.values())
         if indices:
             pybullet.setJointMotorControlArray(
@@ -239,10 +236,12 @@ class Engine:
             )
 
     def joint_states(self, body: Body, joints: MovingJoints, indices: Sequence[int]) -> tuple[tuple[Any, ...], ...]:
-        """What `getJointStates` returns of joints, after those that mimic others were put on their laws.
+        """Return the result of `getJointStates`, after correcting mimic joints to their laws.
 
         Args:
-            joints: all that move, in the order of `indices`, the engine's.
+            body: the body.
+            joints: moving joints, in the order of `indices`.
+            indices: engine indices of the joints.
         """
         states: tuple[tuple[Any, ...], ...] = pybullet.getJointStates(body.id, indices, self.client)
         if not joints.followers:
@@ -256,13 +255,13 @@ class Engine:
         return tuple(kept)
 
     def remove(self, body: Body) -> None:
-        """Take a body out of the world."""
+        """Remove a body from the world."""
         for gear in body.gears:
             pybullet.removeConstraint(gear, physicsClientId=self.client)
         pybullet.removeBody(body.id, physicsClientId=self.client)
 
     def pose(self, body: Body, index: int) -> transforms.FloatArray:
-        """T_world_link of an engine link's frame (not of its centre of mass), shape (4, 4)."""
+        """Return T_world_link of an engine link's frame (not of its centre of mass), shape (4, 4)."""
         if index < 0:
             position, orientation = pybullet.getBasePositionAndOrientation(body.id, physicsClientId=self.client)
             return transforms.homogeneous(
@@ -272,13 +271,15 @@ class Engine:
         return transforms.homogeneous(transforms.rotation_from_quaternion(state[5]), state[4])
 
     def inertial_frame(self, body: Body, index: int) -> transforms.FloatArray:
-        """T_link_inertial of an engine link, shape (4, 4): the engine has a base's pose by its centre of mass."""
+        """Return T_link_inertial of an engine link, shape (4, 4): the engine's base pose is at the centre of mass."""
         info = pybullet.getDynamicsInfo(body.id, index, physicsClientId=self.client)
         return transforms.homogeneous(transforms.rotation_from_quaternion(info[4]), info[3])
 
     def motion(self, body: Body, index: int) -> tuple[tuple[float, ...], ...]:
-        """(position [m], quaternion (x, y, z, w), linear [m/s] and angular velocity [rad/s]) of a link's centre of
-        mass, world frame."""
+        """Return the motion of a link's centre of mass in the world frame.
+
+        Position [m], quaternion (x, y, z, w), linear [m/s] and angular velocity [rad/s].
+        """
         if index < 0:
             pose = pybullet.getBasePositionAndOrientation(body.id, physicsClientId=self.client)
             return (*pose, *pybullet.getBaseVelocity(body.id, physicsClientId=self.client))

@@ -1,5 +1,4 @@
-"""Forces that the plant applies to bodies in one step: wrenches from outside and penalty contact, which enter the
-balance of joints as J'F; and how readily a point gives way to them."""
+"""Forces on bodies in one step, wrenches and penalty contact, with their joint efforts J'F; mobility of points."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -13,11 +12,12 @@ from pybullet_ros_control.robot import Robot
 
 
 class JointRows:
-    """What a force on a link does in the moving joints of a body: rows of the transposed Jacobian of any point. (The
-    engine's own is not that of the point.) In the engine's order.
+    """Rows of the transposed Jacobian of any point of a body, in the engine's order of its moving joints.
+
+    The engine's own Jacobian is not that of the point.
 
     Args:
-        body: with a model.
+        body: body with a model.
         client: the engine's client.
 
     Attributes:
@@ -36,11 +36,11 @@ class JointRows:
         self.forget()
 
     def forget(self) -> None:
-        """The body has moved."""
+        """Discard cached frames, after the body has moved."""
         self._frames: tuple[FloatArray, FloatArray] | None = None
 
     def _joint_frames(self) -> tuple[FloatArray, FloatArray]:
-        """(axes, origins) of all moving joints in the world, shape (n, 3) each; read once per step."""
+        """Return (axes, origins) of all moving joints in the world, shape (n, 3) each; read once per step."""
         if self._frames is None:
             states = pybullet.getLinkStates(
                 self._body.id, self.joints, computeForwardKinematics=1, physicsClientId=self._client
@@ -50,7 +50,7 @@ class JointRows:
         return self._frames
 
     def _carried_by(self, index: int) -> FloatArray:
-        """1 for each moving joint between the base and a link, else 0."""
+        """Return 1 for each moving joint between the base and a link, else 0."""
         if index not in self._carries:
             chain, link = set(), index
             while link >= 0:
@@ -60,8 +60,7 @@ class JointRows:
         return self._carries[index]
 
     def efforts(self, index: int, force: FloatArray, torque: Sequence[float] | None, point: FloatArray) -> FloatArray:
-        """tau_i = a_i . ((p - o_i) x F + T) for a revolute joint, a_i . F for a prismatic one, shape (n,) [N m
-        or N]."""
+        """Return tau_i = a_i . ((p - o_i) x F + T) of a revolute joint, a_i . F of a prismatic one, shape (n,)."""
         axes, origins = self._joint_frames()
         moments = (point - origins) @ skew(force)
         if torque is not None:
@@ -71,11 +70,10 @@ class JointRows:
 
 
 class Mobility:
-    """How readily a point of a body gives way: its inverse effective mass, with joints, brakes and rotors. Of the
-    bodies of one engine, the robot among them.
+    """Mobility of points of bodies: the inverse effective mass, with joints, brakes and rotors.
 
     Args:
-        engine: where they are.
+        engine: engine with the bodies, the robot among them.
     """
 
     def __init__(self, engine: Engine) -> None:
@@ -83,17 +81,17 @@ class Mobility:
         self.clear()
 
     def clear(self) -> None:
-        """Bodies came or went."""
+        """Discard cached masses, after bodies were added or removed."""
         self._masses: dict[int, tuple[float, FloatArray]] = {}
         self._inertias: dict[int, FloatArray] = {}
 
     def begin(self, robot: Robot, joints: Mapping[str, ModelJoints], forces: "ExternalForces") -> None:
-        """A new step, in which these forces act; joints: of the other models."""
+        """Start a step with these external forces; joints: of the other models."""
         self._robot, self._joints, self._forces = robot, joints, forces
         self._inertias.clear()
 
     def inverse_mass(self, body: Body, index: int, point: FloatArray, normal: FloatArray) -> float:
-        """n' J (M + B)^-1 J' n of a point of a link, shape (3,) [m], along a unit vector, shape (3,) [1/kg].
+        """Return n' J (M + B)^-1 J' n of a point of a link, shape (3,) [m], along a unit vector, shape (3,) [1/kg].
 
         A free body with joints counts as one mass at the point.
         """
@@ -108,7 +106,7 @@ class Mobility:
         return float(row @ self._inverse_inertia(body) @ row)
 
     def _mass(self, body: Body) -> tuple[float, FloatArray]:
-        """(mass [kg], principal moments, shape (3,) [kg m^2]) of a free body; mass 0: its base is fixed."""
+        """Return (mass [kg], principal moments, shape (3,) [kg m^2]) of a free body; mass 0: its base is fixed."""
         if body.id not in self._masses:
             client = self._engine.client
             base = pybullet.getDynamicsInfo(body.id, -1, physicsClientId=client)
@@ -126,7 +124,7 @@ class Mobility:
         return float(1.0 / mass + (lever * lever) @ (1.0 / moments))
 
     def _inverse_inertia(self, body: Body) -> FloatArray:
-        """(M + B)^-1 of the joints, shape (n, n); those that are held have zeros."""
+        """Return (M + B)^-1 of the joints, shape (n, n); held joints have zeros."""
         if body.id not in self._inertias:
             robot = self._robot
             self._inertias[body.id] = (
@@ -143,10 +141,10 @@ def _inverse_inertia(robot: Robot) -> FloatArray:
 
 
 class ExternalForces:
-    """Sends forces to the engine for the next step and sums the joint efforts that they amount to.
+    """External forces of the next step, sent to the engine and summed as joint efforts.
 
     Args:
-        engine: where the bodies are.
+        engine: engine with the bodies.
     """
 
     def __init__(self, engine: Engine) -> None:
@@ -154,7 +152,7 @@ class ExternalForces:
         self.clear()
 
     def clear(self) -> None:
-        """Bodies came or went."""
+        """Discard cached data, after bodies were added or removed."""
         self._rows: dict[int, JointRows] = {}
         self._sums: dict[int, FloatArray | None] = {}
 
@@ -165,20 +163,20 @@ class ExternalForces:
             rows.forget()
 
     def rows(self, body: Body) -> JointRows:
-        """What forces on the links of a body do in its joints in this step."""
+        """Return the transposed Jacobian rows of a body in this step."""
         if body.id not in self._rows:
             self._rows[body.id] = JointRows(body, self._engine.client)
         return self._rows[body.id]
 
     def efforts(self, body: Body) -> list[float] | None:
-        """J'F of this step's forces for all moving joints of a body [N m or N]; None when none acts on it."""
+        """Return J'F of this step's forces for all moving joints of a body [N m or N]; None without a force."""
         efforts = self._sums.get(body.id)
         return None if efforts is None else efforts.tolist()
 
     def apply(
         self, body: Body, index: int, force: Sequence[float], torque: Sequence[float] | None, point: Sequence[float]
     ) -> None:
-        """A force [N] at `point` [m] and a torque [N m] on a link, all in the world frame, for the next step."""
+        """Apply a force [N] at `point` [m] and a torque [N m] to a link in the next step, world frame."""
         client = self._engine.client
         pybullet.applyExternalForce(body.id, index, force, point, pybullet.WORLD_FRAME, physicsClientId=client)
         if torque is not None:

@@ -1,4 +1,4 @@
-"""Convex hulls of meshes without the skin that the engine adds around each."""
+"""Convex hulls of meshes, reduced by the margin that the engine adds around each."""
 
 import numpy as np
 from scipy.optimize import linprog
@@ -10,17 +10,17 @@ from hric_control.meshes.canonical import Surface
 SKIN = 1e-3
 """Margin that the engine gives each hull [m]. Source: gUrdfDefaultCollisionMargin of PyBullet 3.2.7."""
 _THINNEST = 0.5
-"""Share of its largest inner ball that a hull loses at the most [1] (project default, unconfirmed)."""
+"""Largest part of its largest inner sphere's radius that a hull loses [1] (project default, unconfirmed)."""
 
 
 def without_skin(hull: Surface) -> Surface:
-    """Return a hull whose sides lie inwards by the skin, so that the engine's sides are those of the mesh.
+    """Return a hull whose sides are moved inwards by the margin, so that the engine's sides are those of the mesh.
 
-    Its corners are round then: what meets a corner of a box meets it 0.7 mm late. A hull that is thinner than four
-    skins keeps a part of its own.
+    Its corners are then round: a body touches a corner of a box 0.7 mm late. A hull thinner than four margins is
+    reduced by less.
 
     Args:
-        hull: that the mesh collides as, which encloses a volume.
+        hull: convex hull of the mesh, which encloses a volume.
     """
     sides = ConvexHull(hull.vertices).equations  # n x + d <= 0 inside, n of length 1
     bounds = [*[(None, None)] * 3, (0.0, None)]

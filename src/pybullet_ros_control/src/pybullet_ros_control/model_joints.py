@@ -1,4 +1,4 @@
-"""The joints of a model beside the robot: where they are, what drives them, and their stops."""
+"""Joints of the models around the robot: their positions, drives and stops."""
 
 from collections.abc import Sequence
 
@@ -14,30 +14,31 @@ from pybullet_ros_control.joint_dynamics import Vector, added, half_step, make_d
 
 
 class ModelJoints:
-    """The moving joints of one model whose base is fixed. They have the robot's balance, without rotors: their motion
-    is of second order, and forces on the links may be given as efforts.
+    """Moving joints of one model with a fixed base, in the engine's order.
 
-    All vectors are in the engine's order of the joints.
+    They have the robot's balance, without rotors: their motion is of second order, and forces on the links may be given
+    as efforts.
 
     Args:
-        body: loaded, with its joints at zero.
-        tree: its description.
-        T_world_root: of its root link, shape (4, 4).
+        engine: the engine.
+        body: loaded body, with its joints at zero.
+        tree: description of the model.
+        T_world_root: pose of its root link, shape (4, 4).
         config: the plant's parameters.
 
     Attributes:
-        fixed: whether the base is.
-        body: that is loaded now.
-        joints: the description's, all of them actuated.
-        T_world_base: of the engine's base link, shape (4, 4).
-        dynamics: of the model.
+        fixed: True if the base is fixed.
+        body: present body in the engine.
+        joints: joints of the description, all of them actuated.
+        T_world_base: pose of the engine's base link, shape (4, 4).
+        dynamics: dynamics of the model.
         q, dq: the engine's state after the last step.
         at: positions at the measuring instant, which is that of the velocities.
     """
 
     fixed = True
     _base: tuple[float, ...] = ()
-    """Coordinates of the base in the dynamics: any will do."""
+    """Coordinates of the base in the dynamics; their values have no effect."""
 
     def __init__(
         self, engine: Engine, body: Body, tree: urdf.Robot, T_world_root: FloatArray, config: PlantConfig
@@ -72,27 +73,27 @@ class ModelJoints:
         self.reset()
 
     def bind(self, body: Body) -> None:
-        """The body was loaded again; the state of its joints stays."""
+        """Bind to the body after it was loaded again; the state of its joints stays."""
         self.body = body
         self._indices = [body.joints[name] for name in self.joints.names]
 
     def put(self, q: Sequence[float], dq: Sequence[float] | None) -> None:
-        """Be at q, dq now and at the start. Raises CommandError where they are not one finite number per joint."""
+        """Put the joints at q, dq now and at each start. Raises CommandError if not one finite number per joint."""
         zeros = self.joints.zeros
         self._start = self.joints.start(q, zeros if dq is None else dq, zeros)
         self._begin()
 
     def drive(self, efforts: Sequence[float]) -> None:
-        """From the next step on [N m or N]. Raises CommandError where they are not as many as joints."""
+        """Set the efforts from the next step on [N m or N]. Raises CommandError if not one per joint."""
         self._driven = self.joints.command(efforts)
 
     def reset(self) -> None:
-        """Be where they were put last, without a drive."""
+        """Return to the last set positions, without drive efforts."""
         self._driven = self.joints.zeros
         self._begin()
 
     def _begin(self) -> None:
-        # The read-out goes half a step back, so the engine starts half a step ahead.
+        # The read-out subtracts half a step, so the engine starts half a step ahead.
         for joint, x, v in zip(self._indices, *self._start, strict=True):
             pybullet.resetJointState(self.body.id, joint, x + self._half * v, v, physicsClientId=self._engine.client)
         self.refresh()
@@ -101,11 +102,11 @@ class ModelJoints:
         self._held: Vector | None = None
 
     def hold(self, efforts: Vector) -> None:
-        """Efforts of forces on the links in the coming step, which the engine does not get otherwise [N m or N]."""
+        """Add efforts of link forces in the coming step that the engine does not know otherwise [N m or N]."""
         self._held = added(self._held, efforts)
 
     def act(self, external: Vector | None) -> None:
-        """Drives, stops and losses of the coming step; external: efforts of forces that the engine got."""
+        """Send drives, stops and losses of the coming step; external: efforts of forces that the engine knows."""
         tau = self._efforts(self._stops.add(self.at, self.dq, self._driven), external)
         pybullet.setJointMotorControlArray(
             self.body.id, self._indices, pybullet.TORQUE_CONTROL, forces=tau, physicsClientId=self._engine.client
@@ -118,8 +119,10 @@ class ModelJoints:
         return added(held, self.dynamics.torque(self.q, self.dq, tau, added(external, held), None))
 
     def mobility(self) -> FloatArray:
-        """The joints' part of the inverse mass matrix, shape (n, n) [1/(kg m^2)]. The engine's own stays that of an old
-        body whose place in memory the model got."""
+        """Return the joints' part of the inverse mass matrix, shape (n, n) [1/(kg m^2)].
+
+        The engine's matrix may be that of an old body whose memory address the model has.
+        """
         q, first = [*self._base, *self.q], len(self._base)
         return np.array(self.dynamics.mobility(q)).reshape(len(q), -1)[first:, first:]
 
@@ -128,19 +131,19 @@ class ModelJoints:
         q[:], dq[:] = self.at, self.dq
 
     def refresh(self) -> None:
-        """The state that a step has led to."""
+        """Read the state after a step."""
         states = self._engine.joint_states(self.body, self.joints, self._indices)
         self.q, self.dq, self.at, _, _ = self.dynamics.read(states, self.joints.zeros)
 
 
 class FreeModelJoints(ModelJoints):
-    """Those of a model with a free base: of first order, as the engine steps them."""
+    """Joints of a model with a free base, of first order as in the engine."""
 
     fixed = False
     _base = (0.0,) * 6
 
     def bind(self, body: Body) -> None:
-        """The body was loaded again. The engine's motors, which aim at rest, are the Coulomb friction."""
+        """Bind to the body after it was loaded again, with the engine's motors at zero speed as Coulomb friction."""
         super().bind(body)
         pybullet.setJointMotorControlArray(
             body.id,
@@ -151,8 +154,10 @@ class FreeModelJoints(ModelJoints):
         )
 
     def _efforts(self, tau: list[float], external: Vector | None) -> Vector:
-        """Damping at the velocity w that it leaves behind, so that any size of it is stable: w = dq - dt A D w with A
-        the joints' part of the inverse mass matrix."""
+        """Return the efforts with damping at the resulting velocity w, so that damping of any size is stable.
+
+        w = dq - dt A D w with A the joints' part of the inverse mass matrix.
+        """
         damping = np.array([loss.damping for loss in self._losses])
         if not damping.any():
             return tau
@@ -161,17 +166,17 @@ class FreeModelJoints(ModelJoints):
         return left
 
     def refresh(self) -> None:
-        """The state that a step has led to."""
+        """Read the state after a step."""
         states = self._engine.joint_states(self.body, self.joints, self._indices)
         self.q, self.dq = [state[0] for state in states], [state[1] for state in states]
         self.at = [x - self._half * v for x, v in zip(self.q, self.dq, strict=True)]
 
 
 class NoModelJoints:
-    """Those of a model of which no joint moves.
+    """Empty joints of a model without moving joints.
 
     Attributes:
-        joints: none.
+        joints: no joints.
     """
 
     def __init__(self, model: str) -> None:
@@ -182,10 +187,10 @@ class NoModelJoints:
         q[:], dq[:] = (), ()
 
     def put(self, q: Sequence[float], dq: Sequence[float] | None) -> None:
-        """Raises CommandError where there is a value."""
+        """Raise CommandError if there is a value."""
         self.drive(q)
 
     def drive(self, efforts: Sequence[float]) -> None:
-        """Raises CommandError where there is one."""
+        """Raise CommandError if there is a value."""
         if len(efforts) > 0:
             raise CommandError(f"got {len(efforts)} values for model {self._model}, of which no joint moves")

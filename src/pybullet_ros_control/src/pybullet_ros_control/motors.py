@@ -1,4 +1,4 @@
-"""The engine's joint motors (velocity and position drives, and brakes) and joint stops."""
+"""Joint motors of the engine (velocity and position drives, and brakes) and joint stops."""
 
 import math
 from collections.abc import Sequence
@@ -10,19 +10,20 @@ from hric_control.plants import StopMemory
 from pybullet_ros_control.engine import Body, Engine
 
 BRAKE_FORCE = 1e6
-"""What a brake or a drive without effort limit may take [N m]: a constraint of the engine, so size does not make it
-stiff."""
+"""Largest effort of a brake or an unlimited drive [N m]: a constraint, so its size does not make it stiff."""
 _FAR = 1e9
-"""A bound that no joint reaches [rad or m]."""
+"""Joint limit that no joint reaches [rad or m]."""
 
 
 class JointMotors:
-    """Modes of all joints of a body.
+    """Motors of all joints of a body, by their modes.
 
     Args:
+        engine: the engine.
+        body: the body.
         joints: engine indices.
-        max_effort: what a drive may take, n floats [N m or N].
-        max_velocity: how fast a position drive goes, n floats [rad/s or m/s].
+        max_effort: largest effort of a drive, n floats [N m or N].
+        max_velocity: largest speed of a position drive, n floats [rad/s or m/s].
     """
 
     def __init__(
@@ -50,7 +51,7 @@ class JointMotors:
         self._driven_joints = [self._joints[i] for i in self._driven]
 
     def set_modes(self, modes: Sequence[Mode], q: Sequence[float]) -> None:
-        """New modes; a joint that is braked now locks at q."""
+        """Set new modes; a joint that is newly braked locks at q."""
         for i, (new, old) in enumerate(zip(modes, self.modes, strict=True)):
             if new is Mode.BRAKE and old is not Mode.BRAKE:
                 self._lock[i] = q[i]
@@ -59,17 +60,17 @@ class JointMotors:
         self.restore(self._body)
 
     def lock_at(self, q: Sequence[float]) -> None:
-        """The robot was put at q from outside: brakes hold there."""
+        """Lock braked joints at q, after the robot was put there from outside."""
         self._lock = list(q)
         self.restore(self._body)
 
     def restore(self, body: Body) -> None:
-        """Send the engine all motors, for example of a body that was loaded again."""
+        """Send all motors to the engine, for example for a body that was loaded again."""
         self._body = body
         for i, joint in enumerate(self._joints):
             common = {"physicsClientId": self._engine.client}
             if self.modes[i] is Mode.BRAKE:
-                # A bare velocity motor would creep under load (1 mrad in 5 s); holding the position too keeps it within
+                # A pure velocity motor would creep under load (1 mrad in 5 s); with a position gain it stays within
                 # 1 urad.
                 pybullet.setJointMotorControl2(
                     body.id,
@@ -88,8 +89,10 @@ class JointMotors:
                 )
 
     def target_velocities(self, q: Sequence[float], values: Sequence[float]) -> list[float]:
-        """Velocity that each drive aims at in the next step; a position drive aims at arriving. n floats (effort
-        joints: 0)."""
+        """Return the target velocity of each drive in the next step, 0 for effort joints, n floats.
+
+        A position drive is to arrive by the end of the step.
+        """
         dt = self._engine.time_step
         target = [0.0] * len(self._joints)
         for i, mode in enumerate(self.modes):
@@ -115,10 +118,14 @@ class JointMotors:
 
 
 class JointStops:
-    """Both stops of each joint. The engine has them; what it lacks is a start outside the range, as the thesis does at
-    q = 0: a stop that the joint started beyond is left open until the joint has been inside.
+    """Both stops of each joint, with a start outside the range, as in the thesis at q = 0.
+
+    The engine has stops, but cannot start beyond one: such a stop is inactive until the joint has been inside its
+    range.
 
     Args:
+        engine: the engine.
+        body: the body.
         joints: engine indices.
         limits: (lower, upper) per joint [rad or m], infinite where there is no stop.
     """
@@ -131,22 +138,22 @@ class JointStops:
 
     @property
     def waiting(self) -> bool:
-        """Whether a stop is open."""
+        """True if a stop is inactive."""
         return bool(self._memory.waiting)
 
     def put(self, q: Sequence[float]) -> None:
-        """The robot was put at q from outside: decide again which stops act."""
+        """Determine the active stops again, after the robot was put at q from outside."""
         for i in self._memory.restart(q):
             self._send(i)
 
     def restore(self, body: Body) -> None:
-        """The body was loaded again, with all stops acting: open the waiting ones again."""
+        """Deactivate the waiting stops again, after the body was loaded again with all stops active."""
         self._body = body
         for i in self._memory.waiting:
             self._send(i)
 
     def check(self, q: Sequence[float]) -> None:
-        """Let a waiting stop act as soon as the joint is inside its range."""
+        """Activate a waiting stop as soon as the joint is inside its range."""
         for i in self._memory.check(q):
             self._send(i)
 

@@ -1,4 +1,4 @@
-"""The PyBullet plant: one robot, the world around it, and the forces that act on both from outside."""
+"""PyBullet plant: one robot, the world around it, and the external forces on both."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -26,12 +26,12 @@ from pybullet_ros_control.world import World
 
 
 class PyBulletPlant(EnginePlant):
-    """See `hric_control.plant.Plant`.
+    """Plant on PyBullet; see `hric_control.plant.Plant`.
 
     Attributes:
-        config: the parameters as checked.
+        config: checked parameters.
         robot: the robot.
-        world: everything around it.
+        world: models around the robot.
     """
 
     robot: Robot
@@ -71,8 +71,7 @@ class PyBulletPlant(EnginePlant):
         self.world.penalty.forget()
 
     def reset(self, q: Sequence[float], dq: Sequence[float] | None = None) -> None:
-        """Everything is built again, so that nothing of the past (contact memory, warm starts) can reach the next
-        run."""
+        """Reset robot and world by a new build, so that no contact memory or warm start reaches the next run."""
         self._wrenches.clear()
         self._build_again(None)
         self.world.bushings.restart()
@@ -85,26 +84,28 @@ class PyBulletPlant(EnginePlant):
         self.world.bushings.bind()
 
     def set_configuration(self, q: Sequence[float]) -> None:
-        """Put the robot at q at rest and leave the world as it is."""
+        """Put the robot at q at rest; the world does not change."""
         self._put(q, None)
 
     def read_state(self, q: list[float], dq: list[float], tau: list[float]) -> None:
-        """The engine's position belongs to the end of the step, its velocity to the middle; q - dt dq/2 brings both
-        together."""
+        """Read position, velocity and effort at the measuring instant.
+
+        The engine's position belongs to the end of the step, its velocity to the middle; q - dt dq/2 synchronises both.
+        """
         robot = self.robot
         robot.joints.read((robot.at, robot.dq, robot.effort), q, dq, tau)
 
     def motor_effort(self) -> list[float]:
-        """Efforts of the motors in the last step, n floats [N m]."""
+        """Return the motor efforts of the last step, n floats [N m]."""
         return self.robot.joints.pick(self.robot.motor_effort)
 
     def engine_state(self) -> tuple[list[float], list[float]]:
-        """Raw q, dq of the engine."""
+        """Return the engine's raw q, dq."""
         robot = self.robot
         return robot.joints.pick(robot.q), robot.joints.pick(robot.dq)
 
     def mass_matrix(self) -> FloatArray:
-        """The engine's own mass matrix at the present engine position, shape (n, n) [kg m^2]."""
+        """Return the engine's own mass matrix at the present engine position, shape (n, n) [kg m^2]."""
         robot = self.robot
         J = robot.joints.law_jacobian()[:, robot.joints.user]
         return np.asarray(J.T @ np.array(robot.mass_matrix(robot.q)) @ J)
@@ -112,7 +113,7 @@ class PyBulletPlant(EnginePlant):
     # -- the step ------------------------------------------------------------------------------------------------------
 
     def apply(self, tau: Sequence[float]) -> None:
-        """Commands for the next step: efforts [N m], or what `set_modes` made of them."""
+        """Set the commands for the next step: efforts [N m], or values by `set_modes`."""
         self._values = self.robot.joints.command(tau)
 
     def step(self) -> None:
@@ -130,8 +131,10 @@ class PyBulletPlant(EnginePlant):
             ) from error
 
     def _push(self) -> list[float] | None:
-        """Apply wrenches, penalty contact, bushings, and what acts in the joints of models; returns what the first two
-        amount to in the robot's joints."""
+        """Apply wrenches, penalty contact, bushings and models' joint efforts.
+
+        Returns the efforts of the first two in the robot's joints.
+        """
         world, robot = self.world, self.robot
         summed = [joints.body for joints in world.joints.values() if joints.fixed]
         world.forces.begin([robot.body, *summed] if robot.balanced else summed)
@@ -152,10 +155,10 @@ class PyBulletPlant(EnginePlant):
     # -- load ----------------------------------------------------------------------------------------------------------
 
     def set_load(self, load: Load | None, link: str | None = None) -> None:
-        """Fix a payload to `link` (default: the link behind the last joint); it replaces the one before.
+        """Fix a payload to `link` (default: the link behind the last joint) instead of the previous one.
 
-        Everything is built again where it is: the engine's inverse dynamics does not notice a changed mass, and may
-        even take a new body for an old one that stood at the same address.
+        Everything is built again in its present state: the engine's inverse dynamics ignores a changed mass, and may
+        confuse a new body with an old one at the same address.
         """
         if load is None:
             self.robot.set_load(None)
@@ -168,11 +171,11 @@ class PyBulletPlant(EnginePlant):
     def apply_wrench(
         self, body: str, force: Sequence[float], torque: Sequence[float], point: Sequence[float], duration: float
     ) -> None:
-        """Act on "link" or "model::link" for the steps that `duration` [s] covers (negative: until cleared)."""
+        """Apply a wrench to "link" or "model::link" for `duration` [s], in whole steps (negative: until cleared)."""
         self._wrenches.add(self.world.full_name(body), force, torque, point, duration)
 
     def clear_wrenches(self, body: str | None = None) -> None:
-        """End the wrenches on one body ("model" for all of its links), or all."""
+        """End the wrenches on one body ("model" for all its links), or all."""
         if body is None:
             self._wrenches.clear()
         elif "::" not in body and body in self.world.bodies:
@@ -181,11 +184,11 @@ class PyBulletPlant(EnginePlant):
             self._wrenches.clear_link(self.world.full_name(body))
 
     def contacts(self) -> list[Contact]:
-        """Contacts of the last step."""
+        """Return the contacts of the last step."""
         return self.world.contacts()
 
     def take_contact_peaks(self) -> dict[tuple[str, str], float]:
-        """Largest force of each pair that met by a spring since the last call [N]."""
+        """Return the largest spring contact force of each pair since the last call [N]."""
         return self.world.penalty.springs.take_peaks()
 
     def _spawn(
@@ -195,7 +198,7 @@ class PyBulletPlant(EnginePlant):
         self.world.spawn(name, urdf_xml, T_world_model, fixed, surfaces)
 
     def delete(self, name: str) -> None:
-        """Remove a model, the wrenches on it, and what holds it."""
+        """Remove a model, the wrenches on it, and its bushings."""
         self.world.check_model(name)
         self.world.bushings.forget_model(name)
         self.world.bushings.bind()
@@ -203,12 +206,11 @@ class PyBulletPlant(EnginePlant):
         self._wrenches.clear_model(name)
 
     def model_names(self) -> list[str]:
-        """Names of all models but the robot."""
+        """Return the names of all models but the robot."""
         return self.world.model_names()
 
     def link_state(self, body: str) -> tuple[FloatArray, FloatArray]:
-        """(T_world_link shape (4, 4), twist at the link frame's origin in the world frame, linear then angular, shape
-        (6,))."""
+        """Return (T_world_link, (4, 4), twist at the link's origin, world frame, linear then angular, (6,))."""
         model, link = self.world.find(body)
         index, T_body_frame = model.frame(link)
         T_world_link = self._engine.pose(model, index) @ T_body_frame

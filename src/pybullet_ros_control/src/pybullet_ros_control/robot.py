@@ -1,4 +1,4 @@
-"""The robot in the engine: its joints, what acts in them, and one step of that."""
+"""Robot in the engine: its joints, their efforts, and one step."""
 
 from collections.abc import Collection, Sequence
 from itertools import combinations
@@ -17,23 +17,22 @@ from pybullet_ros_control.urdf_model import EngineModel, prepare
 
 
 class Robot:
-    """One robot with a fixed base.
-
-    All vectors are in the engine's order of the moving joints.
+    """One robot with a fixed base; vectors are in the engine's order of the moving joints.
 
     Args:
+        engine: the engine.
         tree: the description.
-        joint_names: the actuated joints.
+        joint_names: names of the actuated joints.
         config: the plant's parameters.
         masks: pairs of link patterns whose collision is not tested.
 
     Attributes:
-        joints: those that move.
-        dynamics: of the model that is loaded.
+        joints: moving joints.
+        dynamics: dynamics of the present model.
         q, dq: the engine's state after the last step [rad, rad/s].
         at: positions at the measuring instant, which is that of the velocities [rad].
         motor_effort: efforts of the joints' motors in the last step [N m].
-        effort: what of them arrived behind the rotors, where an arm's torque sensors are [N m].
+        effort: efforts behind the rotors, where an arm's torque sensors are [N m].
     """
 
     def __init__(
@@ -71,7 +70,7 @@ class Robot:
         self.mask()
 
     def mask(self) -> None:
-        """Neighbours, and links that fit the masks, do not touch each other."""
+        """Switch self-collision off for neighbours and for links that match the masks."""
         if self._config.self_collision:
             apply_masks(self.engine, self.body, self._neighbours, self._masks)
 
@@ -79,7 +78,7 @@ class Robot:
         config, joints = self._config, self.joints.joints
         self._divergence = self.joints.divergence(config.time_step)
         self._losses = self.joints.losses(config)
-        # The engine's own step is requested, and there is nothing that it lacks.
+        # The engine's own step is requested and sufficient.
         self._plain = (
             config.integrator == "semi_implicit"
             and not self.joints.followers
@@ -100,7 +99,7 @@ class Robot:
         self._send_modes()
 
     def _bind(self) -> None:
-        """The dynamics of the model that is loaded."""
+        """Bind to the dynamics of the present model."""
         config = self._config
         self.dynamics: Dynamics = make_dynamics(
             self._model,
@@ -115,35 +114,35 @@ class Robot:
 
     @property
     def free_joints(self) -> list[int]:
-        """Those that neither a brake nor a drive holds."""
+        """Indices of the joints without brake or drive."""
         return self._motors.effort
 
     @property
     def rotor_inertia(self) -> list[float]:
-        """Of all moving joints [kg m^2]."""
+        """Rotor inertia of all moving joints [kg m^2]."""
         return [loss.rotor for loss in self._losses]
 
     @property
     def T_world_base(self) -> FloatArray:
-        """Of the engine's base link, shape (4, 4): the description's root is the world's origin."""
+        """Pose of the engine's base link, shape (4, 4): the description's root is at the world's origin."""
         return self._model.T_root_base
 
     @property
     def balanced(self) -> bool:
-        """Whether each step needs the efforts of applied forces."""
+        """True if each step needs the efforts of applied forces."""
         return not self._plain
 
     def mass_matrix(self, q: Vector) -> Sequence[Vector]:
-        """The engine's joint-space mass matrix [kg m^2]."""
+        """Return the engine's joint-space mass matrix [kg m^2]."""
         result: Sequence[Vector] = pybullet.calculateMassMatrix(self.body.id, q, physicsClientId=self.engine.client)
         return result
 
     # -- putting the robot somewhere -----------------------------------------------------------------------------------
 
     def put(self, q: Sequence[float], dq: Sequence[float]) -> None:
-        """Put the actuated joints at q, dq; the others stay where they are, at rest."""
+        """Put the actuated joints at q, dq; the others keep their positions, at rest."""
         full_q, full_dq = self.joints.start(q, dq, self.q)
-        # The read-out goes half a step back, so the engine starts half a step ahead.
+        # The read-out subtracts half a step, so the engine starts half a step ahead.
         self._set_state([x + self._half * v for x, v in zip(full_q, full_dq, strict=True)], full_dq)
         self.effort = self.motor_effort = self.joints.zeros
         self._motors.lock_at(self.q)
@@ -152,7 +151,7 @@ class Robot:
         self._held = None
 
     def hold(self, efforts: Vector) -> None:
-        """Efforts of forces on the links in the coming step, which the engine does not get otherwise [N m or N]."""
+        """Add efforts of link forces in the coming step that the engine does not know otherwise [N m or N]."""
         self._held = added(self._held, efforts)
 
     def _set_state(self, q: Vector, dq: Vector) -> None:
@@ -162,8 +161,7 @@ class Robot:
         self.q, self.dq, self.at, _, _ = self.dynamics.read(states, self.joints.zeros)
 
     def load_again(self) -> None:
-        """After the engine was emptied: the robot again, in the state of its joints; modes, brakes and stops as they
-        were."""
+        """Load the robot into an emptied engine, with the same joint states, modes, brakes and stops."""
         self._load_body()
         self._set_state(self.q, self.dq)
         self._motors.restore(self.body)
@@ -171,18 +169,18 @@ class Robot:
         self._bind()
 
     def set_load(self, load: tuple[str, MassProperties] | None) -> None:
-        """Payload on a link, from the next `load_again` on."""
+        """Set the payload on a link, from the next `load_again` on."""
         self._model = self._prepare(load)
 
     @property
     def last_link(self) -> str:
-        """The link behind the last actuated joint."""
+        """Name of the link behind the last actuated joint."""
         return self._tree.joints[self.joints.actuated[-1]].child
 
     # -- modes and brakes ----------------------------------------------------------------------------------------------
 
     def set_modes(self, modes: Sequence[Mode]) -> None:
-        """What the commands of the actuated joints mean from now on."""
+        """Set the meaning of the commands of the actuated joints."""
         self._modes = list(modes)
         self._send_modes()
 
@@ -199,11 +197,12 @@ class Robot:
     # -- one step ------------------------------------------------------------------------------------------------------
 
     def step(self, values: list[float], external: Vector | None) -> None:
-        """Act in the joints, advance the engine, read the state that this leads to. Bare positional calls of the
-        engine: this runs every millisecond.
+        """Apply the commands, advance the engine, and read the new state.
+
+        Only bare positional engine calls: this runs every millisecond.
 
         Args:
-            values: commands of all moving joints, in the meaning of their modes.
+            values: commands of all moving joints, with the meaning of their modes.
             external: joint efforts of the forces that the plant applies in this step [N m]; None for none.
         """
         client, body, joints, motors = self._client, self.body.id, self._joints, self._motors
@@ -232,7 +231,7 @@ class Robot:
             self._stops.check(self.q)
 
     def _add_drives(self, engine_efforts: list[float]) -> None:
-        """The engine's own motors act on the links."""
+        """Set the efforts of braked and driven joints from the engine's motors, which act on the links."""
         taken = self.dynamics.rotor_efforts(self.dq)
         for i, mode in enumerate(self._motors.modes):
             if mode is not Mode.EFFORT:
@@ -243,7 +242,7 @@ class Robot:
         ]
 
     def _drive(self, values: list[float], external: Vector | None, held: Vector | None) -> None:
-        """A step in which some joints are braked, or driven by velocity or position."""
+        """Send the commands of a step in which some joints are braked, or driven by velocity or position."""
         motors, dt = self._motors, self.engine.time_step
         targets = motors.target_velocities(self.q, values)
         tau: Vector = [x if mode is Mode.EFFORT else 0.0 for mode, x in zip(motors.modes, values, strict=True)]
@@ -255,7 +254,7 @@ class Robot:
             tau = self.dynamics.torque(self.q, self.dq, values, external, prescribed)
         indices, forces = motors.effort_joints, [tau[i] for i in motors.effort]
         if held is not None or self.joints.followers:
-            # Also where a motor holds or drives: it has to stand it.
+            # Also for braked and driven joints, whose motors must resist these efforts.
             indices, forces = self._joints, list(added(held, tau))
         if indices:
             pybullet.setJointMotorControlArray(
@@ -267,7 +266,7 @@ class Robot:
 def apply_masks(
     engine: Engine, body: Body, neighbours: Collection[frozenset[str]], masks: list[tuple[str, str]]
 ) -> list[tuple[str, str]]:
-    """Switch self-collision off for neighbours and for the pairs of links that match the masks; returns them."""
+    """Switch self-collision off for neighbours and for link pairs that match the masks; return the pairs."""
     names = sorted(body.links, key=body.links.__getitem__)
     off = [(a, b) for a, b in combinations(names, 2) if frozenset((a, b)) in neighbours or masked(a, b, masks)]
     for a, b in off:

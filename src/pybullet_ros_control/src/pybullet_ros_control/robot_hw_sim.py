@@ -1,4 +1,4 @@
-"""The former place of `hric_control.sim.robot_hw_sim`, kept for one release."""
+"""Former module of `hric_control.sim.robot_hw_sim`, for one release."""
 
 from hric_control.sim.robot_hw_sim import RobotHWSim
 

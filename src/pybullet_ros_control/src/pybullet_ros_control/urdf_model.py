@@ -1,11 +1,10 @@
-"""Prepares a URDF for the engine: rigid clusters become one link, and masses are given so that the engine keeps them as
-they are.
+"""Preparation of a URDF for the engine: rigid clusters become one link, and masses are given so that they stay exact.
 
-Why not load the description as it is: the engine gives a link without mass 1 kg, replaces a tensor that no real body
-has by zero, and pays for every fixed joint in every step. Here each cluster of links that are rigidly joined becomes
-one engine link with the exact sum of their masses; the tensor is written along its principal axes, so that its moments
-can be set afterwards by the engine's own call, whatever their sign. Members with a collision shape of their own stay
-engine links (massless), so that contacts name them.
+The description cannot be loaded directly: the engine gives a link without mass 1 kg, replaces a physically impossible
+tensor by zero, and computes every fixed joint in every step. Here each cluster of rigidly joined links becomes one
+engine link with the exact sum of their masses; the tensor is written along its principal axes, so that its moments can
+be set afterwards by the engine's own call, whatever their sign. Members with a collision shape stay (massless) engine
+links, so that contacts have their names.
 """
 
 import hashlib
@@ -13,7 +12,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import reduce
-from html import escape  # that of xml.sax loads an HTTP client
+from html import escape  # the one of xml.sax loads an HTTP client
 from operator import add
 from xml.etree.ElementTree import Element, SubElement
 
@@ -38,17 +37,19 @@ from hric_control.urdf.writing import text
 from pybullet_ros_control.hulls import without_skin
 
 PIECE = 8191
-"""Longest line that the engine reads as one, with its line break [bytes]; it breaks a longer one after each piece, also
-inside a number. Source: measured with PyBullet 3.2.7."""
+"""Longest line that the engine reads as one, line break included [bytes].
+
+It splits a longer line after each such piece, even inside a number. Source: measured with PyBullet 3.2.7.
+"""
 
 
 @dataclass(frozen=True)
 class Frame:
-    """Where a link of the description sits in the engine's model.
+    """Link of the description in the engine's model.
 
     Attributes:
-        body_link: an engine link that carries it.
-        T_body_frame: its pose in that link's frame, shape (4, 4).
+        body_link: engine link that carries it.
+        T_body_frame: pose in that link's frame, shape (4, 4).
     """
 
     body_link: str
@@ -57,23 +58,22 @@ class Frame:
 
 @dataclass(frozen=True)
 class EngineModel:
-    """A model as the engine gets it.
+    """Model for the engine.
 
     Attributes:
-        name: of the robot element.
+        name: name of the robot element.
         xml: URDF for the engine, with lines of at most `PIECE` bytes.
         base: name of the base link.
         T_root_base: pose of the base in the description's root link, shape (4, 4).
-        frames: every link of the description.
+        frames: frames of all links of the description.
         moments: principal moments of each engine link with mass, 3 floats [kg m^2]; to be set after loading.
         bodies: mass, centre of mass and tensor of the same links, in their frames.
-        joints: the moving joints by name.
+        joints: moving joints by name.
         placements: by moving joint, the engine link that carries it, and its frame at q = 0 in that link, shape (4, 4).
-        tops: for every link of the description, the one that names the rigid cluster it belongs to, and its pose in
-            that.
-        root: of the description.
-        description: that it was made of.
-        files: meshes by the name that the xml has, to lie beside it.
+        tops: by link of the description, the link that names its rigid cluster, and the pose in that link.
+        root: root link of the description.
+        description: source of the model.
+        files: contents of the meshes by their names in the xml; they must be in the same folder.
         hulls: by engine link, corners of the hull of its last mesh, in its frame, shape (n, 3) [m].
     """
 
@@ -95,7 +95,7 @@ class EngineModel:
 
 @dataclass
 class _Cluster:
-    """Links without relative motion: the one that names it, and poses of all members in it."""
+    """Links without relative motion: the link that names the cluster, and the poses of all members in it."""
 
     top: str
     poses: dict[str, FloatArray]
@@ -107,7 +107,7 @@ class _Cluster:
 
 
 def _clusters(robot: Robot) -> dict[str, _Cluster]:
-    """Cluster of each link, each named by its topmost link."""
+    """Return the cluster of each link, named by its topmost link."""
     of: dict[str, _Cluster] = {}
     for name, (top, T_top_link) in robot.rigid_groups().items():
         of[name] = of.setdefault(top, _Cluster(top, {}))
@@ -116,15 +116,14 @@ def _clusters(robot: Robot) -> dict[str, _Cluster]:
 
 
 def _write_inertial(link: Element, mass: MassProperties, moments: FloatArray, R: FloatArray) -> None:
-    """The tensor along its axes. Where it is not physical it is a ball's, which the engine accepts until the true
-    moments are set."""
+    """Write the tensor along its axes, or a sphere's if it is impossible, until the true moments are set."""
     low, middle, high = sorted(moments)
     written = moments if low > 0.0 and low + middle >= high else np.full(3, max(abs(high), abs(low)))
     write_inertial(link, mass.mass, homogeneous(R, mass.com), np.diag(written))
 
 
 def _lines(element: Element) -> Iterator[str]:
-    """The element with each attribute on a line of its own.
+    """Yield the lines of an element, with each attribute on a separate line.
 
     Raises:
         DescriptionError: an attribute that does not fit in a piece.
@@ -145,7 +144,7 @@ def _lines(element: Element) -> Iterator[str]:
 
 
 class _Preparation:
-    """One run of `prepare`."""
+    """Single run of `prepare`."""
 
     def __init__(
         self, robot: Robot, loads: Mapping[str, MassProperties], fixed_base: bool, visual: bool, stops: bool
@@ -171,8 +170,10 @@ class _Preparation:
         return moving_body(self.robot, cluster.top, reduce(add, parts) if parts else MassProperties())
 
     def choose_base(self) -> FloatArray:
-        """A fixed base is best the one root member that has a shape: then it is a static body, which the engine need
-        not test against others."""
+        """Choose a root member with a shape as fixed base, and return its pose in the root link, shape (4, 4).
+
+        It is then a static body, which the engine does not test against others.
+        """
         cluster = self.of[self.robot.root]
         shaped = [name for name in cluster.poses if self.robot.links[name].collisions]
         if self.fixed_base and shaped and self.robot.root not in shaped:
@@ -190,7 +191,7 @@ class _Preparation:
         return element
 
     def write_shapes(self, parent: Element, shapes: Iterable[Shape], T: FloatArray, purpose: str) -> None:
-        """Write the shapes of a member at its pose in `parent`: a mesh is drawn as it is, and collides as its hull."""
+        """Write the shapes of a member at its pose in `parent`: a mesh is drawn unchanged, and collides as its hull."""
         for shape in shapes:
             T_parent_shape = T @ shape.T_link_shape
             if shape.kind == "mesh":
@@ -202,7 +203,7 @@ class _Preparation:
                 write_shape(parent, purpose, shape, T_parent_shape)
 
     def hull_text(self, parent: Element, shape: Shape, T_parent_shape: FloatArray) -> bytes:
-        """Return the hull of a mesh for the engine, and keep what it collides as."""
+        """Return the hull of a mesh for the engine, and store its corners."""
         hull = hull_of(shape)
         self.hulls[parent.get("name", "")] = hull.vertices @ T_parent_shape[:3, :3].T + T_parent_shape[:3, 3]
         return obj_text(without_skin(hull), "a hull").encode()
@@ -230,7 +231,7 @@ class _Preparation:
         write_origin(element, T)
 
     def write_joint(self, joint: Joint) -> None:
-        """Damping and friction stay out: the plant adds them to the efforts itself."""
+        """Write a joint without damping and friction, which the plant adds to the efforts itself."""
         bounded = self.stops and math.isfinite(joint.lower)
         kind = joint.type if bounded or joint.type == "prismatic" else "continuous"
         element = SubElement(self.element, "joint", name=joint.name, type=kind)
@@ -238,7 +239,7 @@ class _Preparation:
         placement = self.placements[joint.name] = cluster.top, cluster.poses[joint.parent] @ joint.T_parent_joint
         self.connect(element, placement[0], joint.child, placement[1])
         SubElement(element, "axis", xyz=text(joint.axis))
-        # An upper limit below the lower one is the engine's way to say "none".
+        # An upper limit below the lower one means "no limit" in the engine.
         lower, upper = (joint.lower, joint.upper) if bounded else (1.0, -1.0)
         SubElement(element, "limit", lower=repr(lower), upper=repr(upper), effort="1e9", velocity="1e9")
 
@@ -280,18 +281,18 @@ def prepare(
     visual: bool = False,
     stops: bool = True,
 ) -> EngineModel:
-    """The model for the engine.
+    """Return the model for the engine.
 
     Args:
         robot: the description; not changed.
         loads: payloads by link, in the link's frame.
-        fixed_base: whether the root is fixed to the world.
-        collision: keep collision shapes.
-        visual: keep visual shapes (only a window shows them; loading meshes is slow).
-        stops: whether the engine stops the joints at the ends of their ranges.
+        fixed_base: True if the root is fixed to the world.
+        collision: True to keep collision shapes.
+        visual: True to keep visual shapes (only a window shows them; loading meshes is slow).
+        stops: True if the engine stops the joints at the ends of their ranges.
 
     Raises:
-        DescriptionError: a joint type that the engine lacks, a moving link without mass, or a mesh that cannot be used.
+        DescriptionError: a joint type that the engine lacks, a moving link without mass, or an unusable mesh.
         UnknownNameError: a load on a link that does not exist.
     """
     for name in loads or {}:

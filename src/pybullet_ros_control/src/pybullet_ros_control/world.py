@@ -1,4 +1,4 @@
-"""Everything around the robot in one engine: the objects of the world file and the models spawned later."""
+"""Models around the robot in one engine: the objects of the world file and the models spawned later."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -18,7 +18,7 @@ from pybullet_ros_control.external_forces import ExternalForces
 from pybullet_ros_control.model_joints import FreeModelJoints, ModelJoints, NoModelJoints
 from pybullet_ros_control.urdf_model import EngineModel, prepare
 
-if TYPE_CHECKING:  # its own users
+if TYPE_CHECKING:  # bushings import this module
     from pybullet_ros_control.bushings import EngineBushings
 
 _ROBOT_SURFACE = Surface()
@@ -33,18 +33,19 @@ _GEOMETRY = {
 
 @dataclass
 class World:
-    """Bodies by name, the robot first; their surfaces, and penalty contact between them.
+    """Bodies by name, the robot first, with their surfaces and the penalty contact between them.
 
     Args:
-        objects: of the world file.
-        rules: surfaces of single links.
+        engine: the engine.
         config: the plant's parameters.
+        objects: objects of the world file.
+        rules: surfaces of single links.
 
     Attributes:
-        spawned: what loads each spawned model, again after the engine was emptied, and surfaces of its links.
-        joints: of the models that have some.
-        forces: that act on bodies from outside.
-        bushings: what holds links together; the plant adds it.
+        spawned: loader of each spawned model, for an emptied engine, and the surfaces of its links.
+        joints: joints of the models that have some.
+        forces: external forces on bodies.
+        bushings: bushings between links; the plant adds them.
     """
 
     engine: Engine
@@ -65,12 +66,11 @@ class World:
         self._robot = ""
 
     def states(self) -> dict[str, BodyState]:
-        """Where everything but the robot is."""
+        """Return the states of all models but the robot."""
         return {name: self.engine.state(self.bodies[name]) for name in self.model_names()}
 
     def build(self, robot: Body, states: dict[str, BodyState] | None = None) -> None:
-        """Fill an empty engine, which holds the robot only: the world as at its start, or only what `states` names,
-        where it says."""
+        """Fill an engine that contains only the robot: the world at its start, or the models and states of `states`."""
         self._robot = robot.name
         self.bodies, self.surfaces = {}, {}
         self._add(robot.name, robot, _ROBOT_SURFACE)
@@ -114,7 +114,7 @@ class World:
         )
 
     def keep_apart(self, pairs: Iterable[tuple[str, str]]) -> bool:
-        """Links that do not touch each other from now on, by "model::link"; returns whether others may do so again."""
+        """Separate link pairs, by "model::link", that must not touch; return True if others may touch again."""
         before, self._apart = self._apart, set(pairs)
         free = before - self._apart
         for a, b in free:
@@ -157,22 +157,20 @@ class World:
     def spawn(
         self, name: str, urdf_xml: str, T_world_model: FloatArray, fixed: bool, surfaces: Mapping[str, Surface]
     ) -> None:
-        """Add a model. Raises HricError when the name is taken or the URDF or a surface is bad."""
+        """Add a model. Raises HricError if the name is taken or the URDF or a surface is invalid."""
         if not name or name in self.bodies:
             raise HricError(f"model name {name!r} is taken or empty; taken: {', '.join(sorted(self.bodies))}")
         tree = read(urdf_xml)
         model = self._prepare(tree, fixed)
         own = dict(surfaces)
-        self.rules.of_model(
-            name, model.frames, Surface(), own
-        )  # what does not fit is refused before anything is loaded
+        self.rules.of_model(name, model.frames, Surface(), own)  # surfaces that do not fit are refused before loading
         load = partial(self._load_model, name, tree, model, T_world_model.copy(), fixed)
         self._add(name, load(), Surface(), own)
         self.spawned[name] = load, own
         self._changed()
 
     def delete(self, name: str) -> None:
-        """Remove a model that is not the robot; an object of the world file comes back with the next reset."""
+        """Remove a model that is not the robot; an object of the world file returns with the next reset."""
         self.engine.remove(self.bodies.pop(name))
         self.surfaces.pop(name)
         self.spawned.pop(name, None)
@@ -180,39 +178,39 @@ class World:
         self._changed()
 
     def check_model(self, name: str) -> None:
-        """Raises UnknownNameError where there is no such model beside the robot."""
+        """Raise UnknownNameError if there is no such model besides the robot."""
         if name not in self.model_names():
             raise UnknownNameError("model", name, self.model_names(), "the world")
 
     def model_names(self) -> list[str]:
-        """All bodies but the robot."""
+        """Return the names of all bodies but the robot."""
         return [name for name in self.bodies if name != self._robot]
 
     def joints_of(self, model: str) -> ModelJoints | NoModelJoints:
-        """Of a model beside the robot. Raises UnknownNameError."""
+        """Return the joints of a model around the robot. Raises UnknownNameError."""
         if model not in self.joints:
             self.check_model(model)
             return NoModelJoints(model)
         return self.joints[model]
 
     def put_joints(self, model: str, q: Sequence[float], dq: Sequence[float] | None) -> None:
-        """Joints of a model at q, dq. Raises UnknownNameError, CommandError."""
+        """Put the joints of a model at q, dq. Raises UnknownNameError, CommandError."""
         self.joints_of(model).put(q, dq)
         self.penalty.forget()
 
     def bind_connected(self) -> None:
-        """Others are connected than before."""
+        """Bind the bushings after a change of the connections."""
         self.bushings.bind()
 
     def base_link(self, name: str) -> str:
-        """Root link of a model. Raises UnknownNameError."""
+        """Return the root link of a model. Raises UnknownNameError."""
         if name not in self.bodies:
             raise UnknownNameError("model", name, self.bodies, "the world")
         model = self.bodies[name].model
         return PLAIN_LINK if model is None else model.root
 
     def find(self, name: str) -> tuple[Body, str]:
-        """(body, link) of "link" (of the robot) or "model::link".
+        """Return (body, link) of "link" (of the robot) or "model::link".
 
         Raises:
             UnknownNameError: no such model; the link is checked by the body.
@@ -225,18 +223,18 @@ class World:
         return self.bodies[model], link
 
     def near(self, name: str) -> list[str]:
-        """ "model::link" of all that a grip on a body does not collide with. Raises UnknownNameError."""
+        """Return "model::link" of all links that a grip on a body must not collide with. Raises UnknownNameError."""
         body, link = self.find(name)
         if body.model is None:
             return [f"{body.name}::{link}"]
         return [f"{body.name}::{of}" for of in body.model.description.near(link)]
 
     def full_name(self, name: str) -> str:
-        """ "model::link" of a body that `find` takes. Raises UnknownNameError."""
+        """Return the full "model::link" of a body name for `find`. Raises UnknownNameError."""
         body, link = self.find(name)
         body.frame(link)
         return f"{body.name}::{link}"
 
     def contacts(self) -> list[Contact]:
-        """Contacts of the last step."""
+        """Return the contacts of the last step."""
         return self.penalty.last + rigid_contacts(self.engine, self.by_id)
