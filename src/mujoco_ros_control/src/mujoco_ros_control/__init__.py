@@ -2,7 +2,7 @@
 
 import os
 
-# Loaded for its physics: else MuJoCo looks for a library of windows, by a process of its own. Who draws says MUJOCO_GL.
+# For physics only: otherwise MuJoCo starts a process that looks for a window library. Renderers set MUJOCO_GL.
 if "MUJOCO_GL" not in os.environ:
     os.environ["MUJOCO_GL"] = "disable"
     import mujoco  # noqa: F401 - read now, and never again

@@ -1,5 +1,8 @@
-"""Bushings between links of a scene. How links move, and the forces between them, go out of and into MuJoCo's data as
-plain floats, in C (links.c): views of numpy would take ten times as long."""
+"""Bushings between links of a scene.
+
+Link motions and bushing forces are exchanged with MuJoCo's data as plain floats, in C (links.c): numpy views would take
+ten times as long.
+"""
 
 from collections.abc import Sequence
 from typing import Protocol
@@ -14,19 +17,23 @@ _built = load("hric_mujoco_links")
 
 
 class Links(Protocol):
-    """Pairs of links, one after the other."""
+    """Interface of the link pairs in C, one pair after the other."""
 
     def motions(self) -> list[tuple[Vector, Quaternion, Vector, Vector]]:
-        """Of each link, in the world frame, as of the last update of the scene: position of its origin [m], orientation
-        (x, y, z, w), velocity of the origin [m/s], angular velocity [rad/s]."""
+        """Return the motion of each link's frame, world frame, at the last update of the scene.
+
+        Position [m], orientation (x, y, z, w), linear velocity [m/s], angular velocity [rad/s].
+        """
 
     def push(self, pair: int, force: Vector, torque: Vector, point: Vector, /) -> None:
-        """A force [N] at a point [m] and a torque [N m] on the first link of a pair for the coming step, and the
-        opposite ones on the second, in the world frame."""
+        """Apply a force [N] at a point [m] and a torque [N m] to the first link of a pair, the opposite to the second.
+
+        They act in the coming step, in the world frame.
+        """
 
 
 def make_links(scene: Scene, names: Sequence[str]) -> Links:
-    """Links of a compiled scene by "model::link", two of each pair."""
+    """Return the links of a compiled scene by "model::link", two of each pair."""
     rows = []
     for name in names:
         frame = scene.built.frames[name]
@@ -37,21 +44,21 @@ def make_links(scene: Scene, names: Sequence[str]) -> Links:
 
 
 class SceneBushings(Bushings):
-    """All that are connected, and what they do in MuJoCo.
+    """Connected bushings, and their forces in MuJoCo.
 
     Attributes:
-        any: whether there is one.
+        any: True if there is a bushing.
     """
 
     def bind(self, scene: Scene) -> None:
-        """Another scene, or others connected."""
+        """Bind to another scene, or after a change of the connections."""
         pairs = list(self.pairs())
         self.any = bool(pairs)
         self._links = make_links(scene, [link for pair in pairs for link in pair])
         scene.set_connected(self.apart())
 
     def push(self) -> None:
-        """Hold both links of each together in the coming step; positions and velocities are those of now."""
+        """Apply the bushing forces of the present positions and velocities in the coming step."""
         motions = self._links.motions()
         for i, law in enumerate(self.laws.values()):
             load = law.step(Motion(*motions[2 * i]), Motion(*motions[2 * i + 1]))

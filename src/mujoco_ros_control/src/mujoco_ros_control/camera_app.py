@@ -1,4 +1,4 @@
-"""The node `camera`: pictures and depth of the robot and the world, at a stated rate of wall time."""
+"""ROS node `camera`: pictures and depth of the robot and the world, at a rate in wall time."""
 
 import threading
 import time
@@ -34,7 +34,7 @@ class NodeSettings(CameraSettings):
 
 
 class CameraNode(NodeApp):
-    """Publishes from its construction on.
+    """Camera node, which publishes from its construction on.
 
     Args:
         node: private node.
@@ -62,12 +62,12 @@ class CameraNode(NodeApp):
         self._thread.start()
 
     def tick(self) -> None:
-        """Say what ended the pictures."""
+        """Raise the error that ended the pictures, if any."""
         if self._failure is not None:
             raise self._failure
 
     def close(self) -> None:
-        """End."""
+        """Stop the camera thread."""
         self._stop.set()
         self._thread.join(2.0)
 
@@ -89,7 +89,7 @@ class CameraNode(NodeApp):
         self._poses = {name: messages.matrix(pose) for name, pose in zip(message.name, message.pose, strict=True)}
 
     def _run(self) -> None:
-        """In a thread of its own, which has OpenGL's context."""
+        """Draw and publish in a separate thread, which owns the OpenGL context."""
         try:
             camera = Camera(self._description, self._world, self._settings)
         except HricError as error:
@@ -127,5 +127,5 @@ def _image(stamp: Any, values: Any, encoding: str) -> Any:
 
 
 def main(text_of_help: str) -> int:
-    """Run the node; the exit code."""
+    """Run the node and return its exit code."""
     return run("camera", text_of_help, CameraNode, NodeSettings)

@@ -1,8 +1,8 @@
-"""Contacts: MuJoCo's rigid ones as they are read, and own penalty contact where a true force is needed.
+"""Contacts: rigid ones as read from MuJoCo, and the plant's penalty contact where a true force is needed.
 
-A negative `solref` of MuJoCo is no stiffness in N/m, and each point of its contact would be a spring of its own. Here
-one spring per pair of links acts, at the centre of all the area in which they overlap (`hric_control.plants.faces`),
-with the mean force of its motion through the step (`hric_control.plants.spring_step`), as in the other plants.
+A negative `solref` of MuJoCo is no stiffness in N/m, and each of its contact points would be a separate spring. Here
+one spring per pair of links acts, at the centre of the overlap area (`hric_control.plants.faces`), with the mean force
+of its motion through the step (`hric_control.plants.spring_step`), as in the other plants.
 """
 
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ from mujoco_ros_control.scene_spec import Geom, Law
 
 @dataclass(frozen=True)
 class _Near:
-    """Two shapes that overlap or soon may; normal from b to a, position the middle between them, depth [m]."""
+    """Two shapes that overlap or soon may; normal from b to a, position midway between them, depth [m]."""
 
     a: Geom
     b: Geom
@@ -32,14 +32,14 @@ class _Near:
 
 
 class PenaltyContact:
-    """All pairs of shapes that meet by spring, and their contacts in the last step.
+    """Pairs of shapes with penalty contact, and their contacts in the last step.
 
     Args:
         time_step: [s].
 
     Attributes:
         last: contacts of the last step.
-        springs: what they did.
+        springs: springs of the pairs.
     """
 
     def __init__(self, time_step: float) -> None:
@@ -49,17 +49,17 @@ class PenaltyContact:
         self._speeds: FloatArray | None = None
 
     def bind(self, scene: Scene) -> None:
-        """Another scene."""
+        """Bind to another scene."""
         self._scene, self._speeds = scene, None
         self.any = bool(scene.springs)
 
     def forget(self) -> None:
-        """Bodies were put elsewhere: no step before."""
+        """Forget the previous step, after bodies were repositioned."""
         self.springs.forget()
         self.last, self._speeds = [], None
 
     def push(self) -> None:
-        """Push every overlapping pair of links apart in the coming step; positions and velocities are those of now."""
+        """Push each overlapping pair of links apart in the coming step, from the present positions and velocities."""
         speeds = self._scene.d.qvel.copy()
         before = speeds if self._speeds is None else self._speeds
         self._speeds = speeds
@@ -69,7 +69,7 @@ class PenaltyContact:
             self._push(list(group), speeds, before)
 
     def _near(self) -> list[_Near]:
-        """By pairs of links; of two shapes the deepest point."""
+        """Return near shapes, sorted by pairs of links; of two shapes the deepest point."""
         contact, deepest = self._scene.d.contact, dict[tuple[int, int], int]()
         springs, apart = self._scene.springs, self._scene.apart
         distances = contact.dist.tolist()
@@ -86,7 +86,7 @@ class PenaltyContact:
         return sorted(found, key=lambda near: (near.a.link, near.b.link))
 
     def _push(self, near: Sequence[_Near], speeds: FloatArray, before: FloatArray) -> None:
-        """One spring per pair of links: a link of several shapes is not stiffer for it."""
+        """Apply one spring for a pair of links, so that several shapes do not make a link stiffer."""
         scene, first = self._scene, near[0]
         bodies = [scene.bodies[geom.body] for geom in (first.a, first.b)]
         stiffness, damping, friction = first.law
@@ -96,7 +96,7 @@ class PenaltyContact:
         angular, linear = (at_first @ speeds).reshape(2, 3)
         pace, lever = float(linear @ normal), cross(normal, angular)
         closing = [-pace - float((corner.position - corners[0].position) @ lever) for corner in corners]
-        # Until the middle of the step; semi-implicit positions are there already.
+        # Time to the middle of the step; semi-implicit positions are already there.
         ahead = 0.0 if scene.semi_implicit else 0.5 * self._step
         position, depth = faces.centre(corners, closing, ahead)
         J = self._relative(bodies, position)[3:]
@@ -128,7 +128,7 @@ class PenaltyContact:
         return faces.corners(near.a.solid, poses[0], near.b.solid, poses[1], near.normal, near.position, near.depth)
 
     def _relative(self, bodies: Sequence[int], point: FloatArray) -> FloatArray:
-        """Angular and linear velocity of a seen from b at a point per speed, shape (6, nv)."""
+        """Return the angular and linear Jacobian of the velocity of a relative to b at a point, shape (6, nv)."""
         m, d = self._scene.m, self._scene.d
         result = np.zeros((6, m.nv))
         for body, sign in zip(bodies, (1.0, -1.0), strict=True):
@@ -138,12 +138,12 @@ class PenaltyContact:
         return result
 
     def _inverse_mass(self, row: FloatArray) -> float:
-        """n' J (M + B)^-1 J' n [1/kg]; joints that are held have so large a B that they count as fixed."""
+        """Return n' J (M + B)^-1 J' n [1/kg]; held joints have such a large B that they count as fixed."""
         return float(row @ self._scene.response(row[None])[0])
 
 
 def _normal(near: Sequence[_Near]) -> FloatArray:
-    """Of the deepest; where several overlap their mean by depth."""
+    """Return the normal of the deepest point, or the mean of overlapping points weighted by depth."""
     overlapping = [one for one in near if one.depth > 0.0]
     if len(overlapping) < 2:
         return max(near, key=lambda one: one.depth).normal
@@ -153,14 +153,14 @@ def _normal(near: Sequence[_Near]) -> FloatArray:
 
 
 def act(scene: Scene, body: int, force: FloatArray, torque: FloatArray, point: FloatArray) -> None:
-    """A force [N] at a point [m] and a torque [N m] on a body for the coming step, all in the world frame."""
+    """Apply a force [N] at a point [m] and a torque [N m] to a body in the coming step, world frame."""
     applied = scene.d.xfrc_applied[body]
     applied[:3] += force
     applied[3:] += torque + cross(point - scene.d.xipos[body], force)
 
 
 def rigid_contacts(scene: Scene, time_step: float) -> list[Contact]:
-    """MuJoCo's contacts of the last step that carry a force or overlap."""
+    """Return MuJoCo's contacts of the last step that carry a force or overlap."""
     d = scene.d
     if not d.ncon:
         return []

@@ -1,4 +1,4 @@
-"""The joints of a model beside the robot: where they are, what drives them, and their stops."""
+"""Joints of the models around the robot: their positions, drives and stops."""
 
 from collections.abc import Sequence
 
@@ -9,15 +9,15 @@ from mujoco_ros_control.scene import Scene
 
 
 class ModelJoints:
-    """The moving joints of one model.
+    """Moving joints of one model.
 
     Args:
-        model: whose they are.
+        model: model of the joints.
         config: the plant's parameters.
 
     Attributes:
-        joints: the description's, all of them actuated.
-        losses: by "model::joint", for the scene.
+        joints: joints of the description, all of them actuated.
+        losses: losses by "model::joint", for the scene.
     """
 
     def __init__(self, model: Model, config: MujocoConfig) -> None:
@@ -34,7 +34,7 @@ class ModelJoints:
         self._start = self.joints.start(zeros, zeros, zeros)
 
     def bind(self, scene: Scene) -> None:
-        """Another scene, in which the joints are already where they shall go on."""
+        """Bind to another scene, which already has the joints' present positions."""
         names = list(self.losses)
         self._scene, self._dofs, positions = scene, scene.dofs(names), scene.positions(names)
         self._engine = make_joints(scene.m, scene.d, self._dofs, positions, list(self.losses.values()), self._half)
@@ -47,27 +47,27 @@ class ModelJoints:
         _, dq[:], q[:] = self._engine.read()
 
     def put(self, q: Sequence[float], dq: Sequence[float] | None) -> None:
-        """Be at q, dq now and at the start. Raises CommandError where they are not one finite number per joint."""
+        """Put the joints at q, dq now and at each start. Raises CommandError if not one finite number per joint."""
         zeros = self.joints.zeros
         self._start = self.joints.start(q, zeros if dq is None else dq, zeros)
         self.begin()
 
     def drive(self, efforts: Sequence[float]) -> None:
-        """From the next step on [N m or N]. Raises CommandError where they are not as many as joints."""
+        """Set the efforts from the next step on [N m or N]. Raises CommandError if not one per joint."""
         self._efforts = self.joints.command(efforts)
 
     def reset(self) -> None:
-        """Be where they were put last, without a drive."""
+        """Return to the last set positions, without drive efforts."""
         self._efforts = self.joints.zeros
         self.begin()
 
     def begin(self) -> None:
-        """Be where they were put last."""
+        """Put the joints at the last set positions."""
         self._engine.put(*self._start)
         self._scene.d.qacc_warmstart[:] = 0.0
         self._stops.restart(self._engine.read()[0])
 
     def act(self) -> None:
-        """Drives and stops in the coming step; positions are those of now."""
+        """Apply drives and stops in the coming step, from the present positions."""
         q, dq, _ = self._engine.read()
         self._engine.write(self._stops.add(q, dq, self._efforts))

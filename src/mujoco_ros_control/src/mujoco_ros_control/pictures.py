@@ -1,7 +1,7 @@
-"""What a camera sees: the robot and the world as their descriptions draw them, where somebody says that they are. No
-physics, so that it shows any engine's robot, and the real one.
+"""Camera pictures of the robot and the world, drawn from their descriptions at given poses.
 
-The camera looks along x of its own frame, z up (REP 103); pictures are in the optical frame: x right, y down, z ahead.
+There is no physics, so it shows the robot of any engine, and the real one. The camera looks along x of its own frame,
+z up (REP 103); pictures are in the optical frame: x right, y down, z ahead.
 """
 
 import math
@@ -24,18 +24,18 @@ from mujoco_ros_control.scene_spec import Building, Frame, quaternion
 WORLD = "world"
 R_CAMERA_OPTICAL: FloatArray = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 _R_CAMERA_MUJOCO: FloatArray = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-"""MuJoCo's cameras look along -z, y up."""
+"""Rotation of MuJoCo's camera frame, which looks along -z, y up."""
 _GREY = (0.7, 0.7, 0.7, 1.0)
 NEAR, FAR = 0.02, 20.0
-"""What is nearer or farther is not seen [m] (project default, unconfirmed)."""
+"""Nearest and farthest visible distance [m] (project default, unconfirmed)."""
 BACKGROUND = (224, 230, 236)
-"""Colour of what is farther, red, green and blue."""
+"""Colour beyond the farthest distance, red, green and blue."""
 Picture = npt.NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
 class CameraSettings(Settings):
-    """A camera."""
+    """Settings of a camera."""
 
     width: int = whole(160, minimum=16, maximum=1280, unit="pixels", text="of a picture")
     height: int = whole(120, minimum=16, maximum=1024, unit="pixels", text="of a picture")
@@ -46,17 +46,17 @@ class CameraSettings(Settings):
 
     @property
     def T_parent_camera(self) -> FloatArray:
-        """Shape (4, 4)."""
+        """Pose of the camera in its parent, shape (4, 4)."""
         return transform_from_rpy(self.xyz, self.rpy)
 
     @property
     def focal_length(self) -> float:
-        """[pixels]"""
+        """Focal length [pixels]."""
         return 0.5 * self.height / math.tan(0.5 * self.field_of_view)
 
 
 class _Drawing(Building):
-    """Bodies with what their descriptions draw."""
+    """Bodies with the visual shapes of their descriptions."""
 
     def __init__(self) -> None:
         super().__init__({}, {})
@@ -64,7 +64,7 @@ class _Drawing(Building):
     def fill(
         self, body: mujoco.MjsBody, model: Model, top: str, cluster: Mapping[str, FloatArray], *, moving: bool
     ) -> None:
-        body.explicitinertial, body.mass, body.inertia = True, 1.0, [1.0, 1.0, 1.0]  # without physics any will do
+        body.explicitinertial, body.mass, body.inertia = True, 1.0, [1.0, 1.0, 1.0]  # any value: there is no physics
         for link, T_body_link in cluster.items():
             for k, shape in enumerate(model.tree.links[link].visuals):
                 self._draw(body, f"{model.name}::{link}#{k}", shape, T_body_link @ shape.T_link_shape)
@@ -73,7 +73,7 @@ class _Drawing(Building):
 
     def _draw(self, body: mujoco.MjsBody, name: str, shape: Shape, T_body_shape: FloatArray) -> None:
         if shape.kind != "mesh":
-            if all(shape.size):  # the others show nothing
+            if all(shape.size):  # shapes without extent are invisible
                 self.add_shape(body, name, shape, T_body_shape).rgba = shape.colour or _GREY
             return
         path = find(shape.address, shape.size, shape.where)
@@ -93,12 +93,12 @@ class _Drawing(Building):
 
 
 class Camera:
-    """Takes pictures; holds a context of OpenGL of the thread that made it.
+    """Camera with an OpenGL context of the thread that created it.
 
     Args:
-        urdf_xml: the robot.
+        urdf_xml: description of the robot.
         world: world file, path or package://, "" for none.
-        settings: of the camera.
+        settings: settings of the camera.
 
     Raises:
         HricError: a description cannot be drawn, the parent is unknown, or there is no OpenGL.
@@ -121,7 +121,7 @@ class Camera:
             self._d = mujoco.MjData(self._m)
             self._m.vis.map.znear, self._m.vis.map.zfar = NEAR / self._m.stat.extent, FAR / self._m.stat.extent
             self._canvas = _Canvas(self._m, settings.width, settings.height)
-        except Exception as error:  # of OpenGL's own kinds, by platform
+        except Exception as error:  # OpenGL's error types depend on the platform
             raise HricError(f"the camera cannot draw: {error}") from error
 
     def _add_camera(self, spec: mujoco.MjSpec, frames: Mapping[str, Frame], settings: CameraSettings) -> None:
@@ -141,13 +141,15 @@ class Camera:
     def take(
         self, positions: Mapping[str, float], poses: Mapping[str, FloatArray], *, depth: bool
     ) -> tuple[Picture, npt.NDArray[np.float32] | None]:
-        """A picture, shape (height, width, 3), and the distance along the optical axis, shape (height, width) [m];
-        inf, as in REP 118: nothing is there.
+        """Return a picture, shape (height, width, 3), and the depth along the optical axis, shape (height, width) [m].
+
+        The depth is inf where nothing is visible (REP 118).
 
         Args:
-            positions: of the robot's joints [rad or m]; what is not named stays, or follows the joint that it mimics.
+            positions: positions of the robot's joints [rad or m]; other joints stay, or follow the joint that they
+                mimic.
             poses: T_world_root of models, shape (4, 4) each.
-            depth: whether to measure the distances.
+            depth: True to return the depth.
         """
         for name, value in positions.items():
             joint = mujoco.mj_name2id(self._m, mujoco.mjtObj.mjOBJ_JOINT, f"{self._robot}::{name}")
@@ -165,13 +167,16 @@ class Camera:
         return self._canvas.draw(self._d, depth=depth)
 
     def close(self) -> None:
-        """Give OpenGL back."""
+        """Release OpenGL."""
         self._canvas.close()
 
 
 class _Canvas:
-    """Where the scene is drawn. Colours and distances come of one drawing, and edges are not smoothed, which would take
-    three times as long without a graphics card."""
+    """Off-screen canvas of the scene.
+
+    Colours and distances are from one rendering. Edges are not smoothed, which would take three times as long without a
+    graphics card.
+    """
 
     def __init__(self, m: mujoco.MjModel, width: int, height: int) -> None:
         m.vis.quality.offsamples = 0
@@ -187,40 +192,40 @@ class _Canvas:
         self._context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
 
     def draw(self, d: mujoco.MjData, *, depth: bool) -> tuple[Picture, npt.NDArray[np.float32] | None]:
-        """As Camera.take."""
+        """Draw the scene; results as in `Camera.take`."""
         bodies = mujoco.mjtCatBit.mjCAT_ALL
         mujoco.mjv_updateScene(self._m, d, self._option, self._idle, self._view, bodies, self._scene)
         mujoco.mjr_render(self._rect, self._scene, self._context)
         picture, buffer = np.empty((*self._shape, 3), np.uint8), np.empty(self._shape, np.float32)
         mujoco.mjr_readPixels(picture, buffer, self._rect, self._context)
         picture[buffer == 0.0] = BACKGROUND
-        # Rows come from below.
+        # OpenGL's rows start at the bottom.
         return picture[::-1].copy(), _distances(buffer[::-1]) if depth else None
 
     def close(self) -> None:
-        """Give OpenGL back."""
+        """Release OpenGL."""
         self._context.free()
         self._gl.free()
 
 
 def _distances(buffer: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    """Along the optical axis [m], of what OpenGL's projection has made of them: 1 at NEAR, 0 at FAR."""
+    """Return distances along the optical axis [m] from OpenGL's depth values: 1 at NEAR, 0 at FAR."""
     found = NEAR * FAR / (NEAR + buffer.astype(np.float64) * (FAR - NEAR))
     return np.where(buffer == 0.0, np.inf, found).astype(np.float32)
 
 
 def _add_light(spec: mujoco.MjSpec) -> None:
-    """From where the camera is: MuJoCo's own is dim."""
+    """Add light from the camera: MuJoCo's default is dim."""
     head = spec.visual.headlight
     head.ambient, head.diffuse, head.specular = [0.3] * 3, [0.5] * 3, [0.1] * 3
 
 
 def optical_frame(T_parent_camera: FloatArray) -> FloatArray:
-    """T_parent_optical of a camera, shape (4, 4)."""
+    """Return T_parent_optical of a camera, shape (4, 4)."""
     return T_parent_camera @ homogeneous(R_CAMERA_OPTICAL, np.zeros(3))
 
 
 def camera_matrix(settings: CameraSettings) -> Sequence[float]:
-    """K of sensor_msgs/CameraInfo, row-major: focal lengths and the centre of the picture [pixels]."""
+    """Return K of sensor_msgs/CameraInfo, row-major: focal lengths and the centre of the picture [pixels]."""
     f = settings.focal_length
     return [f, 0.0, 0.5 * settings.width - 0.5, 0.0, f, 0.5 * settings.height - 0.5, 0.0, 0.0, 1.0]

@@ -1,4 +1,4 @@
-"""The MuJoCo plant: one robot, the world around it, and the forces that act on both from outside."""
+"""MuJoCo plant: one robot, the world around it, and the external forces on both."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -21,17 +21,19 @@ from mujoco_ros_control.robot import MujocoConfig, Robot
 from mujoco_ros_control.world import World
 
 MANY = 4
-"""With more free objects than this in the world file `integrator: auto` takes the semi-implicit step: 50 contacts of 20
-objects cost a quarter of Runge-Kutta's (project default)."""
+"""Number of free objects above which `integrator: auto` is semi-implicit (project default).
+
+50 contacts of 20 objects cost a quarter of Runge-Kutta's time.
+"""
 
 
 class MujocoPlant(EnginePlant, ReactingPlant):
-    """See `hric_control.plant.Plant`.
+    """Plant on MuJoCo; see `hric_control.plant.Plant`.
 
     Attributes:
-        config: the parameters as checked, with the integrator that was chosen.
+        config: checked parameters, with the chosen integrator.
         robot: the robot.
-        world: everything around it.
+        world: models around the robot.
     """
 
     robot: Robot
@@ -68,38 +70,41 @@ class MujocoPlant(EnginePlant, ReactingPlant):
         self.world.penalty.forget()
 
     def reset(self, q: Sequence[float], dq: Sequence[float] | None = None) -> None:
-        """Compiled again, so that nothing of the past (contact memory, warm starts) can reach the next run."""
+        """Reset robot and world by a new compilation, so that no contact memory or warm start reaches the next run."""
         self._wrenches.clear()
         self.world.reset()
         self._put(q, dq)
 
     def set_configuration(self, q: Sequence[float]) -> None:
-        """Put the robot at q at rest and leave the world as it is."""
+        """Put the robot at q at rest; the world does not change."""
         self._put(q, None)
 
     def read_state(self, q: list[float], dq: list[float], tau: list[float]) -> None:
-        """Semi-implicit, the position belongs to the end of the step and the velocity to its middle; q - dt dq/2 brings
-        both together."""
+        """Read position, velocity and effort at the measuring instant.
+
+        Semi-implicit, the position belongs to the end of the step and the velocity to its middle; q - dt dq/2
+        synchronises both.
+        """
         robot = self.robot
         robot.joints.read((robot.at, robot.dq, robot.effort), q, dq, tau)
 
     def motor_effort(self) -> list[float]:
-        """Efforts of the motors in the last step, n floats [N m]."""
+        """Return the motor efforts of the last step, n floats [N m]."""
         return self.robot.joints.pick(self.robot.motor_effort)
 
     def engine_state(self) -> tuple[list[float], list[float]]:
-        """Raw q, dq of the engine."""
+        """Return the engine's raw q, dq."""
         robot = self.robot
         return robot.joints.pick(robot.q), robot.joints.pick(robot.dq)
 
     def mass_matrix(self) -> FloatArray:
-        """MuJoCo's own mass matrix at the present engine position, shape (n, n) [kg m^2]."""
+        """Return MuJoCo's own mass matrix at the present engine position, shape (n, n) [kg m^2]."""
         return self.robot.mass_matrix()
 
     # -- the step ------------------------------------------------------------------------------------------------------
 
     def apply(self, tau: Sequence[float]) -> None:
-        """Commands for the next step: efforts [N m], or what `set_modes` made of them."""
+        """Set the commands for the next step: efforts [N m], or values by `set_modes`."""
         self._values = self.robot.joints.command(tau)
 
     def step(self) -> None:
@@ -111,7 +116,7 @@ class MujocoPlant(EnginePlant, ReactingPlant):
         self._pushed = pushing
 
     def _push(self) -> None:
-        """Wrenches, and what acts in the world, in the coming step."""
+        """Apply wrenches and the forces of the world in the coming step."""
         scene = self.world.scene
         for wrench in self._wrenches.active:
             T = scene.link_pose(wrench.body)
@@ -123,8 +128,7 @@ class MujocoPlant(EnginePlant, ReactingPlant):
     # -- load ----------------------------------------------------------------------------------------------------------
 
     def set_load(self, load: Load | None, link: str | None = None) -> None:
-        """Fix a payload to `link` (default: the link behind the last joint); it replaces the one before. The scene is
-        compiled again where everything is."""
+        """Fix a payload to `link` (default: behind the last joint), replacing the previous; the scene is recompiled."""
         link = link or self._tree.joints[self.joint_names[-1]].child
         self._tree.check_link(link)
         self.world.set_load(None if load is None else (link, payload(load)))
@@ -134,11 +138,11 @@ class MujocoPlant(EnginePlant, ReactingPlant):
     def apply_wrench(
         self, body: str, force: Sequence[float], torque: Sequence[float], point: Sequence[float], duration: float
     ) -> None:
-        """Act on "link" or "model::link" for the steps that `duration` [s] covers (negative: until cleared)."""
+        """Apply a wrench to "link" or "model::link" for `duration` [s], in whole steps (negative: until cleared)."""
         self._wrenches.add(self.world.full_name(body), force, torque, point, duration)
 
     def clear_wrenches(self, body: str | None = None) -> None:
-        """End the wrenches on one body ("model" for all of its links), or all."""
+        """End the wrenches on one body ("model" for all its links), or all."""
         if body is None:
             self._wrenches.clear()
         elif "::" not in body and self.world.has(body):
@@ -147,21 +151,21 @@ class MujocoPlant(EnginePlant, ReactingPlant):
             self._wrenches.clear_link(self.world.full_name(body))
 
     def contacts(self) -> list[Contact]:
-        """Contacts of the last step."""
+        """Return the contacts of the last step."""
         return self.world.penalty.last + rigid_contacts(self.world.scene, self.time_step)
 
     def take_contact_peaks(self) -> dict[tuple[str, str], float]:
-        """Largest force of each pair that met by a spring since the last call [N]."""
+        """Return the largest spring contact force of each pair since the last call [N]."""
         return self.world.penalty.springs.take_peaks()
 
     def joint_reactions(self) -> list[JointReaction]:
-        """Loads of the robot's moving joints in the last step; empty before the first."""
+        """Return the loads of the robot's moving joints in the last step; empty before the first step."""
         return self.robot.reactions()
 
     def _spawn(
         self, name: str, urdf_xml: str, T_world_model: FloatArray, fixed: bool, surfaces: Mapping[str, Surface]
     ) -> None:
-        """Add a model. The scene is compiled again, everything else goes on where it is."""
+        """Add a model; the scene is compiled again, and all others continue where they are."""
         self.world.spawn(name, urdf_xml, T_world_model, fixed, surfaces)
 
     def delete(self, name: str) -> None:
@@ -170,12 +174,11 @@ class MujocoPlant(EnginePlant, ReactingPlant):
         self._wrenches.clear_model(name)
 
     def model_names(self) -> list[str]:
-        """Names of all models but the robot."""
+        """Return the names of all models but the robot."""
         return self.world.names()
 
     def link_state(self, body: str) -> tuple[FloatArray, FloatArray]:
-        """(T_world_link shape (4, 4), twist at the link frame's origin in the world frame, linear then angular, shape
-        (6,))."""
+        """Return (T_world_link, (4, 4), twist at the link's origin, world frame, linear then angular, (6,))."""
         link, scene = self.world.full_name(body), self.world.scene
         scene.update()
         T = scene.link_pose(link)

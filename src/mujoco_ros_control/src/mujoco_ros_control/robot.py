@@ -1,4 +1,4 @@
-"""The robot in MuJoCo: its joints, what acts in them, and one step of that."""
+"""Robot in MuJoCo: its joints, their efforts, and one step."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -15,12 +15,12 @@ from mujoco_ros_control.joints import HELD, install_friction, make_joints
 from mujoco_ros_control.scene import Scene
 
 _FAR = 1e9
-"""A stop that no joint reaches [rad or m]."""
+"""Joint limit that no joint reaches [rad or m]."""
 
 
 @dataclass(frozen=True)
 class MujocoConfig(WindowlessConfig):
-    """The plant's parameters: those that all plants share, with one more integrator."""
+    """Plant parameters: those of all plants, with one more integrator."""
 
     integrator: str = choice(
         "auto",
@@ -32,7 +32,7 @@ class MujocoConfig(WindowlessConfig):
 
     @property
     def half_step(self) -> float:
-        """What the engine's positions are ahead of the measuring instant, which is that of the speeds [s]."""
+        """Lead of the engine's positions over the measuring instant, which is that of the speeds [s]."""
         return 0.5 * self.time_step if self.integrator == "semi_implicit" and self.half_step_readout else 0.0
 
 
@@ -43,16 +43,16 @@ class Robot:
 
     Args:
         tree: the description.
-        joint_names: the actuated joints.
+        joint_names: names of the actuated joints.
         config: the plant's parameters.
 
     Attributes:
-        joints: those that move.
-        losses: of all moving joints by "model::joint", for the scene.
+        joints: moving joints.
+        losses: losses of all moving joints by "model::joint", for the scene.
         q, dq: the engine's state after the last step [rad, rad/s].
         at: positions at the measuring instant, which is that of the speeds [rad].
         motor_effort: efforts of the joints' motors in the last step [N m].
-        effort: what of them arrived behind the rotors, where an arm's torque sensors are [N m].
+        effort: efforts behind the rotors, where an arm's torque sensors are [N m].
     """
 
     def __init__(self, tree: urdf.Robot, joint_names: Sequence[str], config: MujocoConfig) -> None:
@@ -77,7 +77,7 @@ class Robot:
     # -- the scene -----------------------------------------------------------------------------------------------------
 
     def bind(self, scene: Scene) -> None:
-        """Another scene, in which the robot is already where it shall go on."""
+        """Bind to another scene, which already has the robot's present state."""
         self._scene, self._m, self._d = scene, scene.m, scene.d
         self._stepped = False
         self._dofs = scene.dofs(self._names)
@@ -95,7 +95,7 @@ class Robot:
         self.q, self.dq, self.at = self._engine.read()
 
     def put(self, q: Sequence[float], dq: Sequence[float]) -> None:
-        """Put the actuated joints at q, dq; the others stay where they are, at rest."""
+        """Put the actuated joints at q, dq; the others keep their positions, at rest."""
         self._engine.put(*self.joints.start(q, dq, self.q))
         self._d.qacc_warmstart[:] = 0.0
         self._read()
@@ -111,12 +111,12 @@ class Robot:
     # -- modes and brakes ----------------------------------------------------------------------------------------------
 
     def set_modes(self, modes: Sequence[Mode]) -> None:
-        """What the commands of the actuated joints mean from now on."""
+        """Set the meaning of the commands of the actuated joints."""
         self._modes = list(modes)
         self._send_modes()
 
     def set_brakes(self, on: Sequence[bool]) -> None:
-        """Lock or free the actuated joints; a brake that closes stops its joint at once."""
+        """Lock or free the actuated joints; a closing brake stops its joint at once."""
         self._brakes = [bool(b) for b in on]
         self._send_modes()
 
@@ -139,11 +139,11 @@ class Robot:
     # -- one step ------------------------------------------------------------------------------------------------------
 
     def step(self, values: list[float], push: Callable[[], None] | None) -> None:
-        """Act in the joints, advance the engine, read the state that this leads to.
+        """Apply the commands, advance the engine, and read the new state.
 
         Args:
-            values: commands of all moving joints, in the meaning of their modes.
-            push: applies forces to bodies, once their positions and velocities are known; None for none.
+            values: commands of all moving joints, with the meaning of their modes.
+            push: function that applies forces to bodies, once their positions and velocities are known; None for none.
         """
         self.motor_effort = values
         if self._held:
@@ -161,7 +161,7 @@ class Robot:
                 self._send_stop(i)
 
     def _in_stages(self, values: list[float], push: Callable[[], None] | None) -> None:
-        """A step in which joints are held, by efforts that follow from what else acts."""
+        """Do a step with held joints, whose efforts follow from all other forces."""
         d = self._d
         self._engine.prepare()
         self._engine.write(values)
@@ -181,7 +181,7 @@ class Robot:
         self.effort = self._engine.passed(self.motor_effort)
 
     def _acceleration(self, i: int, value: float) -> float:
-        """Acceleration of a joint that is held [rad/s^2]: a drive arrives at its target with the step."""
+        """Return the acceleration of a held joint [rad/s^2]: a drive reaches its target by the end of the step."""
         if self._all_modes[i] is Mode.BRAKE:
             return 0.0
         step = self._config.time_step
@@ -191,7 +191,7 @@ class Robot:
         return (value - self.dq[i]) / step
 
     def _cut_drives(self) -> dict[int, float]:
-        """Let drives that need more than they may take just that: joint and effort [N m]."""
+        """Limit drives above their largest effort to it; return joint and effort [N m]."""
         beyond: dict[int, float] = {}
         while self._driven:
             efforts = self._held_efforts()
@@ -211,8 +211,7 @@ class Robot:
         return beyond
 
     def _held_efforts(self) -> list[float]:
-        """What moves each joint as it is accelerated now, beside what else acts on it [N m]: inverse dynamics. Of all
-        moving joints."""
+        """Return the joints' efforts for their accelerations besides other forces, by inverse dynamics [N m]."""
         m, d = self._m, self._d
         needed = np.empty(m.nv)
         mujoco.mj_rne(m, d, 1, needed)
@@ -224,7 +223,7 @@ class Robot:
     # -- for checks ----------------------------------------------------------------------------------------------------
 
     def mass_matrix(self) -> FloatArray:
-        """Joint-space mass matrix without rotors at the present position, shape (n, n) [kg m^2]."""
+        """Return the joint-space mass matrix without rotors at the present position, shape (n, n) [kg m^2]."""
         m, d = self._m, self._d
         kept = m.dof_armature.copy()
         m.dof_armature[:] = 0.0
@@ -238,8 +237,10 @@ class Robot:
     # -- loads in the joints -------------------------------------------------------------------------------------------
 
     def reactions(self) -> list[JointReaction]:
-        """What parents do to children through the moving joints in the last step, as it began (semi-implicit) or ended;
-        empty before the first."""
+        """Return the loads that parents exert on children through the moving joints in the last step.
+
+        At its start (semi-implicit) or end; empty before the first step.
+        """
         if not self._stepped:
             return []
         loads = self._engine.loads()

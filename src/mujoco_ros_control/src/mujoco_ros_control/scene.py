@@ -1,4 +1,4 @@
-"""A compiled scene with its state: names to numbers, and going on where it was after it was compiled again."""
+"""Compiled scene with its state: indices by name, and continuation of the state after a new compilation."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
@@ -16,41 +16,40 @@ INTEGRATORS = {
     "semi_implicit": mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
 }
 HARD = [0.99, 0.999, 0.001, 0.5, 2.0]
-"""Impedance of what is rigid: contact and stops (project default, unconfirmed)."""
+"""Impedance of rigid constraints: contact and stops (project default, unconfirmed)."""
 STICKING = [0.9999, 0.9999, 0.001, 0.5, 2.0]
-"""Impedance of Coulomb friction, where a softer one lets a held joint creep (5e-6 rad in 60 s with this one), and of
-joints that mimic others: the largest that MuJoCo has."""
+"""Impedance of Coulomb friction and mimic joints, MuJoCo's largest: held joints creep 5e-6 rad in 60 s with it."""
 
 JointState = tuple[FloatArray, FloatArray]
-"""Positions and speeds of one joint, as MuJoCo has them."""
+"""Positions and speeds of one joint in MuJoCo's layout."""
 
 
 def _be_silent(_: str) -> None:
-    """MuJoCo writes its warnings to a file in the working folder; the plant checks each step itself."""
+    """Ignore MuJoCo's warnings, which it would write to a file in the working folder; the plant checks each step."""
 
 
 mujoco.set_mju_user_warning(_be_silent)
 
 
 class Scene:
-    """A scene that was compiled, in its start.
+    """Compiled scene, initially in its start state.
 
     Args:
         built: the scene.
         time_step: [s].
-        gravity: in the world frame, 3 floats [m/s^2].
-        integrator: of INTEGRATORS.
+        gravity: gravity in the world frame, 3 floats [m/s^2].
+        integrator: key of INTEGRATORS.
 
     Attributes:
         m, d: MuJoCo's model and data.
         bodies: MuJoCo's number of each body by name.
         links: "model::link" of each geom, by its number.
-        springs: (a, b, law, whether a is the first) of the pairs that meet by a spring, by MuJoCo's numbers of their
+        springs: (a, b, law, True if a is the first) of the pairs with penalty contact, by MuJoCo's numbers of their
             geoms.
-        semi_implicit: whether positions belong half a step after velocities.
+        semi_implicit: True if positions are half a step later than velocities.
 
     Raises:
-        HricError: MuJoCo refuses it.
+        HricError: MuJoCo cannot compile it.
     """
 
     def __init__(self, built: SceneSpec, time_step: float, gravity: Sequence[float], integrator: str) -> None:
@@ -59,7 +58,7 @@ class Scene:
         option.timestep, option.gravity, option.integrator = time_step, gravity, INTEGRATORS[integrator]
         option.cone, option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, 10.0
         option.tolerance, option.iterations = 1e-10, 100
-        # A state that has diverged would begin again from zero, without a word.
+        # A diverged state would silently restart from zero.
         option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         try:
             self.m = built.spec.compile()
@@ -85,7 +84,7 @@ class Scene:
             install_laws()
 
     def _rows_of_laws(self) -> FloatArray:
-        """G with G v = 0 of all joints that mimic others, shape (laws, nv)."""
+        """Return G with G v = 0 for all mimic joints, shape (laws, nv)."""
         m = self.m
         G = np.zeros((m.neq, m.nv))
         for row, ends in enumerate(zip(m.eq_obj1id, m.eq_obj2id, strict=True)):
@@ -93,14 +92,14 @@ class Scene:
         return G
 
     def _set_constraints(self, time_constant: float) -> None:
-        """All constraints as hard as the step allows [s]."""
+        """Make all constraints as hard as the step allows [s]."""
         m, hard = self.m, [time_constant, 1.0]
         m.pair_solref[:] = m.jnt_solref[:] = m.eq_solref[:] = m.dof_solref[:] = hard
         m.pair_solimp[:] = m.jnt_solimp[:] = HARD
         m.dof_solimp[:] = m.eq_solimp[:] = STICKING
 
     def _numbered_springs(self) -> dict[tuple[int, int], tuple[Geom, Geom, Law, bool]]:
-        """In both orders: contacts have the simpler shape first, whatever the pair says."""
+        """Return the springs by both orders of geoms: contacts have the simpler shape first, regardless of the pair."""
         found = {}
         for a, b, law in self.built.springs:
             first, second = (self.m.geom(geom.name).id for geom in (a, b))
@@ -108,7 +107,7 @@ class Scene:
         return found
 
     def _between_pairs(self) -> list[frozenset[int]]:
-        """Of each pair, the speeds that move one of its shapes against the other."""
+        """Return, for each pair, the speeds that move its shapes relative to each other."""
         m = self.m
         moved: list[frozenset[int]] = []
         for body in range(m.nbody):
@@ -118,18 +117,20 @@ class Scene:
         return [moved[m.geom_bodyid[a]] ^ moved[m.geom_bodyid[b]] for a, b in pairs]
 
     def set_still(self, dofs: Collection[int]) -> None:
-        """Speeds that brakes hold: contact that they alone could part is reported and not solved, which would take any
-        force."""
+        """Set the speeds that brakes hold; contact that only they could part is reported, not solved.
+
+        Its force would be indeterminate.
+        """
         self._still = frozenset(dofs)
         self._send_pairs()
 
     def set_connected(self, pairs: Iterable[tuple[str, str]]) -> None:
-        """Pairs of links by "model::link" that do not touch each other."""
+        """Set the pairs of links by "model::link" that do not touch each other."""
         self._connected = frozenset(map(frozenset, pairs))
         self._send_pairs()
 
     def _send_pairs(self) -> None:
-        """How far MuJoCo looks for contact of each pair: not at all, or only to report it."""
+        """Set the contact margin of each pair in MuJoCo: normal, none, or only reported."""
         m = self.m
         m.pair_margin[:], m.pair_gap[:] = self._reaches
         pairs = zip(m.pair_geom1.tolist(), m.pair_geom2.tolist(), strict=True)
@@ -147,47 +148,46 @@ class Scene:
         return slice(q, q + (7 if free else 1)), slice(v, v + (6 if free else 1))
 
     def dofs(self, joints: Sequence[str]) -> list[int]:
-        """Indices of joints with one coordinate among the speeds."""
+        """Return the indices of joints with one coordinate among the speeds."""
         return [self._joints[name][1].start for name in joints]
 
     def positions(self, joints: Sequence[str]) -> list[int]:
-        """Indices of joints with one coordinate among the positions."""
+        """Return the indices of joints with one coordinate among the positions."""
         return [self._joints[name][0].start for name in joints]
 
     def joint_ids(self, joints: Sequence[str]) -> list[int]:
-        """MuJoCo's ids of joints."""
+        """Return MuJoCo's ids of joints."""
         return [self.m.joint(name).id for name in joints]
 
     def states(self) -> dict[str, JointState]:
-        """Of all joints by name."""
+        """Return the states of all joints by name."""
         return {name: (self.d.qpos[q].copy(), self.d.qvel[v].copy()) for name, (q, v) in self._joints.items()}
 
     def put(self, states: Mapping[str, JointState]) -> None:
-        """The joints that are named, and are here, to these states."""
+        """Set the states of the named joints that exist in this scene."""
         for name, (q, v) in states.items():
             if name in self._joints:
                 at, of = self._joints[name]
                 self.d.qpos[at], self.d.qvel[of] = q, v
 
     def put_free(self, joint: str, linear: Sequence[float], angular: Sequence[float]) -> None:
-        """Speeds of a free body's origin in the world frame [m/s], [rad/s]; MuJoCo has the angular ones in its own
-        axes."""
+        """Set a free body's origin speeds, world frame [m/s], [rad/s]; MuJoCo's angular ones are in body axes."""
         at, of = self._joints[joint]
         R = np.empty(9)
         mujoco.mju_quat2Mat(R, self.d.qpos[at][3:])
         self.d.qvel[of] = [*linear, *(R.reshape(3, 3).T @ np.array(angular))]
 
     def update(self) -> None:
-        """Positions and velocities of all bodies as those of the present state; a step leaves the ones before it."""
+        """Update positions and velocities of all bodies to the present state; a step leaves the previous ones."""
         mujoco.mj_kinematics(self.m, self.d)
         mujoco.mj_comPos(self.m, self.d)
         mujoco.mj_comVel(self.m, self.d)
 
     def response(self, efforts: FloatArray) -> FloatArray:
-        """Accelerations that efforts cause, as of the last update of the step; joints that mimic others go along.
+        """Return the accelerations by efforts, at the last update of the step, mimic joints included.
 
         Args:
-            efforts: on all speeds, a row each, shape (n, nv) [N m or N].
+            efforts: efforts on all speeds, a row each, shape (n, nv) [N m or N].
         """
         solved = np.empty_like(efforts)
         mujoco.mj_solveM(self.m, self.d, solved, efforts)
@@ -199,23 +199,22 @@ class Scene:
         return solved
 
     def inertias(self, dofs: Sequence[int]) -> list[float]:
-        """What each of these speeds moves while all others are free, as of the last update of the step [kg m^2 or
-        kg]: 1 / (M^-1)_ii; 0 of a joint that cannot move."""
+        """Return 1 / (M^-1)_ii for each of these speeds at the step's last update [kg m^2 or kg]; 0 if immobile."""
         rows = np.zeros((len(dofs), self.m.nv))
         rows[range(len(dofs)), dofs] = 1.0
         return reciprocals((rows * self.response(rows)).sum(axis=1))
 
     def pose(self, body: int) -> FloatArray:
-        """T_world_body as of the last update, shape (4, 4)."""
+        """Return T_world_body at the last update, shape (4, 4)."""
         return homogeneous(self.d.xmat[body].reshape(3, 3), self.d.xpos[body])
 
     def link_pose(self, link: str) -> FloatArray:
-        """T_world_link of "model::link" as of the last update, shape (4, 4)."""
+        """Return T_world_link of "model::link" at the last update, shape (4, 4)."""
         frame = self.built.frames[link]
         return self.pose(self.bodies[frame.body]) @ frame.T_body_link
 
     def twist(self, body: int, point: FloatArray) -> FloatArray:
-        """Linear and angular velocity in the world frame of a body's material at a point [m], shape (6,)."""
+        """Return linear and angular velocity in the world frame of a body's material at a point [m], shape (6,)."""
         result = np.empty(6)  # angular, linear, about the origin of the body
         mujoco.mj_objectVelocity(self.m, self.d, mujoco.mjtObj.mjOBJ_XBODY, body, result, 0)
         return np.concatenate([result[3:] + np.cross(result[:3], point - self.d.xpos[body]), result[:3]])

@@ -1,8 +1,8 @@
-"""The scene as MuJoCo compiles it: the robot, the models around it and the loads.
+"""Scene for MuJoCo's compiler: the robot, the models around it and the loads.
 
-Each cluster of links that are rigidly joined becomes one body with the exact sum of their masses. Which shapes may
-touch is said pair by pair: MuJoCo takes the larger friction of two surfaces, not their product, and does not leave out
-a neighbour that is fixed to the world.
+Each cluster of rigidly joined links becomes one body with the exact sum of their masses. The shapes that may touch are
+given pair by pair: MuJoCo uses the larger friction of two surfaces, not their product, and does not exclude a neighbour
+that is fixed to the world.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -30,26 +30,22 @@ _HALF_LENGTHS: dict[str, Callable[[Sequence[float]], list[float]]] = {
     "capsule": lambda size: [size[0], 0.5 * size[1], 0.0],
     "plane": lambda size: [0.0, 0.0, 0.05],
 }
-"""MuJoCo's measures of a shape [m]; a plane has no end, and a spacing of the lines that it is drawn with."""
+"""MuJoCo's dimensions of a shape [m]; a plane is infinite, and has only a spacing of drawn lines."""
 Law = tuple[float, float, float]
 """Stiffness [N/m], damping [N s/m] and friction of penalty contact."""
 MIMIC = 1.0
-"""Last number in the data of an equality constraint, which MuJoCo leaves alone, where it is a mimic joint's law, for
-mimic.h."""
+"""Last number in the data of an equality constraint that marks a mimic joint's law for mimic.h; unused by MuJoCo."""
 UNSOLVED = 1.0
-"""A pair whose margin is less than zero by this is reported by MuJoCo, as far as its gap reaches beyond, and left alone
-[m]: more than anything overlaps."""
+"""Negative margin of a pair that MuJoCo reports within its gap, but does not solve [m]: larger than any overlap."""
 SHORTEST = 1e-9
-"""Range of a joint whose ends are one, since MuJoCo has none without length [rad or m]; project default,
-unconfirmed."""
+"""Smallest range of a joint, since MuJoCo has no empty range [rad or m] (project default, unconfirmed)."""
 LOOK_AHEAD = 5.0
-"""Links that would meet within a step at this speed are looked at before they do [m/s] (default chosen by this project,
-unconfirmed)."""
+"""Approach speed for which links are checked before they touch within a step [m/s] (project default, unconfirmed)."""
 
 
 @dataclass(frozen=True)
 class Frame:
-    """Where a link of a description sits: the body that carries it, and its pose in that, shape (4, 4)."""
+    """Link of a description in the scene: the body that carries it, and the pose in that body, shape (4, 4)."""
 
     body: str
     T_body_link: FloatArray
@@ -57,14 +53,14 @@ class Frame:
 
 @dataclass(frozen=True)
 class Geom:
-    """A collision shape.
+    """Collision shape.
 
     Attributes:
-        name: of the geom.
+        name: name of the geom.
         link: "model::link".
-        model: its model.
-        body: that carries it.
-        solid: the same in that body. (MuJoCo moves the frame of a mesh.)
+        model: name of its model.
+        body: body that carries it.
+        solid: the same shape in that body. (MuJoCo moves the frame of a mesh.)
     """
 
     name: str
@@ -76,15 +72,15 @@ class Geom:
 
 @dataclass
 class SceneSpec:
-    """What `build` made.
+    """Result of `build`.
 
     Attributes:
-        spec: for the compiler.
-        frames: by "model::link".
+        spec: specification for the compiler.
+        frames: frames by "model::link".
         geoms: all collision shapes, by name.
-        moments: principal moments of the bodies whose tensor no body can have, shape (3,) each [kg m^2]; to be set in
-            the compiled model.
-        springs: pairs of shapes that meet by a spring, with its law.
+        moments: principal moments of the bodies with a physically impossible tensor, shape (3,) each [kg m^2]; to be
+            set in the compiled model.
+        springs: pairs of shapes with penalty contact, with their laws.
     """
 
     spec: mujoco.MjSpec
@@ -95,19 +91,20 @@ class SceneSpec:
 
 
 def quaternion(R: FloatArray) -> list[float]:
-    """MuJoCo's w, x, y, z of a rotation, shape (3, 3)."""
+    """Return MuJoCo's quaternion w, x, y, z of a rotation, shape (3, 3)."""
     x, y, z, w = quaternion_from_rotation(R)
     return [w, x, y, z]
 
 
 class Building:
-    """Adds models to a scene.
+    """Builder that adds models to a scene.
 
     Args:
-        losses, loads: see `build`.
+        losses: see `build`.
+        loads: see `build`.
 
     Attributes:
-        result: so far.
+        result: the scene so far.
     """
 
     def __init__(self, losses: Mapping[str, Losses], loads: Mapping[str, MassProperties]) -> None:
@@ -118,10 +115,11 @@ class Building:
         compiler.balanceinertia = compiler.fusestatic = False
 
     def add(self, model: Model, *, stops: bool = False) -> None:
-        """A model, its root link at its start.
+        """Add a model with its root link at its start pose.
 
         Args:
-            stops: whether MuJoCo ends its joints' ranges.
+            model: the model.
+            stops: True if MuJoCo stops the joints at the ends of their ranges.
         """
         tree, bodies = model.tree, {}
         clusters: dict[str, dict[str, FloatArray]] = {}
@@ -184,11 +182,11 @@ class Building:
         """Give a body the mass and the shapes of the links of a cluster.
 
         Args:
-            body: of the cluster, named after its topmost link.
-            model: that the links belong to.
+            body: body of the cluster, named after its topmost link.
+            model: model of the links.
             top: the topmost link.
             cluster: poses of the links in the body, shape (4, 4) each.
-            moving: whether it has a mass.
+            moving: True if it has a mass.
         """
         if moving:
             self._set_mass(body, model, top, cluster)
@@ -211,15 +209,14 @@ class Building:
         low, middle, high = sorted(moments)
         body.explicitinertial = True
         body.mass, body.ipos, body.iquat, body.inertia = mass.mass, mass.com, quaternion(R), moments
-        if low <= 0.0 or low + middle < high:  # a ball's, until the true ones are set in the compiled model
+        if low <= 0.0 or low + middle < high:  # a sphere's, until the true ones are set in the compiled model
             body.inertia = np.full(3, max(abs(high), abs(low)))
             self.result.moments[body.name] = moments
 
     def add_shape(
         self, body: mujoco.MjsBody, name: str, shape: Shape, T_body_geom: FloatArray, mesh: str = ""
     ) -> mujoco.MjsGeom:
-        """A geom without mass that touches nothing by itself; mesh: name of one that was added, for a shape that is
-        one."""
+        """Add a geom without mass and contact; mesh: name of an added mesh, for a shape that is one."""
         geom = body.add_geom(
             name=name,
             type=getattr(_GEOMS, f"mjGEOM_{shape.kind.upper()}"),
@@ -252,8 +249,11 @@ class Building:
 def _may_touch(
     models: Mapping[str, Model], robot: Model, geoms: Sequence[Geom], masks: Sequence[tuple[str, str]], itself: bool
 ) -> Iterator[tuple[Geom, Geom]]:
-    """Pairs of shapes of different models, and of the robot's links that are neither neighbours nor masked; not those
-    that both stand still."""
+    """Yield the pairs of shapes that may touch.
+
+    Shapes of different models, unless both are fixed; of the robot's links those that are neither neighbours nor
+    masked.
+    """
     groups = {name: model.tree.rigid_groups() for name, model in models.items()}
     neighbours = robot.tree.neighbours()
     for a, b in combinations(geoms, 2):
@@ -280,19 +280,19 @@ def build(
     *,
     self_collision: bool,
 ) -> SceneSpec:
-    """The scene for the compiler.
+    """Return the scene for the compiler.
 
     Args:
-        models: the robot first.
-        surfaces: by "model::link".
-        losses: of moving joints by "model::joint"; those that are left out have none.
+        models: models, the robot first.
+        surfaces: surfaces by "model::link".
+        losses: losses of moving joints by "model::joint"; joints without an entry have none.
         loads: payloads by "model::link", in the link's frame.
         masks: pairs of patterns of the robot's links that do not collide.
         time_step: [s].
-        self_collision: whether links of the robot may touch.
+        self_collision: True if links of the robot may touch.
 
     Raises:
-        DescriptionError: a joint type that the engine lacks, a moving link without mass, or a mesh that cannot be used.
+        DescriptionError: a joint type that the engine lacks, a moving link without mass, or an unusable mesh.
     """
     building = Building(losses, loads)
     for model in models:

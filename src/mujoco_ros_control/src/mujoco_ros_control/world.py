@@ -1,4 +1,4 @@
-"""Everything in one scene: the robot, the objects of the world file and the models spawned later."""
+"""Models of one scene: the robot, the objects of the world file and the models spawned later."""
 
 from collections.abc import Collection, Sequence
 
@@ -14,20 +14,20 @@ from mujoco_ros_control.scene_spec import SceneSpec, build
 
 
 class World(Models):
-    """The robot and the models around it in one scene, which is compiled again whenever one comes or goes.
+    """Robot and models around it in one scene, which is compiled again for each addition or removal.
 
     Args:
         itself: the robot's model.
-        robot: its joints.
-        objects: of the world file.
+        robot: joints of the robot.
+        objects: objects of the world file.
         rules: surfaces of single links.
         masks: pairs of link patterns of the robot that do not collide.
         config: the plant's parameters.
 
     Attributes:
-        scene: of now.
-        penalty: contact by springs.
-        bushings: what holds links together.
+        scene: present scene.
+        penalty: penalty contact.
+        bushings: bushings between links.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class World(Models):
         self.bushings.forget_model(name)
 
     def _compile(self) -> None:
-        """The scene with the models and loads of now, in its start."""
+        """Compile the scene with the present models and loads, in its start state."""
         losses = dict(self._robot.losses)
         for joints in self._joints.values():
             losses |= joints.losses
@@ -75,11 +75,11 @@ class World(Models):
         self._begin_scene(built)
 
     def _begin_scene(self, built: SceneSpec) -> None:
-        """Raises HricError; the scene is then the one before."""
+        """Create the scene; if that raises HricError, the previous scene stays."""
         self.scene = Scene(built, self._config.time_step, self._config.gravity, self._config.integrator)
 
     def _begin(self, models: Collection[Model]) -> None:
-        """These models as they begin, in a scene that was just compiled; then everything goes on in it."""
+        """Bind everything to a newly compiled scene, with these models in their initial states."""
         for model in models:
             if not model.fixed:
                 self.scene.put_free(model.free_joint, model.linear, model.angular)
@@ -99,7 +99,7 @@ class World(Models):
         self._begin(begin)
 
     def reset(self) -> None:
-        """Models of the world file and those spawned as they began; the robot's joints stay."""
+        """Reset the models to their start; the robot's joints stay."""
         states = self.scene.states()
         before = list(self.models)
         self._restore()
@@ -116,7 +116,7 @@ class World(Models):
         self.penalty.forget()
 
     def set_load(self, load: tuple[str, MassProperties] | None) -> None:
-        """Payload on a link of the robot; it replaces the one before."""
+        """Set the payload on a link of the robot, which replaces the previous one."""
         before = self._loads
         self._loads = {} if load is None else {f"{self._itself.name}::{load[0]}": load[1]}
         try:
@@ -125,27 +125,26 @@ class World(Models):
             self._loads = before
             raise
 
-    # -- joints of models, and what holds links together ---------------------------------------------------------------
+    # -- joints of models, and bushings between links ------------------------------------------------------------------
 
     def joints_of(self, model: str) -> ModelJoints:
-        """Of a model beside the robot. Raises UnknownNameError."""
+        """Return the joints of a model around the robot. Raises UnknownNameError."""
         if model not in self._joints:
             raise UnknownNameError("model", model, self._joints, "the world")
         return self._joints[model]
 
     def put_joints(self, model: str, q: Sequence[float], dq: Sequence[float] | None) -> None:
-        """Joints of a model at q, dq. Raises UnknownNameError, CommandError."""
+        """Put the joints of a model at q, dq. Raises UnknownNameError, CommandError."""
         self.joints_of(model).put(q, dq)
         self.penalty.forget()
 
     @property
     def acts(self) -> bool:
-        """Whether `act` does anything."""
+        """True if `act` has any effect."""
         return bool(self._acting) or self.penalty.any or self.bushings.any
 
     def act(self) -> None:
-        """Drives and stops of models, contact by springs and bushings, for the coming step; positions and velocities
-        are those of now."""
+        """Apply drives and stops of models, penalty contact and bushings in the coming step, from the present state."""
         for joints in self._acting:
             joints.act()
         if self.penalty.any:
@@ -153,5 +152,5 @@ class World(Models):
         self.bushings.push()
 
     def bind_connected(self) -> None:
-        """Others are connected than before."""
+        """Bind the bushings after a change of the connections."""
         self.bushings.bind(self.scene)
