@@ -1,1 +1,1 @@
-"""The human beside the robot; see `hric_human.body`."""
+"""Simulated human next to the robot; see `hric_human.body`."""

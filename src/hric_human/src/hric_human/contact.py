@@ -1,7 +1,7 @@
-"""Contact of a body by regions, from what a plant reports: who touches it where, since when, how hard.
+"""Contacts of a body by region, from what a plant reports: which link, the other body, start, end and force.
 
-A force is one only where the pair meets by a spring (`hric_human.body.surfaces`). What stops a rigid pair within a step
-of the engine is no force on a person: such a contact is a touch, without a force.
+A contact has a force only if the pair of bodies is elastic (`hric_human.body.surfaces`). The force that stops a rigid
+pair within one step of the engine is not a force on a person: such a contact is a touch, without a force.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,25 +18,26 @@ Pair = tuple[str, str]
 
 @dataclass
 class RegionContact:
-    """One link of a body and what touches it, from when they met until they parted.
+    """Contact of one link of a body with one other body, from first touch to separation.
 
     Attributes:
-        link: of the body.
-        regions: of ISO/TS 15066 that the link belongs to; which of several was met is not known. Empty of a foot.
-        other: what touches it, "model::link".
+        link: link of the body.
+        regions: regions of ISO/TS 15066 that the link belongs to; if several, the touched one is unknown. Empty for a
+            foot.
+        other: body that touches the link, "model::link".
         kind: "penalty", or "rigid": a touch without a force.
-        begin: of the first call with it [s].
-        end: of the last call with it [s].
-        force: in the last step with it; None of a touch [N].
-        peak: largest force; None of a touch [N].
-        peak_time: of the call with it; None of a touch [s].
-        impulse: of the normal force; None of a touch [N s].
-        area: None: a capsule meets others in a point or along a line, and engines report no area [m^2].
-        point: where they touch, in the last step with it: of several points that of the largest force, else the
-            deepest; world frame; None where the contact was between two calls [m].
-        normal: unit vector there along which the force on the body acts, world frame; None likewise.
-        begin_point, begin_normal: those of the first call with it.
-        begin_speed: along the normal at which both met; None of a touch, and where it is not known [m/s].
+        begin: time of the first call that reports the contact [s].
+        end: time of the last call that reports the contact [s].
+        force: force in the last step in contact [N]; None for a touch.
+        peak: largest force [N]; None for a touch.
+        peak_time: time of the call with the peak [s]; None for a touch.
+        impulse: impulse of the normal force [N s]; None for a touch.
+        area: None: a capsule touches others in a point or along a line, and engines report no area [m^2].
+        point: contact point in the last step in contact, world frame [m]; of several points the one with the largest
+            force, else the deepest; None if the contact fell between two calls.
+        normal: unit vector at that point along which the force on the body acts, world frame; None likewise.
+        begin_point, begin_normal: point and normal at the first call that reports the contact.
+        begin_speed: closing speed along the normal at first contact [m/s]; None for a touch, and if unknown.
     """
 
     link: str
@@ -58,16 +59,16 @@ class RegionContact:
 
     @property
     def duration(self) -> float:
-        """Between the first and the last call with it [s]."""
+        """Time between the first and the last call that report the contact [s]."""
         return self.end - self.begin
 
     def reach(self, time: float, peak: float) -> None:
-        """Keep the largest of the forces [N] and its time [s]."""
+        """Store a force [N] and its time [s] if it exceeds the stored peak."""
         if self.peak is None or peak > self.peak:
             self.peak, self.peak_time = peak, time
 
     def locate(self, contact: Contact, towards: float) -> None:
-        """Be where a contact of the plant is; towards: 1 where its normal is that of the force on the body, else -1."""
+        """Store point and normal of a contact; towards: 1 if its normal points along the force on the body, else -1."""
         x, y, z = contact.normal
         self.point, self.normal = contact.position, (towards * x, towards * y, towards * z)
         if self.begin_point is None:
@@ -75,14 +76,14 @@ class RegionContact:
 
 
 class RegionContacts:
-    """Contacts of one body with all that is not itself, link by link.
+    """Contacts of one body with everything else in the plant, link by link.
 
     Args:
-        body: as it was spawned.
-        model: its name in the plant.
+        body: body as it was spawned.
+        model: name of its model in the plant.
 
     Attributes:
-        present: those of the last call, by "model::link" of the body and of what touches it.
+        present: contacts of the last call, by "model::link" of the body and of what touches it.
     """
 
     def __init__(self, body: Body, model: str) -> None:
@@ -93,17 +94,17 @@ class RegionContacts:
     def update(
         self, time: float, contacts: Sequence[Contact], peaks: Mapping[Pair, float] = {}, steps: int = 1
     ) -> list[RegionContact]:
-        """To be called after each step of the plant, or each few.
+        """Update the contacts; call after each step of the plant, or every few steps.
 
         Args:
-            time: after the step [s].
-            contacts: of the step, as `Plant.contacts` has them.
-            peaks: since the call before, as `Plant.take_contact_peaks` has them [N]; not needed where no step lies
-                between two calls, since contacts then have their peaks themselves.
-            steps: of the plant since the call before; the impulse is taken to have been the same in each.
+            time: time after the step [s].
+            contacts: contacts of the step, as `Plant.contacts` returns them.
+            peaks: peak forces since the last call, as `Plant.take_contact_peaks` returns them [N]; not needed if this
+                is called after each step, since the contacts then contain their peaks.
+            steps: steps of the plant since the last call; the impulse is assumed to be the same in each.
 
         Returns:
-            those that ended, each once; also what met and parted between two calls, of which the peak alone is known.
+            contacts that ended, each once; includes contacts between two calls, of which only the peak is known.
         """
         if not (contacts or peaks or self.present):
             return []
@@ -127,7 +128,7 @@ class RegionContacts:
         return list(before.values())
 
     def _pairs(self, a: str, b: str) -> Iterator[Pair]:
-        """(link of the body, what touches it), of two bodies that touch; none where both or neither are of the body."""
+        """Yield (link of the body, other body) for two touching bodies; nothing if both or neither are of the body."""
         for own, other in ((a, b), (b, a)):
             if own in self._regions and not other.startswith(self._model):
                 yield own, other
@@ -138,5 +139,5 @@ class RegionContacts:
 
 
 def _strength(contact: Contact) -> tuple[float, float]:
-    """Of several points the one that counts has most of it."""
+    """Return the sort key that selects the dominant of several contact points: force, then depth."""
     return contact.force, contact.depth

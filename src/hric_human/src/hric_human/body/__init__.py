@@ -1,4 +1,4 @@
-"""From a subject to the description of an articulated human.
+"""Description of an articulated human, generated from a subject.
 
     body = describe(load(Path("subject.yaml")))
     body.urdf, body.joints["right_el_flex"].range, body.regions["r_wrist"]

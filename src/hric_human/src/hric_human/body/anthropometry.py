@@ -1,37 +1,36 @@
-"""Masses, lengths and inertias of the segments of a body: the table of de Leva 1996, scaled to a subject.
+"""Masses, lengths and inertias of body segments: the table of de Leva 1996, scaled to a subject.
 
 Source: de Leva, Adjustments to Zatsiorsky-Seluyanov's segment inertia parameters, J. Biomech. 29(9):1223-1230, 1996,
-table 4: 100 men (73.0 kg, 1.741 m) and 15 women (61.9 kg, 1.735 m). The paper itself was not opened; values come from
+table 4: 100 men (73.0 kg, 1.741 m) and 15 women (61.9 kg, 1.735 m). The paper was not opened; the values come from
 public transcriptions that were compared value by value:
 
 - masses, centres of mass and radii of gyration: BMClab/BMC (data/BSPmale_ZdeLeva.txt, BSPfemale_ZdeLeva.txt) and
-  deleva.m of R. Gurchiek (2018), equal in all of them; those of the limbs also in a DeLevaTable of biorbd's family, but
-  for its 0.0669 (mass of a female head) and 0.124 (radius of a female foot), which nobody else has;
+  deleva.m of R. Gurchiek (2018), equal in all of them; those of the limbs also in a DeLevaTable of biorbd's family,
+  except for its 0.0669 (mass of a female head) and 0.124 (radius of a female foot), which occur nowhere else;
 - lengths: deleva.m; of head, trunk, upper arm, forearm, thigh and shank also HumanBodyParam.cpp (of an exoskeleton, as
-  shares of the height); of the male leg and foot also param_init.m of RiccardoFrenner/human_ski_model. Those of the
-  hand to its finger tip, of the upper trunk and to the mid-shoulder follow from the confirmed ones, since the table has
-  two descriptions of each whose centres of mass must agree; those of the three parts of the trunk add up to it.
+  shares of the height); of the male leg and foot also param_init.m of RiccardoFrenner/human_ski_model. The lengths of
+  the hand to the finger tip, of the upper trunk and to the mid-shoulder follow from the confirmed ones, since the table
+  has two descriptions of each whose centres of mass must agree; the three parts of the trunk add up to the trunk.
 
-Unconfirmed by a second source: the length of the female foot, and where the middle of the trunk ends and its lower part
-begins.
+Unconfirmed by a second source: the length of the female foot, and the border of middle and lower trunk.
 """
 
 from dataclasses import dataclass
 
 MEAN_HEIGHT = {"female": 1.735, "male": 1.741}
-"""Of the subjects of the table [m]; lengths scale with the height."""
+"""Mean height of the subjects of the table [m]; lengths scale with the height."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """A segment of the table.
+    """Segment of the table.
 
     Attributes:
-        mass: share of the whole body's [1].
-        length: of the mean body [m].
+        mass: share of the total body mass [1].
+        length: length in the mean body [m].
         com: distance of the centre of mass from the first end point, as share of the length [1].
-        radii: of gyration about the sagittal (forward), transverse (sideward) and longitudinal axis through the centre
-            of mass, as shares of the length [1].
+        radii: radii of gyration about the sagittal (forward), transverse (sideward) and longitudinal axis through the
+            centre of mass, as shares of the length [1].
     """
 
     mass: float
@@ -80,16 +79,21 @@ DE_LEVA = {
         "foot": Row(0.0137, 0.2581, 0.4415, (0.257, 0.245, 0.124)),
     },
 }
-"""By sex and segment. Together the male segments weigh 1.0000 of the body, the female ones 0.9999, as published."""
+"""Table rows by sex and segment; the male shares of mass add up to 1.0000, the female ones to 0.9999, as published."""
 
 SHOULDER_DROP = {"female": 0.6148 - 0.4979, "male": 0.6033 - 0.5155}
-"""Height of the cervicale above the mid-shoulder point in the mean body [m]: the trunk from the cervicale less that
-from the mid-shoulder, both to the middle of the hip joints."""
+"""Height of the cervicale above the mid-shoulder point in the mean body [m].
+
+It is the trunk from the cervicale less that from the mid-shoulder, both to the middle of the hip joints.
+"""
 
 OTHER_LENGTHS = {"shoulder_width": 0.200, "hip_width": 0.100, "ankle_height": 0.039, "heel_to_ankle": 0.037}
-"""What the table does not have, as shares of the height [1]: between the joint centres of both shoulders and of both
-hips, of the ankle's above the sole, and from the heel forward to below the ankle's. ankle_height: Drillis & Contini
-1966 as in Winter's textbook, from memory; the others: project default; all unconfirmed, so measure them."""
+"""Lengths that the table does not have, as shares of the height [1].
+
+Distances between the joint centres of both shoulders and of both hips, of the ankle's above the sole, and from the heel
+forward to below the ankle's. ankle_height: Drillis & Contini 1966 as in Winter's textbook, from memory; the others:
+project default; all unconfirmed, so measure them.
+"""
 
 DENSITY = {
     "head": 1110.0,
@@ -103,16 +107,19 @@ DENSITY = {
     "shank": 1090.0,
     "foot": 1100.0,
 }
-"""[kg/m^3]: Winter, Biomechanics and Motor Control of Human Movement, 3rd ed. 2005, as quoted in the tables of a course
-(University of Rhode Island, BME 207, 2016)."""
+"""Density of each segment [kg/m^3].
+
+Winter, Biomechanics and Motor Control of Human Movement, 3rd ed. 2005, as quoted in the tables of a course (University
+of Rhode Island, BME 207, 2016).
+"""
 
 
 def scaled_lengths(sex: str, height: float) -> dict[str, float]:
-    """Lengths by name [m].
+    """Return the lengths by name [m].
 
     Args:
-        sex: of DE_LEVA.
-        height: standing [m].
+        sex: key of DE_LEVA.
+        height: standing height [m].
     """
     scale = height / MEAN_HEIGHT[sex]
     lengths = {name: row.length * scale for name, row in DE_LEVA[sex].items()}
@@ -121,5 +128,5 @@ def scaled_lengths(sex: str, height: float) -> dict[str, float]:
 
 
 def scaled_masses(sex: str, mass: float) -> dict[str, float]:
-    """Masses by segment, of one side [kg]; mass: of the whole body [kg]."""
+    """Return the masses by segment, of one side [kg]; mass: total body mass [kg]."""
     return {name: row.mass * mass for name, row in DE_LEVA[sex].items()}

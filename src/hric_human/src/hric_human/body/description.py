@@ -1,4 +1,4 @@
-"""The description of a subject's body: its URDF and the tables beside it."""
+"""Description of a subject's body: its URDF and the tables that belong to it."""
 
 import math
 from collections.abc import Mapping
@@ -18,10 +18,12 @@ from hric_human.body.subject import Subject
 
 JOINT_SHARE = 0.01
 """Mass of each link between the joints of one segment, as share of the segment's [1]; project default, unconfirmed.
-Engines want a mass behind each joint. These are balls around the joint's centre, whose inertia no rotation changes, and
-the segment has that much less: both together are the segment of the table in any pose."""
+
+Engines need a mass behind each joint. These links are balls around the joint centre, whose inertia is the same in any
+rotation; the segment is lighter by as much, so that both together are the segment of the table in any pose.
+"""
 MAX_EFFORT, MAX_VELOCITY = 300.0, 20.0
-"""[N m], [rad/s] of all joints, since a URDF must have some; project default, unconfirmed. Strength is the muscles'."""
+"""Limits of all joints [N m], [rad/s], which URDF requires (project default, unconfirmed); muscles set the strength."""
 COLOURS = {
     "head": (0.80, 0.64, 0.54, 1.0),
     "torso": (0.57, 0.66, 0.76, 1.0),
@@ -33,24 +35,24 @@ COLOURS = {
     "shank": (0.50, 0.68, 0.65, 1.0),
     "foot": (0.62, 0.61, 0.58, 1.0),
 }
-"""By segment, and so by its regions of ISO/TS 15066: red, green, blue, opacity."""
+"""Colours by segment, and so by its regions of ISO/TS 15066: red, green, blue, opacity."""
 SEATED = {"hip_flex": 90.0, "knee_flex": 90.0}
-"""Joints that are not zero in the rest pose of somebody seated [deg], on both sides."""
+"""Joints that are not zero in the seated rest pose [deg], on both sides."""
 
 
 @dataclass(frozen=True)
 class Body:
-    """A described body.
+    """Described body.
 
     Attributes:
-        subject: whose it is.
-        urdf: the description, as text; its root link is `human_base`.
-        joints: by name, in order.
-        segments: by name, from the root outwards.
-        regions: of ISO/TS 15066, by link.
-        markers: by name.
+        subject: subject of the body.
+        urdf: description as text; its root link is `human_base`.
+        joints: joints by name, in order.
+        segments: segments by name, from the root outwards.
+        regions: regions of ISO/TS 15066, by link.
+        markers: markers by name.
         rest: angles of the rest pose that are not zero, by joint [rad].
-        base_height: of `human_base` above the floor in the rest pose, on legs that may not be described [m].
+        base_height: height of `human_base` above the floor in the rest pose, on legs that may not be described [m].
     """
 
     subject: Subject
@@ -64,15 +66,15 @@ class Body:
 
     @property
     def total_mass(self) -> float:
-        """Of what is described [kg]."""
+        """Mass of all described segments [kg]."""
         return sum(segment.mass.mass for segment in self.segments.values())
 
 
 def describe(subject: Subject) -> Body:
-    """The body of a subject.
+    """Return the body of a subject.
 
     Raises:
-        ParameterError: a mass that is no capsule of its segment's length.
+        ParameterError: a segment whose mass is too large for a capsule of its length.
     """
     made, moved = segments(subject), joints(subject.chains)
     seated = subject.posture == "seated"
@@ -121,7 +123,7 @@ def _urdf(name: str, made: list[Segment], moved: list[BodyJoint]) -> str:
 
 
 def _ball(segment: Segment) -> MassProperties:
-    """A link between joints: a ball of the segment's radius about the joint's centre."""
+    """Return a link between joints: a ball of the segment's radius about the joint centre."""
     mass = JOINT_SHARE * segment.mass.mass
     return MassProperties(mass, np.zeros(3), 0.4 * mass * segment.radius**2 * np.eye(3))
 
@@ -135,7 +137,7 @@ def _write_segment(robot: Element, segment: Segment, mass: MassProperties) -> No
 
 
 def _capsule(segment: Segment) -> list[Shape]:
-    """A cylinder and a ball at each of its ends, since a URDF has no capsule."""
+    """Return a cylinder with a ball at each end, since URDF has no capsule."""
     start, end = segment.straight
     R, length, colour = _rotation_along(end - start), float(np.linalg.norm(end - start)), COLOURS[segment.kind]
     cylinder = Shape(
@@ -148,7 +150,7 @@ def _capsule(segment: Segment) -> list[Shape]:
 
 
 def _rotation_along(direction: FloatArray) -> FloatArray:
-    """A rotation that turns z along one of the axes, shape (3, 3)."""
+    """Return a rotation that turns z along one of the axes, shape (3, 3)."""
     longest = int(np.argmax(np.abs(direction)))
     return np.roll(np.eye(3), longest + 1, axis=0)
 

@@ -1,8 +1,8 @@
-"""Between the angles of this body and those that the International Society of Biomechanics recommends.
+"""Conversion between the angles of this body and those that the International Society of Biomechanics recommends.
 
-Most differ by a sign or an offset, which the table of joints has. A shoulder is Rx Rz Ry here and Y-X-Y there: plane of
-elevation (0: abduction, 90 deg: flexion), elevation (negative, as ISB writes it) and axial rotation (internal +). Left
-sides are mirrored first, as ISB advises, so one formula serves both.
+Most differ by a sign or an offset, which the table of joints contains. A shoulder is Rx Rz Ry here and Y-X-Y in ISB:
+plane of elevation (0: abduction, 90 deg: flexion), elevation (negative, as ISB writes it) and axial rotation (internal
++). Left sides are mirrored first, as ISB advises, so one formula serves both.
 """
 
 import math
@@ -19,23 +19,22 @@ HERE = ("sh_flex", "sh_abd", "sh_rot")
 THERE = ("sh_plane_of_elevation", "sh_elevation", "sh_axial_rotation")
 _X, _Y, _Z = np.eye(3)
 _R_ISB_DELFT: FloatArray = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
-"""Coordinates in the axes of the shoulder's formula here (X right, Y up, Z back) -> in ISB's (X forward, Y up, Z
-right)."""
+"""Rotation from the shoulder axes used here (X right, Y up, Z back) to ISB's (X forward, Y up, Z right)."""
 _SINGULAR = 1e-9
-"""Sine or cosine of the middle angle below which the two others turn about one line."""
+"""Sine or cosine of the middle angle below which the two others rotate about the same line."""
 
 
 def to_isb(angles: Mapping[str, float]) -> dict[str, float]:
-    """ISB's angles by name [rad]: a shoulder's three by the names in THERE, all others by the joint's.
+    """Return ISB's angles by name [rad]: a shoulder's three by the names in THERE, all others by the joint's.
 
     Args:
-        angles: by joint [rad]; a shoulder's three together. Where its elevation is 0, the plane is put at 0.
+        angles: angles by joint [rad]; a shoulder's three together. At elevation 0 the plane is set to 0.
     """
     return _converted(angles, HERE, THERE, isb_shoulder, lambda angle, sign, offset: sign * angle + offset)
 
 
 def from_isb(angles: Mapping[str, float]) -> dict[str, float]:
-    """Angles by joint [rad] from ISB's; the inverse of `to_isb`, with sh_abd within +-90 deg."""
+    """Return angles by joint [rad] from ISB's; the inverse of `to_isb`, with sh_abd within +-90 deg."""
     return _converted(angles, THERE, HERE, shoulder_from_isb, lambda angle, sign, offset: sign * (angle - offset))
 
 
@@ -59,7 +58,7 @@ def _converted(
 
 
 def isb_shoulder(flex: float, abd: float, rot: float) -> tuple[float, float, float]:
-    """Plane of elevation, elevation (-pi to 0) and axial rotation [rad] of a shoulder's three angles [rad]."""
+    """Return plane of elevation, elevation (-pi to 0) and axial rotation [rad] for a shoulder's three angles [rad]."""
     R_delft = rotation_about(_X, flex) @ rotation_about(_Z, abd) @ rotation_about(_Y, rot)
     R = _R_ISB_DELFT @ R_delft @ _R_ISB_DELFT.T
     sine = math.hypot(R[1, 0], R[1, 2])
@@ -70,8 +69,7 @@ def isb_shoulder(flex: float, abd: float, rot: float) -> tuple[float, float, flo
 
 
 def shoulder_from_isb(plane: float, elevation: float, axial: float) -> tuple[float, float, float]:
-    """sh_flex, sh_abd (within +-pi/2) and sh_rot [rad] of ISB's three angles [rad]; where sh_abd is +-pi/2, sh_flex is
-    put at 0."""
+    """Return sh_flex, sh_abd (within +-pi/2), sh_rot [rad] for ISB's three angles; at sh_abd +-pi/2, sh_flex is 0."""
     R_isb = rotation_about(_Y, plane) @ rotation_about(_X, elevation) @ rotation_about(_Y, axial)
     R = _R_ISB_DELFT.T @ R_isb @ _R_ISB_DELFT
     cosine = math.hypot(R[0, 0], R[0, 2])

@@ -1,9 +1,9 @@
-"""The joints of a body: one table with axis, positive sense, zero, range, and what ISB calls the same angle.
+"""Joints of a body: one table with axis, positive sense, zero, range, and the corresponding angle of ISB.
 
 A shoulder is three joints at one point, R_thorax_humerus = Rx(sh_flex) Rz(sh_abd) Ry(sh_rot) in axes X right, Y up, Z
-back, the coordinates of the Delft shoulder model. It is singular where sh_abd is 90 deg: there sh_flex and sh_rot turn
-about one line, in a T-pose the arm's own. A left joint is the mirror image of the right one, so that equal values are
-mirrored poses.
+back, the coordinates of the Delft shoulder model. It is singular at sh_abd 90 deg: there sh_flex and sh_rot rotate
+about the same line, in a T-pose the arm's axis. A left joint is the mirror image of the right one, so that equal values
+are mirrored poses.
 
 ISB: Wu et al., J. Biomech. 35:543-548, 2002 (spine, hip, ankle) and 38:981-992, 2005 (shoulder, elbow, wrist), as
 summarised in PMC10782867 table 2 for the arm, from memory for the rest; the knee is Grood & Suntay's 1983.
@@ -19,7 +19,7 @@ from hric_control.geometry import FloatArray
 from hric_human.body.segments import link_name
 
 MIRROR = np.array([-1.0, 1.0, -1.0])
-"""Times an axis: that of the joint's mirror image in the plane y = 0, about which an equal angle mirrors the pose."""
+"""Factor of an axis that mirrors its joint in the plane y = 0, so that an equal angle mirrors the pose."""
 
 _AAOS = "AAOS, in Norkin & White's table A.1"
 _VA_LEG = "38 CFR 4.71 plate II, as a summary of it"
@@ -30,18 +30,19 @@ _OWN = "project default, unconfirmed"
 
 @dataclass(frozen=True)
 class JointRow:
-    """A row of the table.
+    """Row of the table.
 
     Attributes:
-        name: without its side.
-        moves: the segment behind it; of several joints with the same one, the last moves it, the others links between.
-        axis: of the right side or the middle at the zero pose, in axes of the body (x forward, y left, z up).
+        name: name without the side.
+        moves: segment behind the joint; of several joints with the same one, the last moves it, the others links
+            between.
+        axis: axis of the right side or the middle at the zero pose, in axes of the body (x forward, y left, z up).
         lower, upper: range [deg].
         positive: sense of a positive angle.
-        zero: when the angle is 0.
+        zero: pose in which the angle is 0.
         isb: sign and offset [deg] of ISB's angle, isb = sign q + offset; None for the shoulder, see `isb`.
-        isb_angle: its name and positive sense there.
-        source: of the range.
+        isb_angle: its name and positive sense in ISB.
+        source: source of the range.
     """
 
     name: str
@@ -139,14 +140,14 @@ ROWS = {row.name: row for limb in LIMBS.values() for row in limb}
 
 @dataclass(frozen=True)
 class BodyJoint:
-    """A joint of a body.
+    """Joint of a body.
 
     Attributes:
-        name: with its side, "right_el_flex".
-        row: of the table.
-        child: link that it moves; of several joints in one point, all but the last move a link between.
-        link: of the segment behind it.
-        axis: at the zero pose, in axes of the body, shape (3,).
+        name: name with the side, "right_el_flex".
+        row: row of the table.
+        child: link that it moves; of several joints at one point, all but the last move a link between.
+        link: link of the segment behind it.
+        axis: axis at the zero pose, in axes of the body, shape (3,).
         range: lower and upper end [rad].
     """
 
@@ -159,7 +160,7 @@ class BodyJoint:
 
 
 def joints(chains: Sequence[str]) -> list[BodyJoint]:
-    """Of chains such as "right_arm", in order."""
+    """Return the joints of chains such as "right_arm", in order."""
     made = []
     for chain in chains:
         side, _, limb = chain.rpartition("_")

@@ -1,8 +1,8 @@
-"""The markers of a body: names and places of the Plug-in Gait full-body set, scaled with the segments.
+"""Markers of a body: names and positions of the Plug-in Gait full-body set, scaled with the segments.
 
-Where each one sits on the body follows the description of Vicon's 39 markers (J. Sports Sci. Med. 15:92, table 2); the
-values that put that on a capsule are a project default, unconfirmed. The thigh, shank, upper arm and forearm
-markers are at other heights on the left than on the right, so that sides can be distinguished.
+The positions follow the description of Vicon's 39 markers (J. Sports Sci. Med. 15:92, table 2); the values that place
+them on a capsule are a project default, unconfirmed. The thigh, shank, upper arm and forearm markers are at other
+heights on the left than on the right, so that sides can be distinguished.
 """
 
 import re
@@ -18,12 +18,12 @@ from hric_human.body.segments import SIDES, Segment, side_of
 
 @dataclass(frozen=True)
 class Marker:
-    """A marker.
+    """Marker.
 
     Attributes:
-        name: of Plug-in Gait.
-        link: that it is fixed to.
-        p_link_marker: in axes of the link, shape (3,) [m].
+        name: name in Plug-in Gait.
+        link: link that it is fixed to.
+        p_link_marker: position in axes of the link, shape (3,) [m].
     """
 
     name: str
@@ -33,12 +33,13 @@ class Marker:
 
 @dataclass(frozen=True)
 class MarkerRow:
-    """A row of the table.
+    """Row of the table.
 
     Attributes:
-        name: of the set, without L or R where it is on both sides.
-        segment: that it is on; "shoulder" is the joint centre of a shoulder, in axes of the link that carries it.
-        share: along the segment's axis from its start, on the left and on the right [1].
+        name: name in the set, without L or R if it is on both sides.
+        segment: segment that it is on; "shoulder" is the joint centre of a shoulder, in axes of the link that carries
+            it.
+        share: position along the segment's axis from its start, on the left and on the right [1].
         offset: forward, outward (in the middle: to the left) and up, in radii of the segment [1].
     """
 
@@ -85,7 +86,7 @@ MIDDLE = (
 
 
 def markers(segments: Sequence[Segment]) -> list[Marker]:
-    """Those of the segments that a body has."""
+    """Return the markers on the segments of a body."""
     made = []
     for segment in segments:
         side = side_of(segment.name)
@@ -106,15 +107,15 @@ def _marker(row: MarkerRow, segment: Segment, side: str) -> Marker:
 
 
 def marker_labels(file: str, labels: Sequence[str], names: Sequence[str]) -> dict[str, str]:
-    """Label by marker; labels may have the body's name before them: RSHO, subject:RSHO or body_RSHO.
+    """Return the label by marker; a label may have a prefix, the body's name: RSHO, subject:RSHO or body_RSHO.
 
     Args:
-        file: for messages.
-        labels: of the recording.
-        names: of the body's markers.
+        file: name of the file, for messages.
+        labels: labels of the recording.
+        names: names of the body's markers.
 
     Raises:
-        HricError: none of them is there, or those of several bodies.
+        HricError: none of the markers is in the recording, or those of several bodies.
     """
     found: dict[str, dict[str, str]] = {}
     for label in labels:

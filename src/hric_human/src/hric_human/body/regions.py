@@ -1,4 +1,4 @@
-"""The body regions of ISO/TS 15066:2016 Annex A that a link belongs to, and the standard's model of a body."""
+"""Body regions of ISO/TS 15066:2016 Annex A by link, and the standard's model of a body."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ REGIONS = {
     "shank": ("lower leg",),
     "foot": (),
 }
-"""Names of the regions by segment, as the standard's force table has them. It has none for a foot."""
+"""Names of the regions by segment, as in the standard's force table; it has none for a foot."""
 
 
 class RegionModel(NamedTuple):
-    """A region as the standard models it: a mass behind a spring.
+    """Region as the standard models it: a mass behind a spring.
 
     Attributes:
-        stiffness: of the spring [N/m].
-        mass: effective [kg]. A simulated body has its own, by its pose: this one is to compare with.
+        stiffness: stiffness of the spring [N/m].
+        mass: effective mass [kg], for comparison; the effective mass of a simulated body depends on its pose.
     """
 
     stiffness: float
@@ -52,21 +52,26 @@ REGION_MODELS = {
     "thigh, knee": RegionModel(50e3, 75.0),
     "lower leg": RegionModel(60e3, 75.0),
 }
-"""ISO/TS 15066:2016, Annex A, the body model. The standard's text was not opened; the values are equal in two or more
-public sources (papers and code). The standard prints N/mm. It has no damping."""
+"""Body model of ISO/TS 15066:2016, Annex A.
+
+The standard's text was not opened; the values are equal in two or more public sources (papers and code). The standard
+prints N/mm. It has no damping.
+"""
 SPRING_OF = {"head": "skull, forehead", "torso": "chest"}
-"""Region whose spring a segment of several has: a link has one surface. Of a head the stiffest, which gives the largest
-force, of a torso the chest, which a robot in front of a person meets (project defaults, unconfirmed). A back is 1.4
-times as stiff as that, an abdomen 0.4 times."""
+"""Region whose spring is used for a segment of several regions: a link has one surface.
+
+For a head it is the stiffest, which gives the largest force; for a torso the chest, which a robot in front of a person
+touches (project defaults, unconfirmed). A back is 1.4 times as stiff as that, an abdomen 0.4 times.
+"""
 
 
 @dataclass(frozen=True)
 class Region:
-    """A region of a link.
+    """Region of a link.
 
     Attributes:
-        name: as in the standard's table.
-        dominant: whether it is on the side of the dominant hand; None in the middle of the body.
+        name: name in the standard's table.
+        dominant: True on the side of the dominant hand; None in the middle of the body.
     """
 
     name: str
@@ -74,7 +79,7 @@ class Region:
 
 
 def regions(segments: Sequence[Segment], dominant_hand: str) -> dict[str, tuple[Region, ...]]:
-    """Regions by link; links between the joints of one segment have no shape and are not listed."""
+    """Return the regions by link; links between the joints of one segment have no shape and are not listed."""
     found = {}
     for segment in segments:
         side = side_of(segment.name)
@@ -84,8 +89,10 @@ def regions(segments: Sequence[Segment], dominant_hand: str) -> dict[str, tuple[
 
 
 def surfaces(body: Body) -> dict[str, Surface]:
-    """Surface by link: the spring of the standard's body model, for `spawn` of a plant. What has no region, a foot, is
-    left out, and so stays rigid."""
+    """Return the surface by link: the spring of the standard's body model, for `spawn` of a plant.
+
+    A link without a region, such as a foot, is left out, and stays rigid.
+    """
     found = {}
     for segment in body.segments.values():
         names = REGIONS[segment.kind]

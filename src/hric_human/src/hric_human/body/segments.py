@@ -1,4 +1,4 @@
-"""The rigid segments of a subject's body: where they hang, their mass, and their shape as a capsule.
+"""Rigid segments of a subject's body: joint, mass, and shape as a capsule.
 
 Axes of all links at the zero pose (standing upright, arms hanging, thumbs forward) are those of REP 103: x forward, y
 left, z up. A link's origin is the joint that moves it.
@@ -16,8 +16,10 @@ from hric_human.body.anthropometry import DE_LEVA, DENSITY, scaled_lengths, scal
 from hric_human.body.subject import Subject
 
 ROOT = "human_base"
-"""Root link, without mass: at the middle of the hip joints, of arms alone at the middle of the shoulder joints. Whoever
-simulates the body fixes it or lets it move."""
+"""Root link, without mass, at the middle of the hip joints, or of the shoulder joints if there are only arms.
+
+The simulation fixes it or lets it move.
+"""
 LINKS = {
     "pelvis": "waist",
     "torso": "torso",
@@ -29,30 +31,35 @@ LINKS = {
     "shank": "knee",
     "foot": "ankle",
 }
-"""Link by segment, as REP 155's human description names it: by the joint that moves it, with r_ or l_ in front on a
-side. The identifier that REP 155 puts behind is the namespace's matter."""
+"""Link by segment, as in REP 155's human description: the joint that moves it, with r_ or l_ in front on a side.
+
+The identifier that REP 155 appends is left to the namespace.
+"""
 SIDES = {"right": -1.0, "left": 1.0}
 """Sign of y on each side."""
 _AXES = {"forearm": (1, 0, 2), "hand": (1, 0, 2), "foot": (2, 1, 0)}
-"""Which of the sagittal, transverse and longitudinal radius of gyration belongs to x, y and z of the link, where it is
-not in that order: a forearm in mid-position is turned by 90 deg from the table's, and a foot lies along x."""
+"""Indices of the radius of gyration (sagittal, transverse, longitudinal) about x, y and z of the link.
+
+Only for links in which it is not that order: a forearm in mid-position is rotated by 90 deg from the table's, and a
+foot lies along x.
+"""
 
 
 @dataclass(frozen=True)
 class Segment:
-    """A rigid segment.
+    """Rigid segment.
 
     Attributes:
-        name: with its side, "right_forearm".
-        kind: without it.
-        link: of the description.
-        parent: link that its joint hangs on.
-        p_parent_link: its joint, in axes of the parent, shape (3,) [m].
-        mass: in axes of the link.
+        name: name with the side, "right_forearm".
+        kind: name without the side.
+        link: link of the description.
+        parent: link to which its joint is attached.
+        p_parent_link: position of its joint, in axes of the parent, shape (3,) [m].
+        mass: mass properties in axes of the link.
         start, end: ends of its axis in axes of the link, proximal and distal (of a foot: heel and toe), shape (3,) [m].
-        radius: of its capsule [m].
-        caps: at the start and the end of the axis: 1 where the cap of the capsule ends with it, 0 where it goes beyond,
-            around a joint.
+        radius: radius of its capsule [m].
+        caps: at the start and the end of the axis: 1 if the cap of the capsule ends with it, 0 if the cap extends
+            beyond, around a joint.
     """
 
     name: str
@@ -68,7 +75,7 @@ class Segment:
 
     @property
     def length(self) -> float:
-        """Of its axis [m]."""
+        """Length of the axis [m]."""
         return float(np.linalg.norm(self.end - self.start))
 
     @property
@@ -79,27 +86,28 @@ class Segment:
 
 
 def side_of(name: str) -> str:
-    """ "right", "left", or "" in the middle, of the name of a segment, joint or link."""
+    """Return "right", "left", or "" (middle), from the name of a segment, joint or link."""
     return {"right": "right", "r": "right", "left": "left", "l": "left"}.get(name.partition("_")[0], "")
 
 
 def link_name(kind: str, side: str) -> str:
-    """Of a segment."""
+    """Return the name of a segment's link."""
     return f"{side[0]}_{LINKS[kind]}" if side else LINKS[kind]
 
 
 def capsule_radius(volume: float, length: float, inside: int) -> float:
-    """Radius of a capsule along an axis, of whose two caps `inside` end at the ends of the axis, the others beyond [m].
+    """Return the radius of a capsule of a given volume [m].
 
-    volume / pi = length r^2 + (4/3 - inside) r^3, for 1/r a cubic equation without its square; Cardano's formula.
+    `inside` of its two caps end at the ends of the axis, the others extend beyond. volume / pi = length r^2 + (4/3 -
+    inside) r^3, for 1/r a cubic equation without a quadratic term; Cardano's formula.
 
     Args:
-        volume: [m^3].
-        length: of the axis [m].
-        inside: 0, 1 or 2.
+        volume: volume [m^3].
+        length: length of the axis [m].
+        inside: number of caps inside: 0, 1 or 2.
 
     Returns:
-        the radius; NaN where the axis is too short for the caps inside.
+        the radius; NaN if the axis is too short for the caps inside.
     """
     p, q = math.pi * length / volume, math.pi * (4.0 / 3.0 - inside) / volume
     root = (0.5 * q + complex(0.25 * q * q - p**3 / 27.0) ** 0.5) ** (1.0 / 3.0)
@@ -108,10 +116,11 @@ def capsule_radius(volume: float, length: float, inside: int) -> float:
 
 
 class Builder:
-    """Makes the segments of one subject.
+    """Builder of the segments of one subject.
 
     Attributes:
-        lengths: [m], masses: of one side [kg]; measured ones in place of the table's.
+        lengths: lengths by name [m]; measured ones replace the table's.
+        masses: masses of one side [kg], likewise.
     """
 
     def __init__(self, subject: Subject) -> None:
@@ -120,13 +129,13 @@ class Builder:
         self.masses = scaled_masses(subject.sex, subject.mass) | dict(subject.masses)
 
     def part(self, name: str, first: FloatArray, second: FloatArray) -> MassProperties:
-        """Mass of a row of the table between its end points, each of shape (3,) [m]."""
+        """Return the mass properties of a row of the table between its end points, each of shape (3,) [m]."""
         row, mass = DE_LEVA[self.subject.sex][name], self.masses[name]
         radii = self.lengths[name] * np.array([row.radii[axis] for axis in _AXES.get(name, (0, 1, 2))])
         return MassProperties(mass, first + row.com * (second - first), mass * np.diag(radii**2))
 
     def radius(self, rows: Sequence[str], length: float, inside: int) -> float:
-        """Of the capsule of one or several rows of the table; see `capsule_radius`. Raises ParameterError."""
+        """Return the capsule radius of one or several rows of the table (`capsule_radius`). Raises ParameterError."""
         volume = sum(self.masses[row] / DENSITY[row] for row in rows)
         radius = capsule_radius(volume, length, inside)
         if math.isnan(radius):
@@ -147,12 +156,16 @@ class Builder:
         axis: tuple[FloatArray, FloatArray],
         caps: tuple[int, int],
     ) -> Segment:
-        """A segment of one or several rows of the table.
+        """Return a segment of one or several rows of the table.
 
         Args:
-            parent: link that its joint hangs on, at `at`, shape (3,) [m].
-            parts: by row, in axes of the link.
-            axis: its start and end. The others: see `Segment`.
+            kind: see `Segment`.
+            side: "right", "left" or "".
+            parent: link to which its joint is attached.
+            at: position of the joint in axes of the parent, shape (3,) [m].
+            parts: mass properties by row, in axes of the link.
+            axis: start and end of the axis.
+            caps: see `Segment`.
         """
         name = f"{side}_{kind}" if side else kind
         radius = self.radius(tuple(parts), float(np.linalg.norm(axis[1] - axis[0])), sum(caps))
@@ -160,7 +173,7 @@ class Builder:
         return Segment(name, kind, link_name(kind, side), parent, at, mass, *axis, radius, caps)
 
     def trunk(self) -> list[Segment]:
-        """Pelvis, torso and head."""
+        """Return pelvis, torso and head."""
         lower, middle, upper, head = (
             _up(self.lengths[name]) for name in ("lower_trunk", "middle_trunk", "upper_trunk", "head")
         )
@@ -179,12 +192,12 @@ class Builder:
         ]
 
     def arm(self, side: str, parent: str, height: float) -> list[Segment]:
-        """Upper arm, forearm and hand; height of the shoulder above the parent's origin [m]."""
+        """Return upper arm, forearm and hand; height: of the shoulder above the parent's origin [m]."""
         at = np.array([0.0, 0.5 * SIDES[side] * self.lengths["shoulder_width"], height])
         return self._hanging(side, parent, at, {"upper_arm": (0, 0), "forearm": (0, 0), "hand": (0, 1)})
 
     def leg(self, side: str) -> list[Segment]:
-        """Thigh, shank and foot, whose sole is below its axis by the radius."""
+        """Return thigh, shank and foot, whose sole is below its axis by the radius."""
         at = np.array([0.0, 0.5 * SIDES[side] * self.lengths["hip_width"], 0.0])
         upper = self._hanging(side, LINKS["pelvis"], at, {"thigh": (0, 0), "shank": (0, 0)})
         length = self.lengths["foot"]
@@ -205,7 +218,7 @@ class Builder:
 
 
 def segments(subject: Subject) -> list[Segment]:
-    """Of the parts that the subject names, from the root outwards. Raises ParameterError."""
+    """Return the segments of the subject's parts, from the root outwards. Raises ParameterError."""
     builder, made = Builder(subject), list[Segment]()
     lengths = builder.lengths
     parent, height = ROOT, 0.0

@@ -1,4 +1,4 @@
-"""Whose body is described: a checked mapping or YAML file."""
+"""Subject whose body is described: a checked mapping or YAML file."""
 
 import re
 from collections.abc import Mapping
@@ -16,10 +16,12 @@ PARTS = {
     "upper_body": ("trunk", "right_arm", "left_arm"),
     "whole_body": ("trunk", "right_arm", "left_arm", "right_leg", "left_leg"),
 }
-"""What is described, by its chains of joints in their order; the trunk is with the head."""
+"""Chains of joints of each choice of parts, in order; the trunk includes the head."""
 FAR = {"length": 2.0, "mass": 3.0}
-"""How many times the table's value, or what share of it, a measured one may be: more is another unit (project default,
-unconfirmed)."""
+"""Largest factor between a measured value and the table's, either way: more is another unit.
+
+Project default, unconfirmed.
+"""
 _CODE = re.compile(r"(?=\D*\d)[A-Za-z0-9]{1,12}")
 
 
@@ -53,11 +55,11 @@ class Subject(Settings):
 
     @property
     def chains(self) -> tuple[str, ...]:
-        """Of PARTS."""
+        """Chains of joints of the described parts (values of PARTS)."""
         return PARTS[self.parts]
 
     def check(self, where: str) -> None:
-        """Refuse measures of what the table does not have, and those that are far from it."""
+        """Refuse measurements of unknown lengths or masses, and those that are far from the table's."""
         lengths, masses = scaled_lengths(self.sex, self.height), scaled_masses(self.sex, self.mass)
         mistakes = Mistakes()
         for kind, given, published, unit in (
@@ -76,5 +78,5 @@ class Subject(Settings):
 
 
 def load(path: Path) -> Subject:
-    """The subject of a YAML file. Raises ParameterError with all mistakes of the file."""
+    """Return the subject of a YAML file. Raises ParameterError with all mistakes of the file."""
     return Subject.of(read_yaml(path), f"{path.name}:")

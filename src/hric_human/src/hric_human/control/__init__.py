@@ -1,10 +1,10 @@
-"""What moves a body: a controller's joint torque from late and noisy senses, within the strength of each joint.
+"""Control of a body: joint torque from delayed and noisy senses, within the strength of each joint.
 
     human = HumanControl(body, {"type": "hric_human/ImpedanceArm"}, seed=0)
     human.start(0.0)
     tau = human.update(0.0, q, dq)              # each cycle
 
-A controller is a class found by name, as those of robots are: see `controller`.
+A controller is a class found by name, like those of robots: see `controller`.
 """
 
 from hric_human.control.controller import HumanController, Person, Senses

@@ -1,6 +1,6 @@
-"""The base class of a human's controllers, and what they know of their body.
+"""Base class of a human's controllers, and the data of the body that they receive.
 
-A class of a user, found through the plugin export of his package.xml (base class "hric_human::HumanController"):
+A user's class is found through the plugin export of its package.xml (base class "hric_human::HumanController"):
 
     class Hold(HumanController):
         settings = HoldSettings                      # a Settings of hric_control.parameters
@@ -29,20 +29,20 @@ from hric_human.control.kinematics import HandChain, Torque
 
 @dataclass(frozen=True)
 class Person:
-    """Whose joints a controller drives. Joints are those of `body.joints`, in their order.
+    """Person whose joints a controller drives; joints are those of `body.joints`, in their order.
 
     Attributes:
-        body: its description.
-        joints: names.
+        body: description of the body.
+        joints: names of the joints.
         lower, upper: ranges [rad].
         weakest, strongest: strength in the negative and in the positive sense, the former negative [N m].
         rest: resting posture [rad].
-        side: of the hand that follows references and is felt.
-        hand: its kinematics.
+        side: side of the hand that tracks references and senses forces.
+        hand: kinematics of that hand.
         own_weight: joint angles [rad] -> torque that holds the body [N m].
-        gravity: in axes of the root link [m/s^2].
+        gravity: gravity vector in axes of the root link [m/s^2].
         T_world_root: pose of the body's root link in the frame of hand references and forces.
-        seed: of what varies.
+        seed: seed of all variation.
         cycle: time between two updates [s].
     """
 
@@ -63,13 +63,13 @@ class Person:
 
 
 class Senses:
-    """What a human senses in a cycle, each late by its delay and noisy.
+    """Senses of a human in one cycle, each with its delay and noise.
 
     Attributes:
         q: joint positions, n floats [rad].
         dq: joint velocities, n floats [rad/s].
-        force: on the hand, axes of the world [N].
-        muscles: joint positions and velocities as they are now, which nobody senses: for what muscles do by themselves.
+        force: force on the hand, axes of the world [N].
+        muscles: current joint positions and velocities, without delay, for the mechanical response of muscles.
     """
 
     __slots__ = ("_hand", "dq", "force", "muscles", "q")
@@ -86,51 +86,50 @@ class Senses:
 
     @property
     def hand(self) -> Pose:
-        """Pose of the hand in the world; computed when it is read."""
+        """Pose of the hand in the world; computed on access."""
         return self._hand()
 
 
 class HumanController:
-    """A law of a human's joint torque.
+    """Control law of a human's joint torque.
 
-    It is constructed without arguments. `init` may take its time; `posture` follows it, and the others are called in
-    the loop and must not block.
-    All randomness comes from `Person.seed`.
+    It is constructed without arguments. `init` may block; `posture` follows it, and the other methods are called in the
+    loop and must not block. All randomness comes from `Person.seed`.
     """
 
     settings: ClassVar[type[Settings]] = Settings
-    """Its parameters; values per joint are in the order of the joints."""
+    """Class of the parameters; values per joint are in the order of the joints."""
     end: float = math.inf
-    """When its motion has come to rest, after its start [s]; infinite: not known."""
+    """Time at which the motion has come to rest, after its start [s]; infinite: unknown."""
 
     def init(self, person: Person, settings: Any) -> None:
-        """Get ready.
+        """Prepare the controller.
 
         Args:
-            person: whose joints it drives.
-            settings: of the class `settings`, checked.
+            person: person whose joints it drives.
+            settings: checked instance of the class `settings`.
 
         Raises:
             HricError: the controller cannot run.
         """
 
     def posture(self) -> Sequence[float] | None:
-        """Where the body is at the start, n floats [rad]; None: in the resting posture."""
+        """Return the posture at the start, n floats [rad]; None: the resting posture."""
         return None
 
     def starting(self, time: float, senses: Senses) -> None:
-        """First call in the loop; `update` follows in the same cycle. time: of the run [s]."""
+        """Handle the first call in the loop; `update` follows in the same cycle. time: of the run [s]."""
 
     def start(self, time: float) -> None:
-        """The experiment has begun, and with it the motion [s]; not called where nobody says so."""
+        """Start the motion with the experiment, at `time` [s]; not called if nothing starts the experiment."""
 
     def see(self, time: float, position: Vector) -> None:
-        """The end effector of the robot was at `position` in the world [m] at `time`."""
+        """Receive the position [m] of the robot's end effector in the world at `time`."""
 
     def update(self, time: float, senses: Senses) -> Sequence[float]:
-        """Joint torque, n floats [N m]; held until the next cycle.
+        """Return the joint torque, n floats [N m]; applied until the next cycle.
 
         Raises:
-            HricError: the law cannot go on; the run ends with this text.
+            HricError: the law cannot continue; the run ends with this text.
         """
         raise NotImplementedError

@@ -1,4 +1,4 @@
-"""The built-in controller: joint impedance about a reference, and the body's own weight."""
+"""Built-in controller: joint impedance about a reference, and the body's own weight."""
 
 import math
 from collections.abc import Sequence
@@ -13,16 +13,16 @@ from hric_human.control.recorded import RECORDED
 from hric_human.control.references import REFERENCES, Reference, ReferenceSettings
 
 DAMPING = 0.05
-"""Damping per stiffness [s] (PMC2784227, where it is that of each muscle)."""
+"""Ratio of damping to stiffness [s] (PMC2784227, where it is that of each muscle)."""
 
 
 class StiffnessRow(NamedTuple):
-    """Of a joint.
+    """Stiffness of a joint.
 
     Attributes:
-        relaxed: without load [N m/rad].
-        growth: with the torque of the load [1/rad].
-        source: of both.
+        relaxed: stiffness without load [N m/rad].
+        growth: increase with the torque of the load [1/rad].
+        source: source of both.
     """
 
     relaxed: float
@@ -44,8 +44,11 @@ STIFFNESS = {
     **dict.fromkeys(("hip_flex", "hip_abd", "hip_rot", "knee_flex"), LEG),
     **dict.fromkeys(("ankle_flex", "ankle_inv"), ANKLE),
 }
-"""By joint, without its side. That single-joint stiffness grows with the joint's own torque is in the abstract of Gomi
-& Osu; that all axes of the shoulder have the stiffness of the measured one is a project default."""
+"""Stiffness by joint, without its side.
+
+The growth of single-joint stiffness with the joint's torque is in the abstract of Gomi & Osu; the same stiffness of all
+axes of the shoulder is a project default.
+"""
 
 
 @dataclass(frozen=True)
@@ -85,16 +88,16 @@ class ImpedanceSettings(Settings):
 
 
 class ImpedanceArm(HumanController):
-    """tau = K (q_ref - q) + D (dq_ref - dq) + g(q), with K = K_0 + k |g(q)| and D = 0.05 s K.
+    """Joint impedance: tau = K (q_ref - q) + D (dq_ref - dq) + g(q), K = K_0 + k |g(q)|, D = 0.05 s K.
 
-    g: torque that holds the body's own weight and the load that he expects, of the late senses. q and dq are the
-    muscles' own, which act at once, and a share `reflex` of the late ones. Without a delay both are the same.
+    g: torque that holds the body and the expected load, from delayed senses. q and dq are the undelayed values of the
+    muscles' response, and for a share `reflex` the delayed ones. Without a delay both are the same.
     """
 
     settings = ImpedanceSettings
 
     def init(self, person: Person, settings: Any) -> None:
-        """See the base."""
+        """Read stiffness and damping, and compute the reference."""
         rows = [STIFFNESS[joint.row.name] for joint in person.body.joints.values()]
         published = settings.stiffness is None
         stiffness = [row.relaxed for row in rows] if published else settings.stiffness
@@ -111,7 +114,7 @@ class ImpedanceArm(HumanController):
             self._check_load(person, settings)
 
     def _check_load(self, person: Person, settings: ImpedanceSettings) -> None:
-        """Refuse a load that a joint is too weak for where the motion begins. Torques are linear in the load."""
+        """Refuse a load that a joint is too weak for at the start of the motion. Torques are linear in the load."""
         posture = self.posture()
         alone, loaded, held = person.own_weight(posture), self._weight(posture), {}
         for joint, own, both, low, high in zip(
@@ -126,19 +129,19 @@ class ImpedanceArm(HumanController):
             raise refused(f"{settings.prefix}load", settings.load, valid)
 
     def posture(self) -> Sequence[float]:
-        """Where the reference begins."""
+        """Return the first joint positions of the reference."""
         return self._reference.at(-math.inf)[0]
 
     def start(self, time: float) -> None:
-        """See the base."""
+        """Start the reference."""
         self._reference.start(time)
 
     def see(self, time: float, position: Vector) -> None:
-        """See the base."""
+        """Pass the observation to the reference."""
         self._reference.see(time, position)
 
     def update(self, time: float, senses: Senses) -> Sequence[float]:
-        """See the base; lead: damping that goes with the stiffness, and d: damping of its own."""
+        """Return the impedance torque; lead: damping per stiffness [s], d: damping set separately."""
         self._reference.feel(time, senses.force)
         q_ref, dq_ref = self._reference.at(time)
         q, dq = senses.muscles

@@ -1,4 +1,4 @@
-"""Inverse kinematics of a body by damped least squares within the ranges of its joints: of a hand, and of markers."""
+"""Inverse kinematics by damped least squares within the joint ranges, for a hand and for markers."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -11,28 +11,29 @@ from hric_control.geometry.poses import difference
 from hric_human.control.kinematics import HandChain
 
 TOLERANCE = 1e-7
-"""Norm of the remaining error at which a solution is one (m and rad mixed)."""
+"""Norm of the remaining error below which a solution is accepted (m and rad mixed)."""
 MAX_STEPS = 60
-"""From one guess. The constants of this file are project defaults, unconfirmed."""
+"""Maximum number of steps from one guess. The constants of this file are project defaults, unconfirmed."""
 DAMPING = 1e-9
-"""Added to the squared error, which damps besides (Sugihara, IEEE Trans. Robotics 27:984, 2011): steps are small far
-from the solution and Newton's near it."""
+"""Damping in addition to the squared error (Sugihara, IEEE Trans. Robotics 27:984, 2011).
+
+The squared error makes steps small far from the solution and Newton's near it.
+"""
 MAX_STEP_ANGLE = 0.3
-"""Maximum of a joint in one step [rad]."""
+"""Maximum motion of a joint in one step [rad]."""
 RELAXATION = 0.05
-"""Share of the distance to the resting posture that the posture goes towards it in a solution, as far as the task does
-not feel it."""
+"""Share of the distance to the resting posture that a step moves towards it, in the null space of the task."""
 RESTARTS = 30
-"""Guesses, from a fixed seed, that are tried where the first one leads nowhere."""
+"""Number of random guesses, from a fixed seed, that are tried if the first one fails."""
 SETTLED, STALLED = 1e-6, 1e-9
-"""A posture that changes by less is at rest, and steps that are smaller lead nowhere [rad]."""
+"""Largest changes [rad] of a settled posture, and of steps that have stalled."""
 
 Task = Callable[[list[float]], tuple[FloatArray, FloatArray]]
-"""Joint angles [rad] -> (what is left to the target, shape (m,), its Jacobian, shape (m, n))."""
+"""Joint angles [rad] -> (remaining error, shape (m,), its Jacobian, shape (m, n))."""
 
 
 class OutOfReachError(ParameterError):
-    """A target that a body cannot reach."""
+    """Target that a body cannot reach."""
 
 
 class Solver:
@@ -49,16 +50,16 @@ class Solver:
     def solve(
         self, task: Task, guess: FloatArray, relaxation: float = RELAXATION, stalled: float = STALLED
     ) -> tuple[FloatArray, float]:
-        """Steps until nothing is left, or no more steps help.
+        """Step until the error is zero or steps no longer help.
 
         Args:
-            task: what is to become zero.
-            guess: within the ranges, shape (n,) [rad].
+            task: error to be reduced to zero.
+            guess: start within the ranges, shape (n,) [rad].
             relaxation: share of the way to the resting posture in the first step.
-            stalled: steps that are smaller lead nowhere [rad].
+            stalled: step size below which the search stops [rad].
 
         Returns:
-            joint angles, shape (n,) [rad], and the norm of what is left.
+            joint angles, shape (n,) [rad], and the norm of the remaining error.
         """
         q = guess
         error, J = task(q.tolist())
@@ -75,8 +76,10 @@ class Solver:
         return q, left
 
     def _step(self, q: FloatArray, error: FloatArray, J: FloatArray, posture: FloatArray) -> FloatArray:
-        """One step: dq = z + (J'J + d I)^-1 J'(e - J z), z towards the posture; a joint that would leave its range goes
-        to the end of it, and the others do what it cannot."""
+        """Return q after one step: dq = z + (J'J + d I)^-1 J'(e - J z), with z towards the posture.
+
+        A joint that would leave its range goes to its end, and the others compensate.
+        """
         z, J_free = posture, J
         squared = float(error @ error)
         for _ in range(len(q)):
@@ -96,10 +99,10 @@ class HandSolver:
     """Joint angles of an arm for poses of its hand; the body's other joints stay in the resting posture.
 
     Args:
-        chain: of the hand.
+        chain: chain of the hand.
         lower, upper: ranges of the whole body [rad].
         rest: resting posture of the whole body, within the ranges [rad].
-        oriented: whether the orientation is followed, beside the position.
+        oriented: True if the orientation is tracked in addition to the position.
     """
 
     def __init__(
@@ -116,13 +119,13 @@ class HandSolver:
         self._shoulder = chain.shoulder(rest)
 
     def first(self, target: Pose) -> list[float]:
-        """Joint angles of the whole body [rad], settled near the resting posture.
+        """Return joint angles of the whole body [rad], settled near the resting posture.
 
         Args:
-            target: of the hand in axes of the root link.
+            target: pose of the hand in axes of the root link.
 
         Raises:
-            OutOfReachError: there are none.
+            OutOfReachError: there is no solution.
         """
         task, solver = self._task(target), self._solver
         q, left = solver.solve(task, solver.rest)
@@ -140,7 +143,7 @@ class HandSolver:
         return self._whole(q)
 
     def next(self, target: Pose, last: Sequence[float]) -> list[float]:
-        """The same for a target near the one before; last: joint angles of that, of the whole body [rad]."""
+        """Return joint angles of the whole body [rad] for a target near the last one; last: its angles [rad]."""
         guess = np.array([last[index] for index in self.chain.arm])
         q, left = self._solver.solve(self._task(target), guess)
         if left > TOLERANCE:

@@ -14,17 +14,17 @@ from hric_human.body.joints import ARM
 from hric_human.body.segments import ROOT
 
 GRAVITY: Vector = (0.0, 0.0, -9.81)
-"""Of an upright body, in axes of its root link [m/s^2]."""
+"""Gravity of an upright body, in axes of its root link [m/s^2]."""
 Torque = Callable[[Sequence[float]], list[float]]
 
 
 class Posed(NamedTuple):
-    """A chain at joint angles, in axes of the root link.
+    """Chain at joint angles, in axes of the root link.
 
     Attributes:
-        origins: of its joints [m].
-        axes: of its joints, unit vectors.
-        orientation: of the last link.
+        origins: origins of its joints [m].
+        axes: axes of its joints, unit vectors.
+        orientation: orientation of the last link.
         end: origin of the last link [m].
     """
 
@@ -34,12 +34,12 @@ class Posed(NamedTuple):
     end: Vector
 
     def point(self, p_link: Vector) -> Vector:
-        """A point of the last link, in axes of the root link [m]."""
+        """Return a point of the last link in axes of the root link [m]."""
         x, y, z = rotated(self.orientation, p_link)
         return self.end[0] + x, self.end[1] + y, self.end[2] + z
 
     def velocities(self, p: Vector) -> list[Vector]:
-        """Of a point p that moves with the last link, per joint: axis x (p - origin) [m/rad]."""
+        """Return the velocity of a point p of the last link, per joint: axis x (p - origin) [m/rad]."""
         x, y, z = p
         return [cross(axis, (x - a, y - b, z - c)) for axis, (a, b, c) in zip(self.axes, self.origins, strict=True)]
 
@@ -48,8 +48,8 @@ class LinkChain:
     """Joints from the root link of a body out to one of its links.
 
     Args:
-        body: whose.
-        link: of a segment, or the root.
+        body: body of the chain.
+        link: link of a segment, or the root.
 
     Attributes:
         joints: indices of its joints in the body's order, from the root outwards.
@@ -75,7 +75,7 @@ class LinkChain:
         self._after = offset
 
     def posed(self, q: Sequence[float]) -> Posed:
-        """At joint angles of the whole body [rad]."""
+        """Return the chain at joint angles of the whole body [rad]."""
         x, y, z = ORIGIN
         orientation = IDENTITY
         origins, axes = [], []
@@ -100,14 +100,14 @@ class HandChain(LinkChain):
     """Kinematics of a hand, whose frame has the axes of its link and its origin in the hand's centre of mass.
 
     Args:
-        body: whose.
+        body: body of the hand.
         side: "right" or "left".
 
     Attributes:
-        side: which.
+        side: side of the hand.
         p_link_hand: origin of the hand's frame in its link [m].
-        arm: indices of the arm's own joints in the body's order.
-        reach: from the shoulder to the hand's origin when the arm is straight [m].
+        arm: indices of the arm's joints in the body's order.
+        reach: distance from the shoulder to the hand's origin with a straight arm [m].
     """
 
     def __init__(self, body: Body, side: str) -> None:
@@ -119,26 +119,25 @@ class HandChain(LinkChain):
         self.reach = -float(forearm.p_parent_link[2] + hand.p_parent_link[2]) - self.p_link_hand[2]
 
     def pose(self, q: Sequence[float]) -> Pose:
-        """Of the hand in axes of the root link; q: of the whole body [rad]."""
+        """Return the pose of the hand in axes of the root link; q: of the whole body [rad]."""
         posed = self.posed(q)
         return Pose(posed.point(self.p_link_hand), posed.orientation)
 
     def shoulder(self, q: Sequence[float]) -> Vector:
-        """Its centre, in axes of the root link [m]."""
+        """Return the centre of the shoulder, in axes of the root link [m]."""
         return self.posed(q).origins[-len(ARM)]
 
 
 def own_weight(body: Body, gravity: Vector = GRAVITY, loads: Mapping[str, float] = {}) -> Torque:
-    """Torque that holds a body against its own weight, as a function of its joint angles: n floats [rad] -> n floats
-    [N m].
+    """Return the function that computes the torque [N m] that holds a body's weight, from n joint angles [rad].
 
     Gravity torques are linear in the masses, so those of a tree are the sum over its chains, if each link's mass is
     counted in one of them.
 
     Args:
-        body: whose.
-        gravity: in axes of the root link [m/s^2].
-        loads: masses that are held in the centres of mass of links, by link [kg].
+        body: body to hold.
+        gravity: gravity vector in axes of the root link [m/s^2].
+        loads: masses held in the centres of mass of links, by link [kg].
     """
     names, urdf = list(body.joints), _loaded(body.urdf, loads)
     parents = {segment.parent for segment in body.segments.values()}
@@ -168,7 +167,7 @@ def _summed(count: int, parts: list[tuple[list[int], Torque]]) -> Torque:
 
 
 def _loaded(urdf: str, loads: Mapping[str, float]) -> str:
-    """The description with more mass in some links, where their own is."""
+    """Return the description with added masses in the centres of mass of some links."""
     robot = ElementTree.fromstring(urdf)
     for link in robot.iterfind("link"):
         for mass in link.iterfind("inertial/mass"):
@@ -177,7 +176,7 @@ def _loaded(urdf: str, loads: Mapping[str, float]) -> str:
 
 
 def _with_mass(urdf: str, links: set[str]) -> str:
-    """The description with mass in these links alone."""
+    """Return the description with mass in these links only."""
     robot = ElementTree.fromstring(urdf)
     for link in robot.iterfind("link"):
         for inertial in link.findall("inertial") if link.get("name") not in links else ():

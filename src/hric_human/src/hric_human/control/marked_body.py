@@ -1,4 +1,4 @@
-"""Where the markers of a body are, and how they move with its root and its joints: one walk over all links."""
+"""Marker positions of a body, and their Jacobian for root and joint motion: one pass over all links."""
 
 from collections.abc import Sequence
 
@@ -17,11 +17,11 @@ class MarkedBody:
     """Kinematics of markers.
 
     Args:
-        body: whose.
-        names: of its markers, in the order of all arrays.
+        body: body of the markers.
+        names: names of the markers, in the order of all arrays.
 
     Attributes:
-        body, names: as given.
+        body, names: as in Args.
     """
 
     def __init__(self, body: Body, names: Sequence[str]) -> None:
@@ -45,19 +45,19 @@ class MarkedBody:
         self._joints = [ROOT_MOTIONS + joint for _, _, joint in self._moving]
 
     def at(self, q: Sequence[float], T_world_root: Pose) -> tuple[FloatArray, FloatArray]:
-        """Positions of the markers, and their Jacobian.
+        """Return the positions of the markers, and their Jacobian.
 
         Args:
-            q: of all joints, n floats [rad].
+            q: positions of all joints, n floats [rad].
             T_world_root: pose of the root link.
 
         Returns:
-            shape (m, 3) in axes of the world [m]; shape (m, 3, 6 + n): with translation and rotation of the root link
-            along the axes of the world, the latter about its origin, and with the joints [m/m], [m/rad].
+            shape (m, 3) in axes of the world [m]; shape (m, 3, 6 + n): by translation and rotation of the root link
+                along the axes of the world, the latter about its origin, and by the joints [m/m], [m/rad].
         """
         poses = self._whole.poses(q, T_world_root)
         p = np.array([transformed(poses[link], p_link) for link, p_link in self._on])
-        # A joint's axis is the same in its link before and behind it.
+        # The joint's axis has the same coordinates in its link before and behind it.
         axes = np.array([rotated(poses[name].orientation, axis) for name, axis, _ in self._moving])
         origins = np.array([poses[name].position for name, _, _ in self._moving])
         J = np.zeros((len(p), 3, ROOT_MOTIONS + len(q)))
@@ -69,7 +69,7 @@ class MarkedBody:
 
 
 def _turned(axes: FloatArray, r: FloatArray) -> FloatArray:
-    """axis x r of each axis (k, 3) and each point (m, k or 1, 3), shape (m, k, 3)."""
+    """Return axis x r of each axis (k, 3) and each point (m, k or 1, 3), shape (m, k, 3)."""
     a, b, c = axes.T
     x, y, z = r[..., 0], r[..., 1], r[..., 2]
     return np.stack((b * z - c * y, c * x - a * z, a * y - b * x), axis=-1)

@@ -1,5 +1,7 @@
-"""Recorded motions as references of the joints: angles, or markers of the body's set by inverse kinematics; given as
-values, or in a file of a laboratory (c3d) or of OpenSim (.trc, .mot)."""
+"""Recorded motions as joint references: angles, or markers by inverse kinematics.
+
+The motion is a list of values, or a file of a laboratory (c3d) or of OpenSim (.trc, .mot).
+"""
 
 import re
 from collections.abc import Collection, Mapping
@@ -21,15 +23,15 @@ from hric_human.control.marked_body import ROOT_MOTIONS, MarkedBody
 from hric_human.control.references import Reference, ReferenceSettings, Rows
 
 ROOT = Pose()
-"""Of the root link where markers are in its axes."""
+"""Pose of the root link if markers are in its axes."""
 
 
 class MarkerSolver:
-    """Joint angles of a body for positions of its markers, by least squares within the ranges of the joints.
+    """Joint angles of a body for marker positions, by least squares within the ranges of the joints.
 
     Args:
-        person: whose joints.
-        names: of markers of the body.
+        person: person whose joints are computed.
+        names: names of the body's markers.
     """
 
     def __init__(self, person: Person, names: list[str]) -> None:
@@ -37,14 +39,14 @@ class MarkerSolver:
         self._solver = Solver(*(np.array(values) for values in (person.lower, person.upper, person.rest)))
 
     def solve(self, positions: FloatArray) -> tuple[list[list[float]], FloatArray]:
-        """Joint angles per frame, each from those before; where nothing is seen they stay.
+        """Return joint angles per frame, each starting from the previous frame's; without visible markers they stay.
 
         Args:
-            positions: in axes of the root link, shape (frames, markers, 3) [m]; NaN: not seen.
+            positions: positions in axes of the root link, shape (frames, markers, 3) [m]; NaN: not visible.
 
         Returns:
-            n floats per frame [rad], and the root mean square distance of the markers from where the body has them,
-            shape (frames,) [m].
+            n floats per frame [rad], and the root mean square distance between measured and model markers, shape
+                (frames,) [m].
         """
         q, rows, distances = self._solver.rest, [], []
         for target in positions:
@@ -63,13 +65,13 @@ class MarkerSolver:
 
 
 def _followed(person: Person, rate: float, columns: Mapping[str, FloatArray], where: str) -> Reference:
-    """Recorded angles of some joints; the others rest.
+    """Return a reference with recorded angles of some joints; the others rest.
 
     Args:
-        person: whose joints.
-        rate: of the rows [Hz].
-        columns: by joint, shape (rows,) each [rad].
-        where: of the columns, for messages.
+        person: person whose joints are driven.
+        rate: rate of the rows [Hz].
+        columns: angles by joint, shape (rows,) each [rad].
+        where: name of the columns, for messages.
 
     Raises:
         ParameterError: an angle outside the range of its joint.
@@ -99,7 +101,7 @@ class Angles(ReferenceSettings):
     )
 
     def reference(self, person: Person) -> Reference:
-        """See the base."""
+        """Return the reference of the recorded angles."""
         columns, mistakes, where = {}, Mistakes(), f"{self.prefix}angles"
         for name, values in self.angles.items():
             with mistakes.noted():
@@ -114,13 +116,12 @@ class Angles(ReferenceSettings):
 
 @dataclass(frozen=True)
 class MotionFile(ReferenceSettings):
-    """Joint angles of a .mot or .sto file of OpenSim, such as `human.mot` of a run; columns that are no joint of the
-    body are left out."""
+    """Joint angles of a .mot or .sto file of OpenSim, such as `human.mot` of a run; unknown columns are ignored."""
 
     path: str = text(valid="a .mot or .sto file, path or package:// address,", empty=False)
 
     def reference(self, person: Person) -> Reference:
-        """See the base."""
+        """Return the reference of the file's joint angles."""
         path, where = resolve(self.path), f"{self.prefix}path"
         try:
             stored = read_storage(path)
@@ -136,24 +137,24 @@ class MotionFile(ReferenceSettings):
 
 
 def _coordinate(label: str) -> str:
-    """Of `el_flex`, or of a state's path `/jointset/elbow/el_flex/value`."""
+    """Return the coordinate's name from `el_flex`, or from a state's path `/jointset/elbow/el_flex/value`."""
     return label.removesuffix("/value").rpartition("/")[2]
 
 
 @dataclass(frozen=True)
 class Captured(ReferenceSettings):
-    """Positions of markers; those that the body does not have are left out."""
+    """Positions of markers; those that the body does not have are ignored."""
 
     root_in_lab: PoseSettings = section(
         PoseSettings, text="pose of the body's root link in the laboratory, x forward, z up"
     )
 
     def motion(self) -> tuple[float, Mapping[str, FloatArray]]:
-        """Rate [Hz], and positions by name, shape (frames, 3) each [m]."""
+        """Return the rate [Hz], and positions by name, shape (frames, 3) each [m]."""
         raise NotImplementedError
 
     def reference(self, person: Person) -> Reference:
-        """See the base."""
+        """Return the reference of the joint angles computed from the markers."""
         rate, markers = self.motion()
         markers = _own(markers, person.body.markers)
         names = [name for name in person.body.markers if name in markers]
@@ -169,7 +170,7 @@ class Captured(ReferenceSettings):
 
 @dataclass(frozen=True)
 class Markers(Captured):
-    """Given ones."""
+    """Marker positions listed in the settings."""
 
     rate: float = number(above=0.0, maximum=1e4, unit="Hz", text="of the frames")
     markers: Mapping[str, Any] = mapping(
@@ -177,7 +178,7 @@ class Markers(Captured):
     )
 
     def motion(self) -> tuple[float, Mapping[str, FloatArray]]:
-        """See the base."""
+        """Return rate and positions from the settings."""
         where = f"{self.prefix}markers"
         found = {name: _array(values, f"{where}.{name}", 2) for name, values in self.markers.items()}
         if len({array.shape for array in found.values()}) > 1 or any(array.shape[1] != 3 for array in found.values()):
@@ -187,13 +188,13 @@ class Markers(Captured):
 
 @dataclass(frozen=True)
 class C3dFile(Captured):
-    """Those of a recorded trial."""
+    """Marker positions of a recorded trial."""
 
     path: str = text(valid="a c3d file, path or package:// address,", empty=False)
     up: str = text("", text="axis that points up in the file, y or z; empty: what the file says")
 
     def motion(self) -> tuple[float, Mapping[str, FloatArray]]:
-        """See the base."""
+        """Return rate and positions from the c3d file."""
         try:
             trial = read_trial(resolve(self.path), self.up)
         except HricError as error:
@@ -203,13 +204,13 @@ class C3dFile(Captured):
 
 @dataclass(frozen=True)
 class TrcFile(Captured):
-    """Those of a .trc file of OpenSim."""
+    """Marker positions of a .trc file of OpenSim."""
 
     path: str = text(valid="a .trc file, path or package:// address,", empty=False)
     up: str = choice(*UP_AXES, default="y", text="axis that points up in the file")
 
     def motion(self) -> tuple[float, Mapping[str, FloatArray]]:
-        """See the base."""
+        """Return rate and positions from the .trc file, with z up."""
         path = resolve(self.path)
         try:
             rows = read_markers(path)
@@ -226,11 +227,11 @@ RECORDED: dict[str, type[ReferenceSettings]] = {
     "trc": TrcFile,
     "c3d": C3dFile,
 }
-"""By the word `program`."""
+"""Settings classes of recorded motions, by the value of `program`."""
 
 
 def _own(markers: Mapping[str, FloatArray], valid: Collection[str]) -> Mapping[str, FloatArray]:
-    """By the body's names, also where each has that of an asset before it: `body/RELB`, `subject:RELB`, `body_RELB`."""
+    """Return positions by the body's names; removes an asset's prefix: `body/RELB`, `subject:RELB`, `body_RELB`."""
     return {name if name in valid else re.split("[/:_]", name)[-1]: rows for name, rows in markers.items()}
 
 
@@ -245,6 +246,6 @@ def _array(values: Any, where: str, dimensions: int) -> FloatArray:
 
 
 def _moved(T_root_lab: Pose, p_lab: FloatArray) -> FloatArray:
-    """Points, shape (..., 3) [m], in axes of the root link."""
+    """Return points, shape (..., 3) [m], in axes of the root link."""
     moved: FloatArray = p_lab @ rotation_from_quaternion(T_root_lab.orientation).T + np.array(T_root_lab.position)
     return moved

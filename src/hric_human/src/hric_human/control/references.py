@@ -1,4 +1,4 @@
-"""Where the joints of a human are to be: at rest, from point to point, or as a motion of the hand wants it."""
+"""References of the joints of a human: at rest, from point to point, or computed from a motion of the hand."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -15,7 +15,7 @@ from hric_human.hand import Hand, Motion, program_of
 from hric_human.hand.programs import PointToPoint, Sinusoid, TakeOver
 
 KNOT = 0.02
-"""Between two poses of a hand for which joint angles are computed [s] (project default, unconfirmed)."""
+"""Time between two hand poses for which joint angles are computed [s] (project default, unconfirmed)."""
 Joints = list[float]
 
 
@@ -23,56 +23,56 @@ class Reference:
     """Joint positions and velocities over time; a subclass overrides what it needs."""
 
     end = math.inf
-    """When the motion has come to rest, after its start [s]; infinite: not known."""
+    """Time at which the motion has come to rest, after its start [s]; infinite: unknown."""
 
     def start(self, time: float) -> None:
-        """The motion begins [s]."""
+        """Start the motion at a time [s]."""
 
     def at(self, time: float) -> tuple[Joints, Joints]:
-        """Positions [rad] and velocities [rad/s], n floats each, not to be changed; called with rising times [s]."""
+        """Return positions [rad] and velocities [rad/s], n floats each, read-only; called with increasing times [s]."""
         raise NotImplementedError
 
     def see(self, time: float, position: Vector) -> None:
-        """The robot's end effector was at `position` [m] at `time`."""
+        """Receive the position [m] of the robot's end effector at `time`."""
 
     def feel(self, time: float, force: Vector) -> None:
-        """The hand feels a force [N]."""
+        """Receive the force [N] on the hand."""
 
 
 class ReferenceSettings(Settings):
-    """Of a reference."""
+    """Settings of a reference."""
 
     def reference(self, person: Person) -> Reference:
-        """What they describe. Raises ParameterError."""
+        """Return the reference of these settings. Raises ParameterError."""
         raise NotImplementedError
 
 
 class Still(Reference):
-    """Stays; q: n floats [rad]."""
+    """Constant reference; q: n floats [rad]."""
 
     def __init__(self, q: Sequence[float]) -> None:
         self._at = list(q), [0.0] * len(q)
 
     def at(self, time: float) -> tuple[Joints, Joints]:
-        """See the base."""
+        """Return the constant positions and zero velocities."""
         return self._at
 
 
 @dataclass(frozen=True)
 class Rest(ReferenceSettings):
-    """The resting posture."""
+    """Reference that stays in the resting posture."""
 
     def reference(self, person: Person) -> Reference:
-        """See the base."""
+        """Return the constant reference at rest."""
         return Still(person.rest)
 
 
 class JointPoints(Reference):
-    """From point to point with least jerk, at rest at each.
+    """Minimum-jerk motion from point to point, at rest at each.
 
     Args:
-        times: since the start, rising [s].
-        rows: joint angles at each, n floats [rad].
+        times: increasing times since the start [s].
+        rows: joint angles at each time, n floats [rad].
     """
 
     def __init__(self, times: Sequence[float], rows: Sequence[Joints]) -> None:
@@ -81,11 +81,11 @@ class JointPoints(Reference):
         self.end = times[-1]
 
     def start(self, time: float) -> None:
-        """See the base."""
+        """Set the start time of the motion [s]."""
         self._zero = time
 
     def at(self, time: float) -> tuple[Joints, Joints]:
-        """See the base."""
+        """Return the positions and velocities of the minimum-jerk motion."""
         since, times, rows = time - self._zero, self._times, self._rows
         while self._next < len(times) and since >= times[self._next]:
             self._next += 1
@@ -104,7 +104,7 @@ class JointPoints(Reference):
 
 @dataclass(frozen=True)
 class JointMotion(ReferenceSettings):
-    """From point to point of the joints."""
+    """Point-to-point motion of the joints."""
 
     points: tuple[Mapping[str, float], ...] = listing(
         mapping(number()),
@@ -114,14 +114,14 @@ class JointMotion(ReferenceSettings):
     )
 
     def check(self, where: str) -> None:
-        """Refuse points without a time, or times that do not rise."""
+        """Check that all points have a time and that times increase. Raises ParameterError."""
         if not self.points or any("time" not in row for row in self.points):
             raise ParameterError(f"{where}points must have one row or more, each with time and angles by joint")
         if self.points[0]["time"] < 0 or any(b["time"] <= a["time"] for a, b in pairwise(self.points)):
             raise ParameterError(f"{where}points: the times must rise, from 0 s on")
 
     def reference(self, person: Person) -> Reference:
-        """See the base."""
+        """Return the reference through the points."""
         mistakes, rows, q = Mistakes(), [], list(person.rest)
         for count, point in enumerate(self.points):
             where = f"{self.prefix}points[{count}]"
@@ -135,7 +135,7 @@ class JointMotion(ReferenceSettings):
 
 
 def _index(name: str, angle: float, person: Person, where: str) -> int:
-    """Of a joint that can be at an angle. Raises ParameterError."""
+    """Return the index of a joint whose range contains the angle. Raises ParameterError."""
     if name not in person.joints:
         raise unknown("joint", name, ("time", *person.joints), where)
     index = person.joints.index(name)
@@ -146,12 +146,12 @@ def _index(name: str, angle: float, person: Person, where: str) -> int:
 
 
 class Rows(Reference):
-    """Joint angles at even times, joined by cubics whose velocity has no step (Catmull and Rom).
+    """Joint angles at even times, joined by cubics with continuous velocity (Catmull and Rom).
 
     Args:
-        interval: between two rows [s].
-        rows: from the time 0 on, n floats each [rad]; before and after them the body rests.
-        more: gives the row after the last; None: there is none.
+        interval: time between two rows [s].
+        rows: rows from the time 0 on, n floats each [rad]; before and after them the body rests.
+        more: function that returns the row after the last; None: there is none.
     """
 
     def __init__(self, interval: float, rows: list[Joints], more: Callable[[], Joints] | None = None) -> None:
@@ -162,15 +162,15 @@ class Rows(Reference):
         self.end = math.inf if more else (len(rows) - 1) * interval
 
     def start(self, time: float) -> None:
-        """See the base."""
+        """Set the start time of the motion [s]."""
         self._zero = time
 
     def at(self, time: float) -> tuple[Joints, Joints]:
-        """See the base."""
+        """Return the interpolated positions and velocities."""
         return self.since(time - self._zero)
 
     def since(self, time: float) -> tuple[Joints, Joints]:
-        """The same at a time since the first row [s]."""
+        """Return positions and velocities at a time since the first row [s]."""
         if time <= 0.0:
             return self._rows[0], self._still
         steps = time / self._interval
@@ -189,8 +189,7 @@ class Rows(Reference):
 
 
 def _cubics(rows: Sequence[Joints], piece: int) -> list[tuple[float, float, float, float]]:
-    """Coefficients per joint of the piece after a row; its velocities at both ends are those of the chords over two
-    pieces."""
+    """Return the cubic's coefficients per joint after a row; end velocities are chords over two pieces."""
     before, start = rows[max(piece - 1, 0)], rows[piece]
     goal, after = rows[piece + 1], rows[min(piece + 2, len(rows) - 1)]
     found = []
@@ -203,15 +202,16 @@ def _cubics(rows: Sequence[Joints], piece: int) -> list[tuple[float, float, floa
 class HandReference(Reference):
     """Joint angles for a motion of the hand, by inverse kinematics at knots.
 
-    Of a program whose end is known all of it is computed at once, so that what is out of reach is known before a run.
+    For a program of known duration all knots are computed at once, so that an unreachable pose is detected before the
+    run.
 
     Args:
-        person: whose hand.
-        motion: in the frame of the world.
-        oriented: whether the orientation is followed.
+        person: person whose hand moves.
+        motion: motion in the frame of the world.
+        oriented: True if the orientation is tracked.
 
     Raises:
-        OutOfReachError: the hand cannot be where the motion wants it.
+        OutOfReachError: the hand cannot reach a pose of the motion.
     """
 
     def __init__(self, person: Person, motion: Motion, oriented: bool) -> None:
@@ -228,19 +228,19 @@ class HandReference(Reference):
             self._rows = Rows(KNOT, [self._last, *(self._next() for _ in range(math.ceil(end / KNOT)))])
 
     def start(self, time: float) -> None:
-        """See the base."""
+        """Start the program of the hand."""
         self._hand.start(time)
 
     def at(self, time: float) -> tuple[Joints, Joints]:
-        """See the base."""
+        """Return the interpolated positions and velocities of the knots."""
         return self._rows.since(self._hand.since(time))
 
     def see(self, time: float, position: Vector) -> None:
-        """See the base."""
+        """Pass the observation to the hand."""
         self._hand.see(time, position)
 
     def feel(self, time: float, force: Vector) -> None:
-        """See the base."""
+        """Pass the force to the hand."""
         self._hand.feel(time, force)
 
     def _pose(self, knot: int) -> Pose:
@@ -264,12 +264,12 @@ class HandReference(Reference):
 
 @dataclass(frozen=True)
 class Followed(Motion, ReferenceSettings):
-    """A motion of the hand as a reference."""
+    """Hand motion as a reference of the joints."""
 
     oriented: bool = flag(False, text="whether the hand's orientation follows, too")
 
     def reference(self, person: Person) -> Reference:
-        """See the base."""
+        """Return the reference by inverse kinematics."""
         return HandReference(person, self, self.oriented)
 
 
@@ -295,4 +295,4 @@ REFERENCES: dict[str, type[ReferenceSettings]] = {
     "minimum_jerk": _PointToPoint,
     "reactive": _TakeOver,
 }
-"""By the word `program`."""
+"""Settings classes of references, by the value of `program`."""

@@ -1,4 +1,4 @@
-"""How much torque the joints of a subject can give, by sex and mass. Isometric, the same at all angles and speeds.
+"""Joint strength of a subject by sex and mass: isometric torque, the same at all angles and speeds.
 
 Sources, as far as they are published; the tables of Stobbe 1982 (in Chaffin & Andersson, Occupational Biomechanics) are
 from memory, unconfirmed:
@@ -10,7 +10,7 @@ from memory, unconfirmed:
   and external rotators of the shoulder", 96 men and 90 women); wrist 0.64 (J. Funct. Morphol. Kinesiol. 10:377, 2025);
   all others 0.5 to 0.65 of Stobbe 1982.
 
-A subject's strength goes with his mass: a project default, unconfirmed.
+A subject's strength is proportional to the mass: a project default, unconfirmed.
 """
 
 from typing import NamedTuple
@@ -20,16 +20,16 @@ from hric_human.body import Body
 STOBBE = "Stobbe 1982, from memory, unconfirmed"
 OWN = "project default, unconfirmed"
 MEAN_MASS = {"female": 61.9, "male": 73.0}
-"""At which the strengths of the rows hold [kg]: those of the table of masses; project default, unconfirmed."""
+"""Body mass at which the strengths of the rows hold [kg]: the table of masses' (project default, unconfirmed)."""
 
 
 class StrengthRow(NamedTuple):
-    """Of a joint.
+    """Strength of a joint.
 
     Attributes:
         positive, negative: maximum torque of a man in the sense of the joint and against it [N m].
-        women: share of it that women have [1].
-        source: of both directions.
+        women: ratio of women's strength to men's [1].
+        source: source of both directions.
     """
 
     positive: float
@@ -59,11 +59,11 @@ STRENGTH = {
     "ankle_flex": StrengthRow(40.0, 126.0, 0.64, f"plantar flexion {STOBBE}; dorsiflexion {OWN}"),
     "ankle_inv": StrengthRow(25.0, 25.0, 0.6, OWN),
 }
-"""By joint, without its side."""
+"""Strength by joint, without its side."""
 
 
 def strength(body: Body) -> tuple[list[float], list[float]]:
-    """Of a body's joints in their order: against their sense, negative, and in it, n floats each [N m]."""
+    """Return the strength of a body's joints against their sense, negative, and in it, n floats each [N m]."""
     subject = body.subject
     scale = subject.mass / MEAN_MASS[subject.sex]
     rows = [STRENGTH[joint.row.name] for joint in body.joints.values()]

@@ -1,5 +1,7 @@
-"""What surrounds a human's controller: late and noisy senses, and the strength of his joints. The same beside each
-engine, bit for bit from a seed."""
+"""Controller of a human with delayed, noisy senses and limited strength.
+
+Results are the same with each engine, bit for bit from a seed.
+"""
 
 import math
 from collections import deque
@@ -22,16 +24,16 @@ from hric_human.control.strength import strength
 
 WORLD = Pose()
 CYCLE = 1e-3
-"""Between two updates [s]."""
+"""Time between two updates [s]."""
 NOISE_BLOCK = 256
-"""Cycles of noise that are drawn at once."""
+"""Number of cycles whose noise is drawn at once."""
 _NOISE_SEED = 2
-"""Makes the seeds of senses differ from those of programs and cameras."""
+"""Offset that makes the seeds of senses differ from those of programs and cameras."""
 
 
 @dataclass(frozen=True)
 class SenseSettings(Settings):
-    """How late the senses are, and their noise (standard deviations, white)."""
+    """Delays of the senses, and their noise (standard deviations, white)."""
 
     joint_delay: float = number(
         0.05,
@@ -51,7 +53,7 @@ class SenseSettings(Settings):
 
 @dataclass(frozen=True)
 class ControlSettings(Settings):
-    """Which controller, and what surrounds it."""
+    """Choice of the controller, its parameters, and its senses."""
 
     separator: ClassVar[str] = "."
     type: str = text("hric_human/ImpedanceArm", text="of the controller, a plugin")
@@ -61,14 +63,14 @@ class ControlSettings(Settings):
 
 
 class _Delayed:
-    """The last cycles of what is sensed.
+    """Delay line of the sensed quantities.
 
     Args:
         settings: delays and noise.
-        count: of joints.
+        count: number of joints.
         hand: joint positions -> pose of the hand.
-        seed: of the noise.
-        cycle: [s].
+        seed: seed of the noise.
+        cycle: cycle time [s].
 
     Raises:
         ParameterError: a delay is not a multiple of the cycle.
@@ -101,7 +103,7 @@ class _Delayed:
         self._block: list[list[float]] = []
 
     def sensed(self, q: Sequence[float], dq: Sequence[float], force: Vector) -> Senses:
-        """Take what is so now, and give what is sensed now: of the time before the first cycle what was so then."""
+        """Store the current state and return the delayed one; before the first delay has passed, the initial state."""
         past, now = self._past, (tuple(q), tuple(dq), force)
         if not past:
             past.extend([now] * (past.maxlen or 1))
@@ -131,27 +133,27 @@ def _shaken(pose: Pose, noise: Sequence[float]) -> Pose:
 
 
 class HumanControl:
-    """A human's controller between his senses and his strength. One thread calls it.
+    """Human's controller between senses and strength; called from one thread.
 
     Args:
-        body: whose joints it drives, in the order of `body.joints`.
+        body: body whose joints it drives, in the order of `body.joints`.
         content: mapping of ControlSettings.
-        seed: of all that is random.
-        T_world_root: pose of the body's root link in the frame of hand references, forces and what is seen (the
-            robot's base, in experiments).
-        gravity: in axes of the root link [m/s^2].
+        seed: seed of all randomness.
+        T_world_root: pose of the body's root link in the frame of hand references, forces and observations (the robot's
+            base, in experiments).
+        gravity: gravity vector in axes of the root link [m/s^2].
         cycle: time between two updates [s].
         where: name of the mapping, for messages.
 
     Attributes:
-        person: the body as the controller knows it.
-        posture: where it is at the start, n floats [rad].
-        end: when the motion has come to rest, after its start [s]; infinite: not known.
-        clipped: how often each joint came to its strength, by joint; while it stays there it counts once.
-        at_strength: whether each joint is there in this cycle.
+        person: data of the body for the controller.
+        posture: posture at the start, n floats [rad].
+        end: time at which the motion has come to rest, after its start [s]; infinite: unknown.
+        clipped: how often each joint saturated at its strength, by joint; one stay at the limit counts once.
+        at_strength: True for each joint that is saturated in this cycle.
 
     Raises:
-        ParameterError: a parameter is not valid, or a reference out of reach; all mistakes at once.
+        ParameterError: an invalid parameter, or a reference out of reach; all mistakes at once.
     """
 
     def __init__(
@@ -194,23 +196,24 @@ class HumanControl:
         self.posture = list(self.person.rest) if given is None else self._as_list(given)
 
     def start(self, time: float) -> None:
-        """The motion begins now [s]."""
+        """Start the motion at `time` [s]."""
         self._controller.start(time)
 
     def see(self, time: float, position: Vector) -> None:
-        """The end effector of the robot was at `position` in the world [m] at `time`."""
+        """Pass the position [m] of the robot's end effector in the world at `time` to the controller."""
         self._controller.see(time, position)
 
     def update(self, time: float, q: Sequence[float], dq: Sequence[float], force: Vector = ORIGIN) -> list[float]:
-        """Joint torque until the next cycle, within the strength of each joint, n floats [N m].
+        """Return the joint torque until the next cycle, within the strength of each joint, n floats [N m].
 
         Args:
-            time: of the run [s].
-            q, dq: as they are, n floats [rad], [rad/s].
-            force: on the hand, axes of the world [N].
+            time: time of the run [s].
+            q: current joint positions, n floats [rad].
+            dq: current joint velocities, n floats [rad/s].
+            force: force on the hand, axes of the world [N].
 
         Raises:
-            HricError: the controller cannot go on, or gives no torque.
+            HricError: the controller cannot continue, or returns no valid torque.
         """
         senses = self._senses.sensed(q, dq, force)
         if not self._running:
@@ -239,7 +242,7 @@ class HumanControl:
         return values
 
     def _within_strength(self, time: float, tau: list[float]) -> list[float]:
-        """Clip, and count the joints that came to their strength."""
+        """Return the clipped torque, and count the joints that became saturated."""
         person, before = self.person, self.at_strength
         self.at_strength, self._any_at_strength = [], True
         found = []
@@ -258,17 +261,19 @@ class HumanControl:
 
 
 def resting_posture(body: Body) -> tuple[float, ...]:
-    """Joint angles of a person at rest, elbows a little bent, n floats [rad]: with straight ones a hand could not move
-    along the arm. Project default, unconfirmed."""
+    """Return the joint angles of a person at rest, elbows slightly bent, n floats [rad].
+
+    With straight elbows a hand could not move along the arm. Project default, unconfirmed.
+    """
     return tuple(body.rest.get(name, RESTING.get(joint.row.name, 0.0)) for name, joint in body.joints.items())
 
 
 RESTING = {"sh_flex": math.radians(20), "sh_abd": math.radians(15), "el_flex": math.radians(80)}
-"""Angles of the resting posture that are not zero in the body's own, by joint [rad]."""
+"""Angles of the resting posture that are not zero in the body's rest pose, by joint [rad]."""
 
 
 def checked(content: Any, joints: tuple[str, ...], where: str) -> tuple[ControlSettings, type[HumanController], Any]:
-    """Settings, controller and its parameters of a mapping of ControlSettings.
+    """Return settings, controller class and controller parameters of a mapping of ControlSettings.
 
     Raises:
         ParameterError: all mistakes of the mapping.
@@ -292,11 +297,11 @@ def _controller(name: Any, where: str) -> type[HumanController]:
 
 
 def hand_side(body: Body, side: str, where: str) -> str:
-    """Which hand follows and feels: "right" or "left".
+    """Return the side of the hand that tracks the reference and senses forces: "right" or "left".
 
     Args:
-        body: whose.
-        side: of ControlSettings.
+        body: body with the hands.
+        side: side of ControlSettings.
         where: name of their mapping.
 
     Raises:

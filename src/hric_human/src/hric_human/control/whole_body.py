@@ -1,4 +1,4 @@
-"""A whole body in the world: where its links and markers are, what its motion needs, and what the floor carries."""
+"""Whole body in the world: poses of links and markers, inverse dynamics, and the wrench on the floor."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -15,17 +15,17 @@ from hric_human.body.segments import ROOT
 from hric_human.control.kinematics import GRAVITY
 
 Wrench = tuple[float, float, float, float, float, float]
-"""Force [N], and torque about the origin of the axes in which it is [N m]."""
+"""Force [N], and torque about the origin of the wrench's axes [N m]."""
 _Tree = load("hric_newton_euler").Tree
 
 
 class Load(NamedTuple):
-    """What acts on a link from outside, at n instants, in axes of the world.
+    """External load on a link at n instants, in axes of the world.
 
     Attributes:
-        link: name.
+        link: name of the link.
         force, torque: shape (n, 3) [N], [N m].
-        point: at which the force acts, shape (n, 3) [m].
+        point: point at which the force acts, shape (n, 3) [m].
     """
 
     link: str
@@ -35,13 +35,13 @@ class Load(NamedTuple):
 
 
 class RootMotion(NamedTuple):
-    """Of a root link that moves, at n instants, in axes of the world.
+    """Motion of a root link at n instants, in axes of the world.
 
     Attributes:
-        position: of its origin, shape (n, 3) [m].
+        position: position of its origin, shape (n, 3) [m].
         orientation: unit quaternions (x, y, z, w), shape (n, 4).
         omega, alpha: angular velocity and acceleration, shape (n, 3) [rad/s], [rad/s^2].
-        acceleration: of its origin, shape (n, 3) [m/s^2].
+        acceleration: acceleration of its origin, shape (n, 3) [m/s^2].
     """
 
     position: FloatArray
@@ -52,20 +52,20 @@ class RootMotion(NamedTuple):
 
     @classmethod
     def at_rest(cls, T_world_root: Pose, instants: int) -> "RootMotion":
-        """Of a root that does not move."""
+        """Return the motion of a root at rest."""
         rows, none = np.ones((instants, 1)), np.zeros((instants, 3))
         return cls(rows * T_world_root.position, rows * T_world_root.orientation, none, none, none)
 
 
 class Needed(NamedTuple):
-    """What a motion needs, at n instants of a body of j joints and l links, in axes of the world.
+    """Inverse dynamics of n instants of a body with j joints and l links, in axes of the world.
 
     Attributes:
-        torque: of the joints, shape (n, j) [N m].
-        force, moment: what the parent of each link does to it through their joint, the moment about the link's origin,
-            shape (n, l, 3) [N], [N m].
-        position: of the links' origins, shape (n, l, 3) [m].
-        rotation: of the links, shape (n, l, 3, 3).
+        torque: torque of the joints, shape (n, j) [N m].
+        force, moment: load of the parent on each link through their joint, the moment about the link's origin, shape
+            (n, l, 3) [N], [N m].
+        position: positions of the links' origins, shape (n, l, 3) [m].
+        rotation: rotations of the links, shape (n, l, 3, 3).
     """
 
     torque: FloatArray
@@ -76,14 +76,14 @@ class Needed(NamedTuple):
 
 
 class _Link(NamedTuple):
-    """A link behind its joint.
+    """Link behind its joint.
 
     Attributes:
-        name: of it.
-        parent: index of the link that its joint hangs on; -1: the root.
-        offset: of the joint, in axes of the parent [m].
-        axis: of the joint; zero where it is fixed.
-        joint: index in the body's order; 0 where it is fixed.
+        name: name of the link.
+        parent: index of the link to which its joint is attached; -1: the root.
+        offset: position of the joint, in axes of the parent [m].
+        axis: axis of the joint; zero if it is fixed.
+        joint: index in the body's order; 0 if it is fixed.
         mass, com, inertia: in axes of the link, the inertia by rows [kg], [m], [kg m^2].
     """
 
@@ -98,22 +98,22 @@ class _Link(NamedTuple):
 
 
 def _row(link: _Link) -> list[float]:
-    """For the compiled module."""
+    """Return the link's row for the compiled module."""
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = link.inertia
     joint = -1 if link.axis == ORIGIN else link.joint
     return [link.parent, joint, *link.offset, *link.axis, link.mass, *link.com, xx, xy, xz, yy, yz, zz]
 
 
 class WholeBody:
-    """All links of a body, from the root outwards, those between the joints of one segment included.
+    """Links of a body, from the root outwards, including those between the joints of one segment.
 
     Args:
-        body: whose.
+        body: described body.
 
     Attributes:
-        body: as given.
-        links: see `_Link`.
-        index: of each link in them, by name.
+        body: described body.
+        links: links, see `_Link`.
+        index: index of each link in `links`, by name.
     """
 
     def __init__(self, body: Body) -> None:
@@ -150,16 +150,18 @@ class WholeBody:
         loads: Sequence[Load] = (),
         gravity: Vector = GRAVITY,
     ) -> Needed:
-        """What a motion needs beside its loads, by Newton and Euler.
+        """Compute the joint torques and reactions of a motion under external loads, by Newton and Euler.
 
         Args:
-            q, dq, ddq: joint positions, velocities, accelerations, shape (n, j) each [rad], [rad/s], [rad/s^2].
-            root: pose of the root link in the world where it is at rest, or its motion.
-            loads: on links.
-            gravity: in axes of the world [m/s^2].
+            q: joint positions, shape (n, j) [rad].
+            dq: joint velocities, shape (n, j) [rad/s].
+            ddq: joint accelerations, shape (n, j) [rad/s^2].
+            root: pose of the root link in the world if it is at rest, or its motion.
+            loads: external loads on links.
+            gravity: gravity vector in axes of the world [m/s^2].
 
         Raises:
-            HricError: a load on a link that the body has not.
+            HricError: a load on a link that the body does not have.
         """
         wrong = [one.link for one in loads if one.link not in self.index]
         if wrong:
@@ -176,7 +178,7 @@ class WholeBody:
         return needed
 
     def poses(self, q: Sequence[float], T_world_root: Pose) -> dict[str, Pose]:
-        """Of all links in the world, by name; q: n floats [rad]."""
+        """Return the poses of all links in the world, by name; q: n floats [rad]."""
         found = [*[Pose()] * len(self.links), T_world_root]  # the root is the last one, as its index has it
         for at, link in enumerate(self.links):
             parent = found[link.parent]
@@ -184,7 +186,7 @@ class WholeBody:
         return dict(zip([*[link.name for link in self.links], ROOT], found, strict=True))
 
     def markers(self, poses: Mapping[str, Pose]) -> dict[str, Vector]:
-        """Positions of the body's markers in the world, by name [m]; poses: of the links, as `poses` gives them."""
+        """Return the positions of the body's markers in the world, by name [m]; poses: of the links, see `poses`."""
         return {
             marker.name: transformed(poses[marker.link], _vector(marker.p_link_marker))
             for marker in self.body.markers.values()
@@ -197,7 +199,7 @@ def _vector(array: FloatArray) -> Vector:
 
 
 def _rotation(link: _Link, q: Sequence[float]) -> Quaternion:
-    """Of a link in its parent."""
+    """Return the rotation of a link in its parent."""
     if link.axis == ORIGIN:
         return IDENTITY
     angle, (a, b, c) = q[link.joint], link.axis
@@ -212,20 +214,21 @@ def floor_wrench(
     T_world_root: Pose,
     gravity: Vector = GRAVITY,
 ) -> Wrench:
-    """What a person presses on the floor with, whose hands hold nothing: sum of m (g - a) and of its moments over all
-    links (Newton-Euler). What holds his hands adds to it as it acts on them.
+    """Return the wrench on the floor of a person with empty hands: sum of m (g - a) and its moments (Newton-Euler).
 
-    What is not described (legs, where the body is an arm) counts as the rest of the subject's mass, at rest below or
-    above the root.
+    Loads on the hands add to it. Parts that are not described (legs, if the body is an arm) count as the rest of the
+    subject's mass, at rest below or above the root.
 
     Args:
-        whole: whose.
-        q, dq, ddq: joint positions, velocities, accelerations, n floats each [rad], [rad/s], [rad/s^2].
+        whole: body of the person.
+        q: joint positions, n floats [rad].
+        dq: joint velocities, n floats [rad/s].
+        ddq: joint accelerations, n floats [rad/s^2].
         T_world_root: pose of the root link, which is at rest.
-        gravity: in axes of the world [m/s^2].
+        gravity: gravity vector in axes of the world [m/s^2].
 
     Returns:
-        in axes of the world, about its origin.
+        wrench in axes of the world, about its origin.
     """
     moved = whole.inverse_dynamics(np.array([q]), np.array([dq]), np.array([ddq]), T_world_root, (), gravity)
     rest = _scaled(whole.body.subject.mass - whole.body.total_mass, gravity)

@@ -1,4 +1,4 @@
-"""The hand of a human: what a program of its motion is, and the hand that runs one."""
+"""Hand of a human: the base class of motion programs, and the hand that runs one."""
 
 import math
 import threading
@@ -12,34 +12,34 @@ BEFORE = -1.0
 
 
 class Program:
-    """A motion of the hand; a subclass overrides `pose` and `span`, one that reacts `phase`, `see` and `feel`."""
+    """Motion of the hand; a subclass overrides `pose` and `span`, a reactive one also `phase`, `see` and `feel`."""
 
     def pose(self, time: float) -> Pose:
-        """Where the hand is `time` seconds after the start; times may come out of order, by a second at most."""
+        """Return the pose at `time` [s] after the start; calls may be out of order, by a second at most."""
         raise NotImplementedError
 
     @property
     def span(self) -> tuple[float, float]:
-        """When the hand sets off and when it has come to rest, after the start [s]; infinite: not known before."""
+        """Start and end of the motion since the program's start [s]; infinite: unknown in advance."""
         raise NotImplementedError
 
     def phase(self, time: float) -> str:
-        """What it does then: a word."""
+        """Return the phase of the motion at that time: a word."""
         begin, end = self.span
         return REST if time < begin else MOVING if time < end else DONE
 
     def see(self, time: float, position: Vector) -> None:
-        """The robot's end effector was at `position` [m] at `time` [s]."""
+        """Receive the position [m] of the robot's end effector at `time` [s]."""
 
     def feel(self, time: float, force: Vector) -> None:
-        """The hand feels a force [N] at `time` [s]."""
+        """Receive the force [N] on the hand at `time` [s]."""
 
 
 class Hand:
-    """A source of poses in the robot's base, z up: call it with a time.
+    """Source of hand poses in the robot's base, z up; call it with a time.
 
     Args:
-        program: what moves it. Before `start` the hand rests at the program's first pose.
+        program: program that moves the hand. Before `start` the hand rests at its first pose.
         begin: rest between `start` and the program's time 0 [s].
     """
 
@@ -48,10 +48,10 @@ class Hand:
         self._zero = math.inf
 
     def start(self, time: float) -> float:
-        """The program begins `begin` after `time` [s]; when that is.
+        """Start the program `begin` after `time` [s], and return its start time [s].
 
         Raises:
-            HricError: it has begun already.
+            HricError: the program has started already.
         """
         with self._lock:
             if self._zero < math.inf:
@@ -60,28 +60,28 @@ class Hand:
             return self._zero
 
     def since(self, time: float) -> float:
-        """Time of the program [s]; below 0: it has not begun."""
+        """Return the time of the program [s]; below 0 before its start."""
         with self._lock:
             return self._since(time)
 
     def __call__(self, time: float) -> Pose:
-        """Where it is [m]."""
+        """Return the pose of the hand [m]."""
         with self._lock:
             return self._program.pose(self._since(time))
 
     def phase(self, time: float) -> str:
-        """What it does."""
+        """Return the phase of the program."""
         with self._lock:
             return self._program.phase(self._since(time))
 
     def see(self, time: float, position: Vector) -> None:
-        """The robot's end effector was at `position` [m] at `time`."""
+        """Pass the position [m] of the robot's end effector at `time` to the program."""
         with self._lock:
             if self._zero < math.inf:
                 self._program.see(self._since(time), position)
 
     def feel(self, time: float, force: Vector) -> None:
-        """It feels a force [N] at `time`."""
+        """Pass a force [N] on the hand at `time` to the program."""
         with self._lock:
             if self._zero < math.inf:
                 self._program.feel(self._since(time), force)

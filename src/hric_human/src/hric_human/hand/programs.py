@@ -1,7 +1,7 @@
-"""What moves a hand.
+"""Programs that move a hand.
 
-A program gives a pose at each time since its start, in the robot's base, z up; it is continuous up to the acceleration,
-and at rest before 0 and after its end.
+A program returns a pose at each time since its start, in the robot's base, z up; it is continuous up to the
+acceleration, and at rest before 0 and after its end.
 """
 
 import math
@@ -19,25 +19,26 @@ from hric_human.hand.program import Program
 from hric_human.hand.reactive import Reaction, Reactive
 
 _PROGRAM_SEED = 1
-"""Makes the seeds of programs differ from those of the cameras."""
+"""Offset that makes the seeds of programs differ from those of the cameras."""
 
 
 @dataclass(frozen=True)
 class Motion(Settings):
-    """What programs share."""
+    """Settings that all programs share."""
 
     begin: float = number(0.0, minimum=0.0, maximum=3600.0, unit="s", text="rest after the start")
 
     def program(self, random: np.random.Generator) -> Program:
-        """What moves the hand; random: of what varies."""
+        """Return the program of these settings; random: source of all variation."""
         raise NotImplementedError
 
 
 @dataclass(frozen=True)
 class Sinusoid(Motion, Program):
-    """p(t) = centre + amplitude sin(2 pi frequency s(t)), with s' going smoothly from 0 to 1 at the beginning and back
-    at the end: s' = 3 u^2 - 2 u^3, u = t / ramp, so that the amplitude is full from the first swing on and the
-    acceleration has no step.
+    """Sinusoidal motion with a smooth start and stop.
+
+    p(t) = centre + amplitude sin(2 pi frequency s(t)); s' rises smoothly from 0 to 1 at the start and falls back at the
+    end: s' = 3 u^2 - 2 u^3, u = t / ramp, so that the first swing has full amplitude and the acceleration has no step.
     """
 
     centre: Vector = numbers(3, (0.6, 0.0, 0.4), unit="m", text="where it begins and ends")
@@ -48,7 +49,7 @@ class Sinusoid(Motion, Program):
     rotation: Vector = numbers(3, ORIGIN, unit="rad", text="rotation vector of the same sine")
 
     def check(self, where: str) -> None:
-        """Refuse half-done swings."""
+        """Check that the swings end at the centre and the ramp fits in. Raises ParameterError."""
         super().check(where)
         if (2 * self.cycles) % 1:
             raise refused(
@@ -59,21 +60,21 @@ class Sinusoid(Motion, Program):
             raise refused(f"{where}ramp", self.ramp, valid)
 
     def program(self, random: np.random.Generator) -> Program:
-        """Itself."""
+        """Return this object, which is its own program."""
         return self
 
     @property
     def duration(self) -> float:
-        """From the start to rest [s]."""
+        """Time from the start to rest [s]."""
         return self.cycles / self.frequency + self.ramp
 
     @property
     def span(self) -> tuple[float, float]:
-        """See Program."""
+        """Start of the motion and its duration [s]."""
         return 0.0, self.duration
 
     def pose(self, time: float) -> Pose:
-        """See Program."""
+        """Return the pose on the sine at a time since the start [s]."""
         sine = math.sin(2 * math.pi * self.frequency * self._progress(time))
         (x, y, z), (ax, ay, az), (rx, ry, rz) = self.centre, self.amplitude, self.rotation
         return Pose(
@@ -81,7 +82,7 @@ class Sinusoid(Motion, Program):
         )
 
     def _progress(self, time: float) -> float:
-        """s(t) [s]."""
+        """Return the motion time s(t) [s]."""
         since, left = max(0.0, time), max(0.0, self.duration - time)
         if since < self.ramp:
             return self.ramp * _eased(since / self.ramp)
@@ -91,34 +92,34 @@ class Sinusoid(Motion, Program):
 
 
 def _eased(u: float) -> float:
-    """Integral of 3 u^2 - 2 u^3."""
+    """Return the integral of 3 u^2 - 2 u^3."""
     return u * u * u * (1 - u / 2)
 
 
 class MinimumJerk(Program):
-    """From point to point along straight lines with least jerk, each at rest when it is reached (Flash and Hogan 1985).
+    """Minimum-jerk motion along straight lines, at rest at each point (Flash and Hogan 1985).
 
     Args:
-        times: rising [s].
-        poses: as many.
+        times: increasing times [s].
+        poses: pose at each time.
     """
 
     def __init__(self, times: Sequence[float], poses: Sequence[Pose]) -> None:
         self._track, self._span = Track(times, poses, minimum_jerk=True), (times[0], times[-1])
 
     def pose(self, time: float) -> Pose:
-        """See Program."""
+        """Return the pose on the track at a time since the start [s]."""
         return self._track(time)
 
     @property
     def span(self) -> tuple[float, float]:
-        """See Program."""
+        """First and last time of the track [s]."""
         return self._span
 
 
 @dataclass(frozen=True)
 class Variation(Settings):
-    """Standard deviations."""
+    """Standard deviations of a point-to-point motion."""
 
     position: float = number(0.0, minimum=0.0, maximum=1.0, unit="m", text="of each point, per axis")
     time: float = number(0.0, minimum=0.0, maximum=0.3, text="of the logarithm of durations")
@@ -126,7 +127,7 @@ class Variation(Settings):
 
 @dataclass(frozen=True)
 class PointToPoint(Motion):
-    """Goes from point to point."""
+    """Point-to-point motion of the hand."""
 
     points: tuple[tuple[float, ...], ...] = listing(
         numbers((4, 7)),
@@ -137,7 +138,7 @@ class PointToPoint(Motion):
     variation: Variation = section(Variation)
 
     def check(self, where: str) -> None:
-        """Refuse times that do not rise."""
+        """Check that the times increase. Raises ParameterError."""
         super().check(where)
         times = [row[0] for row in self.points]
         if not times or times[0] < 0:
@@ -149,7 +150,7 @@ class PointToPoint(Motion):
             raise ParameterError(f"{where}points: the times of a track must rise")
 
     def program(self, random: np.random.Generator) -> Program:
-        """See the base."""
+        """Return the minimum-jerk motion with randomly varied points and durations."""
         far, long, rows = self.variation.position, self.variation.time, self.points
         drawn = random.standard_normal((len(rows), 4))
         poses: list[Pose] = []
@@ -165,10 +166,10 @@ class PointToPoint(Motion):
 
 @dataclass(frozen=True)
 class TakeOver(Motion, Reaction):
-    """Takes something over from the arm."""
+    """Hand-over from the arm to the hand."""
 
     def program(self, random: np.random.Generator) -> Program:
-        """See the base."""
+        """Return the reactive program."""
         return Reactive(self, random)
 
 
@@ -176,19 +177,19 @@ PROGRAMS: dict[str, type[Motion]] = {"sinusoid": Sinusoid, "minimum_jerk": Point
 
 
 def read_program(content: Any, seed: int, where: str = "human") -> Program:
-    """The program of a mapping; INTERFACE.md lists the keys.
+    """Return the program of a mapping; INTERFACE.md lists the keys.
 
     Args:
-        content: of the experiment file or the parameter server.
-        seed: of what varies.
-        where: its name, for messages.
+        content: mapping from the experiment file or the parameter server.
+        seed: seed of all variation.
+        where: name of the mapping, for messages.
 
     Raises:
-        ParameterError: no such program, or a value that it cannot have; names the key.
+        ParameterError: an unknown program, or an invalid value; names the key.
     """
     return program_of(variant("program", PROGRAMS, "sinusoid").checked(content, where), seed)
 
 
 def program_of(motion: Motion, seed: int) -> Program:
-    """What moves the hand."""
+    """Return the program of a motion's settings."""
     return motion.program(np.random.default_rng((seed, _PROGRAM_SEED)))

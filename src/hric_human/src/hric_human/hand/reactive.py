@@ -1,9 +1,8 @@
-"""A hand that reacts to the robot: it takes something over from the arm at rest and draws back, also when the arm comes
-too near, or when the force on it is too strong.
+"""Hand that reacts to the robot: it takes an object over from the arm at rest and draws back.
 
-Each motion is the polynomial of fifth degree from the present position, velocity and acceleration to rest at the goal:
-from rest that is the one of least jerk (Flash and Hogan 1985), and where a goal changes on the way the acceleration
-stays continuous.
+It also draws back when the arm comes too near, or when the force on it is too strong. Each motion is the polynomial of
+fifth degree from the present position, velocity and acceleration to rest at the goal: from rest this is the
+minimum-jerk motion (Flash and Hogan 1985), and if the goal changes on the way the acceleration stays continuous.
 """
 
 import math
@@ -20,20 +19,20 @@ from hric_control.parameters import Settings, number, numbers, refused, section,
 from hric_human.hand.program import Program
 
 STEP = 0.01
-"""Between two decisions [s] (project default, unconfirmed)."""
+"""Time between two decisions [s] (project default, unconfirmed)."""
 SPEED_SPAN = 0.1
-"""Over which the arm's speed is judged [s] (project default, unconfirmed)."""
+"""Time over which the arm's speed is measured [s] (project default, unconfirmed)."""
 NEW_GOAL = 5e-3
-"""The goal of an approach follows the arm when it moved by more [m] (project default, unconfirmed)."""
+"""Displacement of the arm above which the goal of an approach follows it [m] (project default, unconfirmed)."""
 MIN_TIME = 0.3
-"""A motion towards a goal that moved takes at least this long from then on [s] (project default, unconfirmed)."""
+"""Shortest remaining duration of a motion whose goal changed [s] (project default, unconfirmed)."""
 KEPT = 2.0
-"""How long what was seen and planned is kept [s] (project default, unconfirmed)."""
+"""Time for which observations and planned motions are stored [s] (project default, unconfirmed)."""
 
 
 @dataclass(frozen=True)
 class ReactionVariation(Settings):
-    """Standard deviations."""
+    """Standard deviations of a reaction."""
 
     position: float = number(0.0, minimum=0.0, maximum=0.1, unit="m", text="of the goal of each approach, per axis")
     time: float = number(0.0, minimum=0.0, maximum=0.3, text="of the logarithm of durations")
@@ -41,7 +40,7 @@ class ReactionVariation(Settings):
 
 @dataclass(frozen=True)
 class Reaction(Settings):
-    """How the hand reacts."""
+    """Parameters of the hand's reactions."""
 
     rest: Vector = numbers(3, (0.75, -0.45, 0.35), unit="m", text="where it rests")
     standoff: float = number(
@@ -86,7 +85,7 @@ class Reaction(Settings):
     variation: ReactionVariation = section(ReactionVariation)
 
     def check(self, where: str) -> None:
-        """Refuse to draw back from where it takes over."""
+        """Check that the hand does not draw back from the hand-over point itself. Raises ParameterError."""
         super().check(where)
         if self.too_near > self.standoff:
             raise refused(
@@ -95,13 +94,13 @@ class Reaction(Settings):
 
 
 class _Piece:
-    """Polynomial of fifth degree over `duration` from a state to rest at a goal; afterwards there.
+    """Polynomial of fifth degree over `duration` from a state to rest at a goal, where it stays.
 
     Args:
-        begin: [s].
-        duration: [s], above 0.
-        state: position, velocity, acceleration at the beginning, shape (3, 3) [m, s].
-        goal: shape (3,) [m].
+        begin: start time [s].
+        duration: duration [s], above 0.
+        state: position, velocity, acceleration at the start, shape (3, 3) [m, s].
+        goal: position, shape (3,) [m].
     """
 
     def __init__(self, begin: float, duration: float, state: FloatArray, goal: FloatArray) -> None:
@@ -111,7 +110,7 @@ class _Piece:
         self._c = np.array([p, v, a / 2, 10 * d - 6 * v - 1.5 * a, -15 * d + 8 * v + 1.5 * a, 6 * d - 3 * v - a / 2])
 
     def state(self, time: float) -> FloatArray:
-        """Position, velocity, acceleration, shape (3, 3)."""
+        """Return position, velocity, acceleration, shape (3, 3) [m, s]."""
         u, T = min(max((time - self.begin) / self.duration, 0.0), 1.0), self.duration
         if u == 1.0:
             return np.array([self.goal, np.zeros(3), np.zeros(3)])
@@ -125,11 +124,11 @@ class _Piece:
 
 
 class Reactive(Program):
-    """See the module. Its phases: rest, approach, pause, retreat, done.
+    """Program of the reactive hand, see the module. Its phases: rest, approach, pause, retreat, done.
 
     Args:
-        reaction: how.
-        random: of what varies.
+        reaction: parameters of the reactions.
+        random: source of all variation.
     """
 
     def __init__(self, reaction: Reaction, random: np.random.Generator) -> None:
@@ -150,33 +149,33 @@ class Reactive(Program):
         }
 
     def see(self, time: float, position: Vector) -> None:
-        """See Program."""
+        """Store an observation of the robot's end effector."""
         if not self._observed or time > self._observed[-1][0]:
             self._observed.append((time, np.array(position)))
 
     def feel(self, time: float, force: Vector) -> None:
-        """See Program; a force is felt until the hand has drawn back from it."""
+        """Store the time of a force above `too_strong`; it counts until the hand has drawn back."""
         if 0.0 < self._how.too_strong < math.hypot(*force):
             self._hurt = min(self._hurt, time)
 
     @property
     def span(self) -> tuple[float, float]:
-        """See Program."""
+        """Start 0 and an infinite end, since the motion depends on the robot."""
         return 0.0, math.inf
 
     def pose(self, time: float) -> Pose:
-        """See Program."""
+        """Return the pose of the hand, after all decisions up to `time`."""
         self._advance(time)
         x, y, z = self._state(time)[0].tolist()
         return Pose((x, y, z))
 
     def phase(self, time: float) -> str:
-        """See Program."""
+        """Return the phase of the hand, after all decisions up to `time`."""
         self._advance(time)
         return self._phases[max(0, bisect_right(self._phases, time, key=itemgetter(0)) - 1)][1]
 
     def _advance(self, time: float) -> None:
-        """Decide all that is to be decided until then: on a grid, so that it does not depend on when it is called."""
+        """Take all decisions up to `time`, on a fixed grid, so that they do not depend on the times of calls."""
         while self._next * STEP <= time:
             now = self._next * STEP
             if decide := self._decide.get(self._phases[-1][1]):
@@ -192,7 +191,7 @@ class Reactive(Program):
         return self._pieces[found].state(time)
 
     def _perceived(self, now: float) -> FloatArray | None:
-        """Where the end effector was a reaction time ago [m]; None: not known."""
+        """Return the end effector's position one reaction time ago [m]; None if unknown."""
         found = bisect_right(self._observed, now - self._how.delay, key=itemgetter(0)) - 1
         return self._observed[found][1] if found >= 0 else None
 
@@ -206,7 +205,7 @@ class Reactive(Program):
             self._go("approach", now, self._goal(arm), self._varied(self._how.approach))
 
     def _goal(self, arm: FloatArray) -> FloatArray:
-        """Where it takes over [m]."""
+        """Return the hand-over point [m]."""
         to_home = self._home - arm
         goal: FloatArray = (
             arm + to_home * min(1.0, self._how.standoff / max(float(np.linalg.norm(to_home)), 1e-9)) + self._shift
@@ -234,7 +233,7 @@ class Reactive(Program):
             self._enter("rest" if self._left > 0 else "done", now, self._varied(self._how.dwell))
 
     def _shies(self, now: float) -> bool:
-        """Whether the arm is too near or the force too strong, and the hand draws back from now on."""
+        """Return True, and start to draw back, if the arm is too near or the force too strong."""
         arm = self._perceived(now)
         near = arm is not None and float(np.linalg.norm(arm - self._state(now)[0])) < self._how.too_near
         shies = near or self._hurt <= now - self._how.touch_delay

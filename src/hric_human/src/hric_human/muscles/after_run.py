@@ -1,11 +1,11 @@
-"""What a motion cost an arm, after it: from recorded joint angles and forces on the hands to the load of muscles.
+"""Muscle load of a motion after the run, from recorded joint angles and forces on the hands.
 
     load = AfterRun(body, muscles, anatomy, T_world_root).of(smoothed(time, q), loads)
     load.activation, load.contact["right_shoulder"], load.share
 
-Angles become smooth curves with their derivatives, inverse dynamics gives joint torques beside gravity and the forces
-on the hands, static optimisation shares them among muscles at each instant by itself: activation dynamics, and with it
-co-contraction that nobody needs, are not in it. All of it is a model's estimate.
+Angles are smoothed and differentiated; inverse dynamics gives the joint torques in addition to gravity and the forces
+on the hands; static optimisation shares them among muscles at each instant separately, without activation dynamics and
+co-contraction. All results are model estimates.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,23 +26,25 @@ from hric_human.muscles.muscle_set import MuscleSet
 from hric_human.muscles.static_optimization import StaticOptimization
 
 RATE = 100.0
-"""Of the instants that are computed [Hz]; project default."""
+"""Rate of the computed instants [Hz]; project default."""
 CUTOFF = 6.0
-"""Of the low-pass filter of angles [Hz], a Butterworth of second order forwards and backwards: that of OpenSim's
-tutorials; Winter, Biomechanics and Motor Control of Human Movement, has 4 to 8 Hz for people."""
+"""Cut-off of the low-pass filter of angles [Hz], a second-order Butterworth forwards and backwards.
+
+That of OpenSim's tutorials; Winter, Biomechanics and Motor Control of Human Movement, has 4 to 8 Hz for people.
+"""
 DEGREE = 5
-"""Of the splines, whose second derivatives are smooth then."""
+"""Degree of the splines, so that their second derivatives are smooth."""
 FEWEST = 20
-"""Samples of a motion, below which the ends of the filter are all of it."""
+"""Smallest number of samples of a motion; shorter ones consist of the filter's end effects."""
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Of j joints at n instants.
+    """Motion of j joints at n instants.
 
     Attributes:
-        time: evenly spaced, shape (n,) [s].
-        q, dq, ddq: shape (n, j) each [rad], [rad/s], [rad/s^2].
+        time: evenly spaced times, shape (n,) [s].
+        q, dq, ddq: positions, velocities, accelerations, shape (n, j) each [rad], [rad/s], [rad/s^2].
     """
 
     time: FloatArray
@@ -53,24 +55,23 @@ class Motion:
 
 @dataclass(frozen=True)
 class MuscleLoad:
-    """Of k muscles and actuators, m joints that they act on, and the joint centres, at n instants.
+    """Load of k muscles and actuators, m joints that they act on, and the joint centres, at n instants.
 
     Attributes:
-        time: shape (n,) [s].
-        names: of muscles and actuators.
-        is_muscle: of each, whether it is one.
-        joints: names.
-        activation: shape (n, k) [1].
-        force: of muscles along their lines of action [N], of actuators their torque [N m], shape (n, k).
-        torque: of the joints, shape (n, m) [N m].
-        share: size of it per strength in its sense, shape (n, m) [1].
-        shortfall: of the torque, what muscles cannot give, shape (n, m) [N m].
+        time: times, shape (n,) [s].
+        names: names of muscles and actuators.
+        is_muscle: True for each that is a muscle.
+        joints: names of the joints.
+        activation: activations, shape (n, k) [1].
+        force: force of muscles along their lines of action [N], torque of actuators [N m], shape (n, k).
+        torque: torque of the joints, shape (n, m) [N m].
+        share: size of the torque per strength in its sense, shape (n, m) [1].
+        shortfall: part of the torque that muscles cannot produce, shape (n, m) [N m].
         contact: force of the proximal on the distal bone, in axes of the world, by joint centre, shape (n, 3) [N].
-        centres: where they act, in the world, by joint centre, shape (n, 3) [m].
-        outside: whether the posture is outside the range that muscle paths were fitted in, by side, shape (n,); what
-            its muscles have there is of the range's edge.
-        lost: whether his motion or the force on his hand was not measured, by side, shape (n,): then all is NaN. Empty:
-            never.
+        centres: positions of the joint centres in the world, by joint centre, shape (n, 3) [m].
+        outside: True if the posture is outside the range of the fitted muscle paths, by side, shape (n,); values there
+            are those at the edge of the range.
+        lost: True if motion or hand force was not measured, by side, shape (n,): then all is NaN. Empty: never.
     """
 
     time: FloatArray
@@ -88,26 +89,25 @@ class MuscleLoad:
     lost: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
 
     def known(self, name: str) -> NDArray[np.bool_]:
-        """When the load of a muscle or a joint, by its name with its side, is known, and one of the fitted range, shape
-        (n,)."""
+        """Return when a muscle's or joint's load (name with its side) is known and in the fitted range, shape (n,)."""
         side = name.partition("_")[0]
         return ~(self.outside[side] | self.lost[side] if self.lost else self.outside[side])
 
 
 def smoothed(time: FloatArray, q: FloatArray, cutoff: float | None = CUTOFF, rate: float = RATE) -> Motion:
-    """A motion with its derivatives, from recorded angles.
+    """Return a motion with its derivatives from recorded angles.
 
-    The filter wants even samples, so a spline gives them first, at the mean rate of what was recorded; the first and
-    the last tenth of a second are what filters and splines make of ends.
+    The filter needs even samples, so a spline resamples first, at the mean rate of the recording; the first and the
+    last tenth of a second are end effects of filter and splines.
 
     Args:
-        time: rising, shape (n,) [s].
-        q: shape (n, j) [rad].
-        cutoff: of the low-pass filter [Hz]; None: unfiltered.
-        rate: of the result [Hz].
+        time: increasing times, shape (n,) [s].
+        q: joint positions, shape (n, j) [rad].
+        cutoff: cut-off of the low-pass filter [Hz]; None: unfiltered.
+        rate: rate of the result [Hz].
 
     Raises:
-        HricError: too short, not rising, not finite, or a cut-off that samples of this rate do not have.
+        HricError: too short, not increasing, not finite, or a cut-off above half the sample rate.
     """
     from scipy.interpolate import make_interp_spline  # slow to load, which who has no motion need not wait for
     from scipy.signal import butter, sosfiltfilt
@@ -131,11 +131,11 @@ def smoothed(time: FloatArray, q: FloatArray, cutoff: float | None = CUTOFF, rat
 
 
 def of_root_too(motion: Motion, joints: int) -> tuple[Motion, RootMotion]:
-    """A motion of joints, and of the root whose position and quaternion x y z w are the seven columns behind them.
+    """Split a motion into joints and root, whose position and quaternion x y z w are the last seven columns.
 
     Args:
-        motion: of both; quaternions need not be of unit length.
-        joints: their number.
+        motion: motion of both; quaternions need not be of unit length.
+        joints: number of joints.
     """
     q, dq, ddq = motion.q, motion.dq, motion.ddq
     here, quaternion = slice(joints, joints + 3), slice(joints + 3, joints + 7)
@@ -151,26 +151,28 @@ def of_root_too(motion: Motion, joints: int) -> tuple[Motion, RootMotion]:
 
 
 def _turning(q: FloatArray, rate: FloatArray) -> FloatArray:
-    """Vector part of 2 rate / q, quaternions of shape (n, 4): with the first derivative of q its angular velocity, with
-    the second its angular acceleration, shape (n, 3)."""
+    """Return the vector part of 2 rate / q, quaternions of shape (n, 4); result of shape (n, 3).
+
+    It is the angular velocity if `rate` is the first derivative of q, and the angular acceleration for the second.
+    """
     v, w, dv, dw = q[:, :3], q[:, 3:], rate[:, :3], rate[:, 3:]
     return np.asarray(2.0 * (w * dv - dw * v - np.cross(dv, v)) / (q * q).sum(axis=1, keepdims=True))
 
 
 class AfterRun:
-    """The load of a body's muscles over a motion.
+    """Load of a body's muscles over a motion.
 
     Args:
-        body: whose.
-        muscles: of the body.
-        anatomy: of them, for their pulls.
-        T_world_root: pose of the body's root link, where it is at rest.
-        gravity: in axes of the world [m/s^2].
+        body: body with the muscles.
+        muscles: muscles of the body.
+        anatomy: anatomy of the muscles, for their pulls.
+        T_world_root: pose of the body's root link, if it is at rest.
+        gravity: gravity vector in axes of the world [m/s^2].
 
     Attributes:
-        names: of muscles and actuators.
-        joints: that they act on, names.
-        links: that the force in each joint centre acts on, by its name.
+        names: names of muscles and actuators.
+        joints: names of the joints that they act on.
+        links: links on which the joint contact forces act, by joint centre.
     """
 
     def __init__(
@@ -185,15 +187,15 @@ class AfterRun:
         self.joints = tuple(list(body.joints)[index] for index in muscles.joints)
 
     def of(self, motion: Motion, loads: Sequence[Load] = (), root: RootMotion | None = None) -> MuscleLoad:
-        """Over a motion.
+        """Return the muscle load over a motion.
 
         Args:
-            motion: of all joints of the body.
-            loads: on its links, at the instants of the motion.
-            root: of the root link, at these instants; None: at rest.
+            motion: motion of all joints of the body.
+            loads: external loads on its links, at the instants of the motion.
+            root: motion of the root link, at these instants; None: at rest.
 
         Raises:
-            HricError: a load on a link that the body has not.
+            HricError: a load on a link that the body does not have.
         """
         where = self._root if root is None else root
         needed = self._whole.inverse_dynamics(motion.q, motion.dq, motion.ddq, where, loads, self._gravity)
@@ -216,7 +218,7 @@ class AfterRun:
         )
 
     def _outside(self, q: FloatArray) -> dict[str, NDArray[np.bool_]]:
-        """Whether an angle is beyond the range that muscle paths were fitted in, by side."""
+        """Return True for instants with an angle beyond the range of the fitted muscle paths, by side."""
         order, anatomy = list(self._whole.body.joints), self._anatomy
         found = dict[str, NDArray[np.bool_]]()
         for side in {name.partition("_")[0]: None for name in self.joints}:
@@ -225,7 +227,7 @@ class AfterRun:
         return found
 
     def _shared(self, motion: Motion, torque: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Activation, force and shortfall at all instants."""
+        """Return activation, force and shortfall at all instants."""
         n, k = len(motion.time), len(self._muscles.names)
         solver = StaticOptimization(k, len(self.joints))
         activation, force, shortfall = np.empty((n, k)), np.empty((n, k)), np.empty((n, len(self.joints)))

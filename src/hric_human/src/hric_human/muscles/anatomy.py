@@ -1,4 +1,4 @@
-"""The muscles of an arm as numbers: what fits of a model leave behind, and the file that has it.
+"""Muscles of an arm as numbers: the result of fitting a model, and its file.
 
     anatomy = load(BUILT_IN)
     anatomy.muscles["bic_l"].max_force, anatomy.errors["bic_l"].arm_rms
@@ -19,29 +19,28 @@ from hric_human.body.joints import ROWS
 from hric_human.muscles.polynomial import Polynomial, exponents
 
 BUILT_IN = Path(__file__).parents[3] / "config" / "muscles" / "delft.json"
-"""Shoulder, elbow and forearm of the Delft model; its notice and its licence are beside it."""
+"""File of shoulder, elbow and forearm of the Delft model; its notice and licence are in the same folder."""
 CENTRES = ("shoulder", "elbow")
-"""Joint centres across which muscles pull."""
+"""Joint centres that muscles cross."""
 SEGMENTS = ("torso", "upper_arm", "forearm")
-"""Segments that a muscle's course goes along; the first two have their origin in the shoulder, the third in the
-elbow."""
+"""Segments of a muscle's drawn line; the first two have their origin in the shoulder, the third in the elbow."""
 Course = tuple[tuple[str, Vector], ...]
-"""Points of a line: segment, and place in axes of its link [m]."""
+"""Points of a line: segment, and position in axes of its link [m]."""
 
 
 @dataclass(frozen=True)
 class Muscle:
-    """A line of action, rigid tendon.
+    """Line of action of a muscle, with rigid tendon.
 
     Attributes:
         name: without a side.
-        max_force: isometric, along the line [N].
-        optimal_length: of the fibres along the line [m].
-        slack_length: of the tendon, which does not stretch [m].
-        length: of fibres and tendon [m]; its negative gradient are the moment arms.
-        pulls: by joint centre that it crosses: force on what lies distal, per force of the muscle [1], x, y and z in
-            axes of the proximal link (torso, upper arm).
-        course: where the line goes in the resting posture, to draw it; nothing is computed from it.
+        max_force: maximum isometric force along the line [N].
+        optimal_length: optimal length of the fibres along the line [m].
+        slack_length: length of the tendon, which does not stretch [m].
+        length: length of fibres and tendon [m]; its negative gradient is the moment arms.
+        pulls: by joint centre that it crosses: force on the distal part per force of the muscle [1], x, y and z in axes
+            of the proximal link (torso, upper arm).
+        course: line in the resting posture, only for drawing.
     """
 
     name: str
@@ -55,12 +54,12 @@ class Muscle:
 
 @dataclass(frozen=True)
 class FitError:
-    """How far a muscle's polynomials are from its model at poses that the fit did not see.
+    """Errors of a muscle's polynomials at poses that were not used in the fit.
 
     Attributes:
-        length_rms: [m].
-        arm_rms, arm_worst: of the moment arms about all its joints [m].
-        pull_worst: largest difference of a pull, by joint centre [1].
+        length_rms: root mean square error of the length [m].
+        arm_rms, arm_worst: errors of the moment arms about all its joints [m].
+        pull_worst: largest error of a pull, by joint centre [1].
     """
 
     length_rms: float
@@ -71,16 +70,16 @@ class FitError:
 
 @dataclass(frozen=True)
 class Anatomy:
-    """The muscles of a right arm; a left one is its mirror image.
+    """Muscles of a right arm; a left one is its mirror image.
 
     Attributes:
-        name: of the model.
-        joints: whose angles the polynomials take, names without a side.
+        name: name of the model.
+        joints: joints whose angles the polynomials take, names without a side.
         lower, upper: range of the fit, by joint [rad].
-        muscles: by name.
-        reference: lengths of the segments of the model, as those of a subject are named [m].
+        muscles: muscles by name.
+        reference: lengths of the model's segments, with the names of a subject's lengths [m].
         notice: licence and credits.
-        errors: of the fit, by muscle.
+        errors: errors of the fit, by muscle.
     """
 
     name: str
@@ -97,7 +96,7 @@ class Anatomy:
         path.write_text(self.text())
 
     def text(self) -> str:
-        """What a file of it has."""
+        """Return the text of its file."""
         head = {key: getattr(self, key) for key in ("name", "notice", "joints", "lower", "upper", "reference")}
         lines = [f" {json.dumps(key)}: {json.dumps(value)}," for key, value in head.items()]
         errors = {name: asdict(error) for name, error in self.errors.items()}
@@ -110,7 +109,7 @@ def load(path: Path) -> Anatomy:
     """Read a file.
 
     Raises:
-        HricError: there is none, or it is not one of these.
+        HricError: the file does not exist, or is not a file of this kind.
     """
     try:
         content = json.loads(path.read_text())

@@ -1,9 +1,9 @@
-"""The anatomy that somebody chose: the built-in one, a fitted file, or a model of his own, fitted at its first use.
+"""Choice of an anatomy: the built-in one, a fitted file, or the user's model, fitted at its first use.
 
     anatomy = find("delft", "human.muscles.anatomy")
     anatomy = find("~/models/arm26.osim", "human.muscles.anatomy")     # a minute, then from the cache
 
-A fit is kept by what is in the model's file and by FIT_VERSION below $XDG_CACHE_HOME/hric/muscles, else
+A fit is cached by the content of the model's file and FIT_VERSION in $XDG_CACHE_HOME/hric/muscles, else
 ~/.cache/hric/muscles; the folder may be removed at any time.
 """
 
@@ -19,24 +19,24 @@ from hric_human.muscles.fitting.models import content, fit, terms
 
 LOG = logging.getLogger("hric.human.muscles")
 NAME = "delft"
-"""Of the built-in anatomy."""
+"""Name of the built-in anatomy."""
 VALID = (
     f"{NAME}, the built-in one; a .json file of `rosrun hric_human fit_muscles`; a model of a right arm of OpenSim "
     "(.osim) or MuJoCo (.xml)"
 )
 FIT_VERSION = b"2"
-"""Part of every key of the cache: to be changed with what a fit gives."""
+"""Part of every key of the cache; change it whenever the result of a fit changes."""
 
 
 def find(chosen: str, where: str) -> Anatomy:
-    """The anatomy of a name, a file or a model.
+    """Return the anatomy of a name, a file or a model.
 
     Args:
         chosen: `delft`, or an address (path, package://, file://) of a .json file, of an .osim or an .xml model.
         where: full name of the parameter.
 
     Raises:
-        ParameterError: there is no such file, it is none of these, or it has no arm with muscles.
+        ParameterError: the file does not exist, is of another kind, or has no arm with muscles.
     """
     if chosen == NAME:
         return load(BUILT_IN)
@@ -51,7 +51,7 @@ def find(chosen: str, where: str) -> Anatomy:
 
 
 def _fitted(path: Path) -> Anatomy:
-    """Of a model, from the cache, or fitted now."""
+    """Return the anatomy of a model, from the cache, or fitted now."""
     said = terms(path)
     if said:
         LOG.warning("%s: %s", path, said)

@@ -1,8 +1,8 @@
-"""How strong a muscle is at a length and a speed, and how its activation follows an excitation.
+"""Force-length-velocity curves of a muscle, and its activation dynamics.
 
 The curves of De Groote, Kinney, Rao & Fregly, Evaluation of direct collocation optimal control problem formulations for
 solving the muscle redundancy problem, Ann. Biomed. Eng. 44(10):2922-2936, 2016, with the numbers of OpenSim's
-DeGrooteFregly2016Muscle, whose forces these are (a test).
+DeGrooteFregly2016Muscle; a test compares the forces.
 """
 
 import numpy as np
@@ -15,21 +15,21 @@ ACTIVE = (
     (0.433004984392647, 0.716775413397760, -0.029947116970696, 0.200356847296188),
     (0.1, 1.0, 0.353553390593274, 0.0),
 )
-"""Height, centre, and width as a + b l, of the bells whose sum is the active force over the fibre's length l."""
+"""Height, centre, and width a + b l of the bells whose sum is the active force over the fibre length l."""
 PASSIVE_SHAPE, PASSIVE_STRAIN, SHORTEST = 4.0, 0.6, 0.2
 """Exponent, strain at which the passive force is the maximum isometric one, and length where it is 0 [1]."""
 VELOCITY = (-0.3211346127989808, -8.149, -0.374, 0.8825327733249912)
-"""d1 to d4 of d1 asinh(d2 v + d3) + d4."""
+"""Coefficients d1 to d4 of d1 asinh(d2 v + d3) + d4."""
 MAX_VELOCITY = 10.0
-"""Of shortening, optimal lengths per second."""
+"""Maximum shortening velocity, optimal lengths per second."""
 RISE, FALL = 0.015, 0.060
 """Time constants of activation and deactivation [s]."""
 SMOOTHING = 0.1
-"""Of the change from one to the other."""
+"""Smoothing of the transition from one to the other."""
 
 
 def active_force(length: npt.ArrayLike) -> FloatArray:
-    """At fibre lengths per optimal length: force per maximum isometric force at full activation and rest [1]."""
+    """Return force per maximum isometric force [1] at normalised fibre lengths, at full activation and rest."""
     values = np.asarray(length, dtype=np.float64)
     made = np.zeros_like(values)
     for height, centre, constant, slope in ACTIVE:
@@ -38,20 +38,20 @@ def active_force(length: npt.ArrayLike) -> FloatArray:
 
 
 def passive_force(length: npt.ArrayLike) -> FloatArray:
-    """At fibre lengths per optimal length: force per maximum isometric force [1]."""
+    """Return passive force per maximum isometric force [1] at normalised fibre lengths."""
     strain = (np.asarray(length, dtype=np.float64) - 1.0) / PASSIVE_STRAIN
     lowest = np.exp(PASSIVE_SHAPE * (SHORTEST - 1.0) / PASSIVE_STRAIN)
     return np.asarray((np.exp(PASSIVE_SHAPE * strain) - lowest) / (np.exp(PASSIVE_SHAPE) - lowest))
 
 
 def velocity_factor(velocity: npt.ArrayLike) -> FloatArray:
-    """At velocities per MAX_VELOCITY, lengthening positive: factor on the active force [1]."""
+    """Return the factor on the active force [1] at velocities per MAX_VELOCITY, lengthening positive."""
     d1, d2, d3, d4 = VELOCITY
     return np.asarray(d1 * np.arcsinh(d2 * np.asarray(velocity, dtype=np.float64) + d3) + d4)
 
 
 def approach_speed(activation: FloatArray, excitation: FloatArray) -> FloatArray:
-    """Of the activation to the excitation: its rate per distance between both [1/s]."""
+    """Return the rate of the activation per distance to the excitation [1/s]."""
     rising = 0.5 * np.tanh(SMOOTHING * (excitation - activation)) + 0.5
     slowed = 0.5 + 1.5 * activation
     return np.asarray(rising / (RISE * slowed) + (1.0 - rising) * slowed / FALL)

@@ -1,13 +1,13 @@
-"""From a desired joint torque to muscles and back: activations are decided a hundred times a second, and what the
-muscles give with them holds over each step.
+"""Muscle drive of a body: converts desired joint torques to muscle activations, and these to torques.
 
     drive = MuscleDrive(MuscleSet(body, find("delft", "anatomy")), cycle=1e-3)
     tau = drive.update(q, dq, control.update(time, q, dq))      # each cycle
 
-A decision shares the desired torque among the muscles (static optimisation), and chooses the excitations by which their
-activations are there at the next decision. Between two of them the short-range stiffness of muscles resists what was
-not foreseen: 75/m times the force of each, and 0.05 s of it as damping (PMC2784227), about the motion at the last
-decision as if it had gone on. Without it Hill's curves alone make an elbow unstable.
+Activations are decided a hundred times a second; the resulting torque is applied over each step. A decision shares the
+desired torque among the muscles (static optimisation), and sets the excitations with which the activations are reached
+at the next decision. Between two decisions the short-range stiffness of muscles resists disturbances: 75/m times the
+force of each, and 0.05 s of it as damping (PMC2784227), about the continued motion of the last decision. Without it
+Hill's curves alone make an elbow unstable.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,33 +22,32 @@ from hric_human.muscles.muscle_set import DAMPING_TIME, MuscleSet, MuscleState
 from hric_human.muscles.static_optimization import StaticOptimization
 
 FULL = 1.0 - 1e-6
-"""Activation from which on more is desired of a muscle than it can give [1]."""
+"""Desired activation from which on a muscle counts as saturated [1]."""
 _give: Callable[..., None]
 _give = load("hric_muscle_drive").give
 
 
 class MuscleDrive:
-    """One body's. One thread calls it.
+    """Muscle drive of one body; called from one thread.
 
     Args:
-        muscles: of the body, whose joints they move; those without muscles are driven by the torque itself.
+        muscles: muscles of the body; joints without muscles are driven by the torque itself.
         cycle: time between two updates [s].
-        rate: of decisions [Hz].
+        rate: rate of decisions [Hz].
         co_contraction: activation of all muscles beyond the minimum [1].
         where: prefix of the names of parameters, for messages.
 
     Attributes:
-        muscles: as given, with actuators of the wrists behind the muscles of each side.
-        state: of the last cycle; None before the first.
-        excitation, activation: of each muscle and actuator, shape (k,) [1].
-        force: of each muscle [N], torque of each actuator [N m], shape (k,).
-        at_limit: whether more than it can give is desired of each, since the last decision; another list where that
-            changes.
-        limited: how often each came there; while it stays it counts once.
-        shortfall: desired torque that the muscles cannot give, per joint of `muscles.joints`, shape (m,) [N m].
+        muscles: muscles of the body, with actuators of the wrists behind the muscles of each side.
+        state: state of the last cycle; None before the first.
+        excitation, activation: values of each muscle and actuator, shape (k,) [1].
+        force: force of each muscle [N], torque of each actuator [N m], shape (k,).
+        at_limit: True for each that has been saturated since the last decision; a new list on each change.
+        limited: how often each became saturated; one stay at the limit counts once.
+        shortfall: desired torque that the muscles cannot produce, per joint of `muscles.joints`, shape (m,) [N m].
 
     Raises:
-        ParameterError: a rate that is no whole part of the cycles.
+        ParameterError: a rate whose period is not a multiple of the cycle.
     """
 
     def __init__(
@@ -72,7 +71,7 @@ class MuscleDrive:
         self.restart()
 
     def restart(self) -> None:
-        """As before the first cycle."""
+        """Return to the state before the first cycle."""
         k, m = len(self.muscles.names), len(self.muscles.joints)
         self.state: MuscleState | None = None
         self.excitation = self.activation = self._next = np.zeros(k)
@@ -81,11 +80,12 @@ class MuscleDrive:
         self._decided, self._since = np.zeros(0), 0
 
     def update(self, q: Sequence[float], dq: Sequence[float], tau: Sequence[float]) -> list[float]:
-        """Joint torque until the next cycle, n floats [N m].
+        """Return the joint torque until the next cycle, n floats [N m].
 
         Args:
-            q, dq: as they are, n floats [rad], [rad/s].
-            tau: desired, n floats [N m].
+            q: current joint positions, n floats [rad].
+            dq: current joint velocities, n floats [rad/s].
+            tau: desired torque, n floats [N m].
         """
         at_rest, state = self.state is None, self.muscles.at(q, dq)
         self.state, self.activation = state, self._next
@@ -103,8 +103,7 @@ class MuscleDrive:
         return found
 
     def _decide(self, state: MuscleState, q: FloatArray, dq: FloatArray, tau: FloatArray, at_rest: bool) -> None:
-        """Activations that give the desired torque, and the excitations by which they are there at the next decision,
-        as far as excitations from 0 to 1 reach."""
+        """Decide activations for the desired torque, and the excitations (0 to 1) that reach them by the next."""
         solution = self._law.solve(state.arms, state.gain, tau - state.passive @ state.arms, self._raised)
         aim = solution.activation
         if at_rest:

@@ -2,15 +2,15 @@
 
     M_A' = C - F M_A,   M_F' = F M_A - R M_F,   M_R' = -C + R M_F,   M_R + M_A + M_F = 1
 
-C brings the active pool to the load, at 10 /s of the difference, and never more than 10 M_R while it rises; at a
-load of zero, R counts `rest` times.
+C drives the active pool to the load, at 10 /s of the difference, and never more than 10 M_R while it rises; at a load
+of zero, R is multiplied by `rest`.
 
 Xia & Frey Law, J. Biomech. 41:3046, 2008; rates of Frey Law, Looft & Heitsman, J. Biomech. 45:1803, 2012 (PMC3397684);
 factor of rest of Looft, Herkert & Frey Law, J. Biomech. 77:16, 2018.
 
-NOT REPRODUCED: with these rates the endurance times of the paper do not come out (at the shoulder 7.9 s RMS from its
+NOT REPRODUCED: with these rates the endurance times of the paper are not obtained (at the shoulder 7.9 s RMS from its
 curve over 20 to 90 % of strength where it states 2.7 s, at other joints more), and which rates belong to which joint is
-from memory. For comparisons between runs of one person at most, never as an endurance in seconds.
+from memory. Only for comparisons between runs of one person, never as an endurance in seconds.
 """
 
 from typing import NamedTuple
@@ -21,7 +21,7 @@ from hric_control.errors import HricError
 from hric_control.geometry import FloatArray
 
 RISE = 10.0
-"""L_D = L_R: rate at which the active pool follows the load [1/s]; Xia & Frey Law 2008, 10 in the paper of 2012."""
+"""Rate L_D = L_R at which the active pool follows the load [1/s]; Xia & Frey Law 2008, 10 in the paper of 2012."""
 REST = 15.0
 """Factor of recovery at rest [1]; of most joints in the paper of 2018, from memory, unconfirmed."""
 STEP = 0.01
@@ -29,7 +29,7 @@ STEP = 0.01
 
 
 class Rates(NamedTuple):
-    """Of a joint's muscles: how fast the active tire, and the tired recover [1/s]."""
+    """Rates at which a joint's active muscle pool fatigues, and the fatigued one recovers [1/s]."""
 
     fatigue: float
     recovery: float
@@ -43,19 +43,21 @@ RATES = {
     "knee": Rates(0.015, 0.00149),
     "ankle": Rates(0.00589, 0.00058),
 }
-"""By joint; Frey Law et al. 2012. The extreme values are confirmed by its abstract, the joints that they belong to are
-from memory, unconfirmed."""
+"""Rates by joint; Frey Law et al. 2012.
+
+The extreme values are confirmed by its abstract; their assignment to joints is from memory, unconfirmed.
+"""
 
 
 class Fatigue:
-    """The pools of k muscles over time.
+    """Motor unit pools of k muscles over time.
 
     Args:
-        joints: of each muscle, one of RATES.
+        joints: joint of each muscle, a key of RATES.
         rest: factor of recovery at rest; 1 is 3CC [1].
 
     Attributes:
-        resting, active, fatigued: shares of each muscle, shape (k,) [1].
+        resting, active, fatigued: pools of each muscle as shares, shape (k,) [1].
 
     Raises:
         HricError: a joint without rates, or a factor below 1.
@@ -75,18 +77,18 @@ class Fatigue:
 
     @property
     def capacity(self) -> FloatArray:
-        """Largest load that each muscle could still take up: what is not fatigued, shape (k,) [1]."""
+        """Largest load that each muscle can still take, its share that is not fatigued, shape (k,) [1]."""
         return np.asarray(1.0 - self.fatigued)
 
     def update(self, load: FloatArray, period: float) -> FloatArray:
-        """Go on under a load that is constant for a period.
+        """Integrate over a period of constant load.
 
         Args:
-            load: of each muscle, as share of its strength, shape (k,) [1].
-            period: [s].
+            load: load of each muscle, as share of its strength, shape (k,) [1].
+            period: duration [s].
 
         Returns:
-            what the load misses, because too little is active after the period, shape (k,) [1].
+            part of the load that the active pool cannot bear after the period, shape (k,) [1].
         """
         steps = max(1, int(np.ceil(period / STEP - 1e-9)))
         for _ in range(steps):
@@ -94,7 +96,7 @@ class Fatigue:
         return np.maximum(load - self.active, 0.0)
 
     def _step(self, load: FloatArray, dt: float) -> None:
-        """Midpoint rule, whose sums of pools stay 1."""
+        """Integrate one step by the midpoint rule, which preserves the sum of the pools."""
         active, fatigued = self._rates(load, self.active, self.fatigued)
         active, fatigued = self._rates(load, self.active + 0.5 * dt * active, self.fatigued + 0.5 * dt * fatigued)
         self.active = self.active + dt * active
@@ -102,7 +104,7 @@ class Fatigue:
         self.resting = 1.0 - self.active - self.fatigued
 
     def _rates(self, load: FloatArray, active: FloatArray, fatigued: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Of the active and the fatigued pool [1/s]."""
+        """Return the rates of the active and the fatigued pool [1/s]."""
         resting = 1.0 - active - fatigued
         drive = RISE * np.minimum(load - active, np.where(load > active, resting, np.inf))
         recovery = self._recovery * np.where(load > 0.0, 1.0, self._rest)

@@ -1,12 +1,12 @@
-"""Contact forces in the joints of an arm: what its motion needs there, less the pull of the muscles.
+"""Contact forces in the joints of an arm: the net joint force of inverse dynamics, less the pull of the muscles.
 
     contact = JointContact(whole, anatomy, muscles.names)
     contact.over(q, whole.inverse_dynamics(q, dq, ddq, T_world_root, loads), forces)["right_shoulder"]   # (n, 3) [N]
 
-A muscle pulls the bones that it spans together, so in a loaded arm a contact force is several times what the motion
-needs. Each is the net force on all that is distal: gravity, inertia and loads say what it must be, muscles that cross
-the joint give a part of it, and the proximal bone the rest; ligaments and labrum count as that bone. Muscles of the
-wrist and of the fingers are not among those known: the elbow of a hand that grips is loaded more than this says.
+A muscle presses the bones that it spans together, so in a loaded arm a contact force is several times the net force.
+The net force on the distal part follows from gravity, inertia and loads; muscles that cross the joint provide a part of
+it, and the proximal bone the rest; ligaments and labrum count as that bone. Muscles of the wrist and of the fingers are
+unknown: the elbow of a gripping hand is loaded more than computed here.
 """
 
 from collections.abc import Sequence
@@ -23,18 +23,18 @@ from hric_human.muscles.anatomy import CENTRES, Anatomy
 from hric_human.muscles.polynomial import IntArray, exponents
 
 DISTAL = {"shoulder": "upper_arm", "elbow": "forearm"}
-"""Segment behind each joint centre."""
+"""Segment distal to each joint centre."""
 _MIRROR = np.array([1.0, -1.0, 1.0])
 
 
 class Pulls:
-    """The pull of the muscles of a right arm across its joint centres, at many poses at once.
+    """Pull of a right arm's muscles across its joint centres, at many poses at once.
 
     Args:
-        anatomy: whose.
+        anatomy: anatomy of the arm.
 
     Attributes:
-        names: of the muscles that cross each centre, by centre.
+        names: names of the muscles that cross each centre, by centre.
     """
 
     def __init__(self, anatomy: Anatomy) -> None:
@@ -65,17 +65,17 @@ class Pulls:
         return len(self._anatomy.joints)
 
     def _powers(self, joints: Sequence[str], order: int) -> IntArray:
-        """Exponents of a polynomial of some joints, of all of them."""
+        """Return a polynomial's exponents as exponents over all joints of the anatomy."""
         own = exponents(len(joints), order)
         full = np.zeros((len(own), self._joints), dtype=own.dtype)
         full[:, [self._anatomy.joints.index(name) for name in joints]] = own
         return full
 
     def at(self, q: FloatArray) -> dict[str, FloatArray]:
-        """Force on what lies distal per force of each muscle of `names`, in axes of the proximal link.
+        """Return the force on the distal part per force of each muscle of `names`, in axes of the proximal link.
 
         Args:
-            q: angles of the anatomy's joints, kept within the range of the fit, shape (n, joints) [rad].
+            q: angles of the anatomy's joints, clipped to the range of the fit, shape (n, joints) [rad].
 
         Returns:
             by centre, shape (n, muscles, 3) [1].
@@ -88,13 +88,13 @@ class Pulls:
 
 
 class _Joint:
-    """A joint centre of a side of a body.
+    """Joint centre on one side of a body.
 
     Attributes:
-        side, centre: which.
-        link: index of the link behind it.
-        proximal: index of the link in whose axes the pulls are; None: of the root.
-        rows: of its muscles among the forces.
+        side, centre: side and name of the centre.
+        link: index of the distal link.
+        proximal: index of the link in whose axes the pulls are; None: the root.
+        rows: indices of its muscles in the forces.
     """
 
     def __init__(self, whole: WholeBody, side: str, centre: str, rows: list[int]) -> None:
@@ -109,12 +109,12 @@ class JointContact:
     """Contact forces at the shoulders (glenohumeral) and elbows of a body.
 
     Args:
-        whole: the body.
-        anatomy: of its muscles.
-        names: of the muscles and actuators whose forces will be given, in their order.
+        whole: body of the joints.
+        anatomy: anatomy of its muscles.
+        names: names of the muscles and actuators, in the order of the forces.
 
     Attributes:
-        links: that each joint's force acts on, by joint: "right_shoulder", "right_elbow".
+        links: links on which the joint forces act, by joint: "right_shoulder", "right_elbow".
 
     Raises:
         HricError: a muscle of the anatomy is not among the names.
@@ -136,13 +136,13 @@ class JointContact:
         self.links = {name: whole.links[joint.link].name for name, joint in self._joints.items()}
 
     def over(self, q: FloatArray, root: Pose | RootMotion, needed: Needed, forces: FloatArray) -> dict[str, FloatArray]:
-        """At n instants.
+        """Return the joint contact forces at n instants.
 
         Args:
             q: joint positions, shape (n, j) [rad].
-            root: of the root link in the world, see `WholeBody.inverse_dynamics`.
-            needed: by this motion, see `WholeBody.inverse_dynamics`.
-            forces: of muscles, along their lines of action, shape (n, k) [N]; those of actuators do not matter.
+            root: pose or motion of the root link in the world, see `WholeBody.inverse_dynamics`.
+            needed: inverse dynamics of this motion, see `WholeBody.inverse_dynamics`.
+            forces: forces of muscles along their lines of action, shape (n, k) [N]; those of actuators have no effect.
 
         Returns:
             force of the proximal on the distal bone, in axes of the world, by joint, shape (n, 3) each [N].
@@ -168,14 +168,16 @@ class JointContact:
         loads: Sequence[Load] = (),
         gravity: Vector = GRAVITY,
     ) -> dict[str, Vector]:
-        """At one instant.
+        """Return the values of one instant.
 
         Args:
-            q, dq, ddq: n floats each [rad], [rad/s], [rad/s^2].
+            q: joint positions, n floats [rad].
+            dq: joint velocities, n floats [rad/s].
+            ddq: joint accelerations, n floats [rad/s^2].
             forces: see `over`, shape (k,) [N].
             T_world_root: pose of the root link, which is at rest.
-            loads: on links, of one instant.
-            gravity: in axes of the world [m/s^2].
+            loads: loads on links, of one instant.
+            gravity: gravity vector in axes of the world [m/s^2].
         """
         angles, speeds, rates = (np.array([values], np.float64) for values in (q, dq, ddq))
         needed = self._whole.inverse_dynamics(angles, speeds, rates, T_world_root, loads, gravity)
@@ -184,7 +186,7 @@ class JointContact:
 
 
 def _rotation(root: Pose | RootMotion) -> FloatArray:
-    """Of the root link, shape (3, 3), or (n, 3, 3) where it moves."""
+    """Return the rotation of the root link, shape (3, 3), or (n, 3, 3) if it moves."""
     if isinstance(root, Pose):
         return rotation_from_quaternion(root.orientation)
     return np.array([rotation_from_quaternion(one) for one in root.orientation.tolist()])

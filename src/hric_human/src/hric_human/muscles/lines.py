@@ -1,7 +1,7 @@
-"""How the muscles of a body are drawn: lines through points that its links take along, in the colours of activation.
+"""Drawn lines of a body's muscles, through points that its links move, in the colours of activation.
 
-A picture: which moment arms a muscle has is said by its length alone (`MuscleSet`). Points are those of the model in
-the resting posture, so that in other postures a line may cut through a bone that the muscle's path goes around.
+They are only a picture: moment arms follow from the length alone (`MuscleSet`). Points are those of the model in the
+resting posture, so that in other postures a line may cut through a bone that the muscle's path wraps.
 """
 
 from collections.abc import Sequence
@@ -14,22 +14,24 @@ from hric_human.body.segments import SIDES
 from hric_human.muscles.anatomy import SEGMENTS, Anatomy
 
 Points = tuple[tuple[str, Vector], ...]
-"""Link, and place in its axes [m]."""
+"""Link, and position in its axes [m]."""
 ACTIVATION_COLOURS = ((0.0, "#2b5fa8"), (0.1, "#35a79c"), (0.25, "#f2c14e"), (0.5, "#b3261e"))
-"""Activation [1] and colour of each stop, straight between them; beyond the last one it stays. The same in reports and
-live, so that runs can be compared by sight (project default)."""
+"""Activation [1] and colour of each stop, linear in between, constant beyond the last.
+
+Reports and live views use the same, so that runs can be compared by sight (project default).
+"""
 _TORSO, _UPPER_ARM, _FOREARM = SEGMENTS
 _STOPS = [value for value, _ in ACTIVATION_COLOURS]
 _RGB = np.array([[int(text[k : k + 2], 16) / 255.0 for k in (1, 3, 5)] for _, text in ACTIVATION_COLOURS])
 
 
 def colour(activation: Sequence[float]) -> FloatArray:
-    """Red, green and blue from 0 to 1 of n activations, shape (n, 3)."""
+    """Return red, green and blue from 0 to 1 of n activations, shape (n, 3)."""
     return np.stack([np.interp(activation, _STOPS, part) for part in _RGB.T], axis=1)
 
 
 def muscle_lines(body: Body, anatomy: Anatomy) -> dict[str, Points]:
-    """Of the muscles of a body's arms, by name with the side ("right_bic_l"), scaled as its segments are."""
+    """Return the lines of a body's arm muscles, by name with the side ("right_bic_l"), scaled with its segments."""
     return {
         f"{side}_{name}": tuple(_placed(body, anatomy, side, segment, p) for segment, p in muscle.course)
         for side in ("right", "left")
@@ -39,7 +41,7 @@ def muscle_lines(body: Body, anatomy: Anatomy) -> dict[str, Points]:
 
 
 def _placed(body: Body, anatomy: Anatomy, side: str, segment: str, p_model: Sequence[float]) -> tuple[str, Vector]:
-    """A point of a right arm's model, on a side of the body; what lies on the trunk scales with the upper arm."""
+    """Return a point of a right arm's model on one side of the body; points on the trunk scale with the upper arm."""
     arm = body.segments[f"{side}_{_FOREARM if segment == _FOREARM else _UPPER_ARM}"]
     reference = anatomy.reference.get(arm.kind)
     p = np.array(p_model) * (arm.length / reference if reference else 1.0)

@@ -1,13 +1,12 @@
-"""What a motion costs the arms of a real person, while he moves: from the frames of his tracker and the measured force
-on a hand.
+"""Live muscle load of a real person's arms, from tracker frames and the measured force on a hand.
 
     live = LiveLoad(body, anatomy, "right")
-    live.add(estimate), live.add_force(force)          # as they come
+    live.add(estimate), live.add_force(force)          # as they arrive
     live.take()                                        # the load at the instants that have become known
 
-At each instant of an even grid cubics through the frames around it, by least squares, give the joints and the root with
+At each instant of an even grid, least-squares cubics through the frames around it give the joints and the root with
 their first two derivatives (Savitzky & Golay, Anal. Chem. 36:1627, 1964, for frames that need not be even): the load is
-late by half a window. All else is `AfterRun`. What is fed from a recording gives the same, whatever the portions.
+late by half a window. The rest is `AfterRun`. A recording gives the same result, however it is divided.
 """
 
 import math
@@ -30,36 +29,34 @@ from hric_human.muscles.muscle_set import MuscleSet
 from hric_human.tracking import BRIDGED, LOST, MEASURED, Estimate
 
 WINDOW = 0.125
-"""Half of the span of the frames around an instant [s]. The constants of this file are project defaults,
-unconfirmed."""
+"""Half of the time window around an instant [s]. The constants of this file are project defaults, unconfirmed."""
 DEGREE = 3
-"""Of the polynomials."""
+"""Degree of the polynomials."""
 FEWEST = 6
-"""Frames in a window, below which nothing is said of its instant."""
+"""Smallest number of frames in a window with a result."""
 GAP = 0.1
-"""Furthest that frames, and samples of the force, may be apart [s]."""
+"""Largest time between two frames, and between two samples of the force [s]."""
 PATIENCE = 0.3
-"""So much longer than for frames an instant waits for the force [s]."""
+"""Additional time that an instant waits for the force, compared with frames [s]."""
 REACH = 0.5
-"""Between the hand's centre of mass and the point of the force; one that is farther off is not on the hand [m]."""
+"""Distance from the hand's centre of mass beyond which the force is not on the hand [m]."""
 ANOTHER_CLOCK = 3600.0
-"""Frames that are farther apart are of different clocks [s]."""
+"""Time between frames from which on they are of different clocks [s]."""
 STAMP = 1e-6
-"""Differences of times that are smaller are rounding [s]."""
+"""Differences of times below this are rounding [s]."""
 UNMEASURED, MISSING, AWAY = "none", "missing", "away"
-"""States of the force beside MEASURED: there is nothing that measures it; it has not come; it is not on the hand, which
-then holds nothing."""
+"""States of the force other than MEASURED: no sensor; no sample yet; not on the hand, which is then empty."""
 _ORDER = (MEASURED, BRIDGED, LOST)
 
 
 class HandForce(NamedTuple):
-    """What acts on a hand, in axes of the markers' frame.
+    """Load on a hand, in axes of the markers' frame.
 
     Attributes:
-        time: of the sample [s].
-        force: on the hand [N].
-        torque: on the hand, about `point` [N m].
-        point: where the force acts [m].
+        time: time of the sample [s].
+        force: force on the hand [N].
+        torque: torque on the hand, about `point` [N m].
+        point: point at which the force acts [m].
     """
 
     time: float
@@ -70,16 +67,16 @@ class HandForce(NamedTuple):
 
 @dataclass(frozen=True)
 class PersonLoad:
-    """At n instants.
+    """Load of a person's muscles at n instants.
 
     Attributes:
-        load: of the muscles. NaN: torque, and all that follows from it, of an arm that is lost; what muscles do, of an
-            arm outside the range that muscle paths were fitted in.
-        states: MEASURED, BRIDGED or LOST, by side: the worst that a window has of the joints from the root to the hand,
-            and LOST while the force on that hand is MISSING.
+        load: load of the muscles. NaN: torque, and all that follows from it, of a lost arm; muscle values of an arm
+            outside the range of the fitted muscle paths.
+        states: MEASURED, BRIDGED or LOST, by side: the worst state in the window of the joints from the root to the
+            hand, and LOST while the force on that hand is MISSING.
         force: state of the force: UNMEASURED, MEASURED, MISSING or AWAY.
-        acting: on the hand, as it went into the load; zero while it is AWAY, NaN while it is MISSING.
-        distance: between hand and force, shape (n,) [m]; NaN without a force.
+        acting: load on the hand as used in the computation; zero while it is AWAY, NaN while it is MISSING.
+        distance: distance between hand and force, shape (n,) [m]; NaN without a force.
     """
 
     load: MuscleLoad
@@ -90,7 +87,7 @@ class PersonLoad:
 
 
 class _Frame(NamedTuple):
-    """Of the tracker: joints, position and orientation of the root, and the rows of their states in _ORDER."""
+    """Tracker frame: joints, position and orientation of the root, and indices of their states in _ORDER."""
 
     time: float
     values: FloatArray
@@ -98,14 +95,14 @@ class _Frame(NamedTuple):
 
 
 class LiveLoad:
-    """Of one person. One thread calls it.
+    """Live load of one person; called from one thread.
 
     Args:
-        body: his, with arms.
-        anatomy: of his muscles.
+        body: body of the person, with arms.
+        anatomy: anatomy of the muscles.
         hand: "right" or "left", on which the measured force acts; None: no force is measured.
-        strength: factor of that of his muscles.
-        gravity: in axes of the markers' frame [m/s^2].
+        strength: factor of the muscles' strength.
+        gravity: gravity vector in axes of the markers' frame [m/s^2].
 
     Attributes:
         names, joints, links: see `AfterRun`.
@@ -129,13 +126,13 @@ class LiveLoad:
         self.restart()
 
     def restart(self) -> None:
-        """Forget what came before."""
+        """Discard the history."""
         self._frames: deque[_Frame] = deque()
         self._forces: deque[HandForce] = deque()
         self._next: int | None = None
 
     def add(self, one: Estimate) -> None:
-        """Take a frame; one that is not after the last one, or is of another clock, begins again."""
+        """Add a frame; one that is not after the last one, or is of another clock, restarts the estimate."""
         if self._frames and not 0.0 < one.time - self._frames[-1].time < ANOTHER_CLOCK:
             self.restart()
         orientation = np.array(one.root.orientation)
@@ -148,8 +145,7 @@ class LiveLoad:
             self._next = math.ceil((one.time + WINDOW - STAMP) * RATE)
 
     def add_force(self, force: HandForce) -> None:
-        """Take a sample of the force on the hand; one that is not after the last one begins the force again, one with a
-        value that is not finite is none."""
+        """Add a sample of the force on the hand, if it is finite; an older one than the last restarts the force."""
         if not all(map(math.isfinite, (*force.force, *force.torque, *force.point))):
             return
         if self._forces and force.time <= self._forces[-1].time:
@@ -157,7 +153,7 @@ class LiveLoad:
         self._forces.append(force)
 
     def take(self) -> PersonLoad | None:
-        """The load at all instants that have become known since the last call; None: there is none."""
+        """Return the load at all instants that have become known since the last call; None if there are none."""
         instants = self._due()
         if not instants:
             return None
@@ -168,7 +164,7 @@ class LiveLoad:
         return result
 
     def _due(self) -> list[int]:
-        """Numbers of the instants whose window has passed, and for which the force has come, or did not in time."""
+        """Return the indices of instants whose window has passed, and whose force has arrived or timed out."""
         if self._next is None:
             return []
         newest, first = self._frames[-1].time - WINDOW + STAMP, self._next
@@ -178,7 +174,7 @@ class LiveLoad:
         return list(range(first, self._next))
 
     def _forget(self) -> None:
-        """What no window needs any more."""
+        """Remove frames and forces that no window needs any more."""
         assert self._next is not None
         time = self._next / RATE
         while self._frames[0].time < time - WINDOW - GAP and len(self._frames) > 1:
@@ -198,13 +194,13 @@ class LiveLoad:
         return PersonLoad(_trusted(self._after.of(motion, [known], root), lost), states, force, acting, distance)
 
     def _state(self, side: str, worst: NDArray[np.int8], force: tuple[str, ...]) -> tuple[str, ...]:
-        """Of an arm at n instants; worst: state of each joint and the root in the window of each."""
+        """Return the states of an arm at n instants; worst: of each joint and the root in the window of each."""
         rows = worst[:, [*self._chains[side].joints, self._count]].max(axis=1)
         unknown = np.array(force) == MISSING if side == self._hand else np.zeros(len(rows), np.bool_)
         return tuple(LOST if gone else _ORDER[row] for row, gone in zip(rows.tolist(), unknown, strict=True))
 
     def _acting(self, time: FloatArray, motion: Motion, root: RootMotion) -> tuple[tuple[str, ...], Load, FloatArray]:
-        """State of the force, what acts on the hand, and how far that is from it, at n instants."""
+        """Return the state of the force, the load on the hand, and their distance, at n instants."""
         n, nothing = len(time), np.zeros((len(time), 3))
         if self._hand is None:
             return (UNMEASURED,) * n, Load(self._link, nothing, nothing, nothing), np.full(n, np.nan)
@@ -221,10 +217,12 @@ class LiveLoad:
 
 
 class _Instant(NamedTuple):
-    """Attributes:
-    time: [s].
-    derivatives: of the values of a frame, from the zeroth to the second, shape (3, values).
-    states: the worst of each in the window, as rows of _ORDER.
+    """Fitted values at an instant.
+
+    Attributes:
+        time: time [s].
+        derivatives: values of a frame with their first and second derivatives, shape (3, values).
+        states: worst state of each value in the window, as indices of _ORDER.
     """
 
     time: float
@@ -233,14 +231,14 @@ class _Instant(NamedTuple):
 
 
 class _Fitted:
-    """Cubics through frames."""
+    """Least-squares cubics through frames."""
 
     def __init__(self, frames: deque[_Frame]) -> None:
         self._time = np.array([frame.time for frame in frames])
         self._values, self._states = (np.array([frame[part] for frame in frames]) for part in (1, 2))
 
     def at(self, time: float) -> _Instant | None:
-        """At a time [s]; None: there are too few frames around it."""
+        """Return the fit at a time [s]; None if there are too few frames around it."""
         first, last = np.searchsorted(self._time, (time - WINDOW - STAMP, time + WINDOW + STAMP))
         since = self._time[first:last] - time
         edges = np.concatenate([[-WINDOW], since, [WINDOW]])
@@ -253,8 +251,10 @@ class _Fitted:
 
 
 def _between(forces: deque[HandForce], time: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Force, torque and point at n instants, on lines between samples, shape (n, 9); NaN, and not known, where these
-    are too far apart."""
+    """Return force, torque and point at n instants, linear between samples, shape (n, 9), and which are known.
+
+    Values are NaN and unknown if the samples are too far apart.
+    """
     if len(forces) < 2:
         return np.full((len(time), 9), np.nan), np.zeros(len(time), np.bool_)
     sampled = np.array([force.time for force in forces])
@@ -267,7 +267,7 @@ def _between(forces: deque[HandForce], time: FloatArray) -> tuple[FloatArray, ND
 
 
 def _trusted(load: MuscleLoad, lost: Mapping[str, NDArray[np.bool_]]) -> MuscleLoad:
-    """The load with NaN for what is not known of it; lost: by side, shape (n,)."""
+    """Return the load with NaN for unknown values; lost: by side, shape (n,)."""
     load = replace(load, lost=lost)
     gone = np.stack([lost[name.partition("_")[0]] for name in load.joints], axis=1)
     muscles, joints = (np.stack([load.known(name) for name in names], axis=1) for names in (load.names, load.joints))

@@ -1,7 +1,7 @@
-"""The muscles of a body: moment arms and forces at its joint angles, for a person of his size and strength.
+"""Muscles of a body: moment arms and forces at its joint angles, for a person of its size and strength.
 
 Lengths of a muscle scale with the segments that it spans, its strength with the person's mass and sex (the rule of
-`hric_human.control.strength`; for single muscles unconfirmed). A joint of an arm without muscles, as the wrist, has two
+`hric_human.control.strength`; for single muscles unconfirmed). An arm joint without muscles, such as the wrist, has two
 ideal actuators with activation, one for each sense.
 """
 
@@ -29,25 +29,25 @@ SPANNED = {
     "wr_flex": ("forearm",),
     "wr_dev": ("forearm",),
 }
-"""Segments by whose length a muscle about a joint scales, the mean of all of them; project default, unconfirmed."""
+"""Segments whose mean scale is that of a muscle about the joint; project default, unconfirmed."""
 STIFFNESS = 75.0
-"""Of a muscle per force and moment arm [1/m]; PMC2784227."""
+"""Stiffness of a muscle per force and moment arm [1/m]; PMC2784227."""
 DAMPING_TIME = 0.05
 """Damping per stiffness [s]; PMC2784227."""
 _built = load("hric_muscles")
 
 
 class MuscleState:
-    """Of k muscles and actuators at one moment.
+    """State of k muscles and actuators at one instant.
 
     Attributes:
-        arms: moment arms about m joints, shape (k, m) [m]; 1 or -1 of actuators.
-        length: of the fibres per optimal length, shape (k,) [1]; 0 of actuators.
-        velocity: its rate, shape (k,) [1/s]; 0 of actuators.
-        gain: force per activation, shape (k,) [N]; torque of actuators [N m].
+        arms: moment arms about m joints, shape (k, m) [m]; 1 or -1 for actuators.
+        length: fibre length per optimal length, shape (k,) [1]; 0 for actuators.
+        velocity: rate of `length`, shape (k,) [1/s]; 0 for actuators.
+        gain: force per activation, shape (k,) [N]; torque for actuators [N m].
         passive: force without activation, shape (k,) [N].
-        outside: whether an angle was beyond the range of the fit, and its nearest end was taken.
-        numbers: length, velocity, gain, passive and arms, one after the other.
+        outside: True if an angle was beyond the range of the fit, and was clipped to it.
+        numbers: length, velocity, gain, passive and arms, concatenated.
     """
 
     __slots__ = ("arms", "gain", "length", "numbers", "outside", "passive", "velocity")
@@ -59,31 +59,31 @@ class MuscleState:
         self.outside = outside
 
     def forces(self, activation: FloatArray) -> FloatArray:
-        """At activations of shape (k,) [1]: shape (k,) [N], of actuators [N m]."""
+        """Return forces at activations of shape (k,) [1]: shape (k,) [N], of actuators [N m]."""
         return self.gain * activation + self.passive
 
     def torque(self, activation: FloatArray) -> FloatArray:
-        """Of the joints that they act on, at activations of shape (k,) [1]: shape (m,) [N m]."""
+        """Return the torque of the joints at activations of shape (k,) [1]: shape (m,) [N m]."""
         return np.asarray(self.forces(activation) @ self.arms)
 
 
 class Intrinsic(NamedTuple):
-    """What muscles do by themselves against motion: stiffness [N m/rad] and damping [N m s/rad], shape (m, m)."""
+    """Intrinsic impedance of muscles: stiffness [N m/rad] and damping [N m s/rad], shape (m, m)."""
 
     stiffness: FloatArray
     damping: FloatArray
 
 
 class ScaledMuscle(NamedTuple):
-    """A muscle of this body.
+    """Muscle scaled to this body.
 
     Attributes:
-        name: with its side.
-        force: maximum isometric one [N].
-        optimal_length, slack_length: [m].
+        name: name with the side.
+        force: maximum isometric force [N].
+        optimal_length, slack_length: lengths of fibres and tendon [m].
         scale: lengths of the subject per those of the model.
-        joints: of the body, whose angles its length takes.
-        order, coefficients: of the length [m], as `Polynomial` has them.
+        joints: joints of the body whose angles determine its length.
+        order, coefficients: length polynomial [m], see `Polynomial`.
     """
 
     name: str
@@ -97,19 +97,19 @@ class ScaledMuscle(NamedTuple):
 
 
 class MuscleSet:
-    """The muscles of a body's arms.
+    """Muscles of a body's arms.
 
     Args:
-        body: with an arm or two.
-        anatomy: of a right arm.
-        factor: of the strength of muscles.
+        body: body with an arm or two.
+        anatomy: anatomy of a right arm.
+        factor: factor of the muscles' strength.
 
     Attributes:
-        names: of k muscles and actuators, "right_bic_l", "right_wr_flex+".
-        is_muscle: of each, whether it is one.
-        muscle_count: how many are.
-        scaled: muscles alone, as they are in this body.
-        joints: indices in body.joints of those that they act on, m of them: the columns of moment arms.
+        names: names of k muscles and actuators, "right_bic_l", "right_wr_flex+".
+        is_muscle: True for each that is a muscle.
+        muscle_count: number of muscles.
+        scaled: muscles scaled to this body, without actuators.
+        joints: indices in body.joints of the m joints that they act on: the columns of moment arms.
 
     Raises:
         HricError: the body has no arm, or the factor is not above 0.
@@ -144,19 +144,19 @@ class MuscleSet:
         self._compiled = _built.Muscles(_curves(), constant, shape, arms)
 
     def at(self, q: Sequence[float], dq: Sequence[float]) -> MuscleState:
-        """The muscles at angles [rad] and speeds [rad/s] of all joints of the body."""
+        """Return the state of the muscles at angles [rad] and speeds [rad/s] of all joints of the body."""
         out = np.empty(self._size)
         outside = self._compiled.at(q, dq, out)
         return MuscleState(out, len(self.names), outside)
 
     def intrinsic(self, state: MuscleState, activation: FloatArray) -> Intrinsic:
-        """Of the joints that they act on, at activations of shape (k,) [1]."""
+        """Return the intrinsic impedance of the joints at activations of shape (k,) [1]."""
         springs = STIFFNESS * np.where(self.is_muscle, state.forces(activation), 0.0)
         stiffness = np.asarray((state.arms.T * springs) @ state.arms)
         return Intrinsic(stiffness, DAMPING_TIME * stiffness)
 
     def _arm(self, anatomy: Anatomy, side: str, row: int, column: int) -> tuple[object, ...]:
-        """Of a side, as the compiled type takes it."""
+        """Return the muscles of one side, as arguments of the compiled type."""
         angles = [self._order.index(f"{side}_{name}") for name in anatomy.joints]
         products = _Monomials(anatomy)
         start, term, coefficient = products.rows(muscle.length for muscle in anatomy.muscles.values())
@@ -192,10 +192,10 @@ class MuscleSet:
 
 
 class _Monomials:
-    """All that the lengths of an anatomy and their slopes need, each an earlier one times an angle.
+    """Monomials of all lengths of an anatomy and their slopes, each an earlier one times an angle.
 
     Attributes:
-        factor, angle: of each monomial; the first is 1 and has none.
+        factor, angle: index of the earlier monomial and of the angle, for each; the first is 1 and has none.
     """
 
     def __init__(self, anatomy: Anatomy) -> None:
@@ -211,7 +211,7 @@ class _Monomials:
             self.angle.append(angle)
 
     def rows(self, lengths: Iterable[Polynomial]) -> tuple[IntArray, IntArray, FloatArray]:
-        """Sparse matrix of lengths, each with its slopes behind it: where rows start, monomials, and coefficients."""
+        """Return the sparse matrix of lengths, each followed by its slopes: row starts, monomials, and coefficients."""
         start, term, coefficient = [0], list[int](), list[float]()
         for length in lengths:
             powers = self._powers(length)
@@ -235,7 +235,7 @@ def _lowered(power: tuple[int, ...], angle: int) -> tuple[int, ...]:
 
 
 def _below(power: tuple[int, ...]) -> Iterable[tuple[int, ...]]:
-    """What a monomial is made of, and its slopes."""
+    """Yield the monomials that a monomial and its slopes are computed from."""
     for angle, exponent in enumerate(power):
         if exponent:
             yield _lowered(power, angle)
@@ -243,7 +243,7 @@ def _below(power: tuple[int, ...]) -> Iterable[tuple[int, ...]]:
 
 
 def _constant(muscles: int, joints: int, actuators: Iterable[tuple[int, int, float]]) -> FloatArray:
-    """What actuators have in the arrays of a state, 0 elsewhere: of rows, columns and torques with their sign."""
+    """Return the actuators' part of a state's arrays, 0 elsewhere; actuators: rows, columns and signed torques."""
     out = np.zeros(muscles * (4 + joints))
     arms = out[4 * muscles :].reshape(muscles, joints)
     for row, column, torque in actuators:
@@ -253,7 +253,7 @@ def _constant(muscles: int, joints: int, actuators: Iterable[tuple[int, int, flo
 
 
 def _curves() -> FloatArray:
-    """As the compiled type takes them."""
+    """Return the parameters of the curves, as arguments of the compiled type."""
     bells = [number for bell in curves.ACTIVE for number in bell]
     passive = curves.PASSIVE_SHAPE, curves.PASSIVE_STRAIN, curves.SHORTEST
     return np.array([*bells, *passive, *curves.VELOCITY, curves.MAX_VELOCITY])

@@ -1,4 +1,4 @@
-"""The muscles of a body in its OpenSim model: DeGrooteFregly2016Muscle on function-based paths, rigid tendons."""
+"""Muscles in the OpenSim model of a body: DeGrooteFregly2016Muscle on function-based paths, rigid tendons."""
 
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
@@ -11,17 +11,18 @@ NOTE = (
     "Muscles act on coordinates through polynomials of length, without points on bodies: what JointReaction gives "
     "misses the joint loads of the muscles. Those are in the joint reactions of the run."
 )
-"""Comment of the model."""
+"""Comment in the model."""
 
 
 def with_muscles(model: str, muscles: MuscleSet) -> str:
-    """A model's text with the muscles of its body; ideal actuators are left out.
+    """Return a model's text with the muscles of its body; ideal actuators are left out.
 
     Args:
-        model: of OpenSim, whose coordinates have the names of the body's joints.
+        model: OpenSim model, whose coordinates have the names of the body's joints.
+        muscles: muscles of the body.
 
     Raises:
-        HricError: a coordinate is missing, or it is no model.
+        HricError: a coordinate is missing, or the text is not a model.
     """
     try:
         root = ElementTree.fromstring(model)
@@ -48,7 +49,7 @@ def with_muscles(model: str, muscles: MuscleSet) -> str:
 
 
 def _coordinate_paths(root: Element) -> dict[str, str]:
-    """By name, of the joints in the model's set."""
+    """Return the paths of the coordinates in the model's joint set, by name."""
     joints = root.findall("Model/JointSet/objects/*")
     return {
         str(coordinate.get("name")): f"/jointset/{joint.get('name')}/{coordinate.get('name')}"

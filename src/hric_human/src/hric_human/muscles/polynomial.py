@@ -14,8 +14,10 @@ IntArray = npt.NDArray[np.int64]
 
 @cache
 def exponents(variables: int, order: int) -> IntArray:
-    """Of all monomials up to an order, shape (terms, variables), the last variable's counting fastest: the order of
-    OpenSim's MultivariatePolynomialFunction."""
+    """Return the exponents of all monomials up to an order, shape (terms, variables), the last variable fastest.
+
+    This is the order of OpenSim's MultivariatePolynomialFunction.
+    """
     return np.array(list(_exponents(variables, order)), dtype=np.int64).reshape(-1, variables)
 
 
@@ -29,12 +31,12 @@ def _exponents(variables: int, order: int) -> Iterator[tuple[int, ...]]:
 
 
 def monomials(q: FloatArray, order: int) -> FloatArray:
-    """All up to an order, shape (samples, terms), of angles of shape (samples, variables)."""
+    """Return the monomials up to an order, shape (samples, terms), of angles of shape (samples, variables)."""
     return _products(q, exponents(q.shape[1], order))
 
 
 def slopes(q: FloatArray, order: int) -> FloatArray:
-    """Derivatives of `monomials` by each variable, shape (variables, samples, terms)."""
+    """Return the derivatives of `monomials` by each variable, shape (variables, samples, terms)."""
     power = exponents(q.shape[1], order)
     units = np.eye(q.shape[1], dtype=np.int64)
     return np.array([power[:, i] * _products(q, np.maximum(power - unit, 0)) for i, unit in enumerate(units)])
@@ -49,12 +51,12 @@ def _products(q: FloatArray, power: IntArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Polynomial:
-    """sum_t c_t prod_i q_i^e_ti, with the exponents e of `exponents`.
+    """Polynomial sum_t c_t prod_i q_i^e_ti, with the exponents e of `exponents`.
 
     Attributes:
-        joints: whose angles it takes, names without a side.
+        joints: joints whose angles are its variables, names without a side.
         order: highest sum of exponents of a term.
-        coefficients: in the unit of the value per power of rad.
+        coefficients: coefficients in the unit of the value per power of rad.
     """
 
     joints: tuple[str, ...]
@@ -62,9 +64,9 @@ class Polynomial:
     coefficients: tuple[float, ...]
 
     def values(self, q: FloatArray) -> FloatArray:
-        """At angles of its joints, shape (samples, joints) [rad]: shape (samples,)."""
+        """Return the values, shape (samples,), at angles of its joints, shape (samples, joints) [rad]."""
         return np.asarray(monomials(q, self.order) @ np.array(self.coefficients))
 
     def gradients(self, q: FloatArray) -> FloatArray:
-        """At angles of its joints, shape (samples, joints) [rad]: shape (samples, joints)."""
+        """Return the gradients, shape (samples, joints), at angles of its joints, shape (samples, joints) [rad]."""
         return np.asarray(slopes(q, self.order) @ np.array(self.coefficients)).T

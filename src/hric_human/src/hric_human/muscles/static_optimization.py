@@ -1,11 +1,11 @@
-"""Which activations give a joint torque: those with the least sum of squares.
+"""Static optimisation: the activations with the least sum of squares that produce a joint torque.
 
     min sum a_i^2   with   sum_i arms_i gain_i a_i = torque,   minimum_i <= a_i <= 1
 
-Crowninshield & Brand, J. Biomech. 14:793, 1981, with activations in place of stresses, as OpenSim's StaticOptimization
-has it with its exponent of 2. The task is strictly convex: its solution is one. It is found through its dual, in C
-(`static_optimization.c`): a_i is b_i . x kept within its bounds, with b_i = gain_i arms_i, and x, one number per
-joint, minimises a convex function that is quadratic between kinks: Newton's step with a search along it. Starting from
+Crowninshield & Brand, J. Biomech. 14:793, 1981, with activations in place of stresses, as in OpenSim's
+StaticOptimization with its exponent of 2. The problem is strictly convex and has one solution. It is solved through its
+dual, in C (`static_optimization.c`): a_i is b_i . x clipped to its bounds, with b_i = gain_i arms_i, and x, one number
+per joint, minimises a convex function that is quadratic between kinks: Newton's step with a line search. Starting from
 the last solution saves steps and does not change the result.
 """
 
@@ -19,7 +19,7 @@ from hric_control.geometry import FloatArray
 from hric_control.native import load
 
 MINIMUM = 0.01
-"""Activation [1]: OpenSim's, of its muscles and its StaticOptimization tool alike."""
+"""Minimum activation [1], as in OpenSim's muscles and its StaticOptimization tool."""
 
 _solve: Callable[..., int]
 _solve = load("hric_static_optimization").solve
@@ -29,9 +29,9 @@ class Solution(NamedTuple):
     """Activations for a joint torque.
 
     Attributes:
-        activation: shape (k,) [1].
-        shortfall: of the torque, what no activation within the bounds can give; the shortest, and zero where the torque
-            can be given, shape (m,) [N m].
+        activation: activations, shape (k,) [1].
+        shortfall: part of the torque that no activation within the bounds can produce; the shortest vector, zero if the
+            torque can be produced, shape (m,) [N m].
         iterations: steps of Newton's method.
     """
 
@@ -41,12 +41,12 @@ class Solution(NamedTuple):
 
 
 class StaticOptimization:
-    """Shares joint torques among muscles. Not for two threads at once.
+    """Solver that shares joint torques among muscles; not thread-safe.
 
     Args:
-        muscles: their number k, ideal actuators included.
-        joints: their number m.
-        minimum: of all activations [1].
+        muscles: number k of muscles, ideal actuators included.
+        joints: number m of joints.
+        minimum: minimum of all activations [1].
 
     Raises:
         HricError: no muscle, no or too many joints, or a minimum activation that is not from 0 to below 1.
@@ -69,14 +69,14 @@ class StaticOptimization:
         torque: Sequence[float] | FloatArray,
         co_contraction: FloatArray | None = None,
     ) -> Solution:
-        """Activations for a torque; of one that is out of reach, those for the nearest that is not.
+        """Return the activations for a torque; if it is out of reach, those for the nearest reachable one.
 
         Args:
-            arms: moment arms [m], of an ideal actuator +1 or -1, shape (k, m).
-            gain: force per activation [N], of an ideal actuator torque [N m], shape (k,).
-            torque: what activation shall give, the passive part left out, shape (m,) [N m].
-            co_contraction: added to the minimum activation of each muscle, from 0 to 1, shape (k,) [1]. The others make
-                up for it: the torque remains as requested.
+            arms: moment arms [m], +1 or -1 for an ideal actuator, shape (k, m).
+            gain: force per activation [N], torque for an ideal actuator [N m], shape (k,).
+            torque: torque from activation, without the passive part, shape (m,) [N m].
+            co_contraction: added to the minimum activation of each muscle, from 0 to 1, shape (k,) [1]. The others
+                compensate: the torque remains as requested.
 
         Raises:
             HricError: a wrong shape, a number that is not finite, or a co-contraction not from 0 to 1.

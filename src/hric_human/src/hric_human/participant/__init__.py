@@ -1,1 +1,1 @@
-"""A human in the robot's plant: his body there, what moves it, what it holds, and his topics."""
+"""Human participant of the robot's plant: body, control, grips and topics."""

@@ -1,4 +1,4 @@
-"""Grips in a plant: when they close and open, and what they carry."""
+"""Grips in a plant: when they close and open, and the load that they carry."""
 
 import math
 from collections.abc import Callable
@@ -12,26 +12,26 @@ from hric_control.plant import Articulated, Bushing, BushingLoad
 from hric_human.participant.settings import GripSettings
 
 Happened = Callable[[str, str, float, str], None]
-"""Takes kind, name, value [N] and text of an event."""
+"""Callback for an event, with kind, name, value [N] and text."""
 LOOK = 10
-"""Cycles between two looks at whether palm and handle are near (project default, unconfirmed)."""
+"""Cycles between two checks of the distance between palm and handle (project default, unconfirmed)."""
 NOTHING = BushingLoad((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0, 0.0)
 
 
 class Grip:
-    """One grip. Its load is on the holder: what is held has the opposite one.
+    """One grip; its load acts on the holder, and the opposite load acts on the held object.
 
     Args:
-        name: of it.
-        settings: its parameters.
-        plant: where both bodies are.
+        name: name of the grip.
+        settings: parameters of the grip.
+        plant: plant that contains both bodies.
         holder: full name of the body that holds.
-        palm: in axes of the holder's link [m].
-        happened: gets each event.
+        palm: position of the palm in axes of the holder's link [m].
+        happened: callback for each event.
 
     Attributes:
-        closed: whether it holds.
-        load: of the last step.
+        closed: True while the grip holds.
+        load: load of the last step.
     """
 
     def __init__(
@@ -45,7 +45,7 @@ class Grip:
         self.restart()
 
     def restart(self) -> None:
-        """As before the first cycle; what it holds by then is let go."""
+        """Return to the state before the first cycle; release what is held."""
         if self.name in self._plant.connections():
             self._plant.disconnect(self.name)
         self.closed, self.load = False, NOTHING
@@ -53,7 +53,7 @@ class Grip:
         self._due, self._slipped, self._slips, self._cycles = math.inf, 0.0, False, 0
 
     def distance(self) -> float:
-        """Between palm and handle now [m]. Raises UnknownNameError."""
+        """Return the current distance between palm and handle [m]. Raises UnknownNameError."""
         palm, handle = self._frames()
         return float(np.linalg.norm(palm[:3, 3] - handle[:3, 3]))
 
@@ -62,11 +62,11 @@ class Grip:
         return state(self.holder)[0] @ self._T_palm, state(self.settings.held)[0] @ self._T_handle
 
     def step(self, time: float, since: float) -> None:
-        """Close or open where it is time to.
+        """Close or open the grip if its condition is satisfied.
 
         Args:
-            time: of the robot [s].
-            since: the motion's start [s]; 0 before it.
+            time: robot time [s].
+            since: time since the start of the motion [s]; 0 before it.
         """
         if self.closed:
             self._carry(time, since)
@@ -76,10 +76,10 @@ class Grip:
             self._cycles += 1
 
     def close(self) -> None:
-        """Hold from the next step on.
+        """Close the grip from the next step on.
 
         Raises:
-            CommandError: it holds already, or palm and handle are too far apart.
+            CommandError: the grip is closed already, or palm and handle are too far apart.
         """
         settings = self.settings
         if self.closed:
@@ -91,8 +91,8 @@ class Grip:
                 f"grip {self.name}: {self.holder} is {distance:.3f} m from the handle of {settings.held}; valid: up to "
                 f"{settings.close.distance:g} m"
             )
-        # Relaxed as they are: a hand takes things as it meets them. The force acts at the handle: what is held may be
-        # thin, and would be shaken by a force that is held over a step if that had a lever.
+        # The spring is relaxed at the current pose: a hand adapts to an object where it is. The force acts at the
+        # handle: the held object may be thin, and a force held constant over a step would shake it through a lever arm.
         T_holder_handle = inverse(palm @ inverse(self._T_palm)) @ handle
         self._plant.connect(
             self.name,
@@ -115,10 +115,10 @@ class Grip:
         )
 
     def open(self, why: str) -> None:
-        """Let go.
+        """Open the grip.
 
         Raises:
-            CommandError: it holds nothing.
+            CommandError: the grip is open already.
         """
         if not self.closed:
             raise CommandError(f"grip {self.name} holds nothing")

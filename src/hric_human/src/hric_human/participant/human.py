@@ -1,4 +1,4 @@
-"""The human in the robot's plant: `hric_human/Human`, a participant."""
+"""Human in the robot's plant: `hric_human/Human`, a participant."""
 
 import math
 from collections import deque
@@ -30,17 +30,18 @@ if TYPE_CHECKING:
     from hric_human.participant.muscles import Muscles
 
 SERVICE_TIMEOUT = 5.0
-"""Longest wait of a service for the loop [s of wall time] (project default, unconfirmed)."""
+"""Longest time that a service waits for the loop [s of wall time] (project default, unconfirmed)."""
 SIGHT_PERIOD = 0.01
-"""Between two looks at the robot [s] (project default, unconfirmed)."""
+"""Time between two observations of the robot [s] (project default, unconfirmed)."""
 
 
 class Human(Participant):
-    """He is there from the construction on, in the posture where his controller begins; his motion begins with the
-    service `hric/NAME/start`.
+    """Human in the plant from construction on; the service `hric/NAME/start` starts their motion.
+
+    Until then the person stays in the posture in which their controller begins.
 
     Raises:
-        HricError: a parameter that cannot be, or a plant whose models have no joints.
+        HricError: an invalid parameter, or a plant whose models have no joints.
     """
 
     def __init__(self, name: str, plant: Plant, node: Node, config: Mapping[str, Any]) -> None:
@@ -92,7 +93,7 @@ class Human(Participant):
     def _new_muscles(self) -> "Muscles | None":
         if self._settings.drive != MUSCLE:
             return None
-        from hric_human.participant.muscles import Muscles  # only a body with muscles waits for them
+        from hric_human.participant.muscles import Muscles  # the muscle code is imported only for a body with muscles
 
         x, y, z = self._plant.gravity
         where, person = f"{below(self._where)}muscles.", self._control.person
@@ -114,7 +115,7 @@ class Human(Participant):
             raise UnknownNameError(error.kind, error.name, error.valid, where) from None
 
     def _check_sight(self) -> None:
-        """Refuse to watch a link that is not there."""
+        """Raise UnknownNameError if the watched link does not exist."""
         if self._settings.watches:
             try:
                 self._plant.link_state(self._settings.watches)
@@ -125,7 +126,7 @@ class Human(Participant):
     # -- the loop ------------------------------------------------------------------------------------------------------
 
     def reset(self) -> None:
-        """He is as at the start, and waits for `start`."""
+        """Return to the initial state and wait for the service `start`."""
         self._control = self._new_control()
         for grip in self._grips:
             grip.restart()
@@ -139,13 +140,13 @@ class Human(Participant):
         walked = [] if self._walk is None else self._walk.start
         self._all_q, self._all_dq = [0.0] * (n + len(walked)), [0.0] * (n + len(walked))
         self._called, self._zero, self._cycles, self._time = False, math.inf, 0, 0.0
-        self._end = self._control.end or math.inf  # one that only stays has no end
+        self._end = self._control.end or math.inf  # a motion that only stays in place has no end
         self._strained = self._control.at_strength
         self._contacts, self._ended = RegionContacts(self._body, self._name), list[RegionContact]()
         self._plant.set_joints(self._name, [*walked, *self._control.posture])
 
     def act(self, time: float) -> None:
-        """Feel, decide, and drive the joints of the coming step."""
+        """Read the contact forces, compute the control, and drive the joints for the coming step."""
         self._time = time
         while self._requests:
             self._serve(*self._requests.popleft())
@@ -183,7 +184,7 @@ class Human(Participant):
         self._cycles += 1
 
     def _read(self) -> None:
-        """The joints' state; the first ones of who walks are not of his body."""
+        """Read the joint state; the leading joints of a walking person are not part of the body."""
         if self._walk is None:
             self._plant.read_joints(self._name, self._q, self._dq)
             return
@@ -197,7 +198,7 @@ class Human(Participant):
         self._happened("started", self._name, 0.0, f"the motion begins at {time:.3f} s")
 
     def _felt(self, contacts: Sequence[Contact]) -> Vector:
-        """Force of all that his hand holds or touches by a spring [N]."""
+        """Return the total force on the hand from its grips and its elastic contacts [N]."""
         forces = [grip.load.force for grip in self._feeling if grip.closed]
         for contact in contacts:
             if contact.kind == "penalty" and self._hand in (contact.body_a, contact.body_b):
@@ -230,7 +231,7 @@ class Human(Participant):
         self._called = True
 
     def _served(self, act: Callable[[], object]) -> Callable[[Any], Any]:
-        """Handler of a service that acts in the loop, between two cycles."""
+        """Return a service handler that calls `act` inside the loop, between two cycles."""
 
         def handler(_: Any) -> Any:
             done: Future[str] = Future()
@@ -254,7 +255,7 @@ class Human(Participant):
             done.set_exception(error)
 
     def close(self) -> None:
-        """Take topics and services back."""
+        """Remove topics and services."""
         for service in self._services:
             service.unregister()
         self._topics.close()

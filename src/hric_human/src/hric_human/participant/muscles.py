@@ -1,4 +1,4 @@
-"""The muscles of a human in the robot's plant: how they move him, and what they publish."""
+"""Muscles of a human in the robot's plant: the torques they produce, and their topics."""
 
 from collections.abc import Sequence
 from itertools import compress
@@ -26,13 +26,13 @@ WORLD = "world"
 
 
 class Snapshot(NamedTuple):
-    """A cycle, of which the reactions are known when the next one says how he accelerated.
+    """State of one cycle; its joint reactions are computed when the next cycle provides the acceleration.
 
     Attributes:
-        time: of the stamp [s].
-        q, dq: n floats [rad], [rad/s].
-        force: of muscles and actuators, shape (k,) [N], [N m].
-        loads: what grips and contacts do to him.
+        time: time of the stamp [s].
+        q, dq: joint positions and velocities, n floats [rad], [rad/s].
+        force: forces and torques of muscles and actuators, shape (k,) [N], [N m].
+        loads: loads of grips and contacts on the person.
     """
 
     time: float
@@ -43,20 +43,20 @@ class Snapshot(NamedTuple):
 
 
 class Muscles:
-    """Of one human, whose torques they give.
+    """Muscles that produce the joint torques of one human.
 
     Args:
-        node: a robot's private names; the topics are below `hric/NAME` beside it.
-        name: of the human.
-        person: his joints.
-        root: T_world_root of his body, at rest.
-        gravity: in axes of the world [m/s^2].
-        settings: of the muscles.
-        where: prefix of the names of the settings, for messages.
-        happened: gets each event.
+        node: private names of a robot; the topics are in the neighbouring namespace `hric/NAME`.
+        name: name of the human.
+        person: joints of the person.
+        root: T_world_root of the body, at rest.
+        gravity: gravity vector in axes of the world [m/s^2].
+        settings: settings of the muscles.
+        where: prefix of the settings' names, for messages.
+        happened: callback for each event.
 
     Raises:
-        ParameterError: an anatomy that is not there, or see MuscleDrive.
+        ParameterError: an unknown anatomy, or an error of MuscleDrive.
     """
 
     def __init__(
@@ -90,12 +90,12 @@ class Muscles:
             publisher.unregister()
 
     def restart(self) -> None:
-        """As before the first cycle."""
+        """Return to the state before the first cycle."""
         self._drive.restart()
         self._exhausted, self._pending = self._drive.at_limit, None
 
     def torque(self, q: Sequence[float], dq: Sequence[float], tau: Sequence[float]) -> list[float]:
-        """What they give of a desired torque until the next cycle, see `MuscleDrive.update`."""
+        """Return the torque that the muscles produce for a desired one; see `MuscleDrive.update`."""
         if self._pending is not None:
             self._reactions.publish(self._joint_reactions, self._pending, dq[:])
             self._pending = None
@@ -107,12 +107,14 @@ class Muscles:
     def publish(
         self, time: float, q: list[float], dq: list[float], grips: Sequence[Grip], contacts: Sequence[Contact]
     ) -> None:
-        """What they do in this cycle.
+        """Publish the activations, muscle forces and joint reactions of this cycle.
 
         Args:
-            time: of the stamp [s].
-            q, dq: n floats, not changed later [rad], [rad/s].
-            grips, contacts: of the last step.
+            time: time of the stamp [s].
+            q: joint positions, n floats, not changed later [rad].
+            dq: joint velocities, n floats, not changed later [rad/s].
+            grips: grips of the last step.
+            contacts: contacts of the last step.
         """
         drive, state = self._drive, self._drive.state
         assert state is not None, "the drive has been updated in this cycle"
@@ -142,7 +144,7 @@ class Muscles:
         self._exhausted = drive.at_limit
 
     def _joint_reactions(self, before: Snapshot, dq: Sequence[float]) -> Any:
-        """Message of a cycle; outside the loop."""
+        """Return the message of one cycle's joint reactions; called outside the loop."""
         ddq = [(after - at) / self._cycle for after, at in zip(dq, before.dq, strict=True)]
         angles, speeds, rates = (np.array([values]) for values in (before.q, before.dq, ddq))
         needed = self._whole.inverse_dynamics(angles, speeds, rates, self._root, before.loads, self._gravity)
@@ -158,7 +160,7 @@ class Muscles:
 
 
 def _held(grips: Sequence[Grip], own: str) -> list[Load]:
-    """What closed grips do to his links, whether he holds or is held."""
+    """Return the loads of closed grips on the person's links, both as holder and as held body."""
     loads = []
     for grip in grips:
         for body, sign in ((grip.holder, 1.0), (grip.settings.held, -1.0)):
@@ -169,8 +171,7 @@ def _held(grips: Sequence[Grip], own: str) -> list[Load]:
 
 
 def _touched(contacts: Sequence[Contact], own: str) -> list[Load]:
-    """What touches his links by a spring does to them, along the normal; a rigid pair's impact is no force on a
-    person."""
+    """Return the loads of elastic contacts along their normals; rigid impacts are not forces on a person."""
     loads = []
     for contact in contacts:
         for body, sign in ((contact.body_a, 1.0), (contact.body_b, -1.0)):

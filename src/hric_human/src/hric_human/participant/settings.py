@@ -1,4 +1,4 @@
-"""The parameters of a human in the robot's plant."""
+"""Parameters of a human in the robot's plant."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -30,11 +30,11 @@ from hric_human.control.surroundings import checked
 from hric_human.participant.walk import WalkSettings
 
 SUBJECTS = Path(__file__).resolve().parents[3] / "config" / "subjects"
-"""Bodies that come with the package, by the names of their files."""
+"""Folder of the bodies that come with the package; the files' names are the subjects' names."""
 TORQUE, MUSCLE = "torque", "muscle"
-"""Drives."""
+"""Names of the drives."""
 HAND = "hand"
-"""Name of the holder that is the hand which follows and feels."""
+"""Name of the holder that is the hand of the body, which tracks the reference and senses forces."""
 
 
 def _subject(value: Any, where: str, _: Sequence[str]) -> Subject:
@@ -68,7 +68,7 @@ SUBJECT: Any = Parameter(
 
 @dataclass(frozen=True)
 class CloseSettings(Settings):
-    """When a grip closes: from a time on, as soon as palm and handle are near."""
+    """Conditions on which a grip closes: from a time on, as soon as palm and handle are near."""
 
     separator = "."
     time: float = number(0.0, minimum=0.0, unit="s", text="after the motion's start; 0: from the first cycle on")
@@ -78,7 +78,7 @@ class CloseSettings(Settings):
 
 @dataclass(frozen=True)
 class ReleaseSettings(Settings):
-    """When a grip opens; by none of both: never by itself."""
+    """Conditions on which a grip opens; without time and load it never opens by itself."""
 
     separator = "."
     time: float | None = number(None, minimum=0.0, unit="s", text="after the motion's start")
@@ -95,7 +95,7 @@ class ReleaseSettings(Settings):
 
 @dataclass(frozen=True)
 class GripSettings(Settings):
-    """A spring and a damper between what is held and what holds it, relaxed as they are when it closes."""
+    """Spring and damper between holder and held body, relaxed at the pose in which the grip closes."""
 
     separator = "."
     held: str = text(empty=False, text='body that is held: "link" of the robot or "model::link"')
@@ -120,7 +120,7 @@ class GripSettings(Settings):
 
 @dataclass(frozen=True)
 class MuscleSettings(Settings):
-    """The muscles of a body and the law that shares torques out among them."""
+    """Muscles of a body and the law that shares the joint torques among them."""
 
     separator = "."
     anatomy: str = text(
@@ -141,7 +141,7 @@ class MuscleSettings(Settings):
 
 @dataclass(frozen=True)
 class HumanSettings(Settings):
-    """The human, where he is, what moves him and what he holds."""
+    """Human in the plant: position, motion and grips."""
 
     separator = "."
     subject: Subject = SUBJECT
@@ -174,7 +174,11 @@ class HumanSettings(Settings):
     seed: int = whole(0, minimum=0, text="of all that varies")
 
     def check(self, where: str) -> None:
-        """Refuse what the controller would refuse of its parameters, and decisions of muscles that move nobody."""
+        """Refuse parameters that the controller would refuse, and muscle settings that move nobody.
+
+        Raises:
+            ParameterError: a parameter is invalid, or has no effect with this drive.
+        """
         if self.drive != MUSCLE:
             for name in ("rate", "co_contraction"):
                 refuse_void(self.muscles, name, f"{where}muscles.", f"{where}drive: {MUSCLE}")
@@ -182,11 +186,11 @@ class HumanSettings(Settings):
 
     @property
     def person(self) -> Subject:
-        """The subject with `parts` and `posture` of here."""
+        """The subject, with `parts` and `posture` of these settings."""
         changes = {name: value for name in ("parts", "posture") if (value := getattr(self, name)) is not None}
         return replace(self.subject, **changes)
 
     def root(self, body: Body) -> Pose:
-        """T_world_root of his body."""
+        """Return T_world_root of the body."""
         x, y = self.position
         return Pose((x, y, self.floor + body.base_height), from_rotation_vector((0.0, 0.0, self.heading)))

@@ -22,21 +22,21 @@ from hric_msgs.msg import RegionContact as RegionContactMessage
 
 WORLD = "world"
 NOWHERE = (math.nan, math.nan, math.nan)
-"""Of a contact of which nobody knows where it was."""
+"""Vector of a contact whose position is unknown."""
 
 SILENCE = 0.05
-"""Longest time between two messages of contacts while nothing touches [s] (project default)."""
+"""Longest time between two contact messages while nothing touches [s] (project default)."""
 
 
 class Topics:
     """Topics of one human.
 
     Args:
-        node: a robot's private names; the topics are below `hric/NAME` beside it.
-        name: of the human, and of the frames: NAME/LINK.
-        person: the joints.
+        node: private names of a robot; the topics are in the neighbouring namespace `hric/NAME`.
+        name: name of the human, and prefix of the frames: NAME/LINK.
+        person: joints of the person.
         root: pose of the root link `human_base` in the world.
-        walks: it is published again and again.
+        walks: True if the root moves; its pose is then published repeatedly.
     """
 
     def __init__(self, node: Node, name: str, person: Person, root: Pose, walks: bool = False) -> None:
@@ -66,7 +66,7 @@ class Topics:
             publisher.unregister()
 
     def publish_root(self, time: float, root: Pose) -> None:
-        """Publish where the root of a walking human is at a time of the run [s]."""
+        """Publish the root pose of a walking human at a time of the run [s]."""
         assert self._root is not None, "of a walking human"
         self._root.publish(_root, time, root)
         self._tf.publish(_placed, time, self._frame, root)
@@ -80,7 +80,7 @@ class Topics:
         control: HumanControl,
         grips: Sequence[Grip],
     ) -> None:
-        """The state of a cycle at a time of the run [s]; the lists are not changed later."""
+        """Publish the state of a cycle at a time of the run [s]; the lists are not changed later."""
         if self._states.subscribers():
             self._states.publish(_joint_state, time, self._person.joints, q, dq, tau)
         if self._torques.subscribers():
@@ -93,13 +93,16 @@ class Topics:
     def publish_contacts(
         self, time: float, epoch: float, present: Iterable[RegionContact], ended: Iterable[RegionContact]
     ) -> None:
-        """Publish the contacts of a cycle and those that ended since the last message; while nothing touches, an empty
-        message at least every SILENCE seconds: it distinguishes "nothing touched" from "not recorded".
+        """Publish the contacts of a cycle and those that ended since the last message.
+
+        While nothing touches, an empty message is sent at least every SILENCE seconds: it distinguishes "nothing
+        touched" from "not recorded".
 
         Args:
-            time: of the stamp [s].
+            time: time of the stamp [s].
             epoch: stamp of the robot time 0 [s].
-            present, ended: with robot times.
+            present: contacts of this cycle, with robot times.
+            ended: contacts that ended, with robot times.
         """
         touching, over = [_contact(one, epoch) for one in present], [_contact(one, epoch) for one in ended]
         if touching or over or self._touching or not 0.0 <= time - self._reported < SILENCE - 1e-9:
@@ -107,7 +110,7 @@ class Topics:
             self._contacts.publish(_contacts, time, touching, over)
 
     def event(self, time: float, kind: str, name: str, value: float, text: str) -> None:
-        """Something happened at a time of the run [s]."""
+        """Publish an event at a time of the run [s]."""
         self._events.publish(_event, time, kind, name, value, text)
 
 
@@ -162,7 +165,7 @@ def _event(time: float, kind: str, name: str, value: float, text: str) -> Any:
 
 
 def _contact(contact: RegionContact, epoch: float) -> Any:
-    """A snapshot, since the contact goes on."""
+    """Return a copy of the contact as a message, since the contact changes later."""
     message = RegionContactMessage()
     message.regions = [region.name for region in contact.regions]
     message.dominant = any(region.dominant for region in contact.regions)

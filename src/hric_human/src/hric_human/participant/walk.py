@@ -1,7 +1,7 @@
-"""Walking: the root of a body is moved along a stated way, whatever his joints do.
+"""Walking: the root of a body is moved along a specified path, independently of the joints.
 
-It is no gait: legs hang as their reference has them. Two prismatic joints below the root carry him, and a spring and a
-damper hold him on the way, with the force that his own mass needs; what he can push with is limited.
+This is not a gait: the legs keep the posture of their reference. Two prismatic joints below the root move the person; a
+spring and a damper track the path, with feedforward of the force on the body's mass. The tracking force is limited.
 """
 
 import math
@@ -22,22 +22,23 @@ from hric_human.body import Body
 from hric_human.body.segments import ROOT
 
 GROUND, JOINTS = "human_ground", ("walk_x", "walk_y")
-"""Root link of a body that walks, and the joints between it and `human_base`: displacements along x and y of the world
-[m]."""
+"""Root link of a walking body; joints from it to `human_base`: displacement along x and y of the world [m]."""
 SHARE = 0.01
-"""Mass of each link that these move, as share of the body's: an engine wants one. The constants of this file are
-project defaults, unconfirmed."""
+"""Mass of each link that these joints move, as share of the body's: an engine needs a mass.
+
+The constants of this file are project defaults, unconfirmed.
+"""
 STIFFNESS_RATE = 30.0
-"""Natural frequency of the spring and, critically damped, of the damper that hold him on his way [rad/s]."""
+"""Natural frequency of the critically damped spring and damper that track the path [rad/s]."""
 FASTEST = 12.5
-"""[m/s]; a sprinter's 12.3 m/s (IAAF, Berlin 2009), rounded up."""
+"""Highest walking speed accepted [m/s]; a sprinter reaches 12.3 m/s (IAAF, Berlin 2009)."""
 REACH = 100.0
-"""How far he can walk [m]."""
+"""Largest walking distance in each direction [m]."""
 
 
 @dataclass(frozen=True)
 class WalkSettings(Settings):
-    """Where he walks."""
+    """Walking path of a human."""
 
     separator: ClassVar[str] = "."
     points: tuple[tuple[float, ...], ...] = listing(
@@ -51,7 +52,7 @@ class WalkSettings(Settings):
     )
 
     def check(self, where: str) -> None:
-        """Refuse times that do not rise, and speeds that nobody has."""
+        """Check that the times increase and that no speed exceeds `FASTEST`. Raises ParameterError."""
         times = [row[0] for row in self.points]
         if not times or times[0] < 0.0 or any(b <= a for a, b in pairwise(times)):
             raise ParameterError(
@@ -63,15 +64,15 @@ class WalkSettings(Settings):
 
 
 class Walk:
-    """The way of one body.
+    """Walking path of one body.
 
     Args:
-        settings: where he walks.
-        body: who does.
-        heading: of his root in the world, about z [rad].
+        settings: settings of the path.
+        body: body that walks.
+        heading: rotation of the root in the world, about z [rad].
 
     Attributes:
-        urdf: of the body that walks.
+        urdf: description of the walking body.
         start: displacement before the motion begins, 2 floats [m].
     """
 
@@ -82,7 +83,7 @@ class Walk:
         self.start = list(settings.points[0][1:])
 
     def at(self, since: float) -> tuple[list[float], list[float], list[float]]:
-        """Displacement [m], velocity [m/s] and acceleration [m/s^2], 2 floats each, at a time since the start [s]."""
+        """Return displacement [m], velocity [m/s], acceleration [m/s^2], 2 floats each; since: time since start [s]."""
         still = [0.0, 0.0]
         for begin, end in pairwise(self._points):
             if begin[0] < since < end[0]:
@@ -98,7 +99,7 @@ class Walk:
         return list((passed[-1] if passed else self._points[0])[1:]), still, still
 
     def force(self, since: float, q: Sequence[float], dq: Sequence[float]) -> list[float]:
-        """That the joints take, 2 floats [N]; since: time since the start [s]."""
+        """Return the forces of the walking joints, 2 floats [N]; since: time since the start [s]."""
         position, speed, acceleration = self.at(since)
         k, c = self._mass * STIFFNESS_RATE**2, 2.0 * self._mass * STIFFNESS_RATE
         held = [k * (p - x) + c * (v - w) for p, x, v, w in zip(position, q, speed, dq, strict=True)]
@@ -107,7 +108,7 @@ class Walk:
         return [share * f + self._mass * a for f, a in zip(held, acceleration, strict=True)]
 
     def root(self, root: Pose, q: Sequence[float]) -> Pose:
-        """T_world_root of who has walked; root: where he was spawned."""
+        """Return T_world_root after walking; root: T_world_root at the spawn."""
         x, y, z = root.position
         return Pose((x + q[0], y + q[1], z), root.orientation)
 
@@ -115,14 +116,14 @@ class Walk:
 def _walking(body: Body, heading: float) -> str:
     robot = ElementTree.fromstring(body.urdf)
     mass = SHARE * body.total_mass
-    inertia = 0.4 * mass * 0.1**2 * np.eye(3)  # of a ball of 10 cm; nothing turns it
+    inertia = 0.4 * mass * 0.1**2 * np.eye(3)  # a ball of 10 cm; nothing rotates it
     base = next(link for link in robot.findall("link") if link.get("name") == ROOT)
     write_inertial(base, mass, np.eye(4), inertia)
     SubElement(robot, "link", name=GROUND)
     write_inertial(SubElement(robot, "link", name=JOINTS[0]), mass, np.eye(4), inertia)
     cos, sin = math.cos(heading), math.sin(heading)
     ends = (GROUND, JOINTS[0], ROOT)
-    # The axes of the world in those of the root, which looks along the heading.
+    # World axes in axes of the root, whose x points along the heading.
     for name, (parent, child), (x, y) in zip(JOINTS, pairwise(ends), ((cos, -sin), (sin, cos)), strict=True):
         joint = SubElement(robot, "joint", name=name, type="prismatic")
         SubElement(joint, "parent", link=parent)

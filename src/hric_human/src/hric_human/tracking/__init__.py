@@ -1,10 +1,10 @@
-"""A real person: from the markers that cameras see to the joints of his body. No ROS.
+"""Tracking of a real person: from the markers that cameras measure to the joints of the body. No ROS.
 
     tracker = PersonTracker(body, list(body.markers))
-    estimate = tracker.update(time, positions)         # each frame, NaN where a marker is not seen
+    estimate = tracker.update(time, positions)         # each frame, NaN if a marker is not visible
     estimate.q, estimate.states, estimate.residual
 
-`calibration` fits body and markers to him in a still pose.
+`calibration` fits body and markers to the person in a still pose.
 """
 
 from hric_human.tracking.calibration import Calibration, StillPose, calibrate

@@ -1,8 +1,8 @@
-"""Lengths of a person's segments, and where his markers are on them, from one still pose.
+"""Calibration of a person's segment lengths and marker positions from one still pose.
 
-His joints are about as the pose says, with a body about as the tables have it and markers about where the set wants
-them; the still pose says where markers are. The most likely root, joint angles and lengths are those of least squares,
-each weighed by how far it may be off; each marker then is on its segment where it was seen.
+Priors: the joints are near the stated pose, lengths near the tables', and markers near their positions in the set.
+Root, joint angles and lengths are the weighted least-squares solution for the measured markers; each marker is then
+fixed to its segment where it was measured.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,27 +24,26 @@ from hric_human.control.whole_body import WholeBody
 from hric_human.tracking.tracker import PersonTracker, moved
 
 DURATION = 1.0
-"""Of the still pose [s]. The constants of this file are project defaults, unconfirmed."""
+"""Duration of the still pose [s]. The constants of this file are project defaults, unconfirmed."""
 MAX_SWAY = 0.01
-"""A marker that was farther from its mean has moved [m]."""
+"""Largest distance of a still marker from its mean position [m]."""
 MIN_SHARE = 0.9
-"""Of the frames that a marker must be in [1]."""
+"""Smallest share of the frames in which a marker must be visible [1]."""
 POSE_SPREAD, MARKER_SPREAD, LENGTH_SPREAD = 0.09, 0.01, 0.05
-"""Standard deviations of joints from the pose [rad], of markers from their places [m], and of lengths from those of the
-subject's height, as a share of them [1]."""
+"""Standard deviations: joints from the pose [rad], markers from their positions [m], lengths from the table's [1]."""
 MAX_LENGTH_CHANGE = 0.2
-"""Of the logarithm of a length [1]."""
+"""Largest change of the logarithm of a length [1]."""
 MAX_OFFSET = 0.06
-"""A marker that is farther from its place is another one [m]."""
+"""Distance from its position in the set beyond which a marker is taken for another one [m]."""
 STEP = 1e-3
-"""Share of a length by which it is changed to see what that does [1]."""
+"""Relative change of a length for numerical derivatives [1]."""
 SETTLED = 1e-4
-"""Steps of the solver that are smaller end it [rad], [m], [1]."""
+"""Step size below which the solver stops [rad], [m], [1]."""
 
 
 @dataclass(frozen=True)
 class Calibration(Settings):
-    """A body that was fitted to somebody, as a YAML file has it."""
+    """Body that was fitted to a person, as in a YAML file."""
 
     separator = "."
     subject: Subject = section(Subject, text="with the lengths that were found")
@@ -54,7 +53,7 @@ class Calibration(Settings):
     )
 
     def check(self, where: str) -> None:
-        """Refuse markers that the body does not have."""
+        """Check that the body has the markers. Raises ParameterError."""
         known = describe(self.subject).markers
         for name in self.markers:
             if name not in known:
@@ -62,11 +61,11 @@ class Calibration(Settings):
 
     @classmethod
     def load(cls, path: Path) -> "Calibration":
-        """Of a file that `save` wrote. Raises ParameterError."""
+        """Return the calibration of a file that `save` wrote. Raises ParameterError."""
         return cls.of(read_yaml(path), f"{path.name}:")
 
     def save(self, path: Path) -> None:
-        """Write it as YAML. Raises CommandError where that cannot be."""
+        """Write the calibration as YAML. Raises CommandError if that fails."""
         values = asdict(self)
         values["markers"] = {name: [round(value, 6) for value in p] for name, p in self.markers.items()}
         values["subject"]["lengths"] = {name: round(length, 5) for name, length in self.subject.lengths.items()}
@@ -79,7 +78,7 @@ class Calibration(Settings):
 
     @property
     def body(self) -> Body:
-        """The body, with the markers where they are."""
+        """Fitted body with its calibrated marker positions."""
         body = describe(self.subject)
         markers = {
             name: replace(marker, p_link_marker=np.array(self.markers.get(name, marker.p_link_marker)))
@@ -89,10 +88,10 @@ class Calibration(Settings):
 
 
 class StillPose:
-    """Collects the frames of a still pose.
+    """Collector of the frames of a still pose.
 
     Args:
-        names: of the markers.
+        names: names of the markers.
     """
 
     def __init__(self, names: Sequence[str]) -> None:
@@ -101,17 +100,17 @@ class StillPose:
         self._began: float | None = None
 
     def add(self, time: float, positions: FloatArray) -> bool:
-        """Take a frame, see `PersonTracker.update`; whether these are enough."""
+        """Add a frame, see `PersonTracker.update`; return True if there are enough."""
         if self._began is None or time < self._began:
             self._began, self._frames = time, []
         self._frames.append(positions)
         return time - self._began >= DURATION
 
     def mean(self) -> FloatArray:
-        """Of each marker, shape (m, 3) [m].
+        """Return the mean position of each marker, shape (m, 3) [m].
 
         Raises:
-            CommandError: he moved, or markers are missing; says which.
+            CommandError: the person moved, or markers are missing; names them.
         """
         frames = np.array(self._frames)
         seen = np.isfinite(frames).all(axis=2)
@@ -135,16 +134,16 @@ class StillPose:
 
 
 def calibrate(subject: Subject, names: Sequence[str], positions: FloatArray, pose: Mapping[str, float]) -> Calibration:
-    """Fit a body to somebody who is still.
+    """Fit a body to a person in a still pose.
 
     Args:
-        subject: whose height and mass are his; lengths that it has measured are fitted no less than the others.
-        names: of his markers.
-        positions: of them, shape (m, 3) [m].
-        pose: angles of joints that are not zero in the pose that he takes, by joint [rad].
+        subject: subject with the person's height and mass; its measured lengths are fitted like the others.
+        names: names of the markers.
+        positions: positions of the markers, shape (m, 3) [m].
+        pose: angles of joints that are not zero in the pose, by joint [rad].
 
     Raises:
-        CommandError: a marker is not where it belongs; says which.
+        CommandError: a marker is far from its position in the set; names it.
         ParameterError: a joint that the body does not have.
     """
     fit = _Fit(subject, names, positions, pose)
@@ -162,10 +161,7 @@ def calibrate(subject: Subject, names: Sequence[str], positions: FloatArray, pos
 
 
 class _Fit:
-    """Least squares of root, joints and logarithms of lengths.
-
-    Args: see `calibrate`.
-    """
+    """Least squares of root, joints and logarithms of lengths; the arguments are those of `calibrate`."""
 
     def __init__(
         self, subject: Subject, names: Sequence[str], positions: FloatArray, pose: Mapping[str, float]
@@ -184,14 +180,14 @@ class _Fit:
         self.q, self._changes = self._pose, np.zeros(len(self._first))
 
     def fit(self) -> Subject:
-        """The subject with the lengths that fit best; `q` and `root` are his.
+        """Return the subject with the best-fitting lengths; sets `q` and `root`.
 
         Raises:
-            CommandError: markers are nowhere near the body.
+            CommandError: markers are far from the body.
         """
         self._step(np.zeros((len(self._names), 3, 0)))
         self._check()
-        for _ in range(2):  # again with what lengths do in the posture that was found
+        for _ in range(2):  # again with the lengths' derivatives in the posture just computed
             p = self._at(self._changes)
             steps = STEP * np.eye(len(self._changes))
             self._step(np.stack([(self._at(self._changes + step) - p) / STEP for step in steps], axis=2))
@@ -202,7 +198,7 @@ class _Fit:
         refuse_far(dict(zip(self._names, distances.tolist(), strict=True)), 2.0 * MAX_OFFSET)
 
     def _step(self, by_length: FloatArray) -> None:
-        """Least squares; by_length: how markers move with the logarithms of lengths, shape (m, 3, lengths or 0) [m]."""
+        """Solve once; by_length: marker derivatives by log lengths, shape (m, 3, lengths or 0) [m]."""
         n, count = ROOT_MOTIONS + len(self.q), by_length.shape[2]
         first, root = self._changes, self.root
         spread = np.concatenate([np.full(n - ROOT_MOTIONS, POSE_SPREAD), np.full(count, LENGTH_SPREAD)])
@@ -224,14 +220,14 @@ class _Fit:
             self._changes = x[n:]
 
     def _at(self, changes: FloatArray) -> FloatArray:
-        """Where the markers are now, shape (m, 3) [m]."""
+        """Return the current positions of the markers, shape (m, 3) [m]."""
         return self._marked(changes).at(self.q.tolist(), self.root)[0]
 
     def _marked(self, changes: FloatArray) -> MarkedBody:
         return MarkedBody(describe(self._with(changes)), self._names)
 
     def _with(self, changes: FloatArray) -> Subject:
-        """The subject, whose lengths are exp(change) times as long."""
+        """Return the subject with lengths multiplied by exp(change)."""
         if not changes.any():
             return self._subject
         lengths = dict(zip(self._first, (np.array(list(self._first.values())) * np.exp(changes)).tolist(), strict=True))
@@ -239,7 +235,7 @@ class _Fit:
 
 
 def refuse_far(offsets: Mapping[str, float], limit: float) -> None:
-    """Raises CommandError where a marker is farther from its place than the limit [m]; offsets: by marker [m]."""
+    """Raise CommandError if an offset of a marker exceeds the limit [m]; offsets: by marker [m]."""
     if far := [f"{name} {1e3 * offset:.0f} mm" for name, offset in offsets.items() if offset > limit]:
         raise CommandError(
             f"markers are not where they belong: {', '.join(far)} off; valid: up to {1e3 * MAX_OFFSET:.0f} mm, on "

@@ -1,8 +1,8 @@
-"""Joints and root of a person by inverse kinematics of his markers, frame after frame.
+"""Joints and root of a person by inverse kinematics of their markers, frame by frame.
 
-Each frame is a weighted least-squares problem: markers where they are seen, and the prediction of the frame before,
-weak enough to change nothing that markers say. What they do not say goes on as predicted for a moment: bridged, and
-flagged; then it is lost, and no longer given.
+Each frame is a weighted least-squares problem: visible markers, and the prediction of the last frame, weak enough not
+to change what the markers determine. Joints that they do not determine follow the prediction for a moment (bridged, and
+flagged); then they are lost, and no longer reported.
 """
 
 import math
@@ -26,49 +26,55 @@ Mask = npt.NDArray[np.bool_]
 MEASURED, BRIDGED, LOST = "measured", "bridged", "lost"
 """States of the root and of joints."""
 BRIDGE = 0.2
-"""How long what no marker shows goes on as predicted [s]. The constants of this file are project defaults,
-unconfirmed."""
+"""Time for which joints without visible markers follow the prediction [s].
+
+The constants of this file are project defaults, unconfirmed.
+"""
 STAMP = 1e-6
-"""Differences of times that are smaller are rounding [s]."""
+"""Differences of times below this are rounding [s]."""
 MARKER_NOISE = 1e-3
-"""Standard deviation of a marker, that weighs it against the prediction [m]."""
+"""Standard deviation of a marker, its weight against the prediction [m]."""
 PREDICTED_POSITION, PREDICTED_ANGLE = 0.025, 0.05
-"""Standard deviations of the prediction of the next frame [m], [rad]: so wide that markers decide."""
+"""Standard deviations of the prediction of the next frame [m], [rad]: so wide that markers dominate."""
 LOST_SPREAD = 1.0
-"""That of a root or a joint that is lost [m], [rad]."""
+"""Standard deviation of the prediction of a lost root or joint [m], [rad]."""
 VELOCITY_TIME, COASTING_TIME = 0.04, 0.5
-"""Time constants of the filter of velocities, and of their decay in the prediction: what cannot be distinguished, such
-as two joints of a shoulder at 90 deg of abduction, does not drift [s]."""
+"""Time constants of the velocity filter, and of the velocity's decay in the prediction [s].
+
+The decay prevents drift of joints that cannot be distinguished, such as two of a shoulder at 90 deg of abduction.
+"""
 BLIND = 4.0
-"""A joint is not seen where the variance that markers and prediction leave is so many times as large as with all
-markers, and"""
+"""Ratio of a joint's variance to that with all markers visible, from which on the joint is not observed, if it also
+
+exceeds KNOWN_SHARE.
+"""
 KNOWN_SHARE = 0.25
-"""more than this share of the prediction's [1]."""
+"""Share of the prediction's variance above which a joint is not observed, with BLIND [1]."""
 FAR = 0.1
-"""A marker that is farther from where the body has it is another one, or none [m]."""
+"""Distance from the model beyond which a marker is mislabelled or spurious [m]."""
 MAX_MISLABELLED = 3
-"""Of the markers of a frame."""
+"""Largest number of mislabelled markers in a frame."""
 GOOD = 0.005
-"""Root mean square distance at which a first posture is taken without trying others [m]."""
+"""Root mean square distance at which a first posture is accepted without trying others [m]."""
 SETTLED, FIRST_SETTLED = 2e-3, 1e-6
-"""Steps of the solver that are smaller end it [rad], [m]."""
+"""Step sizes below which the solver stops, in general and for the first posture [rad], [m]."""
 TRUNK = (ROOT, "waist", "torso")
-"""Links whose markers find the root at the beginning."""
+"""Links whose markers determine the root in the first frame."""
 GUESSES = 12
-"""First postures that are tried at the most, from a fixed seed."""
+"""Largest number of first postures that are tried, from a fixed seed."""
 
 
 class Estimate(NamedTuple):
-    """What is known of him at a frame.
+    """Estimated state of the person at a frame.
 
     Attributes:
-        time: of the frame [s].
-        root: pose of his root link in the frame of the markers.
-        q, dq: of all joints, n floats each [rad], [rad/s]; those of lost joints mean nothing.
+        time: time of the frame [s].
+        root: pose of the root link in the frame of the markers.
+        q, dq: positions and velocities of all joints, n floats each [rad], [rad/s]; meaningless for lost joints.
         root_state: MEASURED, BRIDGED or LOST.
-        states: likewise of each joint.
-        residual: root mean square distance of the markers from where the body has them [m]; NaN without any.
-        missing: names of markers that are not seen, or are FAR from where they can be.
+        states: likewise for each joint.
+        residual: root mean square distance between measured and model markers [m]; NaN without any.
+        missing: names of markers that are not visible, or FAR from the model.
     """
 
     time: float
@@ -82,7 +88,7 @@ class Estimate(NamedTuple):
 
 
 class _Posture(NamedTuple):
-    """A first posture; distances of the markers [m], their Jacobian."""
+    """First posture; distances of the markers [m], and their Jacobian."""
 
     residual: float
     root: Pose
@@ -92,11 +98,11 @@ class _Posture(NamedTuple):
 
 
 class PersonTracker:
-    """Follows one person. One thread calls it.
+    """Tracker of one person; called from one thread.
 
     Args:
-        body: his, with a trunk, whose root is free.
-        names: of its markers that he has on, the order of positions.
+        body: body of the person, with a trunk, whose root is free.
+        names: names of the markers that the person wears, in the order of positions.
 
     Raises:
         ParameterError: a marker that the body does not have, or fewer than three of them on the trunk.
@@ -130,21 +136,21 @@ class PersonTracker:
         self.restart()
 
     def restart(self) -> None:
-        """Forget what came before."""
+        """Discard the history."""
         n = len(self._rest)
         self._last: tuple[float, Pose, FloatArray] | None = None
         self._v, self._measured_at = np.zeros(ROOT_MOTIONS + n), np.full(ROOT_MOTIONS + n, -math.inf)
 
     def update(self, time: float, positions: FloatArray) -> Estimate | None:
-        """Take a frame.
+        """Process a frame.
 
         Args:
-            time: of the frame [s]; one that is not after the last one begins again.
-            positions: of the markers, shape (m, 3) [m]; NaN: not seen.
+            time: time of the frame [s]; one that is not after the last one restarts the tracker.
+            positions: positions of the markers, shape (m, 3) [m]; NaN: not visible.
 
         Returns:
-            None where he is not found yet, or no longer: too few markers of his trunk, or markers that no posture of
-            the body fits.
+            None if the person is not found yet, or is lost: too few markers of the trunk, or no posture of the body
+                fits.
         """
         seen: Mask = np.array(np.isfinite(positions).all(axis=1))
         if self._last is not None and time <= self._last[0]:
@@ -160,7 +166,7 @@ class PersonTracker:
         root = moved(root, dt * coasted[:ROOT_MOTIONS])
         spread = np.where(lost, LOST_SPREAD, self._spread)
         x, seen, residual = self._fitted(positions, seen, root, guess, spread)
-        if residual > FAR:  # not of NaN
+        if residual > FAR:  # false for NaN
             self.restart()
             return None
         return self._taken(time, dt, coasted, moved(root, x[:ROOT_MOTIONS]), x[ROOT_MOTIONS:], seen, residual)
@@ -168,7 +174,7 @@ class PersonTracker:
     def _fitted(
         self, positions: FloatArray, seen: Mask, root: Pose, guess: FloatArray, spread: FloatArray
     ) -> tuple[FloatArray, Mask, float]:
-        """Root motion from `root` and joints, markers that count, and their root mean square distance [m]."""
+        """Return root motion from `root` and joints, valid markers, and their root mean square distance [m]."""
         for _ in range(1 + MAX_MISLABELLED):
             x, _ = self._solver.solve(self._task(positions, seen, root, guess, spread), guess, 0.0, SETTLED)
             distances = np.linalg.norm(positions - self._p, axis=1)
@@ -179,11 +185,11 @@ class PersonTracker:
         return x, seen, float(np.sqrt(np.mean(distances[seen] ** 2))) if seen.any() else math.nan
 
     def _task(self, positions: FloatArray, seen: Mask, root: Pose, guess: FloatArray, spread: FloatArray) -> Task:
-        """Markers by their noise, and the distance from the prediction by its spread."""
+        """Return the task: marker errors over their noise, and the distance from the prediction over its spread."""
         prior = np.diag(1.0 / spread)
 
         def task(x: list[float]) -> tuple[FloatArray, FloatArray]:
-            # Kept, since the solver's last call is at its solution.
+            # Stored, since the solver's last call is at its solution.
             p, J = self._p, self._J = self._marked.at(x[ROOT_MOTIONS:], moved(root, x[:ROOT_MOTIONS]))
             error = np.concatenate([(positions - p)[seen].ravel() / MARKER_NOISE, (guess - x) / spread])
             return error, np.vstack([J[seen].reshape(-1, len(x)) / MARKER_NOISE, prior])
@@ -200,19 +206,19 @@ class PersonTracker:
         seen: Mask,
         residual: float,
     ) -> Estimate:
-        """The new state, as an estimate."""
+        """Store the new state, and return it as an estimate."""
         assert self._last is not None
         _, before, q_before = self._last
         shown = self._shown(seen)
         moved = np.concatenate([difference(root, before), q - q_before]) / dt
-        steady = shown & (time - dt - self._measured_at < 0.5 * dt)  # not where a joint has just come back
+        steady = shown & (time - dt - self._measured_at < 0.5 * dt)  # not for a joint just seen again
         self._v = np.where(steady, coasted + (1.0 - math.exp(-dt / VELOCITY_TIME)) * (moved - coasted), coasted)
         self._measured_at[shown] = time
         self._last = (time, root, q)
         return self._estimate(seen, residual)
 
     def _shown(self, seen: Mask) -> Mask:
-        """Which motions of root and joints markers show, shape (6 + n,): by the variances that least squares leave."""
+        """Return which motions of root and joints are observed, shape (6 + n,), by the least-squares variances."""
         if seen.all():
             return np.ones(len(self._spread), dtype=bool)
         variances = [self._variances(rows) for rows in (seen, np.ones(len(seen), dtype=bool))]
@@ -236,14 +242,14 @@ class PersonTracker:
     # -- the beginning -------------------------------------------------------------------------------------------------
 
     def _first(self, time: float, positions: FloatArray, seen: Mask) -> Estimate | None:
-        """Somebody of whom nothing is known yet."""
+        """Return the estimate of the first frame; None if no posture fits."""
         if sum(seen[self._trunk]) < 3:
             return None
         random, best = np.random.default_rng(0), self._settled(positions, seen, self._rest)
         for _ in range(GUESSES):
             if best.residual < GOOD:
                 break
-            # The limb that fits worst is put elsewhere.
+            # The worst-fitting limb gets another guess.
             side = max(SIDES, key=lambda one: best.distances[self._of_side[one][0] & seen].max(initial=0.0))
             q = random.uniform(self._solver.lower[ROOT_MOTIONS:], self._solver.upper[ROOT_MOTIONS:])
             other = self._settled(positions, seen, np.where(self._of_side[side][1], q, best.q))
@@ -255,9 +261,9 @@ class PersonTracker:
         return self._estimate(seen, best.residual)
 
     def _settled(self, positions: FloatArray, seen: Mask, q: FloatArray) -> "_Posture":
-        """The posture near q that fits best."""
+        """Return the best-fitting posture near q."""
         root, free = self.root_from_trunk(positions, seen, q), np.full(len(self._spread), LOST_SPREAD)
-        for _ in range(2):  # again about the root that was found, since its rotation was taken as small
+        for _ in range(2):  # again, since the root's rotation was linearised
             guess = np.concatenate([np.zeros(ROOT_MOTIONS), q])
             x, _ = self._solver.solve(self._task(positions, seen, root, guess, free), guess, 0.0, FIRST_SETTLED)
             root, q = moved(root, x[:ROOT_MOTIONS]), x[ROOT_MOTIONS:]
@@ -265,7 +271,7 @@ class PersonTracker:
         return _Posture(float(np.sqrt(np.mean(distances[seen] ** 2))), root, q, distances, self._J)
 
     def root_from_trunk(self, positions: FloatArray, seen: Mask, q: FloatArray) -> Pose:
-        """Pose of the root that brings the markers of an upright trunk nearest to where they are (Kabsch 1976)."""
+        """Return the root pose that best fits the markers of an upright trunk (Kabsch 1976)."""
         rows = [row for row in self._trunk if seen[row]]
         there, body = positions[rows], self._marked.at(q.tolist(), Pose())[0][rows]
         U, _, Vt = np.linalg.svd((there - there.mean(axis=0)).T @ (body - body.mean(axis=0)))
@@ -275,8 +281,7 @@ class PersonTracker:
 
 
 def moved(root: Pose, motion: Sequence[float] | FloatArray) -> Pose:
-    """After a translation [m] and a rotation vector [rad] along the axes of the world, 6 numbers; see
-    `poses.difference`."""
+    """Return the pose after a translation [m] and a rotation vector [rad] in world axes; see `poses.difference`."""
     dx, dy, dz, *rotation = (float(value) for value in motion)
     x, y, z = root.position
     return Pose((x + dx, y + dy, z + dz), product(from_rotation_vector(rotation), root.orientation))

@@ -1,10 +1,10 @@
-"""The anatomy of any model of an arm, as it is: nothing is mended, and what cannot be used is left out and reported.
+"""Anatomy of any model of an arm, unchanged: nothing is repaired, and unusable muscles are left out and reported.
 
     anatomy = any_arm.fit(OpenSimArm(Path("arm26.osim")), "arm26.osim")
 
-Lengths and moment arms are both those of the model's own motion, so where couplers let a shoulder girdle follow the
-arm, moment arms are through the girdle, as OpenSim's are. Joints of ours that the model has not, or has no muscles
-for, are left to ideal actuators by `MuscleSet`.
+Lengths and moment arms are both those of the model's motion; if couplers let a shoulder girdle follow the arm, moment
+arms include the girdle, as in OpenSim. Joints that the model does not have, or has no muscles for, are left to ideal
+actuators by `MuscleSet`.
 """
 
 import logging
@@ -23,34 +23,34 @@ from hric_human.muscles.fitting.sample import Samples, poses
 
 LOG = logging.getLogger("hric.human.muscles")
 WORKING = {**RANGE, "wr_flex": (-60.0, 60.0), "wr_dev": (-15.0, 25.0)}
-"""Range of a fit by joint, where the model reaches it [deg]; project default."""
+"""Range of a fit by joint, if the model reaches it [deg]; project default."""
 LONGEST_ARM = 0.12
-"""A moment arm beyond it is a path that jumps from one side of a bone to the other [m]; project default."""
+"""Moment arm beyond which a path jumps from one side of a bone to the other [m]; project default."""
 MAX_JUMPS = 0.05
-"""Share of poses in which a path may jump; project default."""
+"""Largest share of poses in which a path may jump; project default."""
 WORST_FIT = 0.006
-"""Root mean square error of moment arms of a muscle that is used [m]; project default."""
+"""Largest root mean square error of moment arms of a muscle that is used [m]; project default."""
 FAR_OFF = 0.02
-"""Error of a moment arm at a pose, beyond which the path jumps there [m]; project default."""
+"""Error of a moment arm at a pose beyond which the path jumps there [m]; project default."""
 FEWEST_SAMPLES = 192
-"""Poses of a fit of one joint, twice as many for each other, up to those of the built-in anatomy; project default."""
+"""Poses of a fit of one joint, doubled for each further joint, up to the built-in anatomy's; project default."""
 FIBRES = (0.4, 1.6)
-"""Usual range of fibres per optimal length, beyond which a muscle is reported [1]; project default."""
+"""Usual range of fibre length per optimal length, beyond which a muscle is reported [1]; project default."""
 SHARE = SAMPLES // UNSEEN
-"""Poses of the fit for each of its test."""
+"""Number of poses of the fit per pose of its test."""
 _REPORTS = 10
 
 
 def fit(model: ArmModel, source: str, terms: str = "") -> Anatomy:
-    """The anatomy of a model.
+    """Return the anatomy of a model.
 
     Args:
-        model: of an arm.
+        model: model of an arm.
         source: name of its file, for the notice.
-        terms: what its notice begins with.
+        terms: first part of the notice.
 
     Raises:
-        HricError: it has no arm, its coordinates do not match, or no muscle can be used.
+        HricError: the model has no arm, its coordinates do not match, or no muscle can be used.
     """
     placing = Placing(model)
     lower, upper = _range(placing)
@@ -85,7 +85,7 @@ def fit(model: ArmModel, source: str, terms: str = "") -> Anatomy:
 
 
 def _range(placing: Placing) -> tuple[list[float], list[float]]:
-    """Of the fit: where hinges reach WORKING [rad]. Raises HricError where one does not."""
+    """Return the range of the fit: where hinges reach WORKING [rad]. Raises HricError if one does not."""
     lower, upper = list[float](), list[float]()
     for joint in placing.joints:
         low, high = map(math.radians, WORKING[joint])
@@ -103,7 +103,7 @@ def _range(placing: Placing) -> tuple[list[float], list[float]]:
 
 
 def _sampled(placing: Placing, model: ArmModel, requested: FloatArray) -> Samples:
-    """At the poses that the model reaches. Raises HricError where these are less than half."""
+    """Return the samples at reachable poses. Raises HricError if these are fewer than half."""
     q, lengths, arms, pulls = [], [], [], {centre: list[FloatArray]() for centre in CENTRES}
     for n, pose in enumerate(requested):
         if n % (len(requested) // _REPORTS) == 0:
@@ -130,7 +130,7 @@ def _sampled(placing: Placing, model: ArmModel, requested: FloatArray) -> Sample
 def _fitted(
     samples: Samples, k: int, joints: tuple[str, ...], name: str, numbers: list[float], course: Course
 ) -> tuple[Muscle, FitError] | str:
-    """A muscle and its errors, or why it cannot be used."""
+    """Return a muscle and its errors, or the reason why it cannot be used."""
     force, optimal, slack = numbers
     if not (force > 0.0 and optimal > 0.0 and slack >= 0.0):
         return f"{force:g} N, {optimal:g} m of fibres, {slack:g} m of tendon"
@@ -165,7 +165,7 @@ def _mm(error: FitError) -> str:
 
 
 def _report_fibres(model: str, muscle: Muscle, samples: Samples, joints: tuple[str, ...]) -> None:
-    """Where fibres leave their usual range, since nothing is mended."""
+    """Log muscles whose fibres leave their usual range, since nothing is repaired."""
     q = samples.q[:, [joints.index(name) for name in muscle.length.joints]]
     fibres = (muscle.length.values(q) - muscle.slack_length) / muscle.optimal_length
     low, high = float(fibres.min()), float(fibres.max())

@@ -1,4 +1,4 @@
-"""Which bodies of a model are the bones of its right arm: by name, and by the tree."""
+"""Search for the bones of a model's right arm, by name and by the tree."""
 
 import re
 from collections.abc import Iterable
@@ -10,7 +10,7 @@ from hric_human.muscles.fitting.model import ArmModel
 _LEFT = re.compile(r"(^|_)(l|left)(_|$)|left", re.IGNORECASE)
 _THORAX = ("thorax", "torso", "chest", "trunk", "base")
 _HAND = ("hand", "palm", "capitate", "metacarp", "thirdmc")
-"""Parts of names, the first that is found."""
+"""Parts of names; the first match is used."""
 
 
 @dataclass(frozen=True)
@@ -18,14 +18,14 @@ class Bones:
     """Bodies of a right arm.
 
     Attributes:
-        thorax: "" where it is the ground.
+        thorax: "" if it is the ground.
         shoulder: first body behind the shoulder that counts as upper arm; models have massless ones before the bone.
-        humerus: the bone.
+        humerus: upper arm bone.
         forearm: first body behind the elbow.
-        ulna: the bone.
+        ulna: forearm bone at the elbow.
         radius: the ulna in a model with one body for both.
         wrist: the first body behind the radius on the way to the hand; "" without a hand.
-        hand: its body; "" without one.
+        hand: body of the hand; "" without one.
     """
 
     thorax: str
@@ -39,7 +39,7 @@ class Bones:
 
 
 def chain(model: ArmModel, proximal: str, distal: str) -> list[str]:
-    """Bodies from the one behind `proximal` to `distal`."""
+    """Return the bodies from the one behind `proximal` to `distal`."""
     bodies, body = list[str](), distal
     while body and body != proximal:
         bodies.insert(0, body)
@@ -48,7 +48,7 @@ def chain(model: ArmModel, proximal: str, distal: str) -> list[str]:
 
 
 def find_bones(model: ArmModel) -> Bones:
-    """The bones of a model.
+    """Return the bones of a model.
 
     Raises:
         HricError: it has no humerus with an ulna behind it on the right side.
@@ -74,7 +74,7 @@ def find_bones(model: ArmModel) -> Bones:
 
 
 def _above(model: ArmModel, body: str, word: str) -> list[str]:
-    """Bodies with a word in their name between the ground and a body, the nearest first."""
+    """Return the bodies with a word in their name between the ground and a body, the nearest first."""
     return [above for above in reversed(chain(model, "", body)[:-1]) if word in above.lower()]
 
 

@@ -1,8 +1,8 @@
-"""The built-in anatomy: 34 lines of action on shoulder, elbow and forearm, from das4_v4.osim.
+"""Built-in anatomy: 34 lines of action on shoulder, elbow and forearm, from das4_v4.osim.
 
 Lengths are those with the girdle of the shoulder rhythm; moment arms at the shoulder are about the glenohumeral joint
-with the girdle held, as on a specimen: the torque that a muscle gives between thorax and arm goes partly through
-muscles of the girdle, which are not here.
+with the girdle fixed, as on a specimen: the torque of a muscle between thorax and arm acts partly through muscles of
+the girdle, which are not modelled here.
 """
 
 import math
@@ -29,7 +29,7 @@ RANGE = {
     "el_flex": (5.0, 130.0),
     "pro_sup": (-60.0, 60.0),
 }
-"""Of the fit, by joint [deg]. Beyond +65 deg of pronation the biceps of the file turns over."""
+"""Range of the fit by joint [deg]. Beyond +65 deg of pronation the biceps path of the file flips over."""
 JOINTS = tuple(RANGE)
 LOWER = tuple(math.radians(low) for low, _ in RANGE.values())
 UPPER = tuple(math.radians(high) for _, high in RANGE.values())
@@ -39,19 +39,21 @@ NOTICE = (
     "Delft shoulder and elbow model (Blana et al., J. Biomech. 41:1714, 2008) with measurements of Klein Breteler et "
     "al., J. Biomech. 32:1191, 1999. Cite Chadwick et al., IEEE Trans. Biomed. Eng. 61:1947, 2014."
 )
-"""Licence and credits of the model, which its anatomy has with it."""
+"""Licence and credits of the model, stored with its anatomy."""
 SAMPLES, UNSEEN = 1536, 384
 """Poses of the fit and of its test."""
 FIBRES = (0.45, 1.55)
-"""Range of an element's fibres per optimal length beyond which the file's lengths are identified again [1]."""
+"""Range of fibre length per optimal length [1] beyond which an element's lengths are identified again."""
 LINE_FIBRES, LINE_MIDDLE = (0.42, 1.36), 0.88
-"""The same for lines, whose polynomials differ from the paths', and the middle of their range when it is identified
-again [1]: with it the passive torque stays below 10 N m; project default, unconfirmed."""
+"""Range for lines, whose polynomials differ from the paths', and its middle if it is identified again [1].
+
+With it the passive torque stays below 10 N m; project default, unconfirmed.
+"""
 MEAN_FIBRE, FIBRE_SPAN = 0.95, 0.9
-"""Mean and greatest range of one identified again, per optimal length [1]; project default, unconfirmed."""
+"""Mean and greatest range if identified again, per optimal length [1]; project default, unconfirmed."""
 _X, _Y, _Z = np.eye(3)
 STEP = 1e-4
-"""Of the differences that moment arms are [rad]."""
+"""Step of the numerical differences for moment arms [rad]."""
 _COORDINATES = ("SC_y", "SC_z", "SC_x", "AC_y", "AC_z", "AC_x", "GH_y", "GH_z", "GH_yy", "EL_x", "PS_y")
 _UPPER_ARM = ("humerus_1", "humerus_2", "humerus_r")
 _FOREARM = ("ulna_r", "radius_r")
@@ -59,15 +61,15 @@ _ARM = (*_UPPER_ARM, *_FOREARM)
 
 
 def _humerus(q: FloatArray) -> FloatArray:
-    """Its rotation in the thorax, shape (3, 3)."""
+    """Return the rotation of the humerus in the thorax, shape (3, 3)."""
     return rotation_about(_X, q[0]) @ rotation_about(_Z, q[1]) @ rotation_about(_Y, q[2])
 
 
 class DelftArm:
-    """The mended model with its girdle following the arm.
+    """Repaired model with its girdle following the arm.
 
     Attributes:
-        paths: its muscles' paths.
+        paths: paths of its muscles.
     """
 
     def __init__(self, path: Path) -> None:
@@ -76,7 +78,7 @@ class DelftArm:
         self._humerus, self._forearm = self.paths.numbers(_ARM), self.paths.numbers(_FOREARM)
 
     def put(self, q: FloatArray, girdle: FloatArray | None = None) -> None:
-        """Angles of JOINTS, shape (5,) [rad]; with the girdle where it is at others, of the same shape."""
+        """Set the angles of JOINTS, shape (5,) [rad]; girdle: angles of the same shape for the girdle only."""
         R_thorax_humerus = _humerus(q)
         leading = R_thorax_humerus if girdle is None else _humerus(girdle)
         R_thorax_clavicle, R_thorax_scapula = self._girdle.rotations(-leading[:, 1])
@@ -90,13 +92,13 @@ class DelftArm:
         self.paths.put(dict(zip(_COORDINATES, angles, strict=True)))
 
     def sample(self, q: FloatArray) -> Samples:
-        """At poses, shape (N, 5) [rad]."""
+        """Return the samples at poses, shape (N, 5) [rad]."""
         at = [self._at(pose) for pose in q]
         length, arms, *pulls = (np.array(values) for values in zip(*at, strict=True))
         return Samples(q, length, arms, dict(zip(CENTRES, pulls, strict=True)))
 
     def _at(self, pose: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Lengths, moment arms and pulls across shoulder and elbow."""
+        """Return lengths, moment arms and pulls across shoulder and elbow."""
         slopes = []
         for step in STEP * np.eye(len(JOINTS)):
             self.put(pose + step, girdle=pose)
@@ -110,7 +112,7 @@ class DelftArm:
         return self.paths.lengths(), -np.array(slopes).T, shoulder, elbow
 
     def courses(self) -> list[Course]:
-        """Of the elements, in the resting posture."""
+        """Return the drawn lines of the elements, in the resting posture."""
         q = resting(JOINTS)
         self.put(q)
         R_ground_thorax, _ = self.paths.frame("thorax")
@@ -119,7 +121,7 @@ class DelftArm:
         return [course(points, _segment, frames) for points in self.paths.courses()]
 
     def reference(self) -> dict[str, float]:
-        """Lengths of the segments, as a subject's are named [m]."""
+        """Return the lengths of the segments, with the names of a subject's lengths [m]."""
         self.put(np.zeros(len(JOINTS)))
         shoulder, elbow, wrist = self.paths.centres(("gh1", "hu", "radiocarpal"))
         return {
@@ -129,16 +131,16 @@ class DelftArm:
 
 
 def _segment(body: str) -> str:
-    """Of SEGMENTS; the girdle is drawn with the trunk."""
+    """Return the body's entry of SEGMENTS; the girdle is drawn with the trunk."""
     torso, upper_arm, forearm = SEGMENTS
     return upper_arm if body in _UPPER_ARM else forearm if body in _FOREARM else torso
 
 
 def fit(path: Path) -> Anatomy:
-    """The anatomy of das4_v4.osim.
+    """Return the anatomy of das4_v4.osim.
 
     Raises:
-        HricError: it is not that file.
+        HricError: the file is another one.
     """
     arm = DelftArm(path)
     elements = arm.sample(poses(LOWER, UPPER, SAMPLES + UNSEEN))
@@ -151,7 +153,7 @@ def fit(path: Path) -> Anatomy:
     muscles, errors, courses = dict[str, Muscle](), dict[str, FitError](), arm.courses()
     for k, group in enumerate(GROUPS):
         numbers = float(summed[k]), float(weights[k] @ optimal), float(weights[k] @ slack)
-        drawn = courses[int(shares[k].argmax())]  # of the strongest element
+        drawn = courses[int(shares[k].argmax())]  # line of the strongest element
         if group.arm:
             muscles[group.name], errors[group.name] = _constant(group, *numbers, drawn), FitError(0.0, 0.0, 0.0, {})
         else:
@@ -161,13 +163,13 @@ def fit(path: Path) -> Anatomy:
 
 
 def _constant(group: Group, force: float, optimal: float, slack: float, drawn: Course) -> Muscle:
-    """A line about pro_sup alone."""
+    """Return a line about pro_sup alone."""
     length = Polynomial(("pro_sup",), 1, (rounded(slack + MEAN_FIBRE * optimal), -group.arm))
     return Muscle(group.name, rounded(force), rounded(optimal), rounded(slack), length, {}, drawn)
 
 
 def _usable(muscle: Muscle, samples: Samples) -> Muscle:
-    """With fibres that stay within LINE_FIBRES, about the middle of their range."""
+    """Return the muscle with fibres within LINE_FIBRES, about the middle of their range."""
     values = muscle.length.values(samples.q[:, [JOINTS.index(name) for name in muscle.length.joints]])
     ends = np.array([values.min(), values.max()])
     optimal, slack = _within(LINE_FIBRES, LINE_MIDDLE, ends, muscle.optimal_length, muscle.slack_length)
@@ -175,9 +177,11 @@ def _usable(muscle: Muscle, samples: Samples) -> Muscle:
 
 
 def _identified(paths: Paths, length: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Force along the line [N], optimal length of the fibres [m] and length of the tendon [m] of elements, where
-    `length`, shape (poses, elements) [m], leaves fibres within FIBRES those of the file; all heads of the triceps have
-    the same insertion now, and the mean of the range as optimal length."""
+    """Return force along the line [N], optimal fibre length [m] and tendon length [m] of elements.
+
+    They are those of the file if `length`, shape (poses, elements) [m], leaves fibres within FIBRES; all heads of the
+    triceps now have the same insertion, and the mean of the range as optimal length.
+    """
     muscles = [paths.model.getMuscles().get(name) for name in paths.names]
     pennation = np.array([muscle.getPennationAngleAtOptimalFiberLength() for muscle in muscles])
     forces = np.array([muscle.getMaxIsometricForce() for muscle in muscles]) * np.cos(pennation)
@@ -193,8 +197,7 @@ def _identified(paths: Paths, length: FloatArray) -> tuple[FloatArray, FloatArra
 def _within(
     bounds: tuple[float, float], mean: float, length: FloatArray, optimal: float, slack: float
 ) -> tuple[float, float]:
-    """Optimal length of fibres and length of the tendon [m], identified again where fibres leave bounds at lengths of
-    shape (poses,) [m]."""
+    """Return optimal fibre and tendon length [m], identified again if lengths, (poses,) [m], exceed the bounds."""
     shortest, longest = float(length.min()), float(length.max())
     if bounds[0] * optimal <= shortest - slack and longest - slack <= bounds[1] * optimal:
         return optimal, slack

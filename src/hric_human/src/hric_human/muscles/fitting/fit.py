@@ -8,12 +8,14 @@ from hric_human.muscles.fitting.sample import Samples
 from hric_human.muscles.polynomial import Polynomial, monomials, slopes
 
 ORDERS, FEW_JOINTS = (5, 4), 3
-"""Of the length about up to FEW_JOINTS joints, and about more; a pull's is one less."""
+"""Orders of the length polynomial, about up to FEW_JOINTS joints and about more; a pull's is one less."""
 NO_ARM, NO_PULL = 1e-4, 1e-6
-"""A muscle whose moment arm about a joint, or pull across it, is never larger does not act on it [m], [1]."""
+"""Largest moment arm [m] and pull [1] for which a muscle counts as not acting on a joint."""
 LENGTH_WEIGHT = 0.3
-"""Of a length's error [m] against that of a slope [m/rad]. With a girdle that is held for the slopes and moves for the
-lengths no polynomial has both; project default."""
+"""Weight of a length's error [m] against a slope's [m/rad]; project default.
+
+If the girdle is fixed for the slopes and moves for the lengths, no polynomial satisfies both.
+"""
 
 
 def fit_muscle(
@@ -26,11 +28,17 @@ def fit_muscle(
     slack: float,
     course: Course,
 ) -> Muscle:
-    """Muscle k of samples.
+    """Return muscle k of the samples.
 
     Args:
-        joints: of the samples.
-        name, force, optimal, slack, course: as `Muscle` has them.
+        samples: samples of the model.
+        k: index of the muscle.
+        joints: joints of the samples.
+        name: see `Muscle`.
+        force: see `Muscle`.
+        optimal: see `Muscle`.
+        slack: see `Muscle`.
+        course: see `Muscle`.
     """
     length = _length(samples, k, joints)
     crossed = [centre for centre, pull in samples.pulls.items() if np.abs(pull[:, k]).max() > NO_PULL]
@@ -39,13 +47,13 @@ def fit_muscle(
 
 
 def arm_errors(samples: Samples, k: int, joints: tuple[str, ...], muscle: Muscle) -> FloatArray:
-    """Of the moment arms of muscle k about the joints that it acts on, shape (N, joints) [m]."""
+    """Return the errors of muscle k's moment arms about the joints that it acts on, shape (N, joints) [m]."""
     acts = [joints.index(name) for name in muscle.length.joints]
     return np.asarray(-muscle.length.gradients(samples.q[:, acts]) - samples.arms[:, k, acts])
 
 
 def fit_error(samples: Samples, k: int, joints: tuple[str, ...], muscle: Muscle) -> FitError:
-    """Of muscle k at samples that its fit did not see."""
+    """Return the errors of muscle k at samples that were not used in its fit."""
     acts = [joints.index(name) for name in muscle.length.joints]
     q = samples.q[:, acts]
     arms, worst = arm_errors(samples, k, joints, muscle), {}
@@ -57,7 +65,7 @@ def fit_error(samples: Samples, k: int, joints: tuple[str, ...], muscle: Muscle)
 
 
 def _length(samples: Samples, k: int, joints: tuple[str, ...]) -> Polynomial:
-    """Whose slopes are moment arms with the opposite sign."""
+    """Return the muscle-tendon length polynomial; its negative slopes are the moment arms."""
     acts = np.flatnonzero(np.abs(samples.arms[:, k]).max(axis=0) > NO_ARM)
     order = ORDERS[len(acts) > FEW_JOINTS]
     q = samples.q[:, acts]
@@ -70,7 +78,7 @@ def _length(samples: Samples, k: int, joints: tuple[str, ...]) -> Polynomial:
 def _pull(
     samples: Samples, k: int, centre: str, joints: tuple[str, ...], of: tuple[str, ...]
 ) -> tuple[Polynomial, Polynomial, Polynomial]:
-    """Of the angles of some joints."""
+    """Return the pull polynomials x, y, z of the angles of some joints."""
     order = ORDERS[len(of) > FEW_JOINTS] - 1
     terms = monomials(samples.q[:, [joints.index(name) for name in of]], order)
     x, y, z = (Polynomial(of, order, _solve(terms, part)) for part in samples.pulls[centre][:, k].T)
@@ -78,12 +86,12 @@ def _pull(
 
 
 def rounded(value: float) -> float:
-    """To 12 digits, so that the file of a repeated fit has no other last ones."""
+    """Return the value with 12 digits, so that a repeated fit writes the same file."""
     return float(f"{value:.11e}")
 
 
 def _solve(terms: FloatArray, values: FloatArray) -> tuple[float, ...]:
-    """Least squares."""
+    """Return the least-squares coefficients."""
     scale = np.linalg.norm(terms, axis=0)
     solution, *_ = np.linalg.lstsq(terms / scale, values)
     return tuple(map(rounded, solution / scale))

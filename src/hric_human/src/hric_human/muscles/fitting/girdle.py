@@ -1,10 +1,10 @@
-"""Where clavicle and scapula are while the arm moves: a regression, made smooth.
+"""Orientation of clavicle and scapula as the arm moves: a smoothed regression.
 
 De Groot & Brand, A three-dimensional regression model of the shoulder rhythm, Clin. Biomech. 16(9):735-743, 2001, as
-the authors of the Dynamic Arm Simulator use it: the angles of clavicle and scapula are linear in the arm's plane of
-elevation and elevation. Where the arm hangs its plane is undefined, and so is the regression; here a quadratic in the
-direction of the humerus replaces it, fitted to it where it holds. Axes are the Delft model's: x right, y up,
-z back, of the thorax.
+used by the authors of the Dynamic Arm Simulator: the angles of clavicle and scapula are linear in the arm's plane of
+elevation and elevation. For a hanging arm the plane is undefined, and so is the regression; here a quadratic in the
+direction of the humerus replaces it, fitted to it in its valid range. Axes are the Delft model's: x right, y up, z
+back, of the thorax.
 """
 
 import math
@@ -16,7 +16,7 @@ from hric_control.geometry.transforms import rotation_about
 
 CLAVICLE_AT_REST = (-28.573324, 11.679804, 7.482095)
 SCAPULA_AT_REST = (32.047376, 10.6691, -10.320259)
-"""Rotations about y, z and x at rest, means of subjects, as the simulator has them [deg]."""
+"""Rotations about y, z and x at rest, means of subjects, from the simulator [deg]."""
 REGRESSION = {
     "clavicle_y": (-4.983, 0.120, -0.242, 0.851, CLAVICLE_AT_REST[0]),
     "clavicle_z": (3.917, -0.046, 0.123, 0.493, CLAVICLE_AT_REST[1]),
@@ -26,22 +26,22 @@ REGRESSION = {
 }
 """Constant [deg], slopes with plane, elevation and rest, and the rest [deg]."""
 ELEVATIONS, PLANES = np.arange(20.0, 121.0, 5.0), np.arange(-20.0, 121.0, 5.0)
-"""Where the quadratic is fitted [deg]; a plane of 0 is sideward, of 90 forward. Project default, unconfirmed."""
+"""Range in which the quadratic is fitted [deg]; plane 0 is sideward, 90 forward. Project default, unconfirmed."""
 _X, _Y, _Z = np.eye(3)
 
 
 def about_yzx(y: float, z: float, x: float) -> FloatArray:
-    """Ry(y) Rz(z) Rx(x), shape (3, 3), of angles [rad]."""
+    """Return Ry(y) Rz(z) Rx(x), shape (3, 3), of angles [rad]."""
     return rotation_about(_Y, y) @ rotation_about(_Z, z) @ rotation_about(_X, x)
 
 
 def angles_yzx(R: FloatArray) -> tuple[float, float, float]:
-    """Angles about y, z and x of a rotation of shape (3, 3) [rad]."""
+    """Return the angles about y, z and x of a rotation of shape (3, 3) [rad]."""
     return math.atan2(-R[2, 0], R[0, 0]), math.asin(max(-1.0, min(1.0, R[1, 0]))), math.atan2(-R[1, 2], R[1, 1])
 
 
 def angles_yzy(R: FloatArray) -> tuple[float, float, float]:
-    """Angles about y, z and y of a rotation of shape (3, 3), the second from 0 to pi [rad]."""
+    """Return the angles about y, z and y of a rotation of shape (3, 3), the second from 0 to pi [rad]."""
     z = math.acos(max(-1.0, min(1.0, R[1, 1])))
     if math.sin(z) < 1e-9:
         return math.atan2(R[0, 2], R[2, 2]), z, 0.0
@@ -49,7 +49,11 @@ def angles_yzy(R: FloatArray) -> tuple[float, float, float]:
 
 
 class Girdle:
-    """Attributes: rms, of the quadratic's difference from the regression, by angle [deg]."""
+    """Shoulder rhythm.
+
+    Attributes:
+        rms: difference of the quadratic from the regression, by angle [deg].
+    """
 
     def __init__(self) -> None:
         plane, elevation = (grid.ravel() for grid in np.meshgrid(PLANES, ELEVATIONS))
@@ -65,8 +69,7 @@ class Girdle:
             self._coefficients.append(solution)
 
     def rotations(self, humerus: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Of clavicle and scapula in the thorax, each of shape (3, 3), for a direction of the humerus, a unit vector of
-        shape (3,)."""
+        """Return the rotations of clavicle and scapula in the thorax, (3, 3); humerus: direction, shape (3,)."""
         terms = _quadratic(humerus[None])[0]
         clavicle_y, clavicle_z, *scapula = (math.radians(terms @ row) for row in self._coefficients)
         R_thorax_scapula = about_yzx(*scapula)
@@ -74,14 +77,16 @@ class Girdle:
 
 
 def _quadratic(d: FloatArray) -> FloatArray:
-    """Terms up to the second order of unit vectors, shape (samples, 3), whose squares add up to 1."""
+    """Return the terms up to second order of unit vectors, shape (samples, 3); x^2 + y^2 + z^2 = 1 removes one."""
     x, y, z = d.T
     return np.stack([np.ones(len(d)), x, y, z, x * x, y * y, x * y, x * z, y * z], axis=1)
 
 
 def _turned(R_thorax_clavicle: FloatArray, R_thorax_scapula: FloatArray) -> FloatArray:
-    """The clavicle turned about its own axis so that the scapula has moved least against it since rest: least angle of
-    rotation, the greatest trace, in place of van der Helm's sum of angles."""
+    """Return the clavicle rotated about its axis so that the scapula has rotated least against it since rest.
+
+    The least angle of rotation, the greatest trace, is used in place of van der Helm's sum of angles.
+    """
     at_rest = about_yzx(*np.radians(CLAVICLE_AT_REST))
     relative = at_rest.T @ about_yzx(*np.radians(SCAPULA_AT_REST))
     y, z, _ = angles_yzx(at_rest.T @ R_thorax_clavicle)

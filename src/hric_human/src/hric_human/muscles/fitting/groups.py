@@ -1,4 +1,4 @@
-"""Which elements of the Delft model make a line of action. Fixed, so that a line is the same muscle in each fit."""
+"""Elements of the Delft model that form a line of action; fixed, so that a line is the same muscle in each fit."""
 
 from typing import NamedTuple
 
@@ -7,10 +7,10 @@ class Group(NamedTuple):
     """Elements that act as one line: forces add up, lengths and pulls are means weighted by force.
 
     Attributes:
-        name: of the line.
+        name: name of the line.
         elements: names in das4_v4.osim.
-        arm: moment arm about pro_sup [m] where the paths of the file are unusable, else 0: a line about that joint
-            alone, with its length at 0 that of the file.
+        arm: moment arm about pro_sup [m] if the paths of the file are unusable, else 0: a line about that joint alone,
+            with the file's length at 0.
     """
 
     name: str
@@ -56,7 +56,7 @@ GROUPS = (
     _group("pron_teres_a", "pron_teres", 1),
     _group("pron_teres_b", "pron_teres", 2),
     _group("anconeus", "anconeus", 1, 2, 3, 4, 5),
-    # The file's turn over within the range; the values are project defaults, unconfirmed.
+    # The file's paths flip over within the range; the values are project defaults, unconfirmed.
     _group("supinator", "supinator", 1, 2, 3, 4, 5, arm=-0.008),
     _group("pron_quad", "pron_quad", 1, 2, 3, arm=0.006),
 )

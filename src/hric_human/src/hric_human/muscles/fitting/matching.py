@@ -1,7 +1,7 @@
-"""Which coordinates of a model are the joints of our arm, by geometry: how bones move and where joints are.
+"""Matching of a model's coordinates to the joints of our arm by geometry: bone motion and joint positions.
 
-Names only say which bodies are the bones. Axes of bodies are taken as anatomical: what geometry finds is brought to the
-nearest axis, and a zero to the nearest quarter of a turn.
+Names only identify the bones. Axes of bodies are assumed anatomical: measured axes are rounded to the nearest body
+axis, and a zero to the nearest quarter turn.
 """
 
 import logging
@@ -18,17 +18,17 @@ from hric_human.muscles.fitting.posture import AXES, FAR, Posture, circle_centre
 LOG = logging.getLogger("hric.human.muscles")
 SHOULDER, WRIST = ("sh_flex", "sh_abd", "sh_rot"), ("wr_flex", "wr_dev")
 SMALLEST_CIRCLE = 0.004
-"""Of the wrist's centre about the axis of pronation, below which its direction says nothing [m]; project default."""
+"""Smallest usable radius of the wrist centre's circle about the pronation axis [m]; project default."""
 _QUARTER = 0.5 * math.pi
 
 
 class Hinge(NamedTuple):
-    """A joint of ours that is one coordinate of a model: angle = sign coordinate + offset.
+    """Joint of our arm that is one coordinate of a model: angle = sign coordinate + offset.
 
     Attributes:
-        coordinate: of the model.
+        coordinate: coordinate of the model.
         sign: 1 or -1.
-        offset: [rad].
+        offset: offset of the angle [rad].
     """
 
     coordinate: Coordinate
@@ -37,12 +37,12 @@ class Hinge(NamedTuple):
 
     @property
     def range(self) -> tuple[float, float]:
-        """Of the angle [rad]."""
+        """Range of the angle [rad]."""
         ends = [self.sign * end + self.offset for end in (self.coordinate.lower, self.coordinate.upper)]
         return min(ends), max(ends)
 
     def at(self, angle: float) -> dict[str, float]:
-        """The coordinate at an angle [rad]."""
+        """Return the coordinate at an angle [rad]."""
         return {self.coordinate.name: self.sign * (angle - self.offset)}
 
 
@@ -50,9 +50,9 @@ class Matching:
     """Joints of a model's arm.
 
     Attributes:
-        posture: of the model.
-        hinges: by joint of ours, those that are one coordinate.
-        shoulder: the three coordinates that turn the humerus; none where the shoulder is a hinge.
+        posture: posture of the model.
+        hinges: joints that are one coordinate, by our joint.
+        shoulder: the three coordinates that rotate the humerus; none if the shoulder is a hinge.
 
     Raises:
         HricError: coordinates do not match the joints of an arm.
@@ -71,19 +71,19 @@ class Matching:
         self.shoulder = self._match_shoulder()
 
     def R_ground_thorax(self) -> FloatArray:
-        """In our axes, shape (3, 3)."""
+        """Return the rotation of the thorax in our axes, shape (3, 3)."""
         return np.asarray(self.posture.frame(self.posture.bones.thorax)[0] @ self._thorax)
 
     def R_ground_humerus(self) -> FloatArray:
-        """In our axes, shape (3, 3)."""
+        """Return the rotation of the humerus in our axes, shape (3, 3)."""
         return np.asarray(self.posture.frame(self.posture.bones.humerus)[0] @ self._humerus)
 
     def R_thorax_humerus(self) -> FloatArray:
-        """In our axes, shape (3, 3)."""
+        """Return the rotation of the humerus in the thorax in our axes, shape (3, 3)."""
         return np.asarray(self.R_ground_thorax().T @ self.R_ground_humerus())
 
     def _axes_of_thorax(self) -> FloatArray:
-        """Up is against gravity; right is where the shoulder is beside the body's origin."""
+        """Return the thorax axes: up is against gravity, right from the body's origin towards the shoulder."""
         R_ground_body, origin = self.posture.frame(self.posture.bones.thorax)
         up = self.posture.model.up
         beside = self.posture.shoulder - origin
@@ -92,7 +92,7 @@ class Matching:
         return nearest_axes(R_ground_body.T @ axes, f"{self._name}, thorax")
 
     def _bending(self) -> tuple[Coordinate, float]:
-        """The coordinate that bends the elbow, and its sense."""
+        """Return the coordinate that flexes the elbow, and its sense."""
         posture, bones = self.posture, self.posture.bones
         forearm = unit(posture.wrist - posture.elbow)
         across = {
@@ -111,7 +111,7 @@ class Matching:
         return elbow, 1.0 if bent[1] > bent[0] else -1.0
 
     def _axes_of_humerus(self, elbow: Coordinate, sign: float) -> FloatArray:
-        """Up is along the bone, right along the axis of flexion."""
+        """Return the humerus axes: up is along the bone, right along the axis of flexion."""
         posture = self.posture
         up = unit(posture.shoulder - posture.elbow)
         axis = sign * posture.axis(elbow, posture.bones.ulna)
@@ -120,12 +120,12 @@ class Matching:
         return nearest_axes(posture.frame(posture.bones.humerus)[0].T @ axes, f"{self._name}, humerus")
 
     def _bent(self) -> float:
-        """Angle of the elbow now, in the plane across its axis [rad]."""
+        """Return the current angle of the elbow in the plane across its axis [rad]."""
         _, y, z = self.R_ground_humerus().T @ (self.posture.wrist - self.posture.elbow)
         return math.atan2(-z, -y)
 
     def _match_pronation(self) -> None:
-        """The coordinate about the forearm, with a straight elbow."""
+        """Match the coordinate about the forearm, with a straight elbow."""
         posture, bones = self.posture, self.posture.bones
         for one in reversed(posture.between(bones.humerus, bones.radius)):
             along = float((self.R_ground_humerus().T @ posture.axis(one, bones.radius))[1])
@@ -135,8 +135,11 @@ class Matching:
                 return
 
     def _pronated(self, coordinate: Coordinate, sign: float) -> float:
-        """Angle of pronation now: the thumb is forward where the wrist's centre is forward of the axis, or where
-        there is none beside the axis, in the middle of the coordinate's range [rad]."""
+        """Return the current angle of pronation [rad].
+
+        The thumb is forward if the wrist's centre is forward of the axis; if the centre is on the axis, in the middle
+        of the coordinate's range.
+        """
         at, wrist = self.posture.angles[coordinate.name], []
         for angle in (at, at + 1.0, at - 1.0):
             self.posture.put({coordinate.name: angle})
@@ -148,7 +151,7 @@ class Matching:
         return sign * (at - 0.5 * (coordinate.lower + coordinate.upper))
 
     def _match_wrist(self) -> None:
-        """Coordinates of the hand about the axes of our wrist, straight at 0, with the thumb forward."""
+        """Match coordinates of the hand to the axes of our wrist, straight at 0, with the thumb forward."""
         posture, bones = self.posture, self.posture.bones
         if not bones.hand:
             return
@@ -174,7 +177,7 @@ class Matching:
                 )
 
     def _match_shoulder(self) -> tuple[Coordinate, ...]:
-        """Three coordinates nearest to the humerus, or a hinge."""
+        """Return the three coordinates nearest to the humerus, or match a hinge."""
         bones = self.posture.bones
         found = self.posture.between(bones.thorax, bones.humerus)
         if len(found) == 1:
@@ -205,7 +208,7 @@ class Matching:
         self._add(joint, coordinate, math.copysign(1.0, along), angle)
 
     def _add(self, joint: str, coordinate: Coordinate, sign: float, angle: float) -> None:
-        """A hinge that has an angle now [rad]."""
+        """Add a hinge with its current angle [rad]."""
         offset = math.remainder(angle - sign * self.posture.angles[coordinate.name], 2.0 * math.pi)
         nearest = _QUARTER * round(offset / _QUARTER)
         if abs(offset - nearest) > FAR:

@@ -1,7 +1,7 @@
-"""The Delft arm of the Dynamic Arm Simulator's das4_v4.osim, with its defects mended.
+"""Delft arm of the Dynamic Arm Simulator's das4_v4.osim, with its defects repaired.
 
-What is wrong in the file, and what is done about it: see docs/concepts/muscle_anatomy.md. Only elements of the
-Delft shoulder and elbow model are kept; those of hand and wrist come from another source and are left out.
+The defects and repairs are described in docs/concepts/muscle_anatomy.md. Only elements of the Delft shoulder and elbow
+model are used; those of hand and wrist come from another source and are left out.
 """
 
 from pathlib import Path
@@ -15,8 +15,11 @@ from hric_control.errors import HricError
 from hric_human.muscles.fitting.groups import GROUPS
 
 TRICEPS_INSERTION = (-0.0127, -0.0422, 0.0027)
-"""On the ulna, behind the elbow's cylinder [m]: the published ones lie inside it, where OpenSim's paths do not wrap.
-Project default: gives moment arms of 18 to 20 mm, as published."""
+"""Insertion of the triceps on the ulna, behind the elbow's cylinder [m]; project default.
+
+The published insertions lie inside the cylinder, where OpenSim's paths do not wrap. It gives moment arms of 18 to 20
+mm, as published.
+"""
 KEPT = {element for group in GROUPS for element in group.elements}
 """Elements of the file that are used."""
 MOVED = ("tric_long_1", "tric_long_2", *(f"tric_{head}_{k}" for head in ("med", "lat") for k in range(1, 6)))
@@ -24,19 +27,19 @@ MOVED = ("tric_long_1", "tric_long_2", *(f"tric_{head}_{k}" for head in ("med", 
 
 
 def is_das4(path: Path) -> bool:
-    """Whether a file is that model.
+    """Return True if a file is that model.
 
     Raises:
-        HricError: it cannot be read.
+        HricError: the file cannot be read.
     """
     return not _read(path)[1]
 
 
 def mended(path: Path) -> Any:
-    """The model, an opensim.Model with the elements of GROUPS alone.
+    """Return the model, an opensim.Model with the elements of GROUPS only.
 
     Raises:
-        HricError: it cannot be read, or elements are missing.
+        HricError: the file cannot be read, or elements are missing.
     """
     tree, missing = _read(path)
     if missing:
@@ -57,7 +60,7 @@ def mended(path: Path) -> Any:
 
 
 def _read(path: Path) -> tuple[Any, list[str]]:
-    """The file, and which of KEPT it has not."""
+    """Return the parsed file, and the elements of KEPT that it does not have."""
     try:
         tree = ElementTree.parse(path)
     except (OSError, ElementTree.ParseError) as error:
@@ -66,7 +69,7 @@ def _read(path: Path) -> tuple[Any, list[str]]:
 
 
 def _insert(force: ElementTree.Element) -> None:
-    """Move the point on the ulna."""
+    """Move the insertion on the ulna."""
     for point in force.iter("PathPoint"):
         socket, location = point.find("socket_parent_frame"), point.find("location")
         if socket is not None and location is not None and str(socket.text).endswith("ulna_r"):

@@ -1,4 +1,4 @@
-"""What the fit needs of a model of an arm, whatever engine reads it."""
+"""Interface of an arm model for the fit, independent of the engine that reads it."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -8,12 +8,12 @@ from hric_control.geometry import FloatArray
 
 
 class Coordinate(NamedTuple):
-    """An angle of a model that no constraint gives.
+    """Independent angle of a model.
 
     Attributes:
-        name: of the model.
-        body: that it moves.
-        lower, upper, default: [rad].
+        name: name in the model.
+        body: body that it moves.
+        lower, upper, default: range and default [rad].
     """
 
     name: str
@@ -24,12 +24,12 @@ class Coordinate(NamedTuple):
 
 
 class Strengths(NamedTuple):
-    """Of K muscles along their lines of action.
+    """Strengths of K muscles along their lines of action.
 
     Attributes:
-        force: isometric, shape (K,) [N].
-        optimal_length: of fibres, shape (K,) [m].
-        slack_length: of tendons, shape (K,) [m].
+        force: isometric forces, shape (K,) [N].
+        optimal_length: optimal lengths of fibres, shape (K,) [m].
+        slack_length: slack lengths of tendons, shape (K,) [m].
     """
 
     force: FloatArray
@@ -38,15 +38,15 @@ class Strengths(NamedTuple):
 
 
 class ArmModel(ABC):
-    """A model of an arm in one state.
+    """Model of an arm in one state.
 
     Attributes:
-        name: of the model.
-        credits: its authors and terms, as its file has them.
-        muscles: names of K of them.
-        parents: by body, in the order of the tree; "" is the ground.
-        coordinates: angles that no constraint gives; those it gives follow them.
-        up: against gravity, in the ground, shape (3,).
+        name: name of the model.
+        credits: authors and terms from its file.
+        muscles: names of its K muscles.
+        parents: parent by body, in the order of the tree; "" is the ground.
+        coordinates: independent angles; dependent ones follow them.
+        up: direction against gravity, in the ground, shape (3,).
     """
 
     name: str
@@ -58,32 +58,32 @@ class ArmModel(ABC):
 
     @abstractmethod
     def put(self, angles: Mapping[str, float]) -> None:
-        """Coordinates by name [rad]; others stay."""
+        """Set coordinates by name [rad]; others stay."""
 
     @abstractmethod
     def frame(self, body: str) -> tuple[FloatArray, FloatArray]:
-        """Rotation of shape (3, 3) and origin [m] of a body in the ground."""
+        """Return rotation of shape (3, 3) and origin [m] of a body in the ground."""
 
     @abstractmethod
     def centre(self, body: str) -> FloatArray:
-        """Of the joint between a body and its parent, in the ground, shape (3,) [m]."""
+        """Return the centre of the joint between a body and its parent, in the ground, shape (3,) [m]."""
 
     @abstractmethod
     def mass_centre(self, body: str) -> FloatArray:
-        """In the ground, shape (3,) [m]."""
+        """Return the centre of mass of a body in the ground, shape (3,) [m]."""
 
     @abstractmethod
     def lengths(self) -> FloatArray:
-        """Of muscles with their tendons, shape (K,) [m]."""
+        """Return the lengths of muscles with their tendons, shape (K,) [m]."""
 
     @abstractmethod
     def courses(self) -> list[list[tuple[str, FloatArray]]]:
-        """Points of each muscle's line from end to end: body, "" the ground, and place in the ground [m]."""
+        """Return the points of each muscle's line from end to end: body ("": ground), position in the ground [m]."""
 
     @abstractmethod
     def pulls(self, body: str) -> FloatArray:
-        """Force on a body and all behind it per force of each muscle, in the ground, shape (K, 3) [1]."""
+        """Return the force on a body and all distal ones per force of each muscle, in the ground, shape (K, 3) [1]."""
 
     @abstractmethod
     def strengths(self) -> Strengths:
-        """Of the muscles."""
+        """Return the strengths of the muscles."""

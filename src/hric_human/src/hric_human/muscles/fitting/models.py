@@ -1,4 +1,4 @@
-"""Models of arms by their files, and their anatomies. Engines are loaded by a fit alone."""
+"""Models of arms by their files, and their anatomies. Engines are loaded by a fit only."""
 
 import logging
 from pathlib import Path
@@ -12,7 +12,7 @@ NON_COMMERCIAL = (
     "the arm of myo-sim is Apache-2.0 by its authors, but derives from MoBL-ARMS, whose terms are non-commercial: what "
     "is fitted from it is for your own non-commercial use, and belongs into no repository."
 )
-"""What a model of an installed myo-sim says."""
+"""Licence notice of a model of an installed myo-sim."""
 DELFT_MENDS = (
     "das4_v4.osim and is mended as the built-in anatomy is: insertion of 12 elements of the triceps, lines of "
     "supinator and pronator quadratus, lengths of fibres and tendons, a girdle that follows the arm; its muscles of "
@@ -21,12 +21,12 @@ DELFT_MENDS = (
 
 
 def terms(path: Path) -> str:
-    """What is to be said before a model is used; "" for those that are the user's own."""
+    """Return the licence notice of a model before its use; "" for the user's own models."""
     return NON_COMMERCIAL if "myo_sim" in path.resolve().parts else ""
 
 
 def content(path: Path, folder: Path | None = None) -> bytes:
-    """Of a model's file, and of those that a MuJoCo model includes, which are relative to it.
+    """Return the content of a model's file, and of the files that a MuJoCo model includes, relative to it.
 
     Raises:
         HricError: one of them cannot be read.
@@ -41,10 +41,10 @@ def content(path: Path, folder: Path | None = None) -> bytes:
 
 
 def fit(path: Path) -> Anatomy:
-    """The anatomy of a model, and in the log what was done to it.
+    """Return the anatomy of a model, and log its repairs.
 
     Raises:
-        HricError: it cannot be read, or has no arm with muscles.
+        HricError: the file cannot be read, or has no arm with muscles.
     """
     from hric_human.muscles.fitting import any_arm, delft, mend  # an engine takes a second
 
@@ -76,7 +76,7 @@ def run(model: Path, output: Path) -> None:
 
 
 def errors_as_markdown(anatomy: Anatomy) -> str:
-    """Muscles with their numbers and errors of the fit, as Markdown."""
+    """Return the muscles with their numbers and errors of the fit, as Markdown."""
     rows = [
         "| muscle | force N | optimal mm | tendon mm | joints | length rms mm | arm rms mm | single mm | pull worst |",
         "|---|---|---|---|---|---|---|---|---|",

@@ -1,4 +1,4 @@
-"""A MuJoCo model as the fit needs it: muscles are actuators with MuJoCo's muscle gain on a tendon."""
+"""MuJoCo model for the fit: muscles are actuators with MuJoCo's muscle gain on a tendon."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,13 +11,13 @@ from hric_control.geometry import FloatArray
 from hric_human.muscles.fitting.model import ArmModel, Coordinate, Strengths
 
 _SITE, _PULLEY = -1, -2
-"""In `wrap_obj` of MuJoCo's data, in place of the geometry that a tendon wraps."""
+"""Values of `wrap_obj` in MuJoCo's data that are not a wrapped geometry."""
 _SHIFT = 1e-5
-"""Of a body, by which the pull across its joint is found [m]."""
+"""Shift of a body for the numerical pull across its joint [m]."""
 
 
 class MujocoArm(ArmModel):
-    """See `ArmModel`. Equalities of joints are evaluated; other constraints are not kept.
+    """MuJoCo model of an arm. Equalities of joints are evaluated; other constraints are ignored.
 
     Raises:
         HricError: MuJoCo cannot read it, or it has no muscles.
@@ -64,7 +64,7 @@ class MujocoArm(ArmModel):
         return Coordinate(model.joint(joint).name, body, float(low), float(high), default)
 
     def put(self, angles: Mapping[str, float]) -> None:
-        """Coordinates by name [rad]; others stay."""
+        """Set coordinates by name [rad]; others stay."""
         model, qpos = self._model, self._data.qpos
         for name, angle in angles.items():
             qpos[model.joint(name).qposadr[0]] = angle
@@ -83,27 +83,27 @@ class MujocoArm(ArmModel):
         mujoco.mj_tendon(self._model, self._data)
 
     def frame(self, body: str) -> tuple[FloatArray, FloatArray]:
-        """Of a body in the ground: rotation and origin [m]."""
+        """Return rotation and origin [m] of a body in the ground."""
         i = self._bodies[body]
         return np.array(self._data.xmat[i]).reshape(3, 3), np.array(self._data.xpos[i])
 
     def centre(self, body: str) -> FloatArray:
-        """Of the joint before a body, in the ground [m]."""
+        """Return the position of the joint before a body, in the ground [m]."""
         i = self._bodies[body]
         return np.array(
             self._data.xanchor[self._model.body_jntadr[i]] if self._model.body_jntnum[i] else self._data.xpos[i]
         )
 
     def mass_centre(self, body: str) -> FloatArray:
-        """In the ground [m]."""
+        """Return the centre of mass of a body in the ground [m]."""
         return np.array(self._data.xipos[self._bodies[body]])
 
     def lengths(self) -> FloatArray:
-        """Of muscles with their tendons [m]."""
+        """Return the lengths of muscles with their tendons [m]."""
         return np.array(self._data.ten_length[self._tendons])
 
     def courses(self) -> list[list[tuple[str, FloatArray]]]:
-        """See `ArmModel`; where a tendon wraps, both ends of that."""
+        """Return the points of each muscle's line; where a tendon wraps, both ends of the wrapped part."""
         model, data = self._model, self._data
         names, positions = list(self._bodies), data.wrap_xpos.reshape(-1, 3)
         found = []
@@ -120,7 +120,7 @@ class MujocoArm(ArmModel):
         return found
 
     def pulls(self, body: str) -> FloatArray:
-        """By virtual work: how lengths change when the body moves away from its parent."""
+        """Return the pulls by virtual work: change of lengths as the body moves away from its parent."""
         number, R_ground_parent = self._bodies[body], self.frame(self.parents[body])[0]
         rows = []
         for axis in np.eye(3):
@@ -136,7 +136,7 @@ class MujocoArm(ArmModel):
         return np.array(rows).T
 
     def strengths(self) -> Strengths:
-        """Of MuJoCo's parameters: the range of a path's length is that of its fibres beside the tendon."""
+        """Return the strengths from MuJoCo's parameters: the path's length range is the fibres' plus the tendon."""
         model, of = self._model, self._actuators
         shortest, longest, force, scale = model.actuator_gainprm[of, :4].T
         low, high = model.actuator_lengthrange[of].T

@@ -1,4 +1,4 @@
-"""An OpenSim model as the fit needs it."""
+"""OpenSim model for the fit."""
 
 import logging
 from collections.abc import Iterator, Mapping
@@ -15,13 +15,13 @@ from hric_human.muscles.fitting.sample import Paths
 
 LOG = logging.getLogger("hric.human.muscles")
 _TRANSLATION = 2
-"""OpenSim's number of that kind of coordinate."""
+"""Code of translational coordinates in OpenSim."""
 _UNSAID = opensim.Model().getCredits(), opensim.Model().getPublications()
-"""What OpenSim fills in where a file has no credits."""
+"""Default texts of OpenSim for a file without credits."""
 
 
 class _Coupler:
-    """A coordinate that is a function of others."""
+    """Coordinate that is a function of others."""
 
     def __init__(self, constraint: Any) -> None:
         names = constraint.getIndependentCoordinateNames()
@@ -38,7 +38,7 @@ class _Coupler:
 
 
 class OpenSimArm(ArmModel):
-    """See `ArmModel`. Couplers of coordinates are evaluated; other constraints are not kept.
+    """OpenSim model of an arm. Couplers of coordinates are evaluated; other constraints are ignored.
 
     Raises:
         HricError: OpenSim cannot read it, or it has no muscles with points on bodies.
@@ -95,35 +95,35 @@ class OpenSimArm(ArmModel):
         return "" if name == self._model.getGround().getName() else name
 
     def put(self, angles: Mapping[str, float]) -> None:
-        """Coordinates by name [rad]; others stay."""
+        """Set coordinates by name [rad]; others stay."""
         self._angles |= angles
         for coupler in self._couplers:
             self._angles[coupler.name] = coupler.value(self._angles)
         self._paths.put(self._angles)
 
     def frame(self, body: str) -> tuple[FloatArray, FloatArray]:
-        """Of a body in the ground: rotation and origin [m]."""
+        """Return rotation and origin [m] of a body in the ground."""
         return self._paths.frame(body)
 
     def centre(self, body: str) -> FloatArray:
-        """Of the joint before a body, in the ground [m]."""
+        """Return the position of the joint before a body, in the ground [m]."""
         return np.asarray(self._joints[body].getParentFrame().getPositionInGround(self._state).to_numpy())
 
     def mass_centre(self, body: str) -> FloatArray:
-        """In the ground [m]."""
+        """Return the centre of mass of a body in the ground [m]."""
         one = self._model.getBodySet().get(body)
         return np.asarray(one.findStationLocationInGround(self._state, one.getMassCenter()).to_numpy())
 
     def lengths(self) -> FloatArray:
-        """Of muscles with their tendons [m]."""
+        """Return the lengths of muscles with their tendons [m]."""
         return self._paths.lengths()
 
     def courses(self) -> list[list[tuple[str, FloatArray]]]:
-        """See `ArmModel`."""
+        """Return the points of each muscle's line."""
         return self._paths.courses()
 
     def pulls(self, body: str) -> FloatArray:
-        """Force on a body and all behind it per force of each muscle, in the ground [1]."""
+        """Return the force on a body and all distal ones per force of each muscle, in the ground [1]."""
         behind = {body}
         for other, parent in self.parents.items():
             if parent in behind:
@@ -131,7 +131,7 @@ class OpenSimArm(ArmModel):
         return self._paths.lines().pull(self._paths.numbers(sorted(behind)))
 
     def strengths(self) -> Strengths:
-        """Of the muscles."""
+        """Return the strengths of the muscles."""
         of = [self._model.getMuscles().get(name) for name in self.muscles]
         along = np.cos([muscle.getPennationAngleAtOptimalFiberLength() for muscle in of])
         return Strengths(
@@ -163,7 +163,7 @@ def _body(frame: Any) -> str:
 
 
 def _sorted(parents: Mapping[str, str]) -> dict[str, str]:
-    """Parents before their children."""
+    """Return parents before their children."""
     made = dict[str, str]()
     while len(made) < len(parents):
         made |= {body: parent for body, parent in parents.items() if body not in made and parent in {"", *made}}

@@ -1,4 +1,4 @@
-"""A model's right arm at angles of our joints, and what its muscles are there."""
+"""Placement of a model's right arm at angles of our joints, and its muscles there."""
 
 import numpy as np
 
@@ -14,19 +14,19 @@ from hric_human.muscles.fitting.posture import AXES, STEP, Posture, rotation_vec
 from hric_human.muscles.fitting.sample import R_LINK_OPENSIM
 
 ACCURACY = 1e-8
-"""Of the orientation of the humerus [rad]."""
+"""Accuracy of the orientation of the humerus [rad]."""
 _STEPS, _STARTS, _LONGEST, _DAMPING = 30, 4, 0.5, 1e-12
-"""Of the search for it: steps and starts at most, length of a step [rad], damping [1]."""
+"""Limits of the orientation search: steps, starts, length of a step [rad], and damping [1]."""
 _SINGULAR = 1e4
-"""Condition of the rates of the humerus, beyond which slopes by its angles are noise [1]."""
+"""Condition of the humerus' rates beyond which slopes by its angles are noise [1]."""
 
 
 class Placing:
-    """A model's arm that goes where ours is.
+    """Model's arm that is moved to the pose of our arm.
 
     Attributes:
-        joints: ours that the model has, in their order.
-        hinges: by joint, those that are one coordinate.
+        joints: our joints that the model has, in their order.
+        hinges: joints that are one coordinate, by joint.
 
     Raises:
         HricError: the model has no arm, or its coordinates do not match the joints of one.
@@ -42,15 +42,17 @@ class Placing:
         self._solved: list[tuple[FloatArray, FloatArray]] = []
 
     def put(self, q: FloatArray) -> bool:
-        """Angles of `joints`, shape (m,) [rad]; returns whether the model reaches them within its ranges."""
+        """Set the angles of `joints`, shape (m,) [rad]; return True if the model reaches them within its ranges."""
         for name, angle in zip(self.joints, q.tolist(), strict=True):
             if name in self.hinges:
                 self._posture.put(self.hinges[name].at(angle))
         return not self._shoulder or self._orient(q[: len(SHOULDER)])
 
     def slopes(self, q: FloatArray) -> FloatArray | None:
-        """Of lengths by the angles of `joints` where the arm was put, shape (K, m) [m/rad]; None where coordinates of
-        the shoulder are singular."""
+        """Return the slopes of lengths by the angles of `joints` at the current pose, shape (K, m) [m/rad].
+
+        Return None if coordinates of the shoulder are singular.
+        """
         made = {name: hinge.sign * self._differences(hinge.coordinate)[0] for name, hinge in self.hinges.items()}
         if self._shoulder:
             by_coordinate, rates = map(np.array, zip(*map(self._differences, self._shoulder), strict=True))
@@ -63,7 +65,7 @@ class Placing:
         return np.array([made[name] for name in self.joints]).T
 
     def pulls(self) -> dict[str, FloatArray]:
-        """By joint centre, see `Samples`, shape (K, 3) [1]."""
+        """Return the pulls by joint centre, see `Samples`, shape (K, 3) [1]."""
         bones, R = self._posture.bones, (self._matching.R_ground_thorax(), self._matching.R_ground_humerus())
         return {
             centre: self._model.pulls(body) @ axes @ R_LINK_OPENSIM.T
@@ -71,7 +73,7 @@ class Placing:
         }
 
     def reference(self) -> dict[str, float]:
-        """Lengths of the segments, as a subject's are named [m]; without the forearm's where there is no hand."""
+        """Return the segment lengths by a subject's names [m]; without a hand, without the forearm's."""
         posture = self._posture
         ends = {"upper_arm": posture.elbow - posture.shoulder}
         if posture.bones.wrist:
@@ -79,7 +81,7 @@ class Placing:
         return {name: float(np.linalg.norm(vector)) for name, vector in ends.items()}
 
     def courses(self) -> list[Course]:
-        """Of the muscles, in the resting posture, or as near to it as the ranges of the model allow."""
+        """Return the drawn muscle lines in the resting posture, or as near to it as the model's ranges allow."""
         q = resting(self.joints)
         for k, name in enumerate(self.joints):
             if name in self.hinges:
@@ -91,13 +93,13 @@ class Placing:
         return [course(points, self._segment, frames) for points in self._model.courses()]
 
     def _segment(self, body: str) -> str:
-        """Of SEGMENTS; girdle and hand are drawn with trunk and forearm."""
+        """Return the body's entry of SEGMENTS; girdle and hand are drawn with trunk and forearm."""
         torso, upper_arm, forearm = SEGMENTS
         bodies, bones = chain(self._model, "", body), self._posture.bones
         return forearm if bones.forearm in bodies else upper_arm if bones.shoulder in bodies else torso
 
     def _differences(self, coordinate: Coordinate) -> tuple[FloatArray, FloatArray]:
-        """Slopes of lengths by a coordinate, shape (K,) [m/rad], and rate of the humerus in the thorax, shape (3,)."""
+        """Return slopes of lengths by a coordinate, (K,) [m/rad], and the humerus' rate in the thorax, shape (3,)."""
         at, lengths, R = self._posture.angles[coordinate.name], [], []
         for angle in (at + STEP, at - STEP):
             self._posture.put({coordinate.name: angle})
@@ -107,7 +109,7 @@ class Placing:
         return (lengths[0] - lengths[1]) / (2.0 * STEP), small_rotation(R[0] @ R[1].T) / (2.0 * STEP)
 
     def _orient(self, angles: FloatArray) -> bool:
-        """Turn the humerus to angles of SHOULDER [rad]."""
+        """Rotate the humerus to angles of SHOULDER [rad]; return True if that is reached."""
         R_target = np.eye(3)
         for name, angle in zip(SHOULDER, angles, strict=True):
             R_target = R_target @ rotation_about(AXES[name], angle)
@@ -119,19 +121,18 @@ class Placing:
         return False
 
     def _starts(self, angles: FloatArray) -> FloatArray:
-        """Coordinates to begin at: those of the nearest pose so far, the defaults, and some in their ranges."""
+        """Return start coordinates: of the nearest pose so far, the defaults, and random ones in their ranges."""
         lower, upper = self._ranges()
         drawn = lower + (upper - lower) * np.random.default_rng(0).random((_STARTS, len(lower)))
         near = [min(self._solved, key=lambda pose: float(np.linalg.norm(pose[0] - angles)))[1]] if self._solved else []
         return np.array([*near, [one.default for one in self._shoulder], *drawn])
 
     def _ranges(self) -> tuple[FloatArray, FloatArray]:
-        """Lower and upper ends of the shoulder's coordinates, shape (3,) each [rad]."""
+        """Return lower and upper ends of the shoulder's coordinates, shape (3,) each [rad]."""
         return np.array([one.lower for one in self._shoulder]), np.array([one.upper for one in self._shoulder])
 
     def _search(self, R_target: FloatArray, start: FloatArray) -> FloatArray | None:
-        """Newton's steps from coordinates to those of an orientation; None where they end elsewhere or beyond the
-        ranges."""
+        """Return the coordinates of an orientation by Newton's method; None if it fails or leaves the ranges."""
         c, names = start.copy(), [one.name for one in self._shoulder]
         for _ in range(_STEPS):
             self._posture.put(dict(zip(names, c.tolist(), strict=True)))
@@ -148,7 +149,7 @@ class Placing:
         return None
 
     def _rates(self) -> FloatArray:
-        """Of the humerus in the thorax by each coordinate of the shoulder, shape (3, 3)."""
+        """Return the rates of the humerus in the thorax by each coordinate of the shoulder, shape (3, 3)."""
         columns, R = [], self._matching.R_thorax_humerus()
         for one in self._shoulder:
             at = self._posture.angles[one.name]

@@ -1,4 +1,4 @@
-"""A model of an arm in a posture: where its bones and joints are, and what its coordinates turn.
+"""Posture of an arm model: positions of its bones and joints, and the rotations by its coordinates.
 
 Axes here are x right, y up, z back of an arm that hangs with its thumb forward, see `hric_human.body.joints`.
 """
@@ -18,26 +18,25 @@ from hric_human.muscles.fitting.model import ArmModel, Coordinate
 from hric_human.muscles.fitting.sample import R_LINK_OPENSIM
 
 AXES = {row.name: np.array(row.axis, np.float64) @ R_LINK_OPENSIM for row in ARM}
-"""Of our joints, of length 1, shape (3,)."""
+"""Unit axes of our joints, shape (3,)."""
 STEP = 1e-4
-"""Of differences [rad]."""
+"""Step of numerical differences [rad]."""
 FAR = math.radians(30.0)
-"""Between what geometry finds and the nearest axis or quarter of a turn, beyond which it is none of ours; project
-default."""
+"""Largest angle between a measured and the nearest axis or quarter turn of a match [rad]; project default."""
 SLOW = 1e-3
-"""Rate of a bone per rate of a coordinate below which it does not turn the bone [1]."""
+"""Rate of a bone per rate of a coordinate below which it does not rotate the bone [1]."""
 
 
 class Posture:
-    """A model with angles of its coordinates.
+    """Model with angles of its coordinates.
 
     Attributes:
-        model: as it is now.
-        bones: of its right arm.
-        angles: of its coordinates now [rad].
+        model: model in its current state.
+        bones: bones of its right arm.
+        angles: current angles of its coordinates [rad].
 
     Raises:
-        HricError: it has no right arm.
+        HricError: the model has no right arm.
     """
 
     def __init__(self, model: ArmModel) -> None:
@@ -46,38 +45,38 @@ class Posture:
         self.model.put(self.angles)
 
     def put(self, angles: Mapping[str, float]) -> None:
-        """Some of the coordinates [rad]; others stay."""
+        """Set some of the coordinates [rad]; others stay."""
         self.angles |= angles
         self.model.put(angles)
 
     def frame(self, body: str) -> tuple[FloatArray, FloatArray]:
-        """Rotation of shape (3, 3) and origin [m] of a body, or of the ground, in the ground."""
+        """Return rotation of shape (3, 3) and origin [m] of a body, or of the ground, in the ground."""
         return self.model.frame(body) if body else (np.eye(3), np.zeros(3))
 
     @property
     def shoulder(self) -> FloatArray:
-        """Its centre in the ground, shape (3,) [m]."""
+        """Centre of the shoulder in the ground, shape (3,) [m]."""
         return self.model.centre(self.bones.shoulder)
 
     @property
     def elbow(self) -> FloatArray:
-        """Its centre in the ground, shape (3,) [m]."""
+        """Centre of the elbow in the ground, shape (3,) [m]."""
         return self.model.centre(self.bones.forearm)
 
     @property
     def wrist(self) -> FloatArray:
-        """Its centre in the ground; the forearm's centre of mass in a model without a hand. Shape (3,) [m]."""
+        """Centre of the wrist in the ground, shape (3,) [m]; the forearm's centre of mass in a model without a hand."""
         bones = self.bones
         return self.model.centre(bones.wrist) if bones.wrist else self.model.mass_centre(bones.radius)
 
     def between(self, proximal: str, distal: str) -> list[Coordinate]:
-        """Coordinates of joints behind one body, up to another, that turn the latter."""
+        """Return the coordinates of joints behind one body, up to another, that rotate the latter."""
         bodies = chain(self.model, proximal, distal)
         found = [one for one in self.model.coordinates if one.body in bodies and self.axis(one, distal).any()]
         return sorted(found, key=lambda one: bodies.index(one.body))
 
     def axis(self, coordinate: Coordinate, body: str) -> FloatArray:
-        """About which a coordinate turns a body in the ground, of length 1, or 0 where it does not, shape (3,)."""
+        """Return the unit axis about which a coordinate rotates a body in the ground, 0 if it does not, shape (3,)."""
         at, frames = self.angles[coordinate.name], []
         for angle in (at + STEP, at - STEP):
             self.put({coordinate.name: angle})
@@ -88,22 +87,22 @@ class Posture:
 
 
 def unit(vector: FloatArray) -> FloatArray:
-    """Of length 1."""
+    """Return the vector scaled to length 1."""
     return np.asarray(vector / np.linalg.norm(vector))
 
 
 def rotation_vector(R: FloatArray) -> FloatArray:
-    """Axis times angle [rad] of a rotation of shape (3, 3)."""
+    """Return axis times angle [rad] of a rotation of shape (3, 3)."""
     return np.asarray(Rotation.from_matrix(R).as_rotvec())
 
 
 def small_rotation(R: FloatArray) -> FloatArray:
-    """Axis times sine of the angle [rad] of a rotation of shape (3, 3)."""
+    """Return axis times sine of the angle [rad] of a rotation of shape (3, 3)."""
     return 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
 
 
 def nearest_axes(axes: FloatArray, what: str) -> FloatArray:
-    """The rotation by quarters of turns that is nearest to axes of shape (3, 3).
+    """Return the rotation by quarter turns that is nearest to axes of shape (3, 3).
 
     Raises:
         HricError: the nearest is further than FAR away.
@@ -126,7 +125,7 @@ def nearest_axes(axes: FloatArray, what: str) -> FloatArray:
 
 
 def circle_centre(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
-    """Of the circle through three points of shape (3,); one of them where they are one."""
+    """Return the centre of the circle through three points of shape (3,); one of them if they coincide."""
     ab, ac = b - a, c - a
     n = np.cross(ab, ac)
     if not np.linalg.norm(n) > 0.0:

@@ -1,4 +1,4 @@
-"""What a model's paths are at poses: lengths, moment arms and pulls of its muscles."""
+"""Samples of a model's paths at poses: lengths, moment arms and pulls of its muscles."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,18 +13,18 @@ from hric_control.geometry import FloatArray
 from hric_human.muscles.polynomial import IntArray
 
 R_LINK_OPENSIM = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-"""From x right, y up, z back to x forward, y left, z up."""
+"""Rotation from x right, y up, z back to x forward, y left, z up."""
 
 
 @dataclass(frozen=True)
 class Samples:
-    """Of K muscles at N poses of m joints.
+    """Samples of K muscles at N poses of m joints.
 
     Attributes:
-        q: shape (N, m) [rad].
-        length: shape (N, K) [m].
+        q: joint positions, shape (N, m) [rad].
+        length: muscle-tendon lengths, shape (N, K) [m].
         arms: moment arms, shape (N, K, m) [m].
-        pulls: by joint centre, force on what lies distal per force of the muscle, in axes of the proximal link, shape
+        pulls: by joint centre, force on the distal part per force of the muscle, in axes of the proximal link, shape
             (N, K, 3) [1].
     """
 
@@ -34,28 +34,28 @@ class Samples:
     pulls: Mapping[str, FloatArray]
 
     def part(self, rows: slice | NDArray[np.bool_]) -> "Samples":
-        """Some of the poses."""
+        """Return some of the poses."""
         pulls = {centre: pull[rows] for centre, pull in self.pulls.items()}
         return Samples(self.q[rows], self.length[rows], self.arms[rows], pulls)
 
     def joined(self, weights: FloatArray) -> "Samples":
-        """Of lines that are weighted means of muscles: weights of shape (lines, K), whose rows add up to 1."""
+        """Return the samples of lines, weighted means of muscles; weights: shape (lines, K), rows add up to 1."""
         pulls = {centre: np.einsum("gk,nkx->ngx", weights, pull) for centre, pull in self.pulls.items()}
         return Samples(self.q, self.length @ weights.T, np.einsum("gk,nkm->ngm", weights, self.arms), pulls)
 
 
 def poses(lower: Sequence[float], upper: Sequence[float], count: int) -> FloatArray:
-    """The first of Sobol's sequence within a range, shape (count, joints)."""
+    """Return the first poses of Sobol's sequence within a range, shape (count, joints) [rad]."""
     points = qmc.Sobol(len(lower), scramble=False).random_base2(max(1, (count - 1).bit_length()))[:count]
     return np.array(lower + points * np.subtract(upper, lower))
 
 
 class Paths:
-    """The paths of a model's muscles in one state.
+    """Paths of a model's muscles in one state.
 
     Attributes:
-        model, state: of OpenSim.
-        names: of the muscles, K of them.
+        model, state: model and state of OpenSim.
+        names: names of the K muscles.
     """
 
     def __init__(self, model: Any) -> None:
@@ -68,17 +68,17 @@ class Paths:
         self.coordinates = {name: coordinates.get(name) for name in map(str, _names(coordinates))}
 
     def put(self, angles: Mapping[str, float]) -> None:
-        """Coordinates by name [rad]."""
+        """Set coordinates by name [rad]."""
         for name, angle in angles.items():
             self.coordinates[name].setValue(self.state, angle, False)
         self.model.realizePosition(self.state)
 
     def lengths(self) -> FloatArray:
-        """Shape (K,) [m]."""
+        """Return the lengths of the paths, shape (K,) [m]."""
         return np.array([path.getLength(self.state) for path in self._paths])
 
     def courses(self) -> list[list[tuple[str, FloatArray]]]:
-        """Points of each line: body, "" the ground, and place in the ground [m]; where it wraps, both ends of that."""
+        """Return the points of each line: body ("": ground), position in the ground [m]; both ends of wrapped parts."""
         found = []
         for path in self._paths:
             points = path.getCurrentPath(self.state)
@@ -90,17 +90,17 @@ class Paths:
         return found
 
     def frame(self, body: str) -> tuple[FloatArray, FloatArray]:
-        """Rotation of shape (3, 3) and origin [m] of a body in the ground."""
+        """Return rotation of shape (3, 3) and origin [m] of a body in the ground."""
         transform = self._bodies[body][1].getTransformInGround(self.state)
         return _matrix(transform.R()), transform.p().to_numpy()
 
     def centres(self, joints: Sequence[str]) -> list[FloatArray]:
-        """Where joints are in the ground, each of shape (3,) [m]."""
+        """Return the positions of joints in the ground, each of shape (3,) [m]."""
         of = [self.model.getJointSet().get(name).getParentFrame() for name in joints]
         return [frame.getPositionInGround(self.state).to_numpy() for frame in of]
 
     def lines(self) -> "Lines":
-        """The forces that the paths put on bodies."""
+        """Return the forces of the paths on bodies."""
         muscle, body, forces = [], [], []
         for k, path in enumerate(self._paths):
             given = opensim.ArrayPointForceDirection()
@@ -114,7 +114,7 @@ class Paths:
         return Lines(len(self._paths), np.array(muscle), np.array(body), np.array(forces))
 
     def numbers(self, bodies: Sequence[str]) -> IntArray:
-        """Of bodies, as `Lines` counts them."""
+        """Return the indices of bodies in `Lines`."""
         return np.array([self._bodies[name][0] for name in bodies])
 
 
@@ -131,9 +131,9 @@ class Lines:
     """Forces on bodies per force of a muscle.
 
     Attributes:
-        muscles: how many there are.
-        muscle, body: number of each force, shape (n,).
-        force: in the ground, shape (n, 3) [1].
+        muscles: number of muscles.
+        muscle, body: index of muscle and body of each force, shape (n,).
+        force: forces in the ground, shape (n, 3) [1].
     """
 
     muscles: int
@@ -142,7 +142,7 @@ class Lines:
     force: FloatArray
 
     def pull(self, distal: IntArray) -> FloatArray:
-        """Force of each muscle on some bodies, in the ground, shape (muscles, 3) [1]."""
+        """Return the force of each muscle on some bodies, in the ground, shape (muscles, 3) [1]."""
         on = np.isin(self.body, distal)
         summed = np.zeros((self.muscles, 3))
         np.add.at(summed, self.muscle[on], self.force[on])
