@@ -1,1 +1,1 @@
-"""What is seen of the human beside the robot."""
+"""Sensors that measure the human next to the robot."""

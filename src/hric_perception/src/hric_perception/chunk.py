@@ -1,4 +1,4 @@
-"""Consecutive samples of a source that samples evenly, between drivers, filters and messages. No node."""
+"""Consecutive samples of an evenly sampled source, passed between drivers, filters and messages. No node."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -14,14 +14,14 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Layout:
-    """What a source samples.
+    """Channels of a source.
 
     Args:
-        source: for people, e.g. "lsl EMG emulated_emg".
-        channels: names.
-        units: as many.
-        rate: as the source declares it [Hz].
-        frame: of vectors, else "".
+        source: name for display, e.g. "lsl EMG emulated_emg".
+        channels: names of the channels.
+        units: unit of each channel.
+        rate: sample rate declared by the source [Hz].
+        frame: frame of vectors, else "".
     """
 
     source: str
@@ -32,7 +32,7 @@ class Layout:
 
     @property
     def unit(self) -> str:
-        """One word if all channels agree, else one per channel; "N m" is the word "N*m", and none is "-"."""
+        """Common unit of all channels, else one per channel; "N m" is written "N*m", and no unit "-"."""
         words = [unit.replace(" ", "*") or "-" for unit in self.units]
         return words[0] if len(set(words)) == 1 else " ".join(words)
 
@@ -42,11 +42,11 @@ class Chunk:
     """Samples without a gap; sample k was taken at start + k / rate, the rate being the layout's times `pace`.
 
     Args:
-        layout: what is sampled.
+        layout: channels of the samples.
         start: robot time of the first sample [s].
-        first: its running number.
-        data: shape (samples, channels).
-        pace: rate over that of the layout: above 1 where the run lost time, which the source did not know.
+        first: sequence number of the first sample.
+        data: values, shape (samples, channels).
+        pace: rate divided by the layout's: above 1 if the run lost time, which the source did not know.
     """
 
     layout: Layout
@@ -67,16 +67,16 @@ class Chunk:
 
     @property
     def after(self) -> int:
-        """Number of the sample that would follow."""
+        """Sequence number of the sample after the last one."""
         return self.first + len(self.data)
 
 
 class Merger:
-    """Joins and cuts chunks that follow each other to the length that messages shall have.
+    """Merger of consecutive chunks into the length of messages.
 
     Args:
-        duration: of a message [s]; a gap or another layout ends one early. 0: they stay as they are.
-        on_chunk: gets them.
+        duration: duration of a message [s]; a gap or another layout ends one early. 0: chunks are passed on unchanged.
+        on_chunk: callback for each chunk.
     """
 
     def __init__(self, duration: float, on_chunk: Callable[[Chunk], None]) -> None:
@@ -85,7 +85,7 @@ class Merger:
         self._count = 0
 
     def add(self, chunk: Chunk) -> None:
-        """Take the next one."""
+        """Add the next chunk."""
         if self._parts and (chunk.first != self._parts[-1].after or self._differs(chunk) or self._strays(chunk)):
             self.flush()
         size = round(self._duration * chunk.layout.rate) or len(chunk.data)
@@ -98,7 +98,7 @@ class Merger:
             self._count += len(chunk.data)
 
     def flush(self) -> None:
-        """Pass on what there is."""
+        """Pass on the stored samples."""
         if self._parts:
             first = self._parts[0]
             parts, self._parts, self._count = self._parts, [], 0
@@ -111,19 +111,19 @@ class Merger:
         return chunk.layout is not first.layout or chunk.pace != first.pace
 
     def _strays(self, chunk: Chunk) -> bool:
-        """Whether its time differs from that which follows from the first part by more than half a sample."""
+        """Return True if the chunk's time differs from that extrapolated from the first part by half a sample."""
         rate = chunk.rate
         return abs(self._parts[0].start + self._count / rate - chunk.start) > 0.5 / rate
 
 
 def cut(chunk: Chunk, count: int) -> tuple[Chunk, Chunk]:
-    """The first `count` samples, and the others."""
+    """Return the first `count` samples, and the others."""
     rest = replace(chunk, start=chunk.start + count / chunk.rate, first=chunk.first + count, data=chunk.data[count:])
     return replace(chunk, data=chunk.data[:count]), rest
 
 
 def chunk_message(chunk: Chunk) -> Any:
-    """hric_msgs/SampleChunk. The start must not lie before the time 0."""
+    """Return the chunk as hric_msgs/SampleChunk. The start must not be before the time 0."""
     # Here, as exports use chunks where there is no ROS.
     from std_msgs.msg import Header
 
@@ -143,10 +143,10 @@ def chunk_message(chunk: Chunk) -> Any:
 
 
 def read_chunk(message: Any) -> Chunk:
-    """The other direction of `chunk_message`.
+    """Return the chunk of a message; the inverse of `chunk_message`.
 
     Raises:
-        CommandError: no rate, or the data are no whole number of samples.
+        CommandError: no rate, or the data are not a whole number of samples.
     """
     channels = tuple(message.channels)
     if not channels or len(message.data) % len(channels) or not message.rate > 0:

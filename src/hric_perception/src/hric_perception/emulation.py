@@ -1,5 +1,7 @@
-"""An emulated sensor that samples evenly: which samples are due, what goes wrong with them, and the thread that sends
-them. No ROS, no transport."""
+"""Emulated sensor with even sampling: due samples, their faults, and the thread that sends them.
+
+No ROS, no transport.
+"""
 
 import math
 import threading
@@ -19,17 +21,17 @@ from hric_perception.chunk import FloatArray
 NOISE_BLOCK = 256
 """Samples per block of random numbers, so that they do not depend on when samples are fetched."""
 LATE = 1.0
-"""A sensor that is this far behind goes on from now [s] (project default, unconfirmed)."""
+"""Delay beyond which a sensor skips samples and continues from now [s] (project default, unconfirmed)."""
 NS = 1e-9
 PERIOD = 0.01
-"""Between sendings [s of wall time] (project default, unconfirmed)."""
+"""Time between sendings [s of wall time] (project default, unconfirmed)."""
 SEED: Any = whole(0, minimum=0, name="seed", text="of all that is random")
 BLOCK: Any = number(PERIOD, minimum=0.001, maximum=1.0, unit="s", name="block", text="of wall time between sendings")
 
 
 @dataclass(frozen=True)
 class Faults(Settings):
-    """What is wrong with the samples; all of it repeats with the seed. seed: of all that is random."""
+    """Faults of the samples; repeatable by the seed. seed: of all randomness."""
 
     noise: float = number(0.0, minimum=0.0, unit="unit of the channel", text="white, standard deviation")
     bias: float = number(0.0, unit="unit of the channel", text="added")
@@ -56,7 +58,7 @@ class Faults(Settings):
 
 
 def faults_of(given: Mapping[str, Any], where: str, seed: int, delay: float = 0.0) -> Faults:
-    """The faults of an emulated device; delay: where they give none [s]. Raises ParameterError."""
+    """Return the faults of an emulated device; delay: default of their delay [s]. Raises ParameterError."""
     return replace(Faults.of({"delay": delay, **given}, where), seed=seed)
 
 
@@ -64,8 +66,8 @@ class Samples(NamedTuple):
     """Consecutive samples that are due.
 
     Attributes:
-        times: of run, shape (n,) [s].
-        data: shape (n, channels).
+        times: times of the run, shape (n,) [s].
+        data: values, shape (n, channels).
     """
 
     times: FloatArray
@@ -73,20 +75,20 @@ class Samples(NamedTuple):
 
 
 Signal = Callable[[int, FloatArray], FloatArray]
-"""(number of the first sample, run times shape (n,) [s]) -> values, shape (n, channels); called with rising times."""
+"""(number of the first sample, run times shape (n,) [s]) -> values, (n, channels); called with increasing times."""
 
 
 class EvenSensor:
-    """Sample k is taken at robot time k / rate.
+    """Emulated sensor whose sample k is taken at robot time k / rate.
 
     Args:
-        rate: [Hz].
-        channels: of the signal; the time code comes behind.
-        signal: what it measures.
-        faults: what goes wrong.
+        rate: sample rate [Hz].
+        channels: number of channels of the signal; the time code is appended.
+        signal: measured signal.
+        faults: faults of the samples.
 
     Attributes:
-        sent, dropped: samples that were due, and went or did not go.
+        sent, dropped: numbers of due samples that were sent or dropped.
     """
 
     def __init__(self, rate: float, channels: int, signal: Signal, faults: Faults) -> None:
@@ -102,9 +104,9 @@ class EvenSensor:
         return self._next or 0
 
     def due(self, now: float) -> list[Samples]:
-        """What is to be sent at a robot time [s]: consecutive samples, a drop-out between them.
+        """Return the samples to be sent at a robot time [s]: consecutive samples, split at drop-outs.
 
-        The first call begins; one that is earlier by LATE, in a run that began again, begins again.
+        The first call starts the sensor; a call that is earlier by LATE, in a restarted run, restarts it.
         """
         last = math.floor((now - self.faults.delay) * self.rate + 1e-6)
         if self._next is None or abs(last - self._next) > LATE * self.rate:
@@ -131,12 +133,13 @@ class EvenSensor:
 
 
 class BlockNoise:
-    """White noise of standard deviation 1 that depends on the seed and the number of a sample alone.
+    """White noise of standard deviation 1 that depends only on the seed and the number of a sample.
 
     Args:
-        channels: columns.
-        seed: and which of its streams.
-        shape_block: filters a block; called in the order of the blocks, from the first one requested; None: no filter.
+        channels: number of columns.
+        seed: seed and index of its stream.
+        shape_block: filter of a block; called in the order of the blocks, from the first one requested; None: no
+            filter.
     """
 
     def __init__(
@@ -146,7 +149,7 @@ class BlockNoise:
         self._blocks: dict[int, FloatArray] = {}
 
     def values(self, first: int, count: int) -> FloatArray:
-        """Those of the samples from `first` on, shape (count, channels); `first` may not fall by more than a block."""
+        """Return the noise of samples from `first` on, shape (count, channels); `first` may fall by at most a block."""
         begin, end = first // NOISE_BLOCK, (first + count - 1) // NOISE_BLOCK
         for index in range(begin, end + 1):
             if index not in self._blocks:
@@ -159,12 +162,12 @@ class BlockNoise:
 
 
 class Outages:
-    """Random ones, drawn as time goes on.
+    """Random outages, drawn as time advances.
 
     Args:
-        rate: [1/s].
+        rate: mean number per second [1/s].
         length: mean duration [s].
-        seed: of both.
+        seed: seed of both.
     """
 
     def __init__(self, rate: float, length: float, seed: int) -> None:
@@ -173,7 +176,7 @@ class Outages:
         self._until = 0.0
 
     def at(self, times: FloatArray) -> NDArray[np.bool_]:
-        """Whether one is going on at each time [s]."""
+        """Return True for each time [s] within an outage."""
         if self._rate <= 0:
             return np.zeros(len(times), dtype=bool)
         while self._until <= times[-1]:
@@ -192,27 +195,27 @@ def _within(times: FloatArray, spans: tuple[tuple[float, float], ...] | list[tup
 
 
 class Outlet(Protocol):
-    """Where the samples go."""
+    """Receiver of the emulated samples."""
 
     def push(self, times: FloatArray, data: FloatArray) -> None:
-        """Send: monotonic times, shape (n,) [s]; data, shape (n, channels)."""
+        """Send samples: monotonic times, shape (n,) [s]; data, shape (n, channels)."""
 
     def close(self) -> None:
-        """No more."""
+        """Stop sending."""
 
 
 class Emulator:
-    """Runs from `start` to `close`; whoever calls `step` himself needs neither.
+    """Thread of an emulated sensor, running from `start` to `close`; not needed if `step` is called directly.
 
     Args:
-        sensor: what is sampled.
-        outlet: where it goes.
-        clock: by which it goes: a `RobotTime`, or a wall clock.
-        period: between sendings [s of wall time].
-        on_error: called once with the reason when sending ends.
+        sensor: sampled sensor.
+        outlet: receiver of the samples.
+        clock: clock of the sensor: a `RobotTime`, or a wall clock.
+        period: time between sendings [s of wall time].
+        on_error: called once with the reason when sending fails.
         on_sent: called after each sending with (number of the next sample, samples sent so far, robot time of the last
             one [s]).
-        on_reached: called after each sending with the time by the clock up to which all is sent [s].
+        on_reached: called after each sending with the clock time up to which all is sent [s].
     """
 
     def __init__(
@@ -231,17 +234,17 @@ class Emulator:
         self._thread = threading.Thread(target=self._run, name="emulated sensor", daemon=True)
 
     def start(self) -> None:
-        """Begin."""
+        """Start the thread."""
         self._thread.start()
 
     def close(self) -> None:
-        """End."""
+        """Stop the thread."""
         self._stop.set()
         self._thread.join(2.0)
         self._outlet.close()
 
     def step(self) -> None:
-        """Send what is due. Raises OSError."""
+        """Send the samples that are due. Raises OSError."""
         now = self._clock.now()
         if now is None:
             return

@@ -1,5 +1,7 @@
-"""An emulated device and its driver in one process, without a wire: the same samples through the same numbering, stamps
-and publishers as live, the same for each seed."""
+"""Emulated device and its driver in one process, without transport.
+
+The samples pass through the same numbering, stamps and publishers as live ones; the result depends only on the seed.
+"""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -19,41 +21,41 @@ from hric_perception.trigno.protocol import Decoder, Encoder
 
 NS = 1_000_000_000
 SWITCHED_ON = -1.0
-"""Before the run, so that the first sample is that of robot time 0 [s]."""
+"""Start of the device before the run, so that the first sample has robot time 0 [s]."""
 
 
 class HeadlessClock:
-    """A Clock that is moved by hand; the monotonic clock is robot time.
+    """Clock that is set by hand; its monotonic clock is robot time.
 
     Attributes:
-        time: of robot [s].
+        time: robot time [s].
     """
 
     def __init__(self) -> None:
         self.time = SWITCHED_ON
 
     def now(self) -> float:
-        """Robot time [s]."""
+        """Return the robot time [s]."""
         return self.time
 
     def monotonic(self, run: float) -> int:
-        """The same [ns]."""
+        """Return the robot time as monotonic time [ns]."""
         return round(run * NS)
 
 
 def robot_time(monotonic: int) -> float:
-    """Headless, both clocks are one [ns] -> [s]."""
+    """Return the robot time [s] of a monotonic time [ns]; headless, both clocks are the same."""
     return monotonic / NS
 
 
 class HeadlessSensor:
-    """Sends what is due, block by block.
+    """Emulated sensor that sends due samples block by block.
 
     Args:
-        sensor: what is sampled.
-        outlet: where the samples go.
-        block: of robot time between sendings [s].
-        known: up to when it is known what is measured [s].
+        sensor: sampled sensor.
+        outlet: receiver of the samples.
+        block: robot time between sendings [s].
+        known: function that returns the time up to which the measured quantity is known [s].
     """
 
     def __init__(self, sensor: EvenSensor, outlet: Outlet, block: float, known: Callable[[], float]) -> None:
@@ -62,7 +64,7 @@ class HeadlessSensor:
         sensor.due(SWITCHED_ON)
 
     def advance(self, time: float) -> None:
-        """Go on to a time of the run [s]."""
+        """Advance to a time of the run [s]."""
         if time >= self._blocks * self._block:
             self._blocks = int(time / self._block) + 1
             self._clock.time = time
@@ -70,32 +72,33 @@ class HeadlessSensor:
 
 
 class StampedOutlet:
-    """Samples with their stamps, as a reader of Lab Streaming Layer has them.
+    """Outlet of samples with stamps, as a reader of Lab Streaming Layer receives them.
 
     Args:
-        stream: gets the samples; it has begun.
+        stream: receiver of the samples; it has begun.
     """
 
     def __init__(self, stream: SampleStream) -> None:
         self._stream = stream
 
     def push(self, times: FloatArray, data: FloatArray) -> None:
-        """See Outlet."""
+        """Pass the samples and their stamps to the stream."""
         self._stream.stamped(times, data)
 
     def close(self) -> None:
-        """See Outlet."""
+        """End the stream."""
         self._stream.end()
 
 
 class TrignoOutlet:
-    """Samples through the encoder of a Trigno server and the decoder of its client, a frame arriving when its last
-    sample was sent.
+    """Outlet through the encoder of a Trigno server and the decoder of its client.
+
+    A frame arrives when its last sample was sent.
 
     Args:
-        stream: gets the samples; it has begun.
-        settings: of the client.
-        sensor: whose samples these are.
+        stream: receiver of the samples; it has begun.
+        settings: settings of the client.
+        sensor: source of the samples.
     """
 
     def __init__(self, stream: SampleStream, settings: TrignoSettings, sensor: EvenSensor) -> None:
@@ -104,18 +107,18 @@ class TrignoOutlet:
         self._decoder = Decoder(len(settings.channels))
 
     def push(self, times: FloatArray, data: FloatArray) -> None:
-        """See Outlet."""
+        """Encode the samples, and pass decoded frames to the stream."""
         samples = self._decoder.decode(self._encoder.encode(data))
         if len(samples):
             self._stream.arrived(float(times[-1 - self._encoder.waiting]) + self._delay, samples)
 
     def close(self) -> None:
-        """See Outlet."""
+        """End the stream."""
         self._stream.end()
 
 
 def headless_emg(driver: Node, device: Node) -> HeadlessSensor:
-    """Emulated muscles, and what the node `emg` publishes of them.
+    """Return emulated muscles whose samples are published as by the node `emg`.
 
     Args:
         driver: private node with the parameters of `emg`.
@@ -140,14 +143,14 @@ def headless_emg(driver: Node, device: Node) -> HeadlessSensor:
 
 
 def headless_plate(driver: Node, device: Node) -> HeadlessSensor:
-    """An emulated force plate, and what the node `force_plate` publishes of it.
+    """Return an emulated force plate whose samples are published as by the node `force_plate`.
 
     Args:
         driver: private node with the parameters of `force_plate`.
         device: private node with those of `emulated_plate`.
 
     Raises:
-        HricError: a parameter is not valid, or it comes within the frames of a motion capture.
+        HricError: a parameter is not valid, or the plate is part of the frames of a motion capture.
     """
     settings, emulated = ForcePlateSettings.read(driver), EmulatedPlateSettings.read(device)
     if (settings.source, emulated.transport) != ("lsl", "lsl"):

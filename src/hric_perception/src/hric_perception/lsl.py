@@ -26,14 +26,13 @@ level = -3
 """
 LOG = logging.getLogger("hric.perception.lsl")
 LOOK = 0.1
-"""Between looks for a stream [s]; the constants of this file are project defaults, unconfirmed."""
+"""Time between searches for a stream [s]; the constants of this file are project defaults, unconfirmed."""
 POLL, LONGEST_POLL = 0.01, 0.05
-"""Between looks for samples, or half the duration of a message where that is longer [s]: few large blocks cost less
-than many small ones."""
+"""Time between polls for samples, or half the duration of a message if longer [s]; few large blocks cost less."""
 BUFFER = 30
-"""Seconds that liblsl keeps for a reader that is late."""
+"""Length of liblsl's buffer for a slow reader [s]."""
 MAX_SAMPLES = 2048
-"""Of one pull."""
+"""Largest number of samples of one pull."""
 SCALES = {
     **dict.fromkeys(("volts", "volt", "v"), ("V", 1.0)),
     **dict.fromkeys(("millivolts", "millivolt", "mv"), ("V", 1e-3)),
@@ -43,22 +42,24 @@ SCALES = {
     **dict.fromkeys(("newton meters", "newton metres", "newton-meters", "nm", "n m", "n*m"), ("N m", 1.0)),
     **dict.fromkeys(("newton millimeters", "nmm", "n mm"), ("N m", 1e-3)),
 }
-"""Units of LSL's meta-data, lower case -> (unit here, factor)."""
+"""Units in LSL's meta-data, lower case -> (unit here, factor)."""
 LSL_UNITS = {"V": "volts", "s": "seconds", "N": "newtons", "N m": "newton meters"}
-"""Units as LSL's meta-data call them."""
+"""Unit names of LSL's meta-data."""
 
 
 def use_session(session: str) -> None:
-    """Call it before any other use of LSL in the process.
+    """Restrict LSL to a session; call it before any other use of LSL in the process.
 
     Args:
         session: "": as liblsl is configured on this machine (LSLAPICFG, lsl_api.cfg; else the whole network); a name:
-            only streams of processes on this machine that give the same name, over loopback alone: neighbours neither
-            find nor read them.
+            only streams of processes on this machine with the same name, over loopback only: other users neither find
+            nor
+                read
+            them.
 
     Raises:
         ParameterError: not a name.
-        FailureError: this liblsl cannot be kept off the network.
+        FailureError: this liblsl cannot be restricted to loopback.
     """
     if not session:
         return
@@ -71,15 +72,15 @@ def use_session(session: str) -> None:
 
 @dataclass(frozen=True)
 class StreamQuery:
-    """Which stream.
+    """Criteria for a stream.
 
     Args:
         kind: its type, e.g. "EMG"; "": any.
         name: its name; "": any.
-        source_id: of its device; "": any.
+        source_id: id of its device; "": any.
 
     Raises:
-        ParameterError: nothing is given, or a quotation mark, which a query cannot hold.
+        ParameterError: no criterion, or a quotation mark, which a query cannot contain.
     """
 
     kind: str = ""
@@ -94,7 +95,7 @@ class StreamQuery:
 
     @property
     def query(self) -> str:
-        """For liblsl."""
+        """Query string for liblsl."""
         pairs = (("type", self.kind), ("name", self.name), ("source_id", self.source_id))
         return " and ".join(f"{key}='{value}'" for key, value in pairs if value)
 
@@ -103,13 +104,13 @@ class StreamQuery:
 
 
 class LslReader(Driver):
-    """Reads a stream.
+    """Driver that reads an LSL stream.
 
     Args:
-        query: which stream.
-        stream: gets the samples.
-        health: is informed of trouble.
-        choose: may change the layout of a stream that was found, or refuse it by a ParameterError.
+        query: criteria for the stream.
+        stream: receiver of the samples.
+        health: receiver of status reports.
+        choose: function that may change the layout of a stream, or reject it by a ParameterError.
     """
 
     def __init__(
@@ -140,9 +141,11 @@ class LslReader(Driver):
             self._stream.end()
 
     def _find(self) -> list[pylsl.StreamInfo]:
-        """Wait until streams respond; none when the driver is closed.
+        """Wait until streams respond, and return them; empty if the driver is closed.
 
-        In the background, since a single search now and then takes five seconds longer than it is given (liblsl 1.18).
+        The search runs in the background, since a single one now and then takes five seconds longer than its time-out
+        (liblsl
+        1.18).
         """
         resolver = pylsl.ContinuousResolver(pred=self._query.query)
         while not self._stop.wait(LOOK):
@@ -171,12 +174,12 @@ class LslReader(Driver):
 
 
 def source_name(kind: str, name: str) -> str:
-    """What the messages of a driver call a stream, by its type and name."""
+    """Return the name of a stream in the messages of a driver, by its type and name."""
     return f"lsl {kind} {name}"
 
 
 def describe(info: pylsl.StreamInfo) -> tuple[Layout, FloatArray]:
-    """Layout of a stream, and factors to its units, shape (channels,).
+    """Return the layout of a stream, and factors to its units, shape (channels,).
 
     Raises:
         ParameterError: its values are text, or it has no regular rate.
@@ -201,7 +204,7 @@ def describe(info: pylsl.StreamInfo) -> tuple[Layout, FloatArray]:
 
 @dataclass(frozen=True)
 class LslSettings(Settings):
-    """Which stream; the type of the sensor where none is given."""
+    """Criteria for the stream; the default type is the sensor's."""
 
     type: str | None = text(None)
     name: str = text("", figures=True)
@@ -211,19 +214,19 @@ class LslSettings(Settings):
     def reader(
         self, kind: str, stream: SampleStream, health: StreamHealth, choose: Callable[[Layout], Layout]
     ) -> LslReader:
-        """Reads streams of a type, unless the parameters say another one."""
+        """Return a reader for streams of a type, unless the parameters name another one."""
         use_session(self.session)
         query = StreamQuery(kind if self.type is None else self.type, self.name, self.source_id)
         return LslReader(query, stream, health, choose)
 
 
 class LslOutlet:
-    """A stream that others can find, from its construction until `close`.
+    """LSL stream that others can find, from construction until `close`.
 
     Args:
         layout: channels, units and rate; its source is the name of the stream.
         kind: its type, e.g. "EMG".
-        source_id: of the device.
+        source_id: id of the device.
     """
 
     def __init__(self, layout: Layout, kind: str, source_id: str = "") -> None:
@@ -240,12 +243,12 @@ class LslOutlet:
         """Send samples.
 
         Args:
-            times: when each was taken, monotonic clock of this machine, shape (samples,) [s].
-            data: shape (samples, channels).
+            times: times of the samples, monotonic clock of this machine, shape (samples,) [s].
+            data: values, shape (samples, channels).
         """
         if self._outlet is not None and len(data):
             self._outlet.push_chunk(data, times.tolist())
 
     def close(self) -> None:
-        """The device is switched off."""
+        """Close the stream, as if the device were switched off."""
         self._outlet = None

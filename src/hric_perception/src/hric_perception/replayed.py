@@ -1,4 +1,4 @@
-"""What an emulated sensor measures: values received until now, or the samples of a recorded trial."""
+"""Signals of an emulated sensor: values received until now, or the samples of a recorded trial."""
 
 import math
 import threading
@@ -17,20 +17,18 @@ from hric_control.trial.plates import interpolated
 from hric_perception.chunk import FloatArray
 
 HISTORY = 5.0
-"""Span of the values that a track keeps [s] (project default, unconfirmed)."""
+"""Time span of the values that a track stores [s] (project default, unconfirmed)."""
 START_TOPIC = "hric/human/start"
-"""Its stamp is the robot time at which the emulated human's program begins."""
+"""Topic whose stamp is the robot time at which the emulated human's program begins."""
 START_DELAY = 0.2
-"""So long after a sample was taken it is known whether the human had begun [s] (default chosen by this project,
-unconfirmed)."""
+"""Delay after which it is known if the human had begun at a sample [s] (project default, unconfirmed)."""
 
 
 class Track:
-    """Values at rising times, straight lines between them; before the first and after the last they are constant.
-    From any thread.
+    """Values at increasing times, linear in between, constant before the first and after the last; thread-safe.
 
     Args:
-        count: of columns; all 0 before the first values.
+        count: number of columns; all 0 before the first values.
     """
 
     def __init__(self, count: int) -> None:
@@ -38,7 +36,7 @@ class Track:
         self._rows: deque[tuple[float, FloatArray]] = deque()
 
     def add(self, time: float, values: FloatArray) -> None:
-        """One more [s], shape (columns,); an earlier time begins again, the same one replaces."""
+        """Add values, shape (columns,), at a time [s]; an earlier time restarts the track, the same one replaces."""
         with self._lock:
             if self._rows and time < self._rows[-1][0]:
                 self._rows.clear()
@@ -50,12 +48,12 @@ class Track:
 
     @property
     def last(self) -> float:
-        """Time of the last values [s]; before all times where there are none."""
+        """Time of the last values [s]; minus infinity if there are none."""
         with self._lock:
             return self._rows[-1][0] if self._rows else -math.inf
 
     def at(self, times: FloatArray) -> FloatArray:
-        """Shape (n, columns)."""
+        """Return the values at times [s], shape (n, columns)."""
         with self._lock:
             rows = list(self._rows)
         if not rows:
@@ -66,13 +64,13 @@ class Track:
 
 
 class Replayed:
-    """Samples of a trial, replayed from a robot time on, on straight lines between them.
+    """Samples of a trial, replayed from a robot time on, linear in between.
 
     Args:
-        samples: taken at k / rate, shape (n, channels).
-        rate: [Hz].
+        samples: samples taken at k / rate, shape (n, channels).
+        rate: sample rate [Hz].
         begin: robot time of the trial's first sample [s]; None: not known yet, see `start`.
-        holds: whether the first and the last sample stay before and after the trial; else nothing is there but zeros.
+        holds: True: the first and the last sample are held before and after the trial; False: zeros.
     """
 
     def __init__(self, samples: FloatArray, rate: float, begin: float | None, holds: bool) -> None:
@@ -81,19 +79,19 @@ class Replayed:
 
     @property
     def waits(self) -> bool:
-        """Whether the beginning is not known."""
+        """True if the start time is not known yet."""
         return self._begin == math.inf
 
     def start(self, begin: float) -> None:
-        """The trial begins at a robot time [s]."""
+        """Start the trial at a robot time [s]."""
         self._begin = begin
 
     def __call__(self, first: int, times: FloatArray) -> FloatArray:
-        """The same as a signal of `EvenSensor`."""
+        """Return the values as a signal of `EvenSensor`."""
         return self.at(times)
 
     def at(self, times: FloatArray) -> FloatArray:
-        """Shape (channels,) for each robot time, shape (n,) [s]."""
+        """Return the values at robot times, shape (n,) [s]: shape (n, channels)."""
         since = np.asarray(times) - self._begin
         found = interpolated(since, self._rate, self._samples)
         if not self._constant_ends:
@@ -102,10 +100,10 @@ class Replayed:
 
 
 def follow_human(node: Node, replayed: Replayed) -> float:
-    """Let a trial whose beginning is not given begin with the emulated human.
+    """Start a trial without a start time together with the emulated human.
 
     Returns:
-        how long its samples are held back, until it is certain that he had not begun [s].
+        delay of its samples, until it is certain that the human had not begun [s].
     """
     if not replayed.waits:
         return 0.0
@@ -115,13 +113,13 @@ def follow_human(node: Node, replayed: Replayed) -> float:
 
 @dataclass(frozen=True)
 class TrialSettings(Settings):
-    """Which trial."""
+    """Choice of the trial."""
 
     path: str = text(valid="a c3d file, path or package:// address,", empty=False)
     up: str = text("")
 
     def trial(self) -> Trial:
-        """The trial. Raises ParameterError."""
+        """Return the trial. Raises ParameterError."""
         try:
             return read_trial(resolve(self.path), self.up)
         except HricError as error:
@@ -130,14 +128,13 @@ class TrialSettings(Settings):
 
 @dataclass(frozen=True)
 class RecordedEmg(TrialSettings):
-    """The program c3d of emulated muscles."""
+    """Program c3d of emulated muscles."""
 
     channels: tuple[str, ...] | None = names(None, None)
     begin: float | None = number(None, minimum=0.0, unit="s")
 
     def replayed(self, muscles: Sequence[str]) -> Replayed:
-        """Channels of EMG [V], silent before and after the trial, one for each of the muscles. Raises
-        ParameterError."""
+        """Return EMG channels [V], silent before and after the trial, one per muscle. Raises ParameterError."""
         channels = self.channels or tuple(muscles)
         if len(channels) != len(muscles):
             raise refused(
@@ -152,14 +149,16 @@ class RecordedEmg(TrialSettings):
 
 @dataclass(frozen=True)
 class RecordedLoad(TrialSettings):
-    """The program c3d of an emulated plate."""
+    """Program c3d of an emulated plate."""
 
     plate: int = whole(1, minimum=0, maximum=1000)
     begin: float | None = number(None, minimum=0.0, unit="s")
 
     def replayed(self) -> Replayed:
-        """What pressed on a plate of a trial, in its frame with z up [N, N m]; the first and last load stay. Raises
-        ParameterError."""
+        """Return the load on a plate of a trial, in its frame with z up [N, N m]. Raises ParameterError.
+
+        The first and last load are held.
+        """
         trial = self.trial()
         try:
             plate = trial.plate(self.plate)

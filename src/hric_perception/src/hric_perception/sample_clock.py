@@ -1,5 +1,4 @@
-"""The time and the running number of samples whose stamps jitter, jump, or are only the times at which they arrived. No
-ROS."""
+"""Time and sequence number of samples whose stamps jitter, jump, or are only arrival times. No ROS."""
 
 from collections import deque
 from collections.abc import Callable
@@ -11,57 +10,61 @@ from hric_control.robot_time.rising_line import SLOWEST
 from hric_perception.chunk import Chunk, FloatArray, Layout
 
 WINDOW = 2.0
-"""Of the past that places the line [s]. The constants of this file are project defaults, unconfirmed."""
+"""Time window of the line fit [s]. The constants of this file are project defaults, unconfirmed."""
 RATE_SPAN = 0.5
-"""The past must span this much before its own rate counts [s]."""
+"""Time span from which on the measured rate is used [s]."""
 RATE_LIMIT = 0.05
-"""Share by which it may differ from the declared one."""
+"""Largest relative difference from the declared rate."""
 EXACT = 0.5
-"""Stamps whose steps scatter by less than this share of a sample are taken as they are and show a gap at once; others
-have to go on for ..."""
+"""Scatter of the steps, relative to a sample, below which stamps count as exact and show a gap at once.
+
+With more scatter a gap must last for CONFIRM.
+"""
 CONFIRM, ARRIVAL_CONFIRM = 0.1, 0.5
-"""... so long [s], and samples are held back meanwhile; arrivals for longer, since what was held up arrives in a burst
-afterwards."""
+"""Times for which a gap must last, for stamps and for arrivals [s]; samples are held back meanwhile.
+
+It is longer for arrivals, since delayed ones arrive in a burst afterwards.
+"""
 LEARN = 10
-"""Blocks after which the scatter is known."""
+"""Number of blocks after which the scatter is known."""
 SPREADS = 6.0
-"""A gap is longer than this many mean deviations from the line, ..."""
+"""Smallest gap, in mean deviations from the line; all of the following limits apply, too."""
 SAMPLES = 1.5
-"""... than this many samples, ..."""
+"""Smallest gap in samples."""
 ARRIVAL_GAP = 0.1
-"""... and, where only arrivals are known, which come late in bursts, than this [s]."""
+"""Smallest gap if only arrivals are known, which come late in bursts [s]."""
 PASSES, TRIM, FINE = 3, 5.0, 1e-5
-"""The line is fitted so many times, without what lies beyond so many medians of the deviations, and beyond this [s]."""
+"""Passes of the line fit; outliers beyond TRIM medians of the deviations, and beyond FINE [s], are left out."""
 FIT_ALL, FIT_INTERVAL = 20, 4
-"""The line is fitted at each of the first blocks, then at every fourth, which saves time."""
+"""Schedule of the line fit: at each of the first FIT_ALL blocks, then at every FIT_INTERVAL-th, to save time."""
 STEPS = 51
-"""Blocks that give the length of a step."""
+"""Number of blocks from which the length of a step is computed."""
 DEVIATIONS = 3.0
-"""A gap is longer than so many of the largest recent deviations of the stamps from even steps."""
+"""Smallest gap, in the largest recent deviations of the stamps from even steps."""
 CLOCK_STEP = 0.1
-"""The time of the run may move by less without being called another clock [s]."""
+"""Jump of the run's time beyond which it counts as another clock [s]."""
 JUMP = 10.0
-"""What would be a longer gap is a clock that was set again [s]."""
+"""Length beyond which a gap counts as a clock reset [s]."""
 
 
 class SampleClock:
-    """Places blocks of samples on a line of robot time over sample number.
+    """Assignment of sample blocks to a line of robot time over sample number.
 
-    Exact stamps count as they are. Others scatter about a line: least squares. Arrivals are late, never early: the line
-    runs through the earliest. Where the line goes back, as when the run has lost time, samples lie closer until they
-    are on it again: none is placed before one that came first, unless the run or the clock of the source restarts.
+    Exact stamps are used as they are. Others scatter about a line: least squares. Arrivals are late, never early: the
+    line is the envelope of the earliest. If the line goes back, as when the run has lost time, samples are placed
+    closer together until they are on it again: time never goes back, unless the run or the clock of the source
+    restarts.
 
     Args:
-        layout: of the samples, with the declared rate.
-        robot_time: monotonic time [s] -> time of the run [s]; None: not known. It may say something else of the past
-            later on.
-        latency: None: the times are stamps of the source; else they are arrivals, and this is the minimum time from
-            the sample to them [s].
+        layout: layout of the samples, with the declared rate.
+        robot_time: monotonic time [s] -> time of the run [s]; None: not known. It may correct past values later.
+        latency: None: the times are stamps of the source; else they are arrivals, and this is the minimum time from the
+            sample to them [s].
 
     Attributes:
-        lost: samples that are missing in the numbers.
-        jumps: times that the clock was set again.
-        number: of the next sample.
+        lost: number of missing samples.
+        jumps: number of clock resets.
+        number: number of the next sample.
     """
 
     def __init__(
@@ -70,7 +73,7 @@ class SampleClock:
         self.layout, self._robot_time, self._latency = layout, robot_time, latency
         self.lost, self.jumps, self.number = 0, 0, 0
         self._points: deque[tuple[int, float]] = deque()
-        self._line = (0, 0.0, 1.0 / layout.rate)  # number and time of its origin, period
+        self._line = (0, 0.0, 1.0 / layout.rate)  # number and time of its origin, and its period
         self._unfitted = 0
         self._spread = 0.0
         self._held: deque[tuple[float, FloatArray, int | None]] = deque()
@@ -80,19 +83,19 @@ class SampleClock:
         self._exact = False
         self._known = self._end = float(
             "-inf"
-        )  # time of the run at the last block, and of its last sample as it was placed
+        )  # time of the run at the last block, and assigned time of its last sample
 
     def add(self, monotonic: float, data: FloatArray, lost: int | None = None) -> list[Chunk]:
-        """Take a block of samples without gap.
+        """Add a block of samples without gap.
 
         Args:
-            monotonic: when the LAST sample was stamped or arrived, monotonic clock [s].
-            data: shape (samples, channels).
-            lost: samples before the block that the source's own numbers miss; None: it does not number them, and the
-                times show what is missing.
+            monotonic: stamp or arrival time of the LAST sample, monotonic clock [s].
+            data: values, shape (samples, channels).
+            lost: samples missing before the block by the source's sequence numbers; None: it has none, and gaps are
+                detected from the times.
 
         Returns:
-            what is placed: nothing while a gap is not certain, then all that was held back.
+            chunks with times: none while a gap is not certain, then all that were held back.
         """
         self._held.append((monotonic, data, lost))
         placed: list[Chunk] = []
@@ -101,12 +104,12 @@ class SampleClock:
         return placed
 
     def flush(self) -> list[Chunk]:
-        """What is still held back."""
+        """Return the chunks that are still held back."""
         held, self._held = self._held, deque()
         return [self._assign_times(*block) for block in held]
 
     def _certain(self, now: float) -> int:
-        """How many of the blocks that are held back can be placed, after a step of the line where they show one."""
+        """Return how many held-back blocks can be placed, after a step of the line if they show one."""
         if not self._points or self._fits(self._strayed(len(self._held))):
             return len(self._held)
         strayed = self._strayed(1)
@@ -119,7 +122,7 @@ class SampleClock:
         return count
 
     def _strayed(self, count: int) -> float:
-        """How far the last of so many blocks lies behind the line [s]."""
+        """Return how far the last of `count` blocks is behind the line [s]."""
         time = self._robot_time(self._held[count - 1][0])
         samples = self._samples(count)
         return 0.0 if time is None else time - (self._latency or 0.0) - self._at(self.number + samples - 1)
@@ -128,16 +131,16 @@ class SampleClock:
         return abs(strayed) <= self._limit() or (self._latency is not None and -JUMP < strayed < 0)
 
     def _limit(self) -> float:
-        """[s]"""
+        """Return the smallest length of a gap [s]."""
         limit = max(SAMPLES / self.layout.rate, SPREADS * self._spread)
         return limit if self._latency is None else max(limit, ARRIVAL_GAP)
 
     def _step_length(self) -> float:
-        """Between samples by the monotonic clock, pauses left out [s]."""
+        """Return the time between samples by the monotonic clock, without pauses [s]."""
         return float(np.median(self._steps)) if self._steps else 1.0 / self.layout.rate
 
     def _step(self, count: int) -> None:
-        """Number what follows a gap, or begin another line, before so many blocks.
+        """Assign numbers to the samples after a gap, or begin another line, before the last of `count` blocks.
 
         A gap shows on both clocks; a pause of the run, or a line through its pairs that moves, shows on one of them.
         """
@@ -154,7 +157,7 @@ class SampleClock:
         self._points.clear()
 
     def _samples(self, count: int) -> int:
-        """In so many blocks, with what is missing before them by the source's own numbers."""
+        """Return the samples in `count` blocks, including those missing before them by the source's numbers."""
         return sum(len(data) + (lost or 0) for _, data, lost in islice(self._held, count))
 
     def _assign_times(self, monotonic: float, data: FloatArray, lost: int | None) -> Chunk:
@@ -184,7 +187,7 @@ class SampleClock:
         return self._after_last(first, data)
 
     def _after_last(self, first: int, data: FloatArray) -> Chunk:
-        """The chunk on the line, or behind the last one and closer together."""
+        """Return the chunk on the line, or behind the last one and closer together."""
         count, nominal, before = len(data), 1.0 / self.layout.rate, self._end
         start, pace = max(0.0, self._at(first)), 1.0
         if start <= before:
@@ -194,7 +197,7 @@ class SampleClock:
         return Chunk(self.layout, start, first, data, pace)
 
     def _note(self, step: float, samples: int) -> None:
-        """Learn the scatter of the stamps from a step by the monotonic clock [s]."""
+        """Update the scatter of the stamps with a step by the monotonic clock [s]."""
         self._steps.append(step / samples)
         self._deviations.append(abs(step - samples * self._step_length()))
         exact = (
@@ -207,7 +210,7 @@ class SampleClock:
         self._exact = exact
 
     def _at(self, number: int) -> float:
-        """The line [s]."""
+        """Return the time of a sample number on the line [s]."""
         origin, time, period = self._line
         return time + period * (number - origin)
 
@@ -226,8 +229,10 @@ class SampleClock:
 
 
 def _trimmed_line(k: FloatArray, t: FloatArray, nominal: float, sloping: bool) -> tuple[float, float, float]:
-    """(offset, period, mean deviation) of the least-squares line without outliers; `sloping`: its own period, else the
-    nominal one."""
+    """Return (offset, period, mean deviation) of the least-squares line without outliers.
+
+    The period is fitted if `sloping`, else the nominal one.
+    """
     kept = np.ones(len(k), dtype=bool)
     offset, period, rest = 0.0, nominal, t
     for _ in range(PASSES):
@@ -244,7 +249,7 @@ def _trimmed_line(k: FloatArray, t: FloatArray, nominal: float, sloping: bool) -
 
 
 def _envelope_period(k: FloatArray, t: FloatArray, nominal: float) -> float:
-    """The period of the line from the earliest point of the first third to that of the last third."""
+    """Return the period of the line from the earliest point of the first third to that of the last third."""
     rest = t - nominal * k
     third = max(1, len(k) // 3)
     a, b = int(rest[:third].argmin()), len(k) - third + int(rest[-third:].argmin())

@@ -1,4 +1,4 @@
-"""What the nodes of all sensors that stream samples share: parameters, the time of the run, a driver, diagnostics."""
+"""Common parts of the nodes of all sensors that stream samples: parameters, time of the run, driver, diagnostics."""
 
 from collections.abc import Callable
 from typing import Protocol
@@ -19,27 +19,27 @@ from hric_perception.stream import ERROR, OK, WARN, Driver, Health, SampleStream
 
 
 class Closable(Protocol):
-    """What sends the samples of an emulated sensor."""
+    """Sender of the samples of an emulated sensor."""
 
     def close(self) -> None:
-        """End."""
+        """Stop sending."""
 
 
 MakeDriver = Callable[[SampleStream, StreamHealth], Driver]
-"""(gets the samples, is informed of trouble) -> a driver that has not begun."""
+"""(receiver of the samples, receiver of status reports) -> a driver that has not started."""
 
 
 class SensorNode(NodeApp):
-    """From a driver to chunks, from the construction on; a subclass overrides `_on_chunk`.
+    """Node from a driver to chunks, running from construction on; a subclass overrides `_on_chunk`.
 
     Args:
         node: private node.
-        source: what the driver is called.
+        source: name of the driver.
         chunk: duration of a message [s].
-        make_driver: makes it.
+        make_driver: factory of the driver.
 
     Raises:
-        HricError: the driver cannot be had.
+        HricError: the driver cannot be created.
     """
 
     def __init__(self, node: RosNode, source: str, chunk: float, make_driver: MakeDriver) -> None:
@@ -55,7 +55,7 @@ class SensorNode(NodeApp):
         self._driver.start()
 
     def tick(self) -> None:
-        """Report. Raises HricError in a run that is not paced."""
+        """Publish diagnostics. Raises HricError in a run that is not paced."""
         self._robot_time.tick()
         health = self._health.report(self._robot_time.standing)
         health.values.update(
@@ -67,7 +67,7 @@ class SensorNode(NodeApp):
         self._reporter.report(health)
 
     def close(self) -> None:
-        """End."""
+        """Stop the driver."""
         self._driver.close()
         self._robot_time.close()
 
@@ -77,15 +77,15 @@ class SensorNode(NodeApp):
 
 
 class EmulatedNode(NodeApp):
-    """An emulated sensor; a subclass starts what sends, in its constructor.
+    """Node of an emulated sensor; a subclass starts the sender in its constructor.
 
     Args:
         node: private node.
         replayed: trial that the sensor replays, if any.
 
     Attributes:
-        robot_time: the time of the run.
-        clock: by which it goes: the same, unless a subclass waits for what it measures.
+        robot_time: time of the run.
+        clock: clock of the sensor: robot_time, unless a subclass waits for measured values.
     """
 
     def __init__(self, node: RosNode, replayed: Replayed | None) -> None:
@@ -97,7 +97,7 @@ class EmulatedNode(NodeApp):
         self._source: Closable
 
     def tick(self) -> None:
-        """Report. Raises HricError in a run that is not paced."""
+        """Publish diagnostics. Raises HricError in a run that is not paced."""
         self.robot_time.tick()
         sensor, replayed = self._sensor, self._replayed
         values = {} if sensor is None else {"samples sent": str(sensor.sent), "samples dropped": str(sensor.dropped)}
@@ -112,7 +112,7 @@ class EmulatedNode(NodeApp):
         self._reporter.report(health)
 
     def close(self) -> None:
-        """End."""
+        """Stop the sender."""
         self._source.close()
         self._progress.close()
         self.robot_time.close()
@@ -121,10 +121,10 @@ class EmulatedNode(NodeApp):
         """Send samples from now on.
 
         Args:
-            sensor: what is sampled.
-            outlet: where the samples go.
-            source: what the driver's messages call it.
-            block: of wall time between sendings [s].
+            sensor: sampled sensor.
+            outlet: receiver of the samples.
+            source: name of the source in the driver's messages.
+            block: wall time between sendings [s].
         """
         counts = SentCounts(self._node, source, "samples", sensor.rate)
         emulator = Emulator(
@@ -135,11 +135,11 @@ class EmulatedNode(NodeApp):
 
 
 class Reporter:
-    """Of one stream.
+    """Diagnostics of one stream.
 
     Args:
         node: private node; names the status.
-        what: what the status is about, e.g. "stream".
+        what: subject of the status, e.g. "stream".
     """
 
     def __init__(self, node: Node, what: str) -> None:
@@ -148,7 +148,7 @@ class Reporter:
         self._level = OK
 
     def report(self, health: Health) -> None:
-        """Publish; log where the level changed."""
+        """Publish a health report, and log each change of its level."""
         if health.level != self._level:
             self._level = health.level
             {OK: self._node.log_info, WARN: self._node.log_warn, ERROR: self._node.log_error}[health.level](health.text)

@@ -1,4 +1,4 @@
-"""Publishes what an emulated source has sent, so that a recording can be compared with it."""
+"""Publisher of the number of samples that an emulated source has sent, for comparison with a recording."""
 
 import time
 
@@ -8,17 +8,17 @@ from hric_msgs.msg import SourceCount
 
 TOPIC = "hric/perception/sent"
 PERIOD = 0.1
-"""Between messages [s of wall time] (project default, unconfirmed)."""
+"""Time between messages [s of wall time] (project default, unconfirmed)."""
 
 
 class SentCounts:
-    """Of one source; one thread calls it.
+    """Counter of one source; called from one thread.
 
     Args:
-        node: publishes.
-        source: as in the driver's messages; "": the frames of the motion capture.
-        counts: what is numbered: samples or frames.
-        rate: per second of robot time [Hz].
+        node: node that publishes.
+        source: name in the driver's messages; "": the frames of the motion capture.
+        counts: counted items: samples or frames.
+        rate: rate per second of robot time [Hz].
     """
 
     def __init__(self, node: Node, source: str, counts: str, rate: float) -> None:
@@ -27,7 +27,7 @@ class SentCounts:
         self._published = 0.0
 
     def publish(self, following: int, sent: int, last: float) -> None:
-        """Publish, where the last time is long enough ago.
+        """Publish the counts if the last message is old enough.
 
         Args:
             following: number of the next sample.

@@ -1,5 +1,7 @@
-"""The human in the robot's plant, as those see him who measure him: his joints between two of his messages, and up to
-when they are known."""
+"""Human in the robot's plant as measured by sensors.
+
+Joint positions are interpolated between two messages; `known` is the time up to which they are available.
+"""
 
 import math
 import threading
@@ -18,9 +20,9 @@ from hric_msgs.msg import HumanEvent, HumanGrip
 from hric_perception.replayed import HISTORY
 
 HUMAN = "human"
-"""Name of who is beside the robot, and of his topics below `hric/`."""
+"""Name of the human next to the robot, and of their topics in `hric/`."""
 PROGRAM = "body"
-"""Name of the programs of emulated devices that measure him."""
+"""Name of the programs of emulated devices that measure the human in the plant."""
 PERSON: Any = anything(
     None,
     name="person",
@@ -30,14 +32,14 @@ PERSON: Any = anything(
 
 
 def person_of(given: Any, where: str) -> HumanSettings:
-    """The parameter `person`.
+    """Return the settings of the parameter `person`.
 
     Args:
-        given: its value.
+        given: value of the parameter.
         where: prefix of its name.
 
     Raises:
-        ParameterError: it is not given, or not valid.
+        ParameterError: it is missing, or not valid.
     """
     if given is None:
         raise ParameterError(
@@ -48,7 +50,7 @@ def person_of(given: Any, where: str) -> HumanSettings:
 
 
 def check_joints(names: Sequence[str], own: tuple[str, ...]) -> None:
-    """Raises HricError where joint states are those of another body."""
+    """Raise HricError if joint states are those of another body."""
     if tuple(names) != own:
         raise HricError(f"the joints are {', '.join(names)}; valid: those of the section human, {', '.join(own)}")
 
@@ -60,9 +62,10 @@ class _Row(NamedTuple):
 
 
 class JointTrack:
-    """Joint positions at any time between the messages that gave positions and velocities, by cubics (Hermite): with
-    messages at 200 Hz they are exact but for 5e-12 s^4 of the fourth derivative. Before the first and after the last
-    message they are constant. From any thread.
+    """Joint positions between messages with positions and velocities, by cubics (Hermite); thread-safe.
+
+    With messages at 200 Hz the error is 5e-12 s^4 of the fourth derivative. Before the first and after the last message
+    positions are constant.
 
     Args:
         joints: names, in the order of the values.
@@ -73,12 +76,13 @@ class JointTrack:
         self._rows: deque[_Row] = deque()
 
     def add(self, time: float, names: Sequence[str], q: Sequence[float], dq: Sequence[float]) -> None:
-        """One message; an earlier time begins again, the same one replaces.
+        """Add a message; an earlier time restarts the track, the same one replaces.
 
         Args:
-            time: of robot [s].
-            names: of the joints.
-            q, dq: n floats each [rad], [rad/s].
+            time: robot time [s].
+            names: names of the joints.
+            q: joint positions, n floats [rad].
+            dq: joint velocities, n floats [rad/s].
 
         Raises:
             HricError: these are other joints.
@@ -95,12 +99,12 @@ class JointTrack:
 
     @property
     def known(self) -> float:
-        """Time of the last message [s]; before all times where there is none."""
+        """Time of the last message [s]; minus infinity if there is none."""
         with self._lock:
             return self._rows[-1].time if self._rows else -math.inf
 
     def at(self, time: float) -> list[float] | None:
-        """Joint positions, n floats [rad]; None before the first message."""
+        """Return the joint positions, n floats [rad]; None before the first message."""
         with self._lock:
             if not self._rows:
                 return None
@@ -112,7 +116,7 @@ class JointTrack:
 
 
 def _between(begin: _Row, end: _Row, time: float) -> list[float]:
-    """On the cubic that has positions and velocities of both."""
+    """Return the positions on the cubic through positions and velocities of both rows."""
     span = end.time - begin.time
     s = min(max((time - begin.time) / span, 0.0), 1.0) if span else 1.0
     a, b = s * s * (3.0 - 2.0 * s), span * s * (1.0 - s)
@@ -123,41 +127,41 @@ def _between(begin: _Row, end: _Row, time: float) -> list[float]:
 
 
 class KnownTime:
-    """A clock that waits for what is measured: it does not go beyond what is known.
+    """Clock that waits for measured values: it does not advance beyond the time up to which they are known.
 
     Args:
-        clock: by which it goes else.
-        known: up to when it is known [s].
-        ahead: by which it may be beyond that [s].
+        clock: underlying clock.
+        known: function that returns the time up to which values are known [s].
+        ahead: largest lead over that time [s].
     """
 
     def __init__(self, clock: Clock, known: Callable[[], float], ahead: float = 0.0) -> None:
         self._clock, self._known, self._ahead = clock, known, ahead
 
     def now(self) -> float | None:
-        """The time [s]; None while it is not known, or nothing that is measured."""
+        """Return the time [s]; None if it is not known, or no values are."""
         now, known = self._clock.now(), self._known() + self._ahead
         return None if now is None or known == -math.inf else min(now, known)
 
     def monotonic(self, run: float) -> int | None:
-        """See Clock."""
+        """Return the monotonic time of a time of the run [ns], as the underlying clock does."""
         return self._clock.monotonic(run)
 
 
 def always() -> float:
-    """Up to when it is known what a program does [s]."""
+    """Return the time up to which a program's values are known: infinity [s]."""
     return math.inf
 
 
 class Held(NamedTuple):
-    """What a grip does to him at an instant, in axes of the world.
+    """Load of a grip on the human at an instant, in axes of the world.
 
     Attributes:
-        time: of robot [s].
-        name: of the grip.
-        force: on him [N].
-        torque: on him, about `point` [N m].
-        point: where both act [m].
+        time: robot time [s].
+        name: name of the grip.
+        force: force on the human [N].
+        torque: torque on the human, about `point` [N m].
+        point: point of application [m].
     """
 
     time: float
@@ -168,7 +172,7 @@ class Held(NamedTuple):
 
 
 def follow_joints(node: Node, add: Callable[[float, Sequence[str], Sequence[float], Sequence[float]], None]) -> None:
-    """Give each of his joint states to `add`, see `JointTrack`."""
+    """Pass each joint state of the human to `add`, see `JointTrack`."""
 
     def on_state(message: Any) -> None:
         add(message.header.stamp.to_sec(), message.name, message.position, message.velocity)
@@ -177,7 +181,7 @@ def follow_joints(node: Node, add: Callable[[float, Sequence[str], Sequence[floa
 
 
 def follow_grips(node: Node, add: Callable[[Held], None]) -> None:
-    """Give what each grip does to him to `add`; a grip that somebody else has does nothing."""
+    """Pass the load of each grip on the human to `add`; the load is zero for grips of other bodies."""
 
     def on_grip(message: Any) -> None:
         own = f"{HUMAN}::"
@@ -190,7 +194,7 @@ def follow_grips(node: Node, add: Callable[[Held], None]) -> None:
 
 
 def follow_events(node: Node, add: Callable[[float, str], None]) -> None:
-    """Give time [s] and kind of what happens to him to `add`."""
+    """Pass time [s] and kind of each event of the human to `add`."""
 
     def on_event(message: Any) -> None:
         add(message.header.stamp.to_sec(), message.kind)
@@ -203,5 +207,5 @@ def _topic(node: Node, name: str) -> str:
 
 
 def measures_him(device: Any) -> bool:
-    """Whether a mapping with `program`, of an emulated device, says that it measures him."""
+    """Return True if the `program` of an emulated device's mapping measures the human in the plant."""
     return isinstance(device, Mapping) and device.get("program") == PROGRAM

@@ -1,4 +1,4 @@
-"""From what a driver receives to chunks in robot time, and how the stream goes. No ROS."""
+"""Conversion of a driver's samples to chunks in robot time, and the health of the stream. No ROS."""
 
 import threading
 import time
@@ -15,26 +15,23 @@ from hric_perception.sample_clock import SampleClock
 OK, WARN, ERROR = 0, 1, 2
 """Levels as in diagnostic_msgs/DiagnosticStatus."""
 SILENT = 0.5
-"""A stream that says nothing for so long is silent [s]. The constants of this file are project defaults,
-unconfirmed."""
+"""Time after which a stream without samples is silent [s]. Constants here are project defaults, unconfirmed."""
 START = 10.0
-"""While all nodes start, a source of which nothing was received yet is waited for, and is no error [s of wall time];
-project default, unconfirmed."""
+"""Startup time in which a source without samples is no error [s of wall time]; project default, unconfirmed."""
 MEMORY = 5.0
-"""So long an event is reported [s]."""
+"""Time for which an event is reported [s]."""
 RATE_SPAN = 2.0
-"""Of the past from which the rate is computed [s]."""
+"""Time span from which the rate is computed [s]."""
 RATE_TOLERANCE = 0.02
-"""Share by which the measured rate may differ from the declared one."""
+"""Largest relative difference between measured and declared rate."""
 CHUNK: Any = number(0.01, minimum=0.0, maximum=1.0, unit="s", name="chunk", text="duration of a message")
 NS = 1_000_000_000
 BREAK = 1.5
-"""Stamps that differ by so many sample periods more than the others have a gap between them (project default,
-unconfirmed)."""
+"""Difference between stamps that is a gap, in sample periods more than the others (project default, unconfirmed)."""
 
 
 class Health(NamedTuple):
-    """A level, a sentence and figures."""
+    """Level, text and values of a health report."""
 
     level: int
     text: str
@@ -42,10 +39,10 @@ class Health(NamedTuple):
 
 
 class StreamHealth:
-    """Informed by a driver's thread, read by another one.
+    """Health of a stream; written by a driver's thread, read by another one.
 
     Args:
-        expected: what is waited for, e.g. "lsl stream of type EMG".
+        expected: awaited stream, e.g. "lsl stream of type EMG".
 
     Attributes:
         samples, lost, not_finite, jumps, begun: counts since the start.
@@ -60,7 +57,7 @@ class StreamHealth:
         self._arrived: deque[tuple[float, int]] = deque()
 
     def began(self, layout: Layout) -> None:
-        """A stream is there."""
+        """Note that a stream has begun."""
         before, self._layout, self._trouble = self._layout, layout, ""
         self.begun += 1
         self._last = time.monotonic()
@@ -73,15 +70,15 @@ class StreamHealth:
             self.event(f"the channels changed to {', '.join(layout.channels)}")
 
     def trouble(self, text: str) -> None:
-        """The stream cannot be had, and why; until `began`."""
+        """Note why the stream is not available; valid until `began`."""
         self._trouble = text
 
     def event(self, text: str) -> None:
-        """Something that passed."""
+        """Note a transient event."""
         self._events.append((time.monotonic(), text))
 
     def took(self, data: FloatArray, lost: int = 0, jumps: int = 0) -> None:
-        """Samples came; shape (samples, channels). lost, jumps: with them."""
+        """Count received samples, shape (samples, channels). lost, jumps: counts of this block."""
         now = time.monotonic()
         self._last = now
         self.samples += len(data)
@@ -102,12 +99,12 @@ class StreamHealth:
             self.event("a clock was set again")
 
     def untimed(self) -> None:
-        """Samples came whose robot time is not known."""
+        """Count samples whose robot time is not known."""
         self._last = time.monotonic()
         self._event_once("samples come, but the time of the run is not known yet")
 
     def report(self, standing: bool = False) -> Health:
-        """How it goes. standing: the run is paused, and an emulated source with it."""
+        """Return the health report. standing: the run is paused, and an emulated source with it."""
         now = time.monotonic()
         values = {
             "samples": str(self.samples),
@@ -132,7 +129,7 @@ class StreamHealth:
         )
 
     def _rate(self, now: float) -> float:
-        """Samples per second of wall time; 0 where few came."""
+        """Return the samples per second of wall time; 0 if there are too few."""
         arrived = list(self._arrived)
         span = now - arrived[0][0] if arrived else 0.0
         return sum(count for _, count in arrived[1:]) / span if span > 0 else 0.0
@@ -145,10 +142,10 @@ class StreamHealth:
 
 
 class Driver:
-    """Reads a device in a thread of its own, from `start` to `close`; a subclass overrides `_run`.
+    """Thread that reads a device from `start` to `close`; a subclass overrides `_run`.
 
     Args:
-        name: of the thread.
+        name: name of the thread.
         timeout: how long `close` waits for it [s].
     """
 
@@ -157,11 +154,11 @@ class Driver:
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
     def start(self) -> None:
-        """Begin."""
+        """Start the thread."""
         self._thread.start()
 
     def close(self) -> None:
-        """End."""
+        """Stop the thread."""
         self._stop.set()
         self._thread.join(self._timeout)
 
@@ -171,17 +168,17 @@ class Driver:
 
 
 class SampleStream:
-    """One thread calls it.
+    """Converter of samples to chunks in robot time; called from one thread.
 
     Args:
         robot_time: monotonic time [ns] -> time of the run [s], None while that is not known.
-        health: is informed of what came.
-        on_chunk: gets the chunks.
-        duration: of a chunk [s].
+        health: health of the stream.
+        on_chunk: callback for the chunks.
+        duration: duration of a chunk [s].
 
     Attributes:
-        untimed: samples that came before the time of the run was known.
-        duration: as given.
+        untimed: samples that arrived before the time of the run was known.
+        duration: duration of a chunk [s].
     """
 
     def __init__(
@@ -197,17 +194,17 @@ class SampleStream:
         self.untimed = 0
 
     def begin(self, layout: Layout, latency: float | None = None) -> None:
-        """Another stream. latency: where times are arrivals, see SampleClock."""
+        """Begin another stream. latency: if times are arrivals, see SampleClock."""
         self._merger.flush()
         self._clock = SampleClock(layout, self._at, latency)
         self._health.began(layout)
 
     def stamped(self, times: FloatArray, data: FloatArray) -> None:
-        """Samples with a stamp each.
+        """Process samples with a stamp each.
 
         Args:
             times: monotonic clock, shape (samples,) [s].
-            data: shape (samples, channels).
+            data: values, shape (samples, channels).
         """
         steps = np.diff(times)
         begins = [0]
@@ -218,12 +215,12 @@ class SampleStream:
             self.arrived(float(times[end - 1]), data[begin:end])
 
     def arrived(self, time: float, data: FloatArray, missing: int | None = None) -> None:
-        """Samples without gap.
+        """Process samples without gap.
 
         Args:
-            time: when the last one was stamped or arrived, monotonic clock [s].
-            data: shape (samples, channels).
-            missing: before them, where the source has numbers of its own.
+            time: stamp or arrival of the last one, monotonic clock [s].
+            data: values, shape (samples, channels).
+            missing: samples missing before them, if the source has sequence numbers.
         """
         clock = self._clock
         if clock is None or not len(data):
@@ -239,7 +236,7 @@ class SampleStream:
             self._merger.add(chunk)
 
     def end(self) -> None:
-        """The stream is over."""
+        """End the stream, and pass on what was held back."""
         if self._clock is not None:
             for chunk in self._clock.flush():
                 self._merger.add(chunk)
@@ -247,5 +244,5 @@ class SampleStream:
         self._clock = None
 
     def _at(self, monotonic: float) -> float | None:
-        """[s] -> [s]"""
+        """Return the time of the run [s] at a monotonic time [s]."""
         return self._robot_time(round(monotonic * NS))

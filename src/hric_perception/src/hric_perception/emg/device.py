@@ -1,4 +1,4 @@
-"""An emulated EMG device on any node: its parameters, what its muscles do, and which samples are due."""
+"""Emulated EMG device on any node: its parameters, muscle activation, and due samples."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -48,22 +48,22 @@ class EmulatedEmgSettings(Settings):
 
     @property
     def source(self) -> str:
-        """What the driver calls the stream."""
+        """Name of the stream in the driver's messages."""
         return source_name("EMG", self.name) if self.transport == "lsl" else trigno_name(self.ip, self.data_port)
 
 
 class EmulatedEmg:
-    """The device, without what sends its samples.
+    """Emulated EMG device, without the sender of its samples.
 
     Args:
-        node: private node, which may subscribe to what the muscles do.
-        settings: its parameters.
+        node: private node, which may subscribe to the muscle activation.
+        settings: parameters of the device.
 
     Attributes:
-        sensor: what is sampled.
-        layout: of its samples, as they leave the device; the source is the stream's name.
+        sensor: sampled sensor.
+        layout: layout of the samples as they leave the device; the source is the stream's name.
         replayed: trial that it replays, if any.
-        known: up to when it is known what the muscles do [s].
+        known: time up to which the activation is known [s].
 
     Raises:
         HricError: a parameter is not valid.
@@ -88,15 +88,15 @@ class EmulatedEmg:
 
 
 def activation_of(node: Node, program: Settings, channels: tuple[str, ...]) -> tuple[Activation, Callable[[], float]]:
-    """What the muscles do, by a program or by a topic, and up to when that is known [s].
+    """Return the muscle activation of a program or a topic, and the time up to which it is known [s].
 
     Args:
-        node: subscribes to the topic.
+        node: node that subscribes to the topic.
         program: the parameter `activation`.
-        channels: names.
+        channels: names of the channels.
 
     Raises:
-        HricError: a value that cannot be.
+        HricError: an invalid value.
     """
     if not isinstance(program, TopicActivation):
         assert isinstance(program, Program)

@@ -1,4 +1,4 @@
-"""The node `emulated_emg`: muscles, as an LSL outlet or as a Trigno server."""
+"""Node `emulated_emg`: muscles, as an LSL outlet or as a Trigno server."""
 
 from hric_control.ros import RosNode, run
 from hric_perception.emg.device import NAME, EmulatedEmg, EmulatedEmgSettings
@@ -10,13 +10,13 @@ from hric_perception.trigno.server import TrignoServer
 
 
 class EmulatedEmgNode(EmulatedNode):
-    """Streams from its construction on; of a simulated human, samples are sent when his activation is known.
+    """Emulated EMG that streams from construction on; samples of a simulated human wait for their activation.
 
     Args:
         node: private node.
 
     Raises:
-        HricError: a parameter is not valid, or a port is taken.
+        HricError: a parameter is not valid, or a port is in use.
     """
 
     def __init__(self, node: RosNode) -> None:
@@ -30,7 +30,7 @@ class EmulatedEmgNode(EmulatedNode):
 
 
 def make_outlet(settings: EmulatedEmgSettings, device: EmulatedEmg) -> Outlet:
-    """Where the samples go. Raises HricError."""
+    """Return the outlet of the samples. Raises HricError."""
     if settings.transport == "lsl":
         use_session(settings.session)
         return LslOutlet(device.layout, "EMG", settings.name)
@@ -42,5 +42,5 @@ def make_outlet(settings: EmulatedEmgSettings, device: EmulatedEmg) -> Outlet:
 
 
 def main(text: str) -> int:
-    """Run the node; text: for --help. Returns the exit code."""
+    """Run the node, and return the exit code; text: for --help."""
     return run(NAME, text, EmulatedEmgNode, EmulatedEmgSettings)

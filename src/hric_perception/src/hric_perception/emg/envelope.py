@@ -1,5 +1,4 @@
-"""The envelope of EMG, sample by sample: band-pass, notch, rectify, low-pass, share of the maximum voluntary
-contraction. No ROS."""
+"""Envelope of EMG: band-pass, notch, rectification, low-pass, share of the maximum voluntary contraction. No ROS."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -14,16 +13,15 @@ from hric_control.parameters import mapping, number, numbers, whole
 from hric_perception.chunk import Chunk, FloatArray, Layout
 
 SHORT_GAP = 0.05
-"""Filters go on over a gap that is not longer; after a longer one they begin again [s] (project default,
-unconfirmed)."""
+"""Longest gap over which filters continue; after a longer one they restart [s] (project default, unconfirmed)."""
 
 GRID = 16384
-"""Frequencies at which the delay of the band-pass is computed."""
+"""Number of frequencies at which the delay of the band-pass is computed."""
 
 
 @dataclass(frozen=True)
 class Settings(Base):
-    """The chain."""
+    """Settings of the filter chain."""
 
     band: tuple[float, ...] = numbers(
         2,
@@ -51,10 +49,10 @@ class Settings(Base):
 
 
 def band_sections(settings: Settings, rate: float) -> FloatArray:
-    """Second-order sections of band-pass and notches at a rate [Hz].
+    """Return the second-order sections of band-pass and notches at a rate [Hz].
 
     Raises:
-        ParameterError: a frequency that the rate cannot hold.
+        ParameterError: a frequency that is too high for the rate.
     """
     half, (low, high) = rate / 2, settings.band
     for name, value in (("band", high), *(("notch", value) for value in settings.notch), ("lowpass", settings.lowpass)):
@@ -73,15 +71,18 @@ def band_sections(settings: Settings, rate: float) -> FloatArray:
 
 
 def low_sections(settings: Settings, rate: float) -> FloatArray:
-    """Second-order sections of the low-pass."""
+    """Return the second-order sections of the low-pass."""
     found: FloatArray = scipy.signal.butter(settings.lowpass_order, settings.lowpass, fs=rate, output="sos")
     return found
 
 
 def lag(settings: Settings, rate: float) -> float:
-    """How late the envelope follows a slow change of the amplitude at a rate [Hz]: group delay of the low-pass at
-    frequency 0, sum over its sections of (sum k b_k / sum b_k - sum k a_k / sum a_k) samples; and the mean group delay
-    of band-pass and notches over a white signal, each frequency by the power that it keeps [s]."""
+    """Return the delay of the envelope behind a slow change of the amplitude at a rate [Hz] [s].
+
+    It is the group delay of the low-pass at frequency 0, sum over its sections of (sum k b_k / sum b_k - sum k a_k /
+    sum a_k) samples, plus the mean group delay of band-pass and notches for a white signal, each frequency weighted by
+    its passed power.
+    """
     low = low_sections(settings, rate)
     k = np.arange(3)
     delay = float(((low[:, :3] @ k) / low[:, :3].sum(axis=1) - (low[:, 3:] @ k) / low[:, 3:].sum(axis=1)).sum())
@@ -92,19 +93,19 @@ def lag(settings: Settings, rate: float) -> float:
 
 
 class Envelope:
-    """Filters with state: the sizes of the chunks make no difference.
+    """Filter chain with state: the sizes of the chunks make no difference.
 
-    The filters replace a value that is not finite by the one before; the envelope of that sample is NaN.
+    The filters replace a value that is not finite by the previous one; the envelope of that sample is NaN.
 
     Args:
-        settings: of the chain.
-        layout: of the chunks; channels measured in seconds (time codes) have no envelope.
+        settings: settings of the chain.
+        layout: layout of the chunks; channels measured in seconds (time codes) have no envelope.
 
     Attributes:
-        layout: of the envelope.
+        layout: layout of the envelope.
 
     Raises:
-        ParameterError: the rate is too low for the filters, or no such channel for `mvc`.
+        ParameterError: the rate is too low for the filters, or a channel of `mvc` does not exist.
     """
 
     def __init__(self, settings: Settings, layout: Layout) -> None:
@@ -125,7 +126,7 @@ class Envelope:
         self._clear()
 
     def add(self, chunk: Chunk) -> Chunk | None:
-        """The envelope of a chunk; None where none of its samples is kept."""
+        """Return the envelope of a chunk; None if none of its samples is kept."""
         if self._next is None or not 0 <= chunk.first - self._next <= SHORT_GAP * self._rate:
             self._clear()
         self._next = chunk.after
@@ -146,7 +147,7 @@ class Envelope:
         )
 
     def _filled(self, data: FloatArray, bad: Any) -> FloatArray:
-        """Each value that is not finite replaced by the one before."""
+        """Return the data with each value that is not finite replaced by the previous one."""
         rows = np.where(bad, -1, np.arange(len(data))[:, None])
         newest = np.maximum.accumulate(rows, axis=0)
         known = np.take_along_axis(data, np.maximum(newest, 0), axis=0)

@@ -1,4 +1,4 @@
-"""What emulated muscles do: which there are, programs of their activation, and that of a simulated human. No ROS."""
+"""Emulated muscles: names, activation programs, and the activation of a simulated human. No ROS."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -38,46 +38,48 @@ PARTS: Mapping[str, tuple[str, ...]] = {
     "brachioradialis": ("brachiorad",),
     "wrist_flexors": ("wr_flex+",),
 }
-"""Eight muscles of a working arm (project default, unconfirmed), and what each is of the built-in anatomy of
-hric_human, without the side: the lines of action below an electrode there. Those of the deltoid that begin at the
-scapula run from its spine (a) to the acromion (d), so that a and b lie behind, c and d at the side (unconfirmed). The
-anatomy has no muscles of the wrist: their electrode measures the actuator that flexes it."""
+"""Eight muscles of a working arm (project default, unconfirmed), with their lines of action in the built-in anatomy.
+
+The lines, named without the side, lie below an electrode there. Those of the deltoid that begin at the scapula run from
+its spine (a) to the acromion (d), so that a and b lie behind, c and d at the side (unconfirmed). The anatomy has no
+muscles of the wrist: their electrode measures the actuator that flexes it.
+"""
 MUSCLES = tuple(PARTS)
-"""The usual ones."""
+"""Names of the default muscles."""
 Activation = Callable[[FloatArray], FloatArray]
 """Run times, shape (n,) [s] -> activation from 0 to 1, shape (n, muscles)."""
 
 
 @dataclass(frozen=True)
 class Program(Settings):
-    """What muscles do by themselves."""
+    """Activation program of muscles."""
 
     def activation(self, count: int) -> Activation:
-        """Of so many muscles. Raises ParameterError."""
+        """Return the activation of `count` muscles. Raises ParameterError."""
         raise NotImplementedError
 
 
 @dataclass(frozen=True)
 class Constant(Program):
-    """Always the same."""
+    """Constant activation program."""
 
     level: float = number(0.3, minimum=0.0, maximum=1.0)
 
     def activation(self, count: int) -> Activation:
-        """See the base."""
+        """Return the constant activation."""
         return lambda times: np.full((len(times), count), self.level)
 
 
 @dataclass(frozen=True)
 class Bursts(Program):
-    """A half-cosine swell in each period, one muscle after the other."""
+    """Half-cosine burst in each period, one muscle after the other."""
 
     period: float = number(4.0, minimum=0.1, maximum=3600.0, unit="s")
     share: float = number(0.5, above=0.0, maximum=1.0)
     level: float = number(0.5, minimum=0.0, maximum=1.0)
 
     def activation(self, count: int) -> Activation:
-        """See the base."""
+        """Return the bursts."""
         shift = np.arange(count) / count
 
         def bursts(times: FloatArray) -> FloatArray:
@@ -90,12 +92,12 @@ class Bursts(Program):
 
 @dataclass(frozen=True)
 class Points(Program):
-    """Rows of time and activation of all muscles, or of each; straight between them."""
+    """Rows of time and activation of all muscles, or of each; linear in between."""
 
     points: tuple[tuple[float, ...], ...] = listing(numbers(), default=(), unit="s, 1")
 
     def activation(self, count: int) -> Activation:
-        """See the base."""
+        """Return the interpolated activation."""
         even = len({len(row) for row in self.points}) == 1 and len(self.points[0]) in (2, count + 1)
         rows = np.array(self.points) if even else np.empty((0, 2))
         if not len(rows) or (np.diff(rows[:, 0]) <= 0).any() or rows[:, 1:].min() < 0 or rows[:, 1:].max() > 1:
@@ -109,7 +111,7 @@ class Points(Program):
 
 @dataclass(frozen=True)
 class TopicActivation(Settings):
-    """Activations of a simulated human, as he publishes them."""
+    """Activation of a simulated human from a topic."""
 
     topic: str = text("hric/human/activation", empty=False)
     side: str = choice("right", "left", text="arm that wears the electrodes of the usual muscles")
@@ -125,24 +127,24 @@ PROGRAM: Any = variant(
     '[s] and activation of all or of each), `topic` (`topic`, `side`): that of a simulated human, see "Muscles of a '
     'simulated human", `c3d`: EMG as it was recorded, see "A recorded trial"',
 )
-"""The parameter `activation`."""
+"""Parameter `activation`."""
 
 
 BAND = (20.0, 450.0)
-"""Of surface EMG [Hz] (textbook)."""
+"""Frequency band of surface EMG [Hz] (textbook)."""
 FLOOR = 2e-6
 """Noise of electrodes and amplifier, root mean square [V] (project default, unconfirmed)."""
 
 
 class BodyActivation:
-    """Activation of a simulated human's muscles, from messages; straight lines between them. One thread adds.
+    """Activation of a simulated human's muscles from messages, linear in between; one thread adds.
 
-    An electrode of a usual muscle measures the mean of its parts (project default, unconfirmed: how much of each lies
-    below it is not known); any other channel is a muscle of that name.
+    An electrode of a default muscle measures the mean of its lines (project default, unconfirmed: their shares below it
+    are not known); any other channel is a muscle of that name.
 
     Args:
-        channels: names.
-        side: of the usual ones.
+        channels: names of the channels.
+        side: side of the default muscles.
     """
 
     def __init__(self, channels: Sequence[str], side: str) -> None:
@@ -155,23 +157,23 @@ class BodyActivation:
 
     @property
     def known(self) -> float:
-        """Time of the last message [s]; before all times where there is none."""
+        """Time of the last message [s]; minus infinity if there is none."""
         return self._track.last
 
     def at(self, times: FloatArray) -> FloatArray:
-        """See Activation."""
+        """Return the activation at times of the run."""
         return self._track.at(times)
 
     def add(self, time: float, names: Sequence[str], activation: Sequence[float]) -> None:
-        """One message; an earlier time begins again.
+        """Add a message; an earlier time restarts the track.
 
         Args:
-            time: of robot [s].
-            names: of muscles.
-            activation: as many [1].
+            time: robot time [s].
+            names: names of the muscles.
+            activation: activation of each [1].
 
         Raises:
-            CommandError: it lacks a muscle; once, since those that follow lack it, too.
+            CommandError: a muscle is missing; raised once, since it is missing in the following messages, too.
         """
         if tuple(names) != self._names:
             self._names, self._columns = tuple(names), []
@@ -181,7 +183,7 @@ class BodyActivation:
             self._track.add(time, np.array(values))
 
     def _found(self, names: tuple[str, ...]) -> list[list[int]]:
-        """Columns of each channel's parts."""
+        """Return the columns of each channel's lines of action."""
         missing = sorted({part for own in self._parts for part in own} - set(names))
         if missing:
             raise CommandError(
@@ -191,14 +193,14 @@ class BodyActivation:
 
 
 class Muscles:
-    """A signal for `EvenSensor`: amplitude * activation * noise + floor.
+    """EMG signal for `EvenSensor`: amplitude * activation * noise + floor.
 
     Args:
-        activation: of each muscle.
-        count: of muscles.
-        rate: of samples [Hz]; the noise ends at 0.45 of it where it cannot hold the band.
+        activation: activation of each muscle.
+        count: number of muscles.
+        rate: sample rate [Hz]; the noise band is limited to 0.45 of it.
         amplitude: root mean square at full activation [V].
-        seed: of the noise.
+        seed: seed of the noise.
     """
 
     def __init__(
@@ -216,7 +218,7 @@ class Muscles:
         self._floor = BlockNoise(count, seed, 4)
 
     def __call__(self, first: int, times: FloatArray) -> FloatArray:
-        """[V]"""
+        """Return the signal [V]."""
         carrier, floor = self._carrier.values(first, len(times)), self._floor.values(first, len(times))
         return self._amplitude * np.clip(self._activation(times), 0.0, 1.0) * carrier + FLOOR * floor
 
@@ -226,14 +228,14 @@ class Muscles:
 
 
 def muscles(given: int | tuple[str, ...]) -> tuple[str, ...]:
-    """Names of muscles: themselves, or so many of the usual ones. Raises ValueError."""
+    """Return names of muscles: the given ones, or the first default ones. Raises ValueError."""
     if isinstance(given, int) and not 1 <= given <= len(MUSCLES):
         raise ValueError
     return MUSCLES[:given] if isinstance(given, int) else given
 
 
 def muscle_names(said: str = "") -> Any:
-    """A parameter with names of muscles, or how many of the usual ones."""
+    """Return a parameter with names of muscles, or the number of default ones."""
     kinds: Parameter = either(whole(), names(range(1, 65)), default=len(MUSCLES), made=muscles, text=said)
     kinds.accepts = f"1 to {len(MUSCLES)} of the usual muscles, or a list of up to 64 names, all different"
     return kinds

@@ -1,4 +1,4 @@
-"""The node `emg`: EMG from a device, as chunks, its envelope, and the largest envelope of a contraction."""
+"""Node `emg`: EMG from a device, as chunks, its envelope, and the largest envelope of a contraction."""
 
 from hric_control.ros import RosNode, run
 from hric_perception.chunk import Chunk
@@ -7,7 +7,7 @@ from hric_perception.sensor import SensorNode
 
 
 class EmgNode(SensorNode):
-    """Publishes from its construction on.
+    """EMG node; publishes from construction on.
 
     Args:
         node: private node.
@@ -26,5 +26,5 @@ class EmgNode(SensorNode):
 
 
 def main(text: str) -> int:
-    """Run the node; text: for --help. Returns the exit code."""
+    """Run the node, and return the exit code; text: for --help."""
     return run("emg", text, EmgNode, EmgSettings, "measured_mvc")

@@ -1,4 +1,4 @@
-"""What is published of EMG: its samples as chunks, their envelope, and the largest envelope of a contraction."""
+"""Publisher of EMG: its samples as chunks, their envelope, and the largest envelope of a contraction."""
 
 import logging
 import threading
@@ -36,15 +36,16 @@ class EmgSettings(Base):
     envelope: EnvelopeSettings = section(EnvelopeSettings)
 
     def driver(self, stream: SampleStream, health: StreamHealth) -> Driver:
-        """Of the source."""
+        """Return the driver of the source."""
         if self.source == "trigno":
             return TrignoClient(self.trigno, stream, health)
         return self.lsl.reader("EMG", stream, health, lambda layout: layout)
 
 
 class MvcService:
-    """Service `record_mvc`: true begins, false ends, sets the parameter `measured_mvc` and responds with the largest
-    envelope of each channel.
+    """Service `record_mvc`: true begins a recording, false ends it.
+
+    At the end it sets the parameter `measured_mvc` and responds with the largest envelope of each channel.
 
     Args:
         node: private node.
@@ -58,7 +59,7 @@ class MvcService:
         node.service("record_mvc", SetBool, self._serve)
 
     def take(self, chunk: Chunk) -> None:
-        """Look at some of the envelope."""
+        """Update the largest envelope with a chunk."""
         with self._lock:
             if self._recording and len(chunk.data):
                 largest = np.nan_to_num(chunk.data, nan=0.0).max(axis=0)
@@ -84,12 +85,12 @@ class MvcService:
 
 
 class EmgPublisher:
-    """Publishes chunks and their envelope; one thread calls it.
+    """Publisher of chunks and their envelope; called from one thread.
 
     Args:
         node: private node.
-        settings: of the envelope.
-        on_trouble: gets the reason where a stream can have no envelope.
+        settings: settings of the envelope.
+        on_trouble: callback with the reason if a stream can have no envelope.
     """
 
     def __init__(self, node: Node, settings: EnvelopeSettings, on_trouble: Callable[[str], None]) -> None:
@@ -102,7 +103,7 @@ class EmgPublisher:
         self._mvc = MvcService(node)
 
     def publish(self, chunk: Chunk) -> None:
-        """The next one."""
+        """Publish the next chunk and its envelope."""
         self._raw.publish(chunk_message(chunk))
         if self._layout is not chunk.layout:
             self._begin(chunk)
@@ -111,7 +112,7 @@ class EmgPublisher:
             self._smooth.publish(chunk_message(smooth))
 
     def _begin(self, chunk: Chunk) -> None:
-        """Filters for another stream; one that they cannot serve has no envelope."""
+        """Begin with the filters of another stream; a stream that they cannot filter has no envelope."""
         self._layout, self._envelope = chunk.layout, None
         try:
             self._envelope = Envelope(self._settings, chunk.layout)

@@ -1,4 +1,4 @@
-"""The emulated human: his hand, moved by the programs of `hric_human.hand`, and the Motive that sees it."""
+"""Emulated human: the hand, moved by the programs of `hric_human.hand`, and the Motive that measures it."""
 
 from hric_human.hand import Hand, Program, read_program
 from hric_perception.human.motion_capture import CapturedHuman, see

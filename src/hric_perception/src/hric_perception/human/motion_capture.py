@@ -1,5 +1,7 @@
-"""The emulated Motive that sees the hand, the markers of a recorded trial, or the human in the robot's plant: its
-settings and scene from a section of an experiment file."""
+"""Emulated Motive that measures a hand, the markers of a recorded trial, or the human in the robot's plant.
+
+Its settings and scene come from a section of an experiment file.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -25,7 +27,7 @@ from mocap_natnet.server.settings import Settings as MotiveSettings
 
 
 class Recorded(Program):
-    """A program whose hand follows a recorded one; it is as smooth as that was measured.
+    """Program whose hand follows a recorded one; it is as smooth as the recording.
 
     Args:
         bodies: name -> body; the first is the hand.
@@ -36,16 +38,16 @@ class Recorded(Program):
         self._hand, self.bodies, self._T = next(iter(bodies.values())), bodies, T_base_mocap
 
     def pose(self, time: float) -> Pose:
-        """See Program; where the hand was not seen, on the straight way between where it was."""
+        """Return the recorded pose of the hand; gaps are interpolated linearly."""
         return compose(self._T, self._hand.pose(time))
 
     @property
     def span(self) -> tuple[float, float]:
-        """See Program."""
+        """Start 0, and the duration of the recording [s]."""
         return 0.0, self._hand.duration
 
     def seen(self, hand: Hand) -> list[Body]:
-        """All bodies as the cameras see them, in the time of the hand."""
+        """Return all bodies as the cameras see them, in the time of the hand."""
         return [_body(name, number, body, hand.since) for number, (name, body) in enumerate(self.bodies.items(), 1)]
 
 
@@ -55,7 +57,7 @@ def _body(name: str, number: int, body: RecordedBody, since: Callable[[float], f
 
 @dataclass(frozen=True)
 class RecordedHuman(TrialSettings):
-    """The emulated human as the markers of a trial."""
+    """Emulated human as the markers of a trial."""
 
     name: str = text("hand", figures=True)
     begin: float = number(0.0, minimum=0.0, maximum=3600.0, unit="s")
@@ -64,12 +66,12 @@ class RecordedHuman(TrialSettings):
     bodies: Mapping[str, tuple[str, ...]] = mapping(names(), {}, text="further ones: name -> labels")
 
     def check(self, where: str) -> None:
-        """Refuse a further body of the hand's name."""
+        """Refuse an additional body with the hand's name."""
         if self.name in self.bodies:
             raise ParameterError(f"{where}bodies has {self.name!r}, which is the hand; valid: other names")
 
     def recorded(self, T_base_mocap: Pose) -> Recorded:
-        """The program. Raises ParameterError."""
+        """Return the program. Raises ParameterError."""
         trial = self.trial()
         labelled = {self.name: self.labels, **self.bodies}
         try:
@@ -81,7 +83,7 @@ class RecordedHuman(TrialSettings):
 
 @dataclass(frozen=True)
 class Stream(Settings):
-    """How the emulated Motive streams, and what goes wrong."""
+    """Settings and faults of the emulated Motive's stream."""
 
     rate: float = number(240.0, minimum=1.0, maximum=1000.0, unit="Hz")
     version: Version = bitstream((4, 1), "newest that it speaks", "bitstream")
@@ -101,19 +103,19 @@ class Stream(Settings):
     occlusion_length: float = number(0.3, minimum=0.0, maximum=60.0, unit="s")
 
     def motive(self, seed: int) -> MotiveSettings:
-        """Of the emulated Motive; seed: of jitter and loss."""
+        """Return the settings of the emulated Motive; seed: of jitter and loss."""
         shared = ("rate", "version", "transport", "command_port", "data_port", "latency", "jitter", "loss", "drift")
         return MotiveSettings(**{name: getattr(self, name) for name in shared}, seed=seed)
 
     def faults(self, seed: int) -> Faults:
-        """Of what is seen."""
+        """Return the faults of the measured poses and markers."""
         shared = ("noise", "rotation_noise", "marker_noise", "occlusions", "occlusion_rate", "occlusion_length")
         return Faults(**{name: getattr(self, name) for name in shared}, seed=seed)
 
 
 @dataclass(frozen=True)
 class Marked(Settings):
-    """A hand that cameras see as a body, with bodies at rest beside it: that of the human in the robot's plant."""
+    """Settings of the hand of the human in the robot's plant as a marked body, with static bodies next to it."""
 
     name: str = text("hand", figures=True)
     still: Mapping[str, Vector] = mapping(numbers(3, unit="m"), {})
@@ -130,7 +132,7 @@ class Marked(Settings):
 
 @dataclass(frozen=True)
 class Captured(Marked, Motion):
-    """The same, moved by a program."""
+    """Settings of a marked hand that is moved by a program."""
 
 
 @dataclass(frozen=True)
@@ -156,18 +158,18 @@ PROGRAMS: dict[str, type[Settings]] = {
     PROGRAM: Marked,
 }
 HUMAN: Any = variant("program", PROGRAMS, "sinusoid", {})
-"""The mapping `human`."""
+"""Mapping `human`."""
 
 
 @dataclass(frozen=True)
 class CapturedHuman:
-    """The human and who sees him.
+    """Human and the motion capture that measures them.
 
     Attributes:
-        hand: moves.
-        motive: sees it and the bodies at rest.
-        name: of the hand's body.
-        body: of the human in the robot's plant, whose hand it is; None: it moves by itself.
+        hand: moving hand.
+        motive: emulated Motive that measures the hand and the static bodies.
+        name: name of the hand's body.
+        body: body of the human in the robot's plant, if the hand is theirs; None: the hand moves by a program.
     """
 
     hand: Hand
@@ -185,20 +187,20 @@ def see(
     person: Any = None,
     world_from_base: Any = None,
 ) -> CapturedHuman:
-    """Build all of it.
+    """Build the human and the emulated Motive.
 
     Args:
         human: mapping: the program with its keys, `begin`, `name`, `markers`, `still`.
-        stream: mapping: how Motive streams, and what goes wrong.
-        base_from_mocap: mapping `xyz`, `xyzw`: the pose of the mocap frame, z up, in the base, in which the program
-            moves; None: the same frame.
-        seed: of all that is random.
+        stream: mapping: settings and faults of the Motive's stream.
+        base_from_mocap: mapping `xyz`, `xyzw`: pose of the mocap frame, z up, in the base, the program's frame; None:
+            the same frame.
+        seed: seed of all randomness.
         where: name of what contains the mappings, for messages, e.g. "mocap.".
         person: section `human` of the experiment, which the program `body` needs.
-        world_from_base: mapping `xyz`, `xyzw`: the pose of the base in the world, where he is; None: the same frame.
+        world_from_base: mapping `xyz`, `xyzw`: pose of the base in the world, the human's frame; None: the same frame.
 
     Raises:
-        HricError: a value that cannot be; names the key.
+        HricError: an invalid value; names the key.
     """
     given: Marked | RecordedHuman = HUMAN.checked(human, f"{where}human")
     streaming = Stream.of(stream, f"{where}stream")
@@ -224,7 +226,7 @@ def see(
 
 
 def _check_occlusions(stream: Stream, scene: Scene) -> None:
-    """Raises ParameterError where one is of a body that is not there."""
+    """Raise ParameterError if an occlusion names a body that does not exist."""
     known = [body.name for body in scene.bodies] + [skeleton.name for skeleton in scene.skeletons]
     for _, _, body in stream.occlusions:
         if body and body not in known:
@@ -236,7 +238,7 @@ def _in_mocap(T_mocap_base: Pose, source: Callable[[float], Pose]) -> Callable[[
 
 
 def _still(positions: Mapping[str, Vector], T_mocap_base: Pose, first: int) -> list[Body]:
-    """Bodies that do not move: name -> [x, y, z] in the base [m]; first: streaming id of the first one."""
+    """Return static bodies: name -> [x, y, z] in the base [m]; first: streaming id of the first one."""
     found = []
     for index, (name, position) in enumerate(positions.items(), first):
         pose = compose(T_mocap_base, Pose(position))

@@ -1,4 +1,4 @@
-"""The node `emulated_human`: his hand, the Motive that sees it, and on topics what it really does."""
+"""Node `emulated_human`: the hand, the Motive that measures it, and topics with the true motion."""
 
 import threading
 from dataclasses import dataclass, replace
@@ -28,7 +28,7 @@ from mocap_natnet.client.settings import address
 from mocap_natnet.server import MotiveServer
 
 MIN_SLEEP = 2e-4
-"""Between two looks at whether a pose is due [s] (project default, unconfirmed)."""
+"""Time between checks if a pose is due [s] (project default, unconfirmed)."""
 
 
 @dataclass(frozen=True)
@@ -57,13 +57,13 @@ class HumanSettings(Settings):
 
 
 class HumanNode(NodeApp):
-    """Streams from its construction on; the hand moves from `~start` on.
+    """Emulated human that streams from construction on; the hand moves from `~start` on.
 
     Args:
         node: private node.
 
     Raises:
-        HricError: a parameter is not valid, or the port is taken.
+        HricError: a parameter is not valid, or the port is in use.
     """
 
     def __init__(self, node: RosNode) -> None:
@@ -109,7 +109,7 @@ class HumanNode(NodeApp):
         node.log_info(f"{seen.name} streams at {settings.rate:g} Hz by {settings.transport} and {waits}")
 
     def tick(self) -> None:
-        """Once a second.
+        """Check that the run is paced, once a second.
 
         Raises:
             HricError: the run is not paced.
@@ -117,7 +117,7 @@ class HumanNode(NodeApp):
         self._robot_time.tick()
 
     def close(self) -> None:
-        """End."""
+        """Stop streaming."""
         self._stop.set()
         self._thread.join(1.0)
         self._server.close()
@@ -144,7 +144,7 @@ class HumanNode(NodeApp):
             self._hand.see(message.header.stamp.to_sec() - began, (x, y, z))
 
     def _on_event(self, time: float, kind: str) -> None:
-        """Of the human in the robot's plant."""
+        """Store an event of the human in the robot's plant."""
         assert self._body is not None
         self._body.happened(time, kind)
         if kind == "started":
@@ -166,5 +166,5 @@ class HumanNode(NodeApp):
 
 
 def main(text: str) -> int:
-    """Run the node; text: for --help. Returns the exit code."""
+    """Run the node, and return the exit code; text: for --help."""
     return run("emulated_human", text, HumanNode, HumanSettings)

@@ -1,4 +1,4 @@
-"""The human in the robot's plant before the cameras: the hand, the bones and the markers of his body. No ROS."""
+"""Human in the robot's plant as measured by cameras: hand, bones and markers of the body. No ROS."""
 
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
@@ -16,20 +16,20 @@ from hric_perception.simulated import JointTrack
 from mocap_natnet.server import Bone, Skeleton
 
 PHASES = {"started": MOVING, "ended": DONE}
-"""What begins with an event of that kind."""
+"""Phase that begins with an event of that kind."""
 SKELETON = "body"
-"""Name in the description, and of what is published of it: not that of the human's own frames, `human/...`."""
+"""Name in the description, and of its published data; different from the frames of the human, `human/...`."""
 
 
 class SimulatedBody(Program):
-    """What he does, by the time of a stream.
+    """Motion of the human in the plant, by the time of a stream.
 
     Args:
-        person: the section `human` of the experiment.
+        person: section `human` of the experiment.
         T_base_world: pose of the world in the robot's base.
 
     Attributes:
-        states: gets his joint states.
+        states: track of the joint states.
         robot_time: time of the stream -> robot time [s]; None while that is not known.
     """
 
@@ -44,16 +44,16 @@ class SimulatedBody(Program):
         self._changes: list[tuple[float, str]] = []
 
     def pose(self, time: float) -> Pose:
-        """Of his hand in the base."""
+        """Return the pose of the hand in the base."""
         return compose(self._T_base_root, self._hand.pose(self._q(time)))
 
     @property
     def span(self) -> tuple[float, float]:
-        """See Program; `phase` says more."""
+        """Start 0 and an infinite end; `phase` is more precise."""
         return 0.0, float("inf")
 
     def phase(self, time: float) -> str:
-        """See Program."""
+        """Return the phase from the events of the human."""
         robot_time, changes = self.robot_time(time), self._changes
         if robot_time is None:
             return REST
@@ -61,12 +61,12 @@ class SimulatedBody(Program):
         return changes[done - 1][1] if done else REST
 
     def happened(self, time: float, kind: str) -> None:
-        """An event of his at a robot time [s]."""
+        """Store an event of the human at a robot time [s]."""
         if kind in PHASES:
             self._changes = [*(change for change in self._changes if change[0] <= time), (time, PHASES[kind])]
 
     def skeleton(self, number: int, T_mocap_base: Pose) -> Skeleton:
-        """As the cameras see it: a bone for each segment, with the axes of its link.
+        """Return the skeleton as the cameras see it: a bone for each segment, with the axes of its link.
 
         Args:
             number: its streaming id.
@@ -86,7 +86,7 @@ class SimulatedBody(Program):
         return Skeleton(SKELETON, number, tuple(bones), tuple(self._body.markers), source)
 
     def _q(self, time: float) -> Sequence[float]:
-        """Joint positions at a time of the stream [rad]."""
+        """Return the joint positions at a time of the stream [rad]."""
         robot_time = self.robot_time(time)
         found = None if robot_time is None else self.states.at(robot_time)
         return self._rest if found is None else found

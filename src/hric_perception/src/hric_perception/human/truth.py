@@ -1,4 +1,4 @@
-"""What the emulated human really does, on topics, beside what the motion capture sees of it."""
+"""True motion of the emulated human on topics, in addition to the measured motion."""
 
 from geometry_msgs.msg import PoseStamped
 from std_msgs.msg import String
@@ -9,16 +9,16 @@ from hric_control.robot_time import stamps
 from hric_human.hand import Hand
 
 RATE = 100.0
-"""Of the hand's pose [Hz]."""
+"""Rate of the hand's pose [Hz]."""
 
 
 class Truth:
-    """Publishes `hric/human/hand` at RATE and `hric/human/phase` when it changes. One thread calls it.
+    """Publisher of `hric/human/hand` at RATE and `hric/human/phase` on change; called from one thread.
 
     Args:
-        node: where to advertise.
-        hand: the human's.
-        frame: of the poses: the robot's base.
+        node: node that publishes.
+        hand: hand of the human.
+        frame: frame of the poses: the robot's base.
     """
 
     def __init__(self, node: Node, hand: Hand, frame: str) -> None:
@@ -29,15 +29,15 @@ class Truth:
 
     @property
     def next(self) -> float:
-        """When the next pose is due, by the hand's time [s]."""
+        """Time at which the next pose is due, by the hand's time [s]."""
         return (self._next or 0) / RATE
 
     def advance(self, time: float, offset: float = 0.0) -> None:
-        """Publish what is due: poses on a grid, the newest one only.
+        """Publish the due pose: poses are on a grid, and only the newest is sent.
 
         Args:
-            time: of the hand [s].
-            offset: from it to the time of the run [s].
+            time: time of the hand [s].
+            offset: time of the run minus time of the hand [s].
         """
         due = int(time * RATE + 1e-6)
         if self._next is not None and due < self._next:

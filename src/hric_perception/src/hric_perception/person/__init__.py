@@ -1,3 +1,4 @@
-"""A real person before the cameras of a motion capture system: from the labelled markers on topics to his joints, and
-with the force on his hand to what his muscles do. The cores are `hric_human.tracking` and
-`hric_human.muscles.live_load`."""
+"""Real person in front of a motion capture system: from labelled markers to joints and muscle load.
+
+The muscle load also uses the force on the hand. The cores are `hric_human.tracking` and `hric_human.muscles.live_load`.
+"""

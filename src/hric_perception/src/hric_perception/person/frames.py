@@ -1,4 +1,4 @@
-"""Between messages and what `hric_human.tracking` takes and gives. No node."""
+"""Conversion between messages and the data of `hric_human.tracking`. No node."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -16,17 +16,17 @@ from hric_human.tracking import LOST, Estimate
 from hric_msgs.msg import PersonTracking
 
 PERSON = "person"
-"""Name of his topics below `hric/` and of his frames: not those of the human in the robot's plant."""
+"""Name of the person's topics in `hric/` and of their frames; the human in the robot's plant has other names."""
 _NOWHERE = Pose((math.nan, math.nan, math.nan), IDENTITY)
 
 
 class MarkerRows:
-    """Finds his markers in frames.
+    """Marker positions of the person from frames.
 
     Args:
-        names: of the markers, the order of the rows.
-        labels: name in the stream by marker, where it has another one.
-        asset: whose markers count; "": any.
+        names: names of the markers, the order of the rows.
+        labels: name in the stream by marker, if it has another one.
+        asset: asset whose markers count; "": any.
     """
 
     def __init__(self, names: Sequence[str], labels: Mapping[str, str], asset: str) -> None:
@@ -34,7 +34,7 @@ class MarkerRows:
         self._count, self._asset = len(names), asset
 
     def positions(self, message: Any) -> FloatArray:
-        """Of a hric_msgs/MocapData, shape (m, 3) [m]; NaN: not seen."""
+        """Return positions from a hric_msgs/MocapData, shape (m, 3) [m]; NaN: not visible."""
         found = np.full((self._count, 3), np.nan)
         for label, point in zip(message.labelled_marker_names, message.labelled_markers, strict=True):
             asset, _, name = label.rpartition("/")
@@ -45,11 +45,11 @@ class MarkerRows:
 
 
 class Messages:
-    """Of one body.
+    """Messages of one body.
 
     Args:
-        body: whose joints are estimated.
-        calibrated: whether it was fitted to him.
+        body: body whose joints are estimated.
+        calibrated: True if it was fitted to the person.
     """
 
     def __init__(self, body: Body, calibrated: bool) -> None:
@@ -58,7 +58,7 @@ class Messages:
 
     @staticmethod
     def _joints_of_links(body: Body) -> dict[str, list[int]]:
-        """Joints between the root and each segment's link, as rows."""
+        """Return the joints between the root and each segment's link, as rows."""
         by_link: dict[str, list[int]] = {ROOT: []}
         for segment in body.segments.values():
             own = [row for row, joint in enumerate(body.joints.values()) if joint.link == segment.link]
@@ -66,14 +66,14 @@ class Messages:
         return by_link
 
     def joint_states(self, head: Any, one: Estimate) -> Any:
-        """sensor_msgs/JointState of the joints that are not lost."""
+        """Return sensor_msgs/JointState of the joints that are not lost."""
         known = [row for row, state in enumerate(one.states) if state != LOST]
         message = JointState(header=head, name=[self._joints[row] for row in known])
         message.position, message.velocity = [one.q[row] for row in known], [one.dq[row] for row in known]
         return message
 
     def tracking(self, head: Any, one: Estimate, dropped: int) -> Any:
-        """hric_msgs/PersonTracking."""
+        """Return hric_msgs/PersonTracking."""
         root = _NOWHERE if one.root_state == LOST else one.root
         return PersonTracking(
             header=head,
@@ -88,7 +88,7 @@ class Messages:
         )
 
     def frames(self, head: Any, one: Estimate) -> Any:
-        """tf2_msgs/TFMessage: `person/LINK` of the links that are not lost, all in the frame of the markers."""
+        """Return tf2_msgs/TFMessage: `person/LINK` of the links that are not lost, all in the frame of the markers."""
         if one.root_state == LOST:
             return TFMessage()
         poses = self._whole.poses(one.q, one.root)

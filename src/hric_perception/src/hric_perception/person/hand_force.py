@@ -1,4 +1,4 @@
-"""The force on a person's hand, from the messages of what measures it. No node."""
+"""Force on a person's hand, from the messages of the sensor that measures it. No node."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -13,11 +13,11 @@ from hric_perception.person.settings import PLATE, ROBOT, HandForceSettings
 
 
 class Source(NamedTuple):
-    """A topic of a robot, beside the node.
+    """Topic of a robot, in a namespace next to the node's.
 
     Attributes:
-        topic, type: of it.
-        read: time [s] and a message to the force on the hand.
+        topic, type: name and type of the topic.
+        read: function from time [s] and message to the force on the hand.
     """
 
     topic: str
@@ -26,7 +26,7 @@ class Source(NamedTuple):
 
 
 def source_of(settings: HandForceSettings) -> Source | None:
-    """What measures the force; None: nothing."""
+    """Return the source of the force; None if there is none."""
     if settings.source == ROBOT:
         topic = "franka_state_controller/franka_states"
         return Source(topic, FrankaState, lambda time, message: of_robot(time, message, settings.pose))
@@ -37,8 +37,10 @@ def source_of(settings: HandForceSettings) -> Source | None:
 
 
 def of_robot(time: float, message: Any, T_markers_base: Pose) -> HandForce:
-    """Of a franka_msgs/FrankaState: its estimated external wrench is what the arm exerts, at the origin of the
-    stiffness frame K."""
+    """Return the force from a franka_msgs/FrankaState: its estimated external wrench is the force that the arm exerts.
+
+    It acts at the origin of the stiffness frame K.
+    """
     T, (kx, ky, kz) = message.O_T_EE, message.EE_T_K[12:15]
     x, y, z = (T[12 + i] + T[i] * kx + T[4 + i] * ky + T[8 + i] * kz for i in range(3))
     fx, fy, fz, mx, my, mz = message.O_F_ext_hat_K
@@ -47,7 +49,7 @@ def of_robot(time: float, message: Any, T_markers_base: Pose) -> HandForce:
 
 
 def of_plate(time: float, message: Any, T_markers_plate: Pose) -> HandForce:
-    """Of a geometry_msgs/WrenchStamped: a plate measures what presses on it, about the middle of its surface."""
+    """Return the force from a geometry_msgs/WrenchStamped: the load on a plate, about the middle of its surface."""
     f, m = message.wrench.force, message.wrench.torque
     force, torque = (rotated(T_markers_plate.orientation, (-one.x, -one.y, -one.z)) for one in (f, m))
     return HandForce(time, force, torque, T_markers_plate.position)

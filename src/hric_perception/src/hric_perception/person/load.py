@@ -1,4 +1,4 @@
-"""The load of a person's muscles beside his tracking: a thread of its own, since markers do not wait for it."""
+"""Muscle load of a tracked person, in a separate thread, since markers do not wait for it."""
 
 import math
 import threading
@@ -23,25 +23,27 @@ from hric_perception.person.settings import HandForceSettings
 from hric_perception.stream import OK, START, WARN, Health
 
 PORTION = 0.05
-"""Frames are taken together for so long, since many instants cost little more than one [s of the stamps]. The constants
-of this file are project defaults, unconfirmed."""
+"""Time over which frames are collected, since many instants cost little more than one [s of the stamps].
+
+The constants of this file are project defaults, unconfirmed.
+"""
 BACKLOG = 1000
-"""Frames and samples of the force that may wait; the oldest give way."""
+"""Largest number of waiting frames and force samples; the oldest are dropped."""
 RECENT = 1.0
-"""Samples of the force count while frames that show him are no older [s of the stamps]."""
+"""Largest age of frames with the person for which force samples are used [s of the stamps]."""
 WAIT = 0.1
-"""Between looks at whether the node ends [s]."""
+"""Time between checks if the node ends [s]."""
 FULL = 1.0 - 1e-9
-"""Activation of a muscle that gives all it can, and share of a joint at its strength [1]."""
+"""Activation of a saturated muscle, and share of a joint at its strength [1]."""
 
 
 class Frame(NamedTuple):
-    """A frame of the tracker.
+    """Frame of the tracker.
 
     Attributes:
-        live: of the body that was tracked.
-        one: its estimate.
-        frame_id: of the markers.
+        live: live load of the tracked body.
+        one: estimate of the tracker.
+        frame_id: frame of the markers.
     """
 
     live: LiveLoad
@@ -50,28 +52,28 @@ class Frame(NamedTuple):
 
 
 class Arrivals:
-    """How often each of some values has come to its limit.
+    """Counter of how often each of some values reached its limit.
 
     Attributes:
-        counts: of each.
-        there: whether each is there now.
+        counts: count of each value.
+        there: True for each value that is at its limit now.
     """
 
     def __init__(self, size: int) -> None:
         self.counts, self.there = np.zeros(size, int), np.zeros(size, np.bool_)
 
     def update(self, there: NDArray[np.bool_]) -> None:
-        """Whether they are there now."""
+        """Update the state and count new arrivals at a limit."""
         self.counts += there & ~self.there
         self.there = there
 
 
 class LoadMessages:
-    """Of one body.
+    """Messages of the load of one body.
 
     Args:
-        live: of the body.
-        hand: side of the hand whose force is measured; "": that of none.
+        live: live load of the body.
+        hand: side of the hand whose force is measured; "": none.
     """
 
     def __init__(self, live: LiveLoad, hand: str) -> None:
@@ -79,12 +81,12 @@ class LoadMessages:
         self._strong, self._full = Arrivals(len(live.joints)), Arrivals(len(live.names))
 
     def count(self, one: PersonLoad, row: int) -> None:
-        """The next instant; before its messages."""
+        """Count limits at the next instant; call it before the messages of that instant."""
         self._strong.update(np.abs(one.load.share[row]) >= FULL)
         self._full.update(one.load.activation[row] >= FULL)
 
     def torque(self, head: Any, one: PersonLoad, row: int) -> Any:
-        """hric_msgs/JointTorque; NaN of an arm that is lost."""
+        """Return hric_msgs/JointTorque; NaN for a lost arm."""
         return JointTorque(
             header=head,
             name=one.load.joints,
@@ -95,7 +97,7 @@ class LoadMessages:
         )
 
     def activation(self, head: Any, one: PersonLoad, row: int) -> Any:
-        """hric_msgs/MuscleActivation; static optimisation knows no excitation."""
+        """Return hric_msgs/MuscleActivation; static optimisation has no excitation."""
         return MuscleActivation(
             header=head,
             name=one.load.names,
@@ -106,7 +108,7 @@ class LoadMessages:
         )
 
     def reactions(self, head: Any, one: PersonLoad, row: int) -> Any:
-        """hric_msgs/JointReactions: contact forces between his bones."""
+        """Return hric_msgs/JointReactions: contact forces between the bones."""
         names = list(one.load.contact)
         return JointReactions(
             header=head,
@@ -117,7 +119,7 @@ class LoadMessages:
         )
 
     def load(self, head: Any, one: PersonLoad, row: int, behind: float) -> Any:
-        """hric_msgs/PersonLoad."""
+        """Return hric_msgs/PersonLoad."""
         return PersonLoadMessage(
             header=head,
             side=list(one.states),
@@ -133,13 +135,13 @@ class LoadMessages:
 
 
 class LoadThread:
-    """Publishes from its construction on.
+    """Thread that computes and publishes the load from construction on.
 
     Args:
         node: private node.
         where: prefix of the topics.
-        settings: what measures the force on his hand.
-        side: of that hand; None: the force is not measured.
+        settings: source of the force on the hand.
+        side: side of that hand; None: the force is not measured.
         now: robot time [s]; None while it is not known.
     """
 
@@ -166,7 +168,7 @@ class LoadThread:
             node.subscribe(node.beside(source.topic), source.type, self._on_force, queue_size=0)
 
     def add(self, one: Frame | HandForce) -> None:
-        """Of frames and forces, each in its order; from any thread."""
+        """Add a frame or a force sample, each kind in its order; thread-safe."""
         self._queue.append(one)
         if isinstance(one, Frame):
             self._came.set()
@@ -175,11 +177,11 @@ class LoadThread:
         self.add(self._read(message.header.stamp.to_sec(), message))
 
     def report(self) -> Health:
-        """Once a second."""
+        """Return the health report, once a second."""
         return self._tally.report()
 
     def close(self) -> None:
-        """End."""
+        """Stop the thread."""
         self._stop.set()
         self._came.set()
         self._thread.join(1.0)
@@ -223,10 +225,10 @@ class LoadThread:
 
 
 class _Tally:
-    """What diagnostics say; written by one thread, read by another.
+    """Counts for the diagnostics; written by one thread, read by another.
 
     Attributes:
-        cost: of processor [s].
+        cost: processor time [s].
     """
 
     def __init__(self, source: str) -> None:
@@ -236,14 +238,14 @@ class _Tally:
         self._last: PersonLoad | None = None
 
     def took(self, found: PersonLoad, now: float | None) -> None:
-        """Instants were published."""
+        """Count published instants."""
         self._instants += len(found.load.time)
         self._last = found
         if now is not None:
             self._behind = max(self._behind, now - float(found.load.time[0]))
 
     def report(self) -> Health:
-        """Once a second."""
+        """Return the health report, once a second."""
         one, instants, cost = self._last, self._instants, self.cost
         now, (then, cost_then, instants_then) = time.monotonic(), self._before
         self._before, span = (now, cost, instants), max(now - then, 1e-3)
@@ -265,7 +267,7 @@ class _Tally:
 
 
 def _said(one: PersonLoad) -> tuple[int, str]:
-    """Level and sentence about the newest instant."""
+    """Return level and text about the newest instant."""
     if one.force[-1] == MISSING:
         return WARN, "the force on his hand does not come: the load of that arm is not known"
     if lost := [side for side, states in one.states.items() if states[-1] == LOST]:

@@ -1,4 +1,4 @@
-"""The node `person`: joints of a real person from the markers of motion capture, and the load of his muscles."""
+"""Node `person`: joints of a real person from the markers of motion capture, and the load of the muscles."""
 
 import threading
 import time
@@ -27,16 +27,18 @@ from hric_perception.stream import ERROR, OK, START, WARN, Health
 
 FRAMES = "hric/perception/mocap"
 TF_RATE = 30.0
-"""Of his frames, which are for those who look on [Hz of the stamps]. The constants of this file are project defaults,
-unconfirmed."""
+"""Rate of the person's frames, for visualisation [Hz of the stamps].
+
+The constants of this file are project defaults, unconfirmed.
+"""
 PATIENCE = 5.0
-"""A calibration waits so long for the next frame [s of wall time]."""
+"""Longest time that a calibration waits for the next frame [s of wall time]."""
 WAIT = 0.1
-"""Between looks at whether the node ends [s]."""
+"""Time between checks if the node ends [s]."""
 
 
 class _Known(NamedTuple):
-    """Of one body."""
+    """Tracker and messages of one body."""
 
     tracker: PersonTracker
     messages: Messages
@@ -49,7 +51,7 @@ class _Known(NamedTuple):
 
 
 class PersonNode(NodeApp):
-    """Publishes from its construction on. Frames that come while one is worked on give way to the newest.
+    """Node of a person, publishing from construction on; of frames that wait, only the newest is used.
 
     Args:
         node: private node.
@@ -83,13 +85,13 @@ class PersonNode(NodeApp):
         node.subscribe(node.beside(FRAMES), MocapData, self._on_frame, queue_size=1)
 
     def tick(self) -> None:
-        """Report. Raises HricError in a run that is not paced."""
+        """Publish diagnostics. Raises HricError in a run that is not paced."""
         self._robot_time.tick()
         self._reporter.report(self._health.report())
         self._load_reporter.report(self._load.report())
 
     def close(self) -> None:
-        """End."""
+        """Stop the threads."""
         self._stop.set()
         self._came.set()
         self._thread.join(1.0)
@@ -156,7 +158,7 @@ class PersonNode(NodeApp):
         return f"calibrated; markers were {1e3 * fitted.residual:.1f} mm from their places (rms){saved}"
 
     def _still_positions(self) -> FloatArray:
-        """Of the markers while he is still, shape (m, 3) [m]."""
+        """Return the mean positions of the markers in a still pose, shape (m, 3) [m]."""
         still = StillPose(self._names)
         self._still_done.clear()
         self._still, came = still, -1
@@ -168,12 +170,12 @@ class PersonNode(NodeApp):
 
 
 class _Tally:
-    """What diagnostics say; written by one thread each, read by another.
+    """Counts for the diagnostics; written by one thread each, read by another.
 
     Attributes:
         came: frames that were received.
-        dropped: of them, those that gave way to a newer one.
-        calibrated: whether the body was fitted to him.
+        dropped: frames replaced by a newer one.
+        calibrated: True if the body was fitted to the person.
     """
 
     def __init__(self, calibrated: bool) -> None:
@@ -183,14 +185,14 @@ class _Tally:
         self._cost = 0.0
 
     def took(self, stamp: float, one: Estimate | None, cost: float) -> None:
-        """A frame was used; cost: [s] of processor."""
+        """Count a processed frame; cost: processor time [s]."""
         self._used += 1
         self.dropped = max(self.dropped, self.came - self._used)
         self._last = one
         self._cost += 0.05 * (cost - self._cost)
 
     def report(self) -> Health:
-        """Once a second."""
+        """Return the health report, once a second."""
         one, fresh, self._before = self._last, self._used - self._before, self._used
         values = {
             "frames": str(self.came),
@@ -213,5 +215,5 @@ class _Tally:
 
 
 def main(text: str) -> int:
-    """Run the node; text: for --help. Returns the exit code."""
+    """Run the node, and return the exit code; text: for --help."""
     return run("person", text, PersonNode, PersonSettings)

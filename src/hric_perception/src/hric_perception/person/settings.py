@@ -19,7 +19,7 @@ DOMINANT = "dominant"
 
 @dataclass(frozen=True)
 class HandForceSettings(PoseSettings):
-    """What measures the force on his hand, and where that is in the frame of the markers."""
+    """Source of the force on the hand, and its pose in the frame of the markers."""
 
     xyz: Vector = numbers(
         3, ORIGIN, unit="m", text="of the robot's base, or of the middle of the plate, in the frame of the markers"
@@ -31,7 +31,7 @@ class HandForceSettings(PoseSettings):
     id: str = PLATE_ID
 
     def side(self, subject: Subject) -> str | None:
-        """Of the hand on which the force acts; None: it is not measured."""
+        """Return the side of the hand on which the force acts; None if it is not measured."""
         if self.source == NONE:
             return None
         return subject.dominant_hand if self.hand == DOMINANT else self.hand
@@ -39,7 +39,7 @@ class HandForceSettings(PoseSettings):
 
 @dataclass(frozen=True)
 class PersonSettings(Settings):
-    """Whose body, which markers are his, how he is calibrated, and what measures the force on his hand."""
+    """Body, markers, calibration and hand force of the person."""
 
     subject: Subject = SUBJECT
     parts: str = choice("upper_body", "whole_body", text="what of his body is estimated")
@@ -78,24 +78,24 @@ class PersonSettings(Settings):
 
     @property
     def person(self) -> Subject:
-        """The subject with `parts` of here."""
+        """The subject, with `parts` of these settings."""
         return replace(self.subject, parts=self.parts)
 
     @property
     def side(self) -> str | None:
-        """Of the hand whose force is measured; None: that of none."""
+        """Side of the hand whose force is measured; None if there is none."""
         return self.force.side(self.subject)
 
     @property
     def worn(self) -> tuple[str, ...]:
-        """Markers that he has on."""
+        """Markers that the person wears."""
         return self.markers or tuple(describe(self.person).markers)
 
     def known(self) -> tuple[Body, bool]:
-        """His body, and whether it is calibrated.
+        """Return the body, and True if it is calibrated.
 
         Raises:
-            HricError: the calibration is of somebody else, or its file is not valid.
+            HricError: the calibration is of another person, or its file is not valid.
         """
         if not self.calibration or not self.path.is_file():
             return describe(self.person), False
@@ -109,5 +109,5 @@ class PersonSettings(Settings):
 
     @property
     def path(self) -> Path:
-        """Of the calibration."""
+        """Path of the calibration."""
         return Path(self.calibration).expanduser()

@@ -1,4 +1,4 @@
-"""An emulated force plate on any node: its parameters, what presses on it, and up to when that is known."""
+"""Emulated force plate on any node: its parameters, its load, and the time up to which that is known."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -49,22 +49,22 @@ class EmulatedPlateSettings(Settings):
 
     @property
     def source(self) -> str:
-        """What the driver calls the LSL stream."""
+        """Name of the LSL stream in the driver's messages."""
         return source_name("Force", self.name)
 
 
 class EmulatedPlate:
-    """The device, without what sends its samples.
+    """Emulated force plate, without the sender of its samples.
 
     Args:
-        node: private node, which may subscribe to what presses.
-        settings: its parameters.
+        node: private node, which may subscribe to the load.
+        settings: parameters of the plate.
 
     Attributes:
-        load: what presses.
-        faults: what goes wrong with the samples.
+        load: load on the plate.
+        faults: faults of the samples.
         replayed: trial that it replays, if any.
-        known: up to when the load is known [s].
+        known: time up to which the load is known [s].
 
     Raises:
         HricError: a parameter is not valid.
@@ -91,20 +91,20 @@ class EmulatedPlate:
         self._settings = settings
 
     def sensor(self) -> EvenSensor:
-        """What is sampled; over NatNet Motive does that."""
+        """Return the sampled sensor; over NatNet the emulated Motive samples instead."""
         load = self.load
         return EvenSensor(self._settings.rate, len(CHANNELS), lambda first, times: load(times), self.faults)
 
     @property
     def layout(self) -> Layout:
-        """Of the samples, as they leave the device; the source is the stream's name."""
+        """Layout of the samples as they leave the device; the source is the stream's name."""
         code = self.faults.time_code
         name, rate = self._settings.name, self._settings.rate
         return Layout(name, CHANNELS + ("time",) * code, UNITS + ("s",) * code, rate)
 
 
 def _followed(node: Node, program: Contacts, pose: Pose) -> ContactLoad:
-    """What presses on a body of the simulation."""
+    """Return the contact load on a body of the simulation."""
     load = ContactLoad(program.body, pose)
 
     def add(message: Any) -> None:
@@ -118,6 +118,6 @@ def _followed(node: Node, program: Contacts, pose: Pose) -> ContactLoad:
 
 
 def _points(state: Any) -> Any:
-    """(point, force) of each contact point."""
+    """Return (point, force) of each contact point."""
     for position, wrench in zip(state.contact_positions, state.wrenches, strict=True):
         yield (position.x, position.y, position.z), (wrench.force.x, wrench.force.y, wrench.force.z)

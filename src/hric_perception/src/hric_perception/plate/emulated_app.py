@@ -1,4 +1,4 @@
-"""The node `emulated_plate`: a force plate, as an LSL outlet or within the frames of an emulated Motive."""
+"""Node `emulated_plate`: a force plate, as an LSL outlet or within the frames of an emulated Motive."""
 
 from dataclasses import replace
 
@@ -11,13 +11,13 @@ from hric_perception.simulated import KnownTime
 
 
 class EmulatedPlateNode(EmulatedNode):
-    """Streams from its construction on; a load that comes late is sent when it is known.
+    """Emulated plate that streams from construction on; a delayed load is sent when it is known.
 
     Args:
         node: private node.
 
     Raises:
-        HricError: a parameter is not valid, or a port is taken.
+        HricError: a parameter is not valid, or a port is in use.
     """
 
     def __init__(self, node: RosNode) -> None:
@@ -42,5 +42,5 @@ class EmulatedPlateNode(EmulatedNode):
 
 
 def main(text: str) -> int:
-    """Run the node; text: for --help. Returns the exit code."""
+    """Run the node, and return the exit code; text: for --help."""
     return run(NAME, text, EmulatedPlateNode, EmulatedPlateSettings)

@@ -1,4 +1,4 @@
-"""Wrench, centre of pressure and the frame of a force plate. No ROS."""
+"""Wrench, centre of pressure and frame of a force plate. No ROS."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,15 +15,16 @@ from hric_perception.chunk import Chunk, FloatArray, Layout
 CHANNELS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 UNITS = ("N", "N", "N", "N m", "N m", "N m")
 PLATE_SIZE = (0.6, 0.4)
-"""Of the surface of a force plate along x and y, that of the emulated one [m] (default chosen by this project,
-unconfirmed)."""
+"""Size of the plate's surface along x and y, as emulated [m] (default chosen by this project, unconfirmed)."""
 THRESHOLD = 20.0
-"""Minimum vertical force for which a centre of pressure is published [N]: below it noise decides (common in gait
-analysis)."""
+"""Minimum vertical force for which a centre of pressure is published [N]; below it noise dominates.
+
+The value is common in gait analysis.
+"""
 
 
 def plate_name(name: str) -> str:
-    """A part of topic names. Raises ValueError: letters, digits and _ only."""
+    """Return a part of topic names. Raises ValueError: letters, digits and _ only."""
     if not name.replace("_", "").isalnum() or not name.isascii():
         raise ValueError
     return name
@@ -36,15 +37,14 @@ PLATE_ID: Any = text(
 
 @dataclass(frozen=True)
 class PlatePose(PoseSettings):
-    """Of the middle of the surface."""
+    """Pose of the middle of the surface."""
 
     xyz: Vector = numbers(3, ORIGIN, unit="m", text="of the middle of the surface, in `frame`")
     frame: str = text("world")
 
 
 def mean_wrench(chunk: Chunk) -> tuple[float, FloatArray] | None:
-    """(robot time [s], wrench shape (6,) [N, N m]) on average over the samples that are numbers; None where there is
-    none."""
+    """Return the mean (robot time [s], wrench shape (6,) [N, N m]) of the finite samples; None without any."""
     columns = [chunk.layout.channels.index(name) for name in CHANNELS]
     data = chunk.data[:, columns]
     good = np.isfinite(data).all(axis=1)
@@ -54,7 +54,7 @@ def mean_wrench(chunk: Chunk) -> tuple[float, FloatArray] | None:
 
 
 def at_surface(wrench: FloatArray, height: float) -> FloatArray:
-    """The same load about the middle of the surface.
+    """Return the load about the middle of the surface.
 
     M' = M - p x F with p = (0, 0, height), so Mx' = Mx + height Fy, My' = My - height Fx
 
@@ -67,7 +67,7 @@ def at_surface(wrench: FloatArray, height: float) -> FloatArray:
 
 
 def centre_of_pressure(wrench: FloatArray) -> Vector | None:
-    """Where the load's line of action meets the surface: px = -My / Fz, py = Mx / Fz.
+    """Return where the load's line of action intersects the surface: px = -My / Fz, py = Mx / Fz.
 
     Args:
         wrench: about the middle of the surface, z normal to it, shape (6,) [N, N m].
@@ -80,19 +80,19 @@ def centre_of_pressure(wrench: FloatArray) -> Vector | None:
 
 
 def wrench_at(point: Vector, force: Vector) -> FloatArray:
-    """Wrench about the origin of a force [N] at a point [m], shape (6,)."""
+    """Return the wrench about the origin of a force [N] at a point [m], shape (6,)."""
     return np.concatenate([force, np.cross(point, force)])
 
 
 def frame_of(corners: Sequence[Vector], up: str) -> Pose:
-    """The plate's frame at the centre of its surface, in axes with z up.
+    """Return the plate's frame at the centre of its surface, in axes with z up.
 
     Args:
         corners: four, clockwise from the plate's +x +y, in the axes of the stream [m].
         up: axis of the stream that points up.
 
     Raises:
-        ParameterError: they span no plate.
+        ParameterError: the corners span no plate.
     """
     a, b, c, d = (np.array(z_up(up, corner)) for corner in corners)
     x, y = (a + b - c - d) / 2, (a + d - b - c) / 2
@@ -109,11 +109,11 @@ def frame_of(corners: Sequence[Vector], up: str) -> Pose:
 
 
 def choose_channels(layout: Layout, frame: str) -> Layout:
-    """The layout with the six channels by their usual names.
+    """Return the layout with the six channels by their usual names.
 
     Args:
-        layout: of a source that names them in any case, or has six without names.
-        frame: of the vectors.
+        layout: layout of a source that names them in any case, or has six without names.
+        frame: frame of the vectors.
 
     Raises:
         ParameterError: a channel is missing.

@@ -1,4 +1,4 @@
-"""What presses on an emulated force plate."""
+"""Loads on an emulated force plate."""
 
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -22,8 +22,7 @@ from hric_perception.replayed import RecordedLoad, Track
 CONTACTS_PERIOD = 0.01
 """Period of `sim/contacts` [s]; it is silent while nothing touches."""
 CONTACTS_DELAY = 0.03
-"""So long after a sample was taken its contacts are known [s] (project default, unconfirmed: two periods, and the
-way)."""
+"""Delay until the contacts of a sample are known [s] (project default, unconfirmed: two periods and transport)."""
 
 Load = Callable[[FloatArray], FloatArray]
 """Run times, shape (n,) [s] -> wrench on the plate in its frame, shape (n, 6) [N, N m]."""
@@ -31,33 +30,33 @@ Load = Callable[[FloatArray], FloatArray]
 
 @dataclass(frozen=True)
 class Push(Settings):
-    """A push that swells and fades, again and again."""
+    """Periodic push with smooth rise and fall."""
 
     force: float = number(100.0, minimum=0.0, maximum=1e5, unit="N")
     point: tuple[float, float] = numbers(2, (0.1, 0.05), unit="m")
     period: float = number(2.0, minimum=0.01, maximum=3600.0, unit="s")
 
     def load(self) -> Load:
-        """As a function."""
+        """Return the load as a function of time."""
         wrench = wrench_at((*self.point, 0.0), (0.0, 0.0, -self.force))
         return lambda times: 0.5 * (1 - np.cos(2 * np.pi * times / self.period))[:, None] * wrench
 
 
 @dataclass(frozen=True)
 class Constant(Settings):
-    """Always the same."""
+    """Constant load."""
 
     wrench: tuple[float, ...] = numbers(len(CHANNELS), (0.0,) * len(CHANNELS), unit="N, N m")
 
     def load(self) -> Load:
-        """As a function."""
+        """Return the load as a function of time."""
         wrench = np.array(self.wrench)
         return lambda times: np.tile(wrench, (len(times), 1))
 
 
 @dataclass(frozen=True)
 class Contacts(Settings):
-    """What presses in the simulation."""
+    """Contact forces in the simulation."""
 
     body: str = text("plate")
     topic: str = text("sim/contacts", valid="a topic of gazebo_msgs/ContactsState", empty=False)
@@ -65,7 +64,7 @@ class Contacts(Settings):
 
 @dataclass(frozen=True)
 class Body(Settings):
-    """The human in the robot's plant, who is on it."""
+    """Human in the robot's plant, standing on the plate."""
 
 
 PROGRAM: Any = variant(
@@ -77,16 +76,15 @@ PROGRAM: Any = variant(
     text="`push` (`force` [N], `point` [x, y] [m], `period` [s]), `constant` (`wrench` [N, N m]), "
     '`contacts` (`body` of the world, `topic`), `c3d`: see "A recorded trial", `body`: see "The human in the plant"',
 )
-"""The parameter `load`."""
+"""Parameter `load`."""
 
 
 class ContactLoad:
-    """The sum of the contact forces on a body of the simulation, straight lines between the instants at which they
-    come.
+    """Sum of the contact forces on a body of the simulation, linear between the instants of the messages.
 
     Args:
-        body: the plate's model; its links count.
-        T_world_plate: the plate's frame: surface centre, z up.
+        body: model of the plate; all its links count.
+        T_world_plate: frame of the plate: surface centre, z up.
     """
 
     def __init__(self, body: str, T_world_plate: Pose) -> None:
@@ -94,14 +92,14 @@ class ContactLoad:
         self._last = -np.inf
 
     def __call__(self, times: FloatArray) -> FloatArray:
-        """The load."""
+        """Return the load at times of the run."""
         return self._track.at(times)
 
     def add(self, time: float, contacts: Sequence[tuple[str, str, Sequence[tuple[Vector, Vector]]]]) -> None:
-        """Contacts of an instant.
+        """Add the contacts of an instant.
 
         Args:
-            time: of run [s].
+            time: time of the run [s].
             contacts: (first body, second body, (point [m], force on the first body [N]) each), world axes.
         """
         total = np.zeros(len(CHANNELS))
@@ -111,7 +109,7 @@ class ContactLoad:
                     total += sign * sum(
                         (self._wrench(point, force) for point, force in points), np.zeros(len(CHANNELS))
                     )
-        if time - self._last > 1.5 * CONTACTS_PERIOD:  # it was silent: nothing touched until one period ago
+        if time - self._last > 1.5 * CONTACTS_PERIOD:  # silent before: nothing touched until one period ago
             self._track.add(time - CONTACTS_PERIOD, np.zeros(len(CHANNELS)))
         self._last = time
         self._track.add(time, total)
@@ -123,13 +121,14 @@ class ContactLoad:
 
 
 class FloorLoad:
-    """What the human in the robot's plant presses on the floor with, computed from his motion and his grips; straight
-    lines between the instants of his messages. Accelerations are differences of the velocities of the message before
-    and the one after.
+    """Load of the human in the robot's plant on the floor, computed from motion and grips.
+
+    Values are linear between the instants of the messages. Accelerations are differences of the velocities of the
+    previous and the next message.
 
     Args:
-        person: the section `human` of the experiment.
-        T_world_plate: the plate's frame: surface centre, z up.
+        person: section `human` of the experiment.
+        T_world_plate: frame of the plate: surface centre, z up.
     """
 
     def __init__(self, person: HumanSettings, T_world_plate: Pose) -> None:
@@ -143,17 +142,17 @@ class FloorLoad:
 
     @property
     def known(self) -> float:
-        """Up to when it is known [s]; before all times where nothing is."""
+        """Time up to which the load is known [s]; minus infinity if it is unknown."""
         return min(self._floor.last, *(track.last for track in self._grips.values()), np.inf)
 
     def __call__(self, times: FloatArray) -> FloatArray:
-        """The load."""
+        """Return the load at times of the run."""
         total = sum((track.at(times) for track in self._grips.values()), self._floor.at(times))
         force, torque = total[:, :3], total[:, 3:]
         return np.hstack([force @ self._R, (torque - np.cross(self._p, force)) @ self._R])
 
     def add(self, time: float, names: Sequence[str], q: Sequence[float], dq: Sequence[float]) -> None:
-        """One of his joint states, see `JointTrack.add`."""
+        """Add a joint state of the human, see `JointTrack.add`."""
         simulated.check_joints(names, self._joints)
         rows = self._rows
         if rows and time < rows[-1][0]:
@@ -168,7 +167,7 @@ class FloorLoad:
             self._floor.add(at, np.array(wrench))
 
     def hold(self, held: simulated.Held) -> None:
-        """What one of his grips does to him."""
+        """Store the load of a grip on the human."""
         if held.name in self._grips:
             torque = np.array(held.torque) + np.cross(held.point, held.force)
             self._grips[held.name].add(held.time, np.concatenate([held.force, torque]))

@@ -1,6 +1,7 @@
-"""Force plates within the frames of a motion capture system: their samples, and an emulated Motive that has nothing but
-a plate. The one module of EMG, plates and the synchroniser that needs motion capture. No ROS but a node's
-parameters."""
+"""Force plates within the frames of a motion capture system: a driver, and an emulated Motive with only a plate.
+
+It is the only module of EMG, plates and the synchroniser that needs motion capture. No ROS except a node's parameters.
+"""
 
 import struct
 from collections.abc import Callable
@@ -26,24 +27,24 @@ from mocap_natnet.node.parameters import Publishing
 
 NS = 1e-9
 LOOK = 0.5
-"""Between looks at the conversation [s] (project default, unconfirmed)."""
+"""Time between checks of the connection [s] (project default, unconfirmed)."""
 CODE_PERIOD = 1.0
-"""A time code counts within a second: a 32 bit number holds no more digits [s]."""
+"""Period of a time code [s]: a 32 bit number holds no more digits."""
 
 
 class NatNetPlate(Driver):
-    """A client of its own, which listens to the plate alone.
+    """NatNet client that reads only the plate.
 
-    The protocol does not say when the samples of a frame were taken: they are spread evenly over the frame's period,
+    The protocol does not contain the times of the samples of a frame: they are spread evenly over the frame's period,
     the last one at its stamp.
 
     Args:
-        settings: how to find the server.
+        settings: address of the server.
         plate: id of the plate; 0: the first of the stream.
-        stream: gets the samples.
-        health: is informed of trouble.
-        choose: changes the layout.
-        on_described: gets the plate's description.
+        stream: receiver of the samples.
+        health: receiver of status reports.
+        choose: function that changes the layout.
+        on_described: callback for the plate's description.
     """
 
     def __init__(
@@ -65,12 +66,12 @@ class NatNetPlate(Driver):
         self._missing = ""
 
     def start(self) -> None:
-        """Begin."""
+        """Start the client."""
         self._client.start()
         super().start()
 
     def close(self) -> None:
-        """End."""
+        """Stop the client."""
         self._stop.set()
         self._client.close()
         super().close()
@@ -136,12 +137,14 @@ def plate_of(
     choose: Callable[[Layout], Layout],
     on_pose: Callable[[str, Pose], None],
 ) -> NatNetPlate:
-    """The plate that the parameters of a node choose.
+    """Return the plate that the parameters of a node choose.
 
     Args:
-        node: with the parameters of `natnet_client`, and `plate`.
-        stream, health, choose: see `NatNetPlate`.
-        on_pose: gets the frame that the stream is in, and the plate's pose in it, once the stream describes the plate.
+        node: node with the parameters of `natnet_client`, and `plate`.
+        stream: see `NatNetPlate`.
+        health: see `NatNetPlate`.
+        choose: see `NatNetPlate`.
+        on_pose: callback for the frame of the stream and the plate's pose in it, once the stream describes the plate.
 
     Raises:
         ParameterError: a parameter is not valid.
@@ -158,7 +161,7 @@ def plate_of(
 
 @dataclass(frozen=True)
 class PlateStream(Settings):
-    """How the emulated Motive streams a plate."""
+    """Settings of the emulated Motive that streams a plate."""
 
     rate: float = number(200.0, minimum=1.0, maximum=1000.0, unit="Hz", text="of frames")
     ip: str = address("127.0.0.1", "address to listen on", empty=False)
@@ -172,18 +175,18 @@ class PlateStream(Settings):
 
 
 class PlateMotive:
-    """Streams from its construction on. Use `close`.
+    """Emulated Motive that streams a plate from construction on; end it with `close`.
 
     Args:
-        stream: how.
-        rate: of the plate, a multiple of that of the frames [Hz].
-        load: what presses.
-        faults: noise, bias and time code (in Mz) count, the others are those of Motive.
-        clock: by which it goes.
-        on_reached: as of `MotiveServer`.
+        stream: settings of the stream.
+        rate: rate of the plate, a multiple of that of the frames [Hz].
+        load: load on the plate.
+        faults: noise, bias and time code (in Mz) are used, the others are those of Motive.
+        clock: clock of the stream.
+        on_reached: see `MotiveServer`.
 
     Raises:
-        HricError: a value that cannot be, or the port is taken.
+        HricError: an invalid value, or the port is in use.
     """
 
     def __init__(
@@ -208,11 +211,11 @@ class PlateMotive:
         self.server.start()
 
     def close(self) -> None:
-        """End."""
+        """Stop streaming."""
         self.server.close()
 
     def _sample(self, time: float) -> tuple[float, ...]:
-        """What the plate measures at a time of the stream [s]."""
+        """Return the plate's measured wrench at a time of the stream [s]."""
         robot_time, faults = self.server.robot_time(time), self._faults
         robot_time = time if robot_time is None else robot_time
         values = self._load(np.array([robot_time]))[0] + faults.bias

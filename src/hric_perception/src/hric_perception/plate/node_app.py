@@ -1,4 +1,4 @@
-"""The node `force_plate`: samples of a force plate, its wrench and its centre of pressure."""
+"""Node `force_plate`: samples of a force plate, its wrench and its centre of pressure."""
 
 from hric_control.ros import RosNode, run
 from hric_perception.chunk import Chunk
@@ -9,7 +9,7 @@ from hric_perception.stream import Driver, SampleStream, StreamHealth
 
 
 class ForcePlateNode(SensorNode):
-    """Publishes from its construction on.
+    """Force plate node; publishes from construction on.
 
     Args:
         node: private node.
@@ -34,5 +34,5 @@ class ForcePlateNode(SensorNode):
 
 
 def main(text: str) -> int:
-    """Run the node; text: for --help. Returns the exit code."""
+    """Run the node, and return the exit code; text: for --help."""
     return run("force_plate", text, ForcePlateNode, ForcePlateSettings, *NATNET)

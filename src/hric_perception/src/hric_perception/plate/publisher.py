@@ -1,4 +1,4 @@
-"""What is published of a force plate: its samples as chunks, its wrench and its centre of pressure."""
+"""Publisher of a force plate: its samples as chunks, its wrench and its centre of pressure."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -26,7 +26,7 @@ from hric_perception.stream import CHUNK
 
 @dataclass(frozen=True)
 class ForcePlateSettings(Settings):
-    """Parameters of the node; those below `natnet` are read where they are used."""
+    """Parameters of the node; those in the group `natnet` are read where they are used."""
 
     source: str = choice("lsl", "natnet")
     lsl: LslSettings = section(LslSettings)
@@ -44,11 +44,11 @@ class ForcePlateSettings(Settings):
 
 
 class PlatePublisher:
-    """Publishes chunks, and what follows from them; one thread calls it.
+    """Publisher of chunks and the values computed from them; called from one thread.
 
     Args:
         node: private node.
-        settings: of the plate.
+        settings: settings of the plate.
     """
 
     def __init__(self, node: Node, settings: ForcePlateSettings) -> None:
@@ -63,16 +63,16 @@ class PlatePublisher:
             self._publish_pose(settings.pose.frame, settings.pose.pose)
 
     def choose(self, layout: Layout) -> Layout:
-        """The layout of a stream, its vectors in the plate's frame. Raises ParameterError."""
+        """Return the layout of a stream, its vectors in the plate's frame. Raises ParameterError."""
         return choose_channels(layout, self._frame)
 
     def described(self, parent: str, pose: Pose) -> None:
-        """The stream describes the plate; the pose among the parameters has precedence."""
+        """Publish the pose that the stream describes; the pose among the parameters has precedence."""
         if self._static is None:
             self._publish_pose(parent, pose)
 
     def publish(self, chunk: Chunk) -> None:
-        """The next one."""
+        """Publish the next chunk, its wrench and centre of pressure."""
         self._samples.publish(chunk_message(chunk))
         mean = mean_wrench(chunk)
         if mean is None:
@@ -86,7 +86,7 @@ class PlatePublisher:
             self._cop.publish(PointStamped(head, Point(*point)))
 
     def _publish_pose(self, parent: str, pose: Pose) -> None:
-        """The transform from a frame to that of the plate."""
+        """Publish the transform from a frame to that of the plate."""
         self._static = self._node.advertise("/tf_static", TFMessage, latch=True)
         self._static.publish(
             TFMessage([stamped.transform_stamped(stamped.header(self._node.now(), parent), self._frame, pose)])

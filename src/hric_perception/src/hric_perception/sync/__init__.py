@@ -1,1 +1,1 @@
-"""Samples of many sources, at their own rates, brought to common instants."""
+"""Synchronisation of samples of many sources at their different rates."""

@@ -1,20 +1,20 @@
-"""The latest samples of a source, sorted by time, for bisecting. No ROS."""
+"""Latest samples of a source, sorted by time, for bisection. No ROS."""
 
 import numpy as np
 import numpy.typing as npt
 
 Stamps = npt.NDArray[np.int64]
-"""Robot time [ns]: whole numbers, because a float has steps of 0.2 us at today's wall time."""
+"""Robot time [ns]: integers, because a float has steps of 0.2 us at today's wall time."""
 Values = npt.NDArray[np.float64]
 
 
 class StampBuffer:
-    """Keeps the last `capacity` samples.
+    """Buffer of the last `capacity` samples.
 
-    The samples lie in one piece in an array of twice the capacity; only when that is full are they moved to its front.
+    The samples are contiguous in an array of twice the capacity; only when that is full are they moved to its front.
 
     Args:
-        capacity: samples kept.
+        capacity: number of stored samples.
         width: values per sample.
     """
 
@@ -29,22 +29,22 @@ class StampBuffer:
 
     @property
     def first(self) -> int | None:
-        """Stamp of the oldest sample [ns]; None: there is none."""
+        """Stamp of the oldest sample [ns]; None if there is none."""
         return int(self._stamps[self._begin]) if len(self) else None
 
     @property
     def last(self) -> int | None:
-        """Stamp of the newest sample [ns]; None: there is none."""
+        """Stamp of the newest sample [ns]; None if there is none."""
         return int(self._stamps[self._end - 1]) if len(self) else None
 
     @property
     def stamps(self) -> Stamps:
-        """Sorted, shape (n,) [ns]; valid until the next `extend`."""
+        """Sorted stamps, shape (n,) [ns]; valid until the next `extend`."""
         return self._stamps[self._begin : self._end]
 
     @property
     def values(self) -> Values:
-        """Shape (n, width); valid until the next `extend`."""
+        """Values, shape (n, width); valid until the next `extend`."""
         return self._values[self._begin : self._end]
 
     def extend(self, stamps: Stamps, values: Values) -> None:
@@ -68,5 +68,5 @@ class StampBuffer:
         self._begin = max(self._begin, self._end - self.capacity)
 
     def clear(self) -> None:
-        """Forget all samples."""
+        """Remove all samples."""
         self._begin = self._end = 0

@@ -1,8 +1,7 @@
-"""The synchroniser: samples of many sources go in, at their own rates and late; samples of all of them at common
-instants come out. No ROS.
+"""Synchroniser: samples of many sources go in at their own rates; samples at common instants come out. No ROS.
 
-An instant goes out when every source that is not starving has a sample at or after it, so that nothing that comes later
-can change it; at the latest when the newest stamp of all is `delay` past it. Time is that of the stamps: a paused run
+An instant goes out when every source that is not starving has a sample at or after it, so that later samples cannot
+change it; at the latest when the newest stamp of all is `delay` past it. Time is that of the stamps: a paused run
 pauses the synchroniser, and a recorded bag gives the same samples as the run did, at any speed.
 """
 
@@ -21,7 +20,7 @@ from hric_perception.sync.layout import APPROXIMATE, RESAMPLE, Plan
 from hric_perception.sync.sampling import Mask, Sampled, picker, resampler
 
 SPAN = 1_000_000_000
-"""[ns]"""
+"""Time span of the statistics [ns]."""
 NS = 1_000_000_000
 
 
@@ -33,11 +32,10 @@ class _Row(NamedTuple):
 
 
 class Window:
-    """Skew of each source, and how long instants waited, over the last second. Figures are computed when
-    they are requested.
+    """Skew of each source, and waiting time of instants, over the last second; computed on request.
 
     Args:
-        sources: how many.
+        sources: number of sources.
     """
 
     def __init__(self, sources: int) -> None:
@@ -45,39 +43,39 @@ class Window:
         self._rows: deque[_Row] = deque()
 
     def add(self, stamp: int, skews: Sequence[Values | None], valid: Mask, waited: int) -> None:
-        """A batch.
+        """Add a batch.
 
         Args:
             stamp: its last instant [ns].
-            skews: per source, at each instant [s]; NaN where there is no sample; None: all values are of the instant.
-            valid: whether each source is, shape (instants, sources).
-            waited: of the first of them [ns].
+            skews: per source, at each instant [s]; NaN if there is no sample; None: all values are of the instant.
+            valid: validity of each source, shape (instants, sources).
+            waited: waiting time of the first instant [ns].
         """
         self._rows.append(_Row(stamp, skews, valid, waited))
         while self._rows[0].stamp < stamp - SPAN:
             self._rows.popleft()
 
     def clear(self) -> None:
-        """Forget all of it."""
+        """Remove all batches."""
         self._rows.clear()
 
     def mean(self) -> list[float]:
-        """Mean skew of each source [s]; 0 where there was no sample."""
+        """Return the mean skew of each source [s]; 0 if there was no sample."""
         return [float(skews.mean()) if len(skews) else 0.0 for skews in map(self._skews, range(self._sources))]
 
     def largest(self) -> list[float]:
-        """Largest skew of each source [s]."""
+        """Return the largest skew of each source [s]."""
         return [float(self._skews(index).max(initial=0.0)) for index in range(self._sources)]
 
     def valid(self) -> list[float]:
-        """Share of the instants at which each source was valid [1]; 1 where there was none."""
+        """Return the share of the instants at which each source was valid [1]; 1 if there were none."""
         if not self._rows:
             return [1.0] * self._sources
         shares: list[float] = np.concatenate([row.valid for row in self._rows]).mean(axis=0).tolist()
         return shares
 
     def delay(self) -> float:
-        """The longest that an instant waited [s]."""
+        """Return the longest waiting time of an instant [s]."""
         return max((row.waited for row in self._rows), default=0) * 1e-9
 
     def _skews(self, index: int) -> Values:
@@ -91,10 +89,10 @@ class Batch(NamedTuple):
     """Synchronised samples.
 
     Attributes:
-        stamps: the instants, shape (n,) [ns].
-        values: shape (n, values); NaN where there is none.
-        age: from the stamp of the sample used to the instant, shape (n, sources) [s]; NaN where there is none.
-        valid: whether all values of the source are finite, shape (n, sources).
+        stamps: instants, shape (n,) [ns].
+        values: shape (n, values); NaN if there is none.
+        age: instant minus stamp of the sample used, shape (n, sources) [s]; NaN if there is none.
+        valid: True if all values of the source are finite, shape (n, sources).
     """
 
     stamps: Stamps
@@ -104,19 +102,19 @@ class Batch(NamedTuple):
 
 
 class Synchroniser:
-    """All sources of a plan. `push_message` and `push` may be called from any threads beside that of `take`, and cost
-    them little.
+    """Synchroniser of all sources of a plan.
+
+    `push_message` and `push` may be called from any threads in parallel to that of `take`, and are cheap.
 
     Args:
-        plan: what, and how.
-        now: by a clock that does not jump, the same as of all other calls [s].
+        plan: sources and policy.
+        now: time of a monotonic clock, the same as in all other calls [s].
 
     Attributes:
-        intakes: per source.
-        last: the last instant that was handed out [ns]; None: none was.
-        restarts: how often all sources went over to another time.
-        sent: samples handed out; incomplete: of these, such with a source that is not valid; dropped: instants left
-            out.
+        intakes: intake of each source.
+        last: last instant that was returned [ns]; None: none was.
+        restarts: number of times that all sources changed to another time.
+        sent: samples returned; incomplete: those with an invalid source; dropped: instants left out.
     """
 
     def __init__(self, plan: Plan, now: float) -> None:
@@ -140,7 +138,7 @@ class Synchroniser:
         self._readers = [_reader(intake) for intake in self.intakes]
 
     def push_message(self, index: int, message: Any, arrived: float) -> None:
-        """A message of source `index`, which arrived then [s]. What cannot be used of it is counted."""
+        """Add a message of source `index` that arrived then [s]; unusable samples are counted."""
         intake = self.intakes[index]
         try:
             intake.put(self._readers[index](message), arrived)
@@ -149,22 +147,22 @@ class Synchroniser:
                 intake.refuse(NOT_FOR_US if isinstance(error, NotForUsError) else MALFORMED)
 
     def push(self, index: int, stamps: Stamps, values: Values, arrived: float) -> None:
-        """Samples of source `index`.
+        """Add samples of source `index`.
 
         Args:
-            index: of the source.
+            index: index of the source.
             stamps: shape (n,) [ns].
             values: shape (n, columns of the source).
-            arrived: by the clock that does not jump [s].
+            arrived: arrival by the monotonic clock [s].
         """
         if len(stamps):
             self.intakes[index].put(Samples(stamps, values), arrived)
 
     def take(self, now: float) -> Batch | None:
-        """The samples that are due, `instants.MAX_INSTANTS` at most; None: none is.
+        """Return the samples that are due, at most `instants.MAX_INSTANTS`; None if there are none.
 
         Args:
-            now: by the clock that does not jump [s].
+            now: time of the monotonic clock [s].
         """
         with self._lock, np.errstate(all="ignore"):  # of values that are infinite
             self._collect()
@@ -179,7 +177,7 @@ class Synchroniser:
             return self._assemble(stamps, sampled)
 
     def _collect(self) -> None:
-        """Look at what was put since the last time, in the order of its arrival."""
+        """Process the samples put since the last call, in the order of their arrival."""
         found = [(*one, index) for index, intake in enumerate(self.intakes) if (one := intake.collect()) is not None]
         for arrived, samples, index in sorted(found, key=lambda one: one[0]):
             self._busy.received(arrived)
@@ -190,13 +188,13 @@ class Synchroniser:
             self.intakes[index].take(samples.stamps, samples.values, verdict, self.last, arrived, busy)
 
     def starving(self, now: float) -> dict[str, str]:
-        """Topics that starve -> why."""
+        """Return the topics that starve, and why."""
         with self._lock:
             reasons = {intake.topic: intake.starving(now) for intake in self.intakes}
         return {topic: reason for topic, reason in reasons.items() if reason}
 
     def _limit(self, now: float) -> int | None:
-        """Up to where instants are due [ns]."""
+        """Return the time up to which instants are due [ns]."""
         if self._time.newest is None:
             return None
         busy = self._busy.at(now)
@@ -207,7 +205,7 @@ class Synchroniser:
         return max(min((buffer.last or 0 for buffer in waited), default=forced), forced)
 
     def _begin(self, waited: Sequence[Any]) -> bool:
-        """The ticks begin where every source that is not starving has a sample."""
+        """Begin the ticks at the first time when every source that is not starving has a sample."""
         firsts = [buffer.first for buffer in waited]
         if not firsts or None in firsts:
             return False
@@ -247,7 +245,7 @@ class Synchroniser:
 
 
 def _reader(intake: Intake) -> Any:
-    """A function that makes samples of a message of the source."""
+    """Return a function that reads samples from a message of the source."""
     source = intake.source
     leaves = [column.leaf for column in source.columns]
     if source.batched:

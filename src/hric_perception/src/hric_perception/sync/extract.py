@@ -1,6 +1,6 @@
-"""Stamps and values out of messages. No ROS but the classes of its messages.
+"""Extraction of stamps and values from messages. No ROS but the classes of its messages.
 
-A message of most types is one sample. Those of `BATCHES` hold many, which are taken apart, each with its own stamp.
+A message of most types is one sample. Those of `BATCHES` hold many, which are split, each with its stamp.
 """
 
 from collections.abc import Callable, Sequence
@@ -17,18 +17,18 @@ NAN = float("nan")
 
 
 class NotForUsError(Exception):
-    """The message does not hold what is looked for, such as the joints of another robot on the same topic."""
+    """Error of a message without the requested data, such as the joints of another robot on the same topic."""
 
 
 class MalformedError(Exception):
-    """The message contradicts itself; the text says how."""
+    """Error of a message that contradicts itself; the text says how."""
 
 
 class Samples(NamedTuple):
-    """What a message holds.
+    """Samples of a message.
 
     Attributes:
-        stamps: [ns], shape (n,), rising.
+        stamps: shape (n,), increasing [ns].
         values: shape (n, columns).
     """
 
@@ -41,7 +41,7 @@ Fill = Callable[[Any, list[float]], None]
 
 
 def row_reader(leaves: Sequence[Leaf]) -> Callable[[Any], list[float]]:
-    """A function that reads the leaves of a message as a row."""
+    """Return a function that reads the leaves of a message as a row."""
     parts = _fills([(leaf, leaf.steps) for leaf in leaves])
 
     def read(message: Any) -> list[float]:
@@ -57,7 +57,7 @@ _Path = tuple[Leaf, tuple[Step, ...]]
 
 
 def _fills(paths: Sequence[_Path]) -> list[Fill]:
-    """One function for each run of paths that go down the same field."""
+    """Return one function for each run of paths that go down the same field."""
     groups = groupby(paths, lambda path: (path[1][0].field, path[1][0].element is None, len(path[1]) == 1))
     return [_fill(field, plain, last, list(group)) for (field, plain, last), group in groups]
 
@@ -80,7 +80,7 @@ def _each(parts: list[Fill], message: Any, row: list[float]) -> None:
 
 
 def _numbers(field: str, steps: list[Step]) -> Fill:
-    """Elements of a list of numbers; all of them must be there."""
+    """Return a reader of elements of a list of numbers; all of them must exist."""
     find = _finder(steps)
 
     def fill(message: Any, row: list[float]) -> None:
@@ -94,10 +94,9 @@ def _numbers(field: str, steps: list[Step]) -> Fill:
 
 
 def _finder(steps: Sequence[Step]) -> Callable[[Any], list[int]]:
-    """A function that finds the elements that steps name in a message's own list of names; remembers them while the
-    list stays as it is.
+    """Return a function that finds named elements in a message's list of names, cached while the list is unchanged.
 
-    The function raises ValueError where there is no such name.
+    The function raises ValueError if a name does not exist.
     """
     fixed = [step.element for step in steps if isinstance(step.element, int)]
     if len(fixed) == len(steps):
@@ -118,8 +117,10 @@ def _finder(steps: Sequence[Step]) -> Callable[[Any], list[int]]:
 
 
 def _elements(field: str, group: list[_Path]) -> Fill:
-    """Elements of a list of messages. One that is not there, or is not tracked, gives NaN: the source lives, but does
-    not see it."""
+    """Return a reader of elements of a list of messages.
+
+    A missing or untracked element gives NaN: the source lives, but does not see it.
+    """
     parts = []
     for step, paths in groupby(group, lambda path: path[1][0]):
         inside = list(paths)
@@ -138,7 +139,7 @@ def _elements(field: str, group: list[_Path]) -> Fill:
 
 
 def _chooser(field: str, step: Step) -> Callable[[Any], Any]:
-    """A function that finds an element of a list of messages, or None."""
+    """Return a function that finds an element of a list of messages, or None."""
     if isinstance(step.element, str) and not step.names:
         name = step.element
         return lambda message: next((element for element in getattr(message, field) if element.name == name), None)
@@ -154,7 +155,7 @@ def _chooser(field: str, step: Step) -> Callable[[Any], Any]:
 
 
 def chunk_reader(leaves: Sequence[Leaf], where: str) -> Callable[[Any], Samples]:
-    """A function that takes a SampleChunk apart.
+    """Return a function that splits a SampleChunk into samples.
 
     Raises:
         PathError: a leaf is no channel of `data`.
@@ -175,7 +176,7 @@ def chunk_reader(leaves: Sequence[Leaf], where: str) -> Callable[[Any], Samples]
 
 
 def log_reader(leaves: Sequence[Leaf], where: str) -> Callable[[Any], Samples]:
-    """A function that takes a ControlLog apart.
+    """Return a function that splits a ControlLog into samples.
 
     Raises:
         PathError: a leaf is no joint's value of each cycle.
@@ -216,7 +217,7 @@ def _found(find: Callable[[Any], list[int]], message: Any) -> list[int]:
 
 
 def stamp_of(message: Any) -> int:
-    """Stamp of a message's header [ns]."""
+    """Return the stamp of a message's header [ns]."""
     stamp = message.header.stamp
     nanoseconds: int = stamp.secs * NS + stamp.nsecs
     return nanoseconds

@@ -1,5 +1,4 @@
-"""The time of the synchroniser: which stamps belong to the run, and at which instants a sample goes out, as far as they
-are due. No ROS."""
+"""Time of the synchroniser: stamps that belong to the run, and instants that are due. No ROS."""
 
 from enum import Enum
 from fractions import Fraction
@@ -10,21 +9,26 @@ from hric_perception.sync.buffer import StampBuffer, Stamps
 
 NS = 1_000_000_000
 AGREE = NS
-"""Stamps within this of the newest one are of the same time [ns] (project default, unconfirmed; no sensor is as
-late)."""
+"""Largest difference of stamps from the newest one of the same time [ns].
+
+Project default, unconfirmed; no sensor has such a delay.
+"""
 SILENCE = 0.5
-"""Where nothing of the time so far came for as long, the next stamp begins another one [s of wall time] (project
-default, unconfirmed)."""
+"""Silence after which the next stamp begins another time [s of wall time] (project default, unconfirmed)."""
 STILL = 0.1
-"""A silence of all sources counts as this long at most [s of wall time]; a time-out is longer (project default,
-unconfirmed)."""
+"""Largest duration that a silence of all sources counts [s of wall time] (project default, unconfirmed).
+
+A time-out is longer.
+"""
 MAX_INSTANTS = 1000
-"""Instants handed out at once (project default, unconfirmed): what remains comes with the next call, and messages are
-received in between."""
+"""Largest number of instants returned at once (project default, unconfirmed).
+
+The rest follows with the next call, and messages are received in between.
+"""
 
 
 class Verdict(Enum):
-    """What a stamp is to the time so far."""
+    """Relation of a stamp to the current time."""
 
     SAME = "same"
     FOREIGN = "foreign"
@@ -32,10 +36,10 @@ class Verdict(Enum):
 
 
 class CommonTime:
-    """Follows the newest stamp; a source whose clock jumped does not take the others with it.
+    """Common time, which follows the newest stamp; a source whose clock jumped does not affect the others.
 
-    A jump of all of them, as when a run begins again, is followed: the sources whose stamps continue the time so far
-    win, and where none is left, the first one to come sets the time.
+    A jump of all sources, as in a restarted run, is followed: sources whose stamps continue the current time have
+    precedence, and without any, the first source to arrive sets the time.
     """
 
     def __init__(self) -> None:
@@ -43,11 +47,11 @@ class CommonTime:
         self._last = 0.0
 
     def see(self, stamps: Stamps, arrived: float) -> Verdict:
-        """Judge stamps that came together, and go on to the last of them unless they are foreign.
+        """Judge stamps that arrived together, and advance to the last of them unless they are foreign.
 
         Args:
-            stamps: in the order of their coming, shape (n,) [ns].
-            arrived: by a clock that does not jump [s].
+            stamps: in the order of arrival, shape (n,) [ns].
+            arrived: arrival by a monotonic clock [s].
         """
         last = int(stamps[-1])
         if self.newest is None or self._reached(stamps, self.newest):
@@ -61,8 +65,10 @@ class CommonTime:
 
     @staticmethod
     def _reached(stamps: Stamps, newest: int) -> bool:
-        """Whether the time so far leads to the last stamp without a jump: what a process
-        receives after a pause of seconds is still of the same time."""
+        """Return True if the current time leads to the last stamp without a jump.
+
+        Samples that a process receives after a pause of seconds are still of the same time.
+        """
         if abs(int(stamps[-1]) - newest) <= AGREE:
             return True
         jumps = np.flatnonzero(np.abs(np.diff(stamps)) > AGREE)
@@ -71,26 +77,25 @@ class CommonTime:
 
 
 class BusyClock:
-    """The time during which anything was received at all: where the run is paused, no source has to wait for
-    another."""
+    """Clock of the time during which anything was received: in a paused run no source has to wait for another."""
 
     def __init__(self, now: float) -> None:
         self._busy, self._last = 0.0, now
 
     def at(self, now: float) -> float:
-        """The time [s], at `now` of a clock that does not jump [s]."""
+        """Return the busy time [s] at `now` of a monotonic clock [s]."""
         return self._busy + min(now - self._last, STILL)
 
     def received(self, now: float) -> None:
-        """Something came."""
+        """Note that something was received."""
         self._busy, self._last = self.at(now), now
 
 
 class Ticks:
-    """Whole multiples of a period, counted from robot time 0: the ticks of 100 Hz are among those of 1 kHz.
+    """Integer multiples of a period, counted from robot time 0: the ticks of 100 Hz are among those of 1 kHz.
 
     Args:
-        rate: [Hz].
+        rate: rate of the ticks [Hz].
     """
 
     def __init__(self, rate: float) -> None:
@@ -99,20 +104,20 @@ class Ticks:
         self._next: int | None = None
 
     def begin(self, stamp: int) -> None:
-        """The first instant is the first tick from here on [ns]; without it there is none."""
+        """Set the first instant to the first tick from here on [ns]; without it there is none."""
         self._next = -int(-stamp // self._period)
 
     @property
     def begun(self) -> bool:
-        """Whether there is a first instant."""
+        """True if there is a first instant."""
         return self._next is not None
 
     def restart(self) -> None:
-        """Another time begins."""
+        """Restart with another time."""
         self._next = None
 
     def due(self, limit: int) -> Stamps:
-        """The ticks after the last one handed out up to limit [ns], `MAX_INSTANTS` at most."""
+        """Return the ticks after the last one returned up to limit [ns], at most `MAX_INSTANTS`."""
         if self._next is None:
             return np.zeros(0, np.int64)
         last = min(int(limit // self._period), self._next + MAX_INSTANTS - 1)
@@ -125,10 +130,10 @@ class Ticks:
 
 
 class ReferenceStamps:
-    """The stamps of a source.
+    """Instants at the stamps of a source.
 
     Args:
-        buffer: its samples.
+        buffer: samples of the source.
     """
 
     def __init__(self, buffer: StampBuffer) -> None:
@@ -136,11 +141,11 @@ class ReferenceStamps:
         self._last: int | None = None
 
     def restart(self) -> None:
-        """Another time begins."""
+        """Restart with another time."""
         self._last = None
 
     def due(self, limit: int) -> Stamps:
-        """The stamps after the last one handed out up to limit [ns], `MAX_INSTANTS` at most."""
+        """Return the stamps after the last one returned up to limit [ns], at most `MAX_INSTANTS`."""
         stamps = self._buffer.stamps
         begin = 0 if self._last is None else int(np.searchsorted(stamps, self._last, side="right"))
         end = min(int(np.searchsorted(stamps, limit, side="right")), begin + MAX_INSTANTS)

@@ -1,4 +1,4 @@
-"""What comes from one source: its samples, what was refused of them and why, and whether it starves. No ROS."""
+"""Intake of one source: its samples, refused ones with the reason, and starvation. No ROS."""
 
 from collections import Counter, deque
 
@@ -18,23 +18,23 @@ OUT_OF_ORDER, FOREIGN, MALFORMED, NOT_FOR_US = (
     "without the values wanted",
 )
 NOT_YET = "not heard yet"
-"""Of a source while all nodes start: no failure."""
+"""Reason of a source without messages during startup: no failure."""
 REFUSALS = (OUT_OF_ORDER, FOREIGN, MALFORMED)
-"""Samples refused for these reasons are losses; messages of somebody else on the same topic are none."""
+"""Reasons for which refused samples are losses; messages for others on the same topic are none."""
 
 
 class Intake:
-    """The samples of one source.
+    """Samples of one source.
 
     Args:
-        source: what it is.
-        now: when it is begun, by a clock that does not jump [s].
-        delay: how long an instant waits for a source that is late [s]; at least its time-out.
+        source: description of the source.
+        now: start time by a monotonic clock [s].
+        delay: how long an instant waits for a delayed source [s]; at least its time-out.
 
     Attributes:
-        samples: taken in.
+        samples: number of accepted samples.
         refused: reason -> samples.
-        late: samples that came after their instants had gone out.
+        late: samples that arrived after their instants had gone out.
     """
 
     def __init__(self, source: Source, now: float, delay: float) -> None:
@@ -49,13 +49,11 @@ class Intake:
         self._trouble = ""
 
     def put(self, samples: Samples | tuple[int, list[float]], arrived: float) -> None:
-        """Samples, or the stamp [ns] and values of one, that arrived then [s]; from any thread. They wait for
-        `collect`."""
+        """Put samples, or stamp [ns] and values of one, that arrived then [s], for `collect`; thread-safe."""
         self._waiting.append((arrived, samples))
 
     def collect(self) -> tuple[float, Samples] | None:
-        """(arrival of the last one [s], all samples that wait); None: there is none. Their stamps may be in any
-        order."""
+        """Return (arrival of the last one [s], waiting samples with stamps in any order); None if there are none."""
         count = len(self._waiting)
         if not count:
             return None
@@ -75,15 +73,15 @@ class Intake:
     def take(
         self, stamps: Stamps, values: Values, verdict: Verdict, sent: int | None, arrived: float, busy: float
     ) -> None:
-        """Keep samples that are later than those before them.
+        """Accept samples that are later than the previous ones.
 
         Args:
             stamps: in any order, shape (n,) [ns].
             values: shape (n, columns).
-            verdict: of the common time; foreign samples are refused.
-            sent: the last instant that went out [ns]; samples before it are late.
-            arrived: by the clock that does not jump [s].
-            busy: by the `BusyClock` [s].
+            verdict: judgement of the common time; foreign samples are refused.
+            sent: last instant that went out [ns]; samples before it are late.
+            arrived: arrival by the monotonic clock [s].
+            busy: time of the `BusyClock` [s].
         """
         if verdict is Verdict.FOREIGN:
             self.refuse(FOREIGN, len(stamps))
@@ -100,7 +98,7 @@ class Intake:
         self._last, self._busy, self._trouble = arrived, busy, ""
 
     def _in_order(self, stamps: Stamps, values: Values, last: int | None) -> tuple[Stamps, Values]:
-        """Those that are of the time of the last of them, and later than all before them."""
+        """Return the samples that are of the same time as the last of them, and later than all before them."""
         same = np.abs(stamps - stamps[-1]) <= AGREE
         if not same.all():
             self.refuse(FOREIGN, int((~same).sum()))
@@ -112,15 +110,15 @@ class Intake:
         return stamps[fresh], values[fresh]
 
     def refuse(self, reason: str, count: int = 1) -> None:
-        """Count samples that are not taken in."""
+        """Count samples that are not accepted."""
         self.refused[reason] += count
         self._trouble = reason
 
     def starving(self, now: float) -> str:
-        """Why nothing usable came for longer than the time-out, for people; empty: it came.
+        """Return why nothing usable came for longer than the time-out, as text; empty if it came.
 
         Args:
-            now: by the clock that does not jump [s].
+            now: time of the monotonic clock [s].
         """
         since = self._begun if self._last is None else self._last
         if now - since <= self.source.timeout:
@@ -136,16 +134,16 @@ class Intake:
         return f"silent for {now - since:.1f} s" if now - since < 100 else "silent"
 
     def awaited(self, busy: float) -> bool:
-        """Whether an instant waits for this source, at a time of the `BusyClock` [s]."""
+        """Return True if an instant waits for this source, at a time of the `BusyClock` [s]."""
         return busy - self._busy <= self._patience
 
     def restart(self, now: float, busy: float) -> None:
-        """Another time begins; what waits is judged again."""
+        """Restart with another time; waiting samples are judged again."""
         self.buffer.clear()
         self._last, self._begun, self._busy = None, now, busy
 
     def rate(self) -> float:
-        """Samples per second, over the samples kept of the last second [Hz]; 0: fewer than two."""
+        """Return samples per second over the stored samples of the last second [Hz]; 0: fewer than two."""
         stamps = self.buffer.stamps
         if not len(stamps):
             return 0.0

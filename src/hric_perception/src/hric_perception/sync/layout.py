@@ -1,4 +1,4 @@
-"""What is synchronised, and how: read from a mapping, such as a YAML file's. No ROS but the classes of its messages."""
+"""Plan of a synchronisation, read from a mapping such as a YAML file's. No ROS but the classes of its messages."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -11,26 +11,26 @@ from hric_perception.sync.paths import WHOLES, Leaf, leaves, message_class
 RESAMPLE, APPROXIMATE, EXACT = "resample", "approximate", "exact"
 POLICIES = (EXACT, APPROXIMATE, RESAMPLE)
 LINEAR, HOLD, SLERP, NEAREST = "linear", "hold", "slerp", "nearest"
-"""How a value is brought to an instant; policy resample chooses one of the first three."""
+"""Methods that bring a value to an instant; policy resample chooses one of the first three."""
 # Defaults of this file are project defaults, unconfirmed.
 RATE = 100.0
 TOLERANCE = 0.01
 DELAY = 0.25
-"""How long an instant waits for a source that is late [s]; more than the latency of any sensor here."""
+"""Longest time that an instant waits for a delayed source [s]; more than the latency of any sensor here."""
 TIMEOUT = 0.5
-"""A source that is silent for so long starves [s of wall time]: named within a second."""
+"""Silence after which a source starves [s of wall time]: named within a second."""
 MAX_GAP = 0.1
 CAPACITY = 8192
-"""Samples kept per source: 4 s at 2 kHz."""
+"""Samples stored per source: 4 s at 2 kHz."""
 
 
 @dataclass(frozen=True)
 class Column:
-    """One value of the synchronised sample.
+    """Value of the synchronised sample.
 
     Attributes:
-        leaf: the number of the message.
-        interpolation: how it is brought to the instant.
+        leaf: number of the message.
+        interpolation: method that brings it to the instant.
         unit: empty: that of the message, if it has one.
     """
 
@@ -41,15 +41,15 @@ class Column:
 
 @dataclass(frozen=True)
 class Source:
-    """A topic that values are taken from.
+    """Topic from which values are taken.
 
     Attributes:
-        topic: as given.
+        topic: name in the plan.
         message: class of its messages.
         columns: in the order of the values.
-        max_gap: the furthest that samples may be apart to be interpolated, or in the past to be held [s].
+        max_gap: largest distance of samples for interpolation, or age of a held sample [s].
         timeout: silence after which it starves [s of wall time].
-        capacity: samples kept.
+        capacity: number of stored samples.
     """
 
     topic: str
@@ -61,22 +61,22 @@ class Source:
 
     @property
     def batched(self) -> bool:
-        """Whether its messages hold many samples."""
+        """True if its messages hold many samples."""
         return self.message._type in BATCHES
 
 
 @dataclass(frozen=True)
 class Plan:
-    """All of it.
+    """Sources, instants and policy of a synchronisation.
 
     Attributes:
         policy: one of `POLICIES`.
         sources: at least one.
-        reference: number of the source whose stamps are the instants; None with policy resample.
-        rate: of the instants, policy resample [Hz].
-        tolerance: of policy approximate [s].
-        delay: how long an instant waits for a late source [s of robot time].
-        mark: whether instants at which a source has nothing go out, marked, or are dropped.
+        reference: index of the source whose stamps are the instants; None with policy resample.
+        rate: rate of the instants, policy resample [Hz].
+        tolerance: tolerance of policy approximate [s].
+        delay: how long an instant waits for a delayed source [s of robot time].
+        mark: True: instants at which a source has nothing go out, marked; False: they are dropped.
     """
 
     policy: str
@@ -89,7 +89,7 @@ class Plan:
 
     @property
     def names(self) -> list[str]:
-        """Of the values: topic and field."""
+        """Names of the values: topic and field."""
         return [f"{source.topic}.{column.leaf}" for source in self.sources for column in source.columns]
 
 
@@ -104,7 +104,7 @@ class SignalSettings(Settings):
 
 @dataclass(frozen=True)
 class SourceSettings(Settings):
-    """A topic, and what is taken from it."""
+    """Topic, and fields taken from it."""
 
     topic: str = text(valid="the name of a topic", empty=False)
     type: str = text()
@@ -114,7 +114,7 @@ class SourceSettings(Settings):
     capacity: int = whole(CAPACITY, minimum=2, maximum=10_000_000)
 
     def source(self, policy: str) -> Source:
-        """As the synchroniser takes it. Raises HricError."""
+        """Return the source for the synchroniser. Raises HricError."""
         kind = message_class(self.type, f"{self.prefix}type")
         columns = [
             column for index, signal in enumerate(self.signals) for column in self._columns(index, signal, kind, policy)
@@ -144,7 +144,7 @@ class SourceSettings(Settings):
 
 @dataclass(frozen=True)
 class PlanSettings(Settings):
-    """All of it."""
+    """Settings of a plan."""
 
     policy: str = choice(*POLICIES, default=RESAMPLE)
     rate: float | None = number(None, above=0.0, maximum=10_000.0, unit="Hz")
@@ -155,7 +155,7 @@ class PlanSettings(Settings):
     sources: tuple[SourceSettings, ...] = listing(section(SourceSettings), range(1, 10_000))
 
     def check(self, where: str) -> None:
-        """Refuse a reference that is none."""
+        """Check that the reference is one of the sources."""
         topics = [source.topic for source in self.sources]
         _once(topics, f"{where}sources", "each topic once, with all its signals")
         if self.policy == RESAMPLE and self.reference:
@@ -172,7 +172,7 @@ class PlanSettings(Settings):
 
 
 def read_plan(where: str, content: Any) -> Plan:
-    """The plan that a mapping describes; INTERFACE.md lists its keys.
+    """Return the plan that a mapping describes; INTERFACE.md lists its keys.
 
     Args:
         where: full name of the mapping, for messages.
@@ -202,7 +202,7 @@ def _once(names: list[str], where: str, valid: str) -> None:
 
 
 def _interpolations(given: str | None, found: list[Leaf], where: str) -> list[str]:
-    """A quaternion turns, one that is not whole is held, and so are whole numbers; all else lies on a line."""
+    """Return the methods: slerp for quaternions, hold for partial ones and integers, else linear."""
     if given is None:
         return [SLERP if leaf.quaternion else HOLD if leaf.part or leaf.kind in WHOLES else LINEAR for leaf in found]
     if given == SLERP and not all(leaf.quaternion for leaf in found):

@@ -15,11 +15,12 @@ NS = 1_000_000_000
 
 
 def samples(batch: Batch, blanks: Iterator[Any]) -> Iterator[Any]:
-    """A SyncedSample for each instant.
+    """Yield a SyncedSample for each instant.
 
     Args:
         batch: the instants.
-        blanks: messages to fill, without end; used again and again, because making one takes longer than sending it.
+        blanks: infinite iterator of messages to fill; they are reused, because creating one takes longer than sending
+            it.
     """
     rows = zip(batch.stamps.tolist(), batch.values.tolist(), batch.age.tolist(), batch.valid.tolist(), strict=True)
     for nanoseconds, values, age, valid in rows:
@@ -33,7 +34,7 @@ class Units:
     """Units of the values; those that the plan does not know come with the first SampleChunk of the source.
 
     Args:
-        plan: what is synchronised.
+        plan: plan of the synchronisation.
     """
 
     def __init__(self, plan: Plan) -> None:
@@ -45,7 +46,7 @@ class Units:
         }
 
     def see(self, source: Source, message: Any) -> bool:
-        """Look at a message; whether units came with it."""
+        """Read the units of a message; return True if it contained new ones."""
         if source.topic not in self._open:
             return False
         names, words = list(message.channels), message.unit.split()
@@ -61,7 +62,7 @@ class Units:
         return True
 
     def of(self, source: Source) -> list[str]:
-        """Per column; empty where it is not known."""
+        """Return the unit of each column; empty if it is not known."""
         known = _units(source)
         return [unit or reported for unit, reported in zip(known, self._reported.get(source.topic, known), strict=True)]
 
@@ -71,11 +72,11 @@ def _units(source: Source) -> list[str]:
 
 
 def layout(plan: Plan, units: Units, topics: list[str]) -> Any:
-    """The SyncLayout of a plan.
+    """Return the SyncLayout of a plan.
 
     Args:
-        plan: what is synchronised.
-        units: of the values.
+        plan: plan of the synchronisation.
+        units: units of the values.
         topics: full names of the sources' topics.
     """
     pairs = list(zip(plan.sources, topics, strict=True))
@@ -91,7 +92,7 @@ def layout(plan: Plan, units: Units, topics: list[str]) -> Any:
 
 
 def status(synchroniser: Synchroniser, now: float, topics: list[str]) -> Any:
-    """The SyncStatus at a time of the clock that does not jump [s]."""
+    """Return the SyncStatus at a time of the monotonic clock [s]."""
     intakes, window, starving = synchroniser.intakes, synchroniser.window, synchroniser.starving(now)
     message = SyncStatus(
         sources=topics,
@@ -113,13 +114,13 @@ def status(synchroniser: Synchroniser, now: float, topics: list[str]) -> Any:
 
 
 def diagnostics(found: Any, synchroniser: Synchroniser, before: Any, standing: bool) -> Any:
-    """A DiagnosticStatus without name.
+    """Return a DiagnosticStatus without name.
 
     Args:
-        found: the SyncStatus.
-        synchroniser: that it is of.
+        found: current SyncStatus.
+        synchroniser: synchroniser of the status.
         before: the SyncStatus of the last diagnostics; None: these are the first.
-        standing: whether the run is paused or has not begun.
+        standing: True if the run is paused or has not begun.
     """
     starving = [f"{topic}: {reason}" for topic, reason in zip(found.sources, found.reasons, strict=True) if reason]
     losses = [f"{topic}: {what}" for topic, what in _losses(found, synchroniser.window.valid(), before)]
@@ -139,7 +140,7 @@ def diagnostics(found: Any, synchroniser: Synchroniser, before: Any, standing: b
 
 
 def _losses(found: Any, shares: list[float], before: Any) -> Iterator[tuple[str, str]]:
-    """(topic, what was lost of it since `before`)."""
+    """Yield (topic, text about its losses since `before`)."""
     for index, (topic, share) in enumerate(zip(found.sources, shares, strict=True)):
         if share < 1.0:
             yield topic, f"valid {100 * share:.0f} % of the time"
@@ -170,5 +171,5 @@ TOPIC = "hric/perception/sync"
 
 
 def rate_topic(topic: str, rate: float) -> str:
-    """Where samples of one rate of several go, such as hric/perception/sync_100hz."""
+    """Return the topic of samples of one rate of several, such as hric/perception/sync_100hz."""
     return f"{topic}_{f'{rate:g}'.replace('.', '_')}hz"

@@ -1,4 +1,4 @@
-"""The node `synchronizer`."""
+"""Node `synchronizer`."""
 
 import threading
 import time
@@ -21,28 +21,30 @@ from hric_perception.sync.layout import RESAMPLE, Plan, Source, read_plan
 from hric_perception.sync.messages import TOPIC, rate_topic
 
 QUEUE = 200
-"""Looks whose samples wait for a listener that is slow: 4 s (project default, unconfirmed)."""
+"""Queue length of the samples for a slow subscriber, in work cycles: 4 s (project default, unconfirmed)."""
 BURST, MIN_BURST = 2.0, 20
-"""At most so many times the samples of the time between two looks go out at once, and so many at least: listeners with
-a short queue, such as rosbag record with its 100 messages, lose nothing when a backlog is worked off (project default,
-unconfirmed)."""
+"""Largest number of samples sent at once, relative to one work cycle, and at least MIN_BURST.
+
+Subscribers with a short queue, such as rosbag record with its 100 messages, thus lose nothing when a backlog is sent
+(project default, unconfirmed).
+"""
 STATUS_PERIOD = 0.2
-"""[s]; a source that starves is reported after its time-out and this at most."""
+"""Period of the status [s]; a source that starves is reported after its time-out plus at most this."""
 STATUSES = 5
-"""Diagnostics come with every fifth status (1 Hz, REP 107), and when a source begins or ends to starve."""
+"""Number of statuses per diagnostics (1 Hz, REP 107), which also come when a source begins or ends to starve."""
 
 
 class SyncStream:
-    """Messages are pushed into `synchroniser` from any threads; `work` is called by one.
+    """Stream of synchronised samples; messages are pushed from any threads, `work` is called by one.
 
     Args:
         node: private node.
-        plan: what, and how.
-        topic: of the samples; `_layout` and `_status` are added for the others.
+        plan: plan of the synchronisation.
+        topic: topic of the samples; `_layout` and `_status` are added for the others.
         topics: full names of the sources' topics.
-        robot_time: whether the run is paused.
-        period: between calls of `work` [s].
-        label: of the stream where the node has several, for diagnostics.
+        robot_time: clock of the run, which may be paused.
+        period: time between calls of `work` [s].
+        label: name of the stream in diagnostics, if the node has several.
     """
 
     def __init__(
@@ -70,12 +72,12 @@ class SyncStream:
         self._starving, self._count, self._status = "", 0, time.monotonic()
 
     def see_units(self, source: Source, message: Any) -> None:
-        """A SampleChunk of a source: it may have units that were not known."""
+        """Read new units from a SampleChunk of a source."""
         if self._units.see(source, message):
             self._layouts.publish(messages.layout(self._plan, self._units, self._topics))
 
     def work(self, now: float) -> None:
-        """Publish what is due, by the monotonic clock [s]."""
+        """Publish the samples that are due, by the monotonic clock [s]."""
         due: list[Any] = []
         while True:
             due += islice(self._waiting, self._burst - len(due))
@@ -116,8 +118,11 @@ class SyncStream:
 
 
 PERIOD = 0.02
-"""Between looks at what is due [s] (project default, unconfirmed): all instants of a look are computed together, and a
-look costs half a millisecond or more. The robot's cycles come in pieces as long."""
+"""Period of the work cycle [s] (project default, unconfirmed).
+
+All instants of a cycle are computed together, and a cycle costs half a millisecond or more. The robot's cycles arrive
+in batches of that length.
+"""
 
 
 @dataclass(frozen=True)
@@ -141,9 +146,9 @@ class SyncSettings(Settings):
 
 
 class SynchronizerNode(NodeApp):
-    """Subscribes to all sources and publishes the samples of all of them, from a thread of its own.
+    """Synchronizer node: subscribes to all sources and publishes their common samples from a separate thread.
 
-    Several rates cost one subscription to each source, whose messages are the same.
+    Several rates share one subscription to each source.
 
     Args:
         node: private node.
@@ -177,7 +182,7 @@ class SynchronizerNode(NodeApp):
         node.log_info(f"{plan.policy} of {', '.join(topics)} on {', '.join(node.resolve(name) for _, name in outputs)}")
 
     def close(self) -> None:
-        """End."""
+        """Stop the thread."""
         for one in self._subscriptions:
             one.unregister()
         self._stop.set()
@@ -206,7 +211,7 @@ class SynchronizerNode(NodeApp):
 
 
 def checked_rates(where: str, rates: Sequence[float], plan: Plan) -> Sequence[float]:
-    """Several rates of one plan, whose policy must be resample; empty: the plan's own alone. Raises ParameterError."""
+    """Return the rates of one plan, checked to have policy resample; empty: the plan's rate. Raises ParameterError."""
     if rates and plan.policy != RESAMPLE:
         raise ParameterError(
             f"{where} is given, but the reference of policy {plan.policy} is a topic; valid: policy {RESAMPLE}"
@@ -215,14 +220,14 @@ def checked_rates(where: str, rates: Sequence[float], plan: Plan) -> Sequence[fl
 
 
 def outputs_of(plan: Plan, topic: str, rates: Sequence[float]) -> list[tuple[Plan, str]]:
-    """(plan, topic) of each stream: one on the topic itself, or one per rate on `<topic>_<rate>hz`."""
+    """Return (plan, topic) of each stream: one on the topic itself, or one per rate on `<topic>_<rate>hz`."""
     if not rates:
         return [(plan, topic)]
     return [(replace(plan, rate=rate), rate_topic(topic, rate)) for rate in rates]
 
 
 def main(text: str, warning: str = "") -> int:
-    """Run the node; text: for --help; warning: logged at its start. Returns the exit code."""
+    """Run the node, and return the exit code; text: for --help; warning: logged at its start."""
 
     def start(node: RosNode) -> SynchronizerNode:
         if warning:

@@ -1,9 +1,8 @@
-"""Which values of a message are meant: `position[panda_joint1, panda_joint2]`, `rigid_bodies[hand].pose`,
-`wrench.force`. No ROS.
+"""Paths to values of a message: `position[panda_joint1]`, `rigid_bodies[hand].pose`, `wrench.force`. No ROS.
 
-A path names a field; one that has further fields means all numbers below it. Brackets choose elements of an
-array, by number or by name: elements of a list of messages by their field `name`, those of a list of numbers by the
-message's own list of names.
+A path names a field; one that has further fields means all numbers below it. Brackets choose elements of an array, by
+number or by name, several with commas: elements of a list of messages by their field `name`, those of a list of numbers
+by the message's list of names.
 """
 
 import itertools
@@ -24,18 +23,17 @@ _ARRAY = re.compile(r"(?P<element>[^\[]+)\[(?P<length>\d*)\]$")
 
 
 class PathError(HricError):
-    """A path that cannot be read; the message says what is wrong and shows a valid one."""
+    """Error of a path that cannot be read; the message says what is wrong and shows a valid one."""
 
 
 @dataclass(frozen=True)
 class Step:
-    """One step down into a message.
+    """Step from a message to one of its fields.
 
     Attributes:
-        field: the field.
-        element: of the array that it is, by number or by name; None: it is none.
-        names: the list of names that a name is looked up in, of the same message; empty: the elements have a field
-            `name`.
+        field: name of the field.
+        element: element of an array field, by number or by name; None: the field is no array.
+        names: list in the same message in which a name is looked up; empty: the elements have a field `name`.
     """
 
     field: str
@@ -48,14 +46,14 @@ class Step:
 
 @dataclass(frozen=True)
 class Leaf:
-    """One number of a message.
+    """Number in a message.
 
     Attributes:
-        steps: from the message to it.
+        steps: steps from the message to it.
         kind: type of the number.
-        quaternion: whether it is one of the four of a quaternion that is chosen as a whole.
-        part: whether it is one of a quaternion of which others are left out.
-        unit: by the type of the message; empty: not known.
+        quaternion: True if it belongs to a quaternion that is chosen completely.
+        part: True if it belongs to a quaternion of which others are left out.
+        unit: unit by the type of the message; empty: not known.
     """
 
     steps: tuple[Step, ...]
@@ -69,10 +67,10 @@ class Leaf:
 
 
 def message_class(name: str, where: str) -> Any:
-    """The class of a message type, which must have a header.
+    """Return the class of a message type, which must have a header.
 
     Raises:
-        PathError: there is no such type, or it carries no time of measurement.
+        PathError: there is no such type, or it has no time of measurement.
     """
     try:
         found = _class_of(name)
@@ -96,15 +94,15 @@ def _class_of(name: str) -> Any:
 
 
 def leaves(message_type: Any, path: str, where: str) -> list[Leaf]:
-    """The numbers that a path names, in the order of the message's definition.
+    """Return the numbers that a path names, in the order of the message's definition.
 
     Args:
         message_type: class of the message.
-        path: see above.
-        where: of the path, for messages.
+        path: path, see the module.
+        where: name of the path, for messages.
 
     Raises:
-        HricError: it names nothing, or what is not numeric.
+        HricError: it names no field, or a field that is not numeric.
     """
     parts = [_PART.match(part.strip()) for part in re.split(r"\.(?![^\[]*\])", path)]
     if not all(parts):
@@ -222,5 +220,4 @@ UNITS: dict[tuple[str, str], str] = {
     ("hric_msgs/MocapData", "latency"): "s",
     ("hric_msgs/RigidBodyState", "mean_error"): "m",
 }
-"""(type of the message, field) -> unit of the field and of all numbers below it, unless a type in between says
-otherwise."""
+"""(type of the message, field) -> unit of the field and of all numbers below it, unless a nested type overrides it."""

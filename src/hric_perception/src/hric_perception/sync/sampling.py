@@ -1,4 +1,4 @@
-"""The values of one source at instants. No ROS."""
+"""Values of one source at instants. No ROS."""
 
 from collections.abc import Callable
 from itertools import groupby
@@ -13,20 +13,22 @@ from hric_perception.sync.layout import HOLD, LINEAR, SLERP, Source
 Indices = npt.NDArray[np.intp]
 NS = 1e-9
 STRAIGHT = 1e-4
-"""Quaternions nearer to each other than this angle [rad] are interpolated on the chord: the error is below its cube
-over 24, 1e-13 (project default, unconfirmed)."""
+"""Angle below which quaternions are interpolated on the chord [rad] (project default, unconfirmed).
+
+The error is below its cube over 24, 1e-13.
+"""
 Mask = npt.NDArray[np.bool_]
 
 
 class Bracket(NamedTuple):
-    """Where instants lie between samples; all of shape (instants,).
+    """Neighbouring samples of instants; all of shape (instants,).
 
     Attributes:
-        low: the last sample at or before the instant; -1: there is none.
-        high: the sample after that; the last one where there is none.
+        low: last sample at or before the instant; -1: there is none.
+        high: the sample after that; the last one if there is none.
         weight: 0 at the low one, 1 at the high one.
-        age: from the low one to the instant [s]; infinite where there is none.
-        gap: from the low one to the high one [s]; 0 where the low one is hit; infinite where one is missing.
+        age: instant minus the low sample [s]; infinite if there is none.
+        gap: high minus low sample [s]; 0 if the low one is at the instant; infinite if one is missing.
     """
 
     low: Indices
@@ -37,8 +39,7 @@ class Bracket(NamedTuple):
 
 
 def bracket(stamps: Stamps, instants: Stamps) -> Bracket:
-    """Find the samples around instants; stamps [ns], sorted, shape (n,), not empty; instants [ns], sorted, shape
-    (m,)."""
+    """Find the samples around instants; stamps: sorted, (n,) [ns], not empty; instants: sorted, (m,) [ns]."""
     last = len(stamps) - 1
     low = stamps.searchsorted(instants, side="right") - 1
     inside = low[0] >= 0 and low[-1] < last
@@ -58,31 +59,30 @@ def bracket(stamps: Stamps, instants: Stamps) -> Bracket:
 
 
 def linear(values: Values, at: Bracket, reach: float) -> Values:
-    """On the straight line between the samples around the instant, where these are no further apart than reach [s];
-    never beyond the last sample."""
+    """Interpolate linearly between samples that are no further apart than reach [s]; never beyond the last sample."""
     return _between(values, at, reach, _straight)
 
 
 def hold(values: Values, at: Bracket, reach: float) -> Values:
-    """The last sample at or before the instant, where it is no older than reach [s]."""
+    """Return the last sample at or before the instant, if it is no older than reach [s]."""
     out = values[at.low]
     out[at.age > reach] = np.nan
     return out
 
 
 def slerp(quaternions: Values, at: Bracket, reach: float) -> Values:
-    """At constant angular velocity on the shorter way between the samples around the instant, as `linear` else.
+    """Interpolate on the shorter way at constant angular velocity, otherwise like `linear`.
 
     Args:
         quaternions: x, y, z, w, shape (n, 4); each is normalised. One of norm 0 is none.
         at: the instants.
-        reach: [s].
+        reach: largest distance of samples [s].
     """
     return _between(quaternions, at, reach, _rotate)
 
 
 def _between(values: Values, at: Bracket, reach: float, mix: Callable[[Values, Values, Values], Values]) -> Values:
-    """Both ends are right to the last bit, and a sample that is hit does not suffer from a NaN beside it."""
+    """Mix both samples; ends are exact to the last bit, and a sample at the instant ignores a NaN next to it."""
     out = mix(values[at.low], values[at.high], at.weight[:, None])
     hit = at.weight == 0.0
     if hit.any():
@@ -113,8 +113,7 @@ def _rotate(low: Values, high: Values, weight: Values) -> Values:
 
 
 def nearest(stamps: Stamps, instants: Stamps) -> tuple[Indices, Values]:
-    """(the sample nearest to each instant, the earlier of two; from its stamp to the instant [s], negative if it is
-    later). `stamps`: not empty."""
+    """Return (nearest sample, the earlier of two; instant minus its stamp [s]) of each instant; stamps: not empty."""
     high = np.minimum(np.searchsorted(stamps, instants, side="left"), len(stamps) - 1)
     low = np.maximum(high - 1, 0)
     index = np.where(np.abs(instants - stamps[low]) <= np.abs(stamps[high] - instants), low, high)
@@ -135,10 +134,10 @@ class Sampled(NamedTuple):
     """Values at instants.
 
     Attributes:
-        values: shape (instants, columns), NaN where there is none.
-        age: from the sample's stamp to the instant, shape (instants,) [s]; NaN where there is none.
-        valid: whether all values are finite, shape (instants,).
-        skew: distance in time from the value to the instant, shape (instants,) [s]; NaN where there is none. None: all
+        values: shape (instants, columns), NaN if there is none.
+        age: instant minus the sample's stamp, shape (instants,) [s]; NaN if there is none.
+        valid: True if all values are finite, shape (instants,).
+        skew: distance in time from the value to the instant, shape (instants,) [s]; NaN if there is none. None: all
             values are of the instant.
     """
 
@@ -152,7 +151,7 @@ Sampler = Callable[[StampBuffer, Stamps], Sampled]
 
 
 def resampler(source: Source) -> Sampler:
-    """Brings a source to instants by the interpolation of each column."""
+    """Return a sampler that interpolates each column of a source at instants."""
     runs = []
     begin = 0
     for interpolation, group in groupby(column.interpolation for column in source.columns):
@@ -178,8 +177,7 @@ def resampler(source: Source) -> Sampler:
 
 
 def picker(source: Source, tolerance: float) -> Sampler:
-    """Takes the sample of a source that is nearest to each instant, where it is no further than tolerance [s] away; 0:
-    of the very same stamp."""
+    """Return a sampler of the sample nearest to each instant, within tolerance [s]; 0: of the very same stamp."""
     width = len(source.columns)
 
     def sample(buffer: StampBuffer, instants: Stamps) -> Sampled:
@@ -198,8 +196,10 @@ _INTERPOLATIONS: dict[str, Callable[[Values, Bracket, float], Values]] = {LINEAR
 
 
 def _finite(values: Values) -> Mask:
-    """Whether all values of each row are: what is not finite stays so times 0. In fewer calls of numpy, whose number is
-    what a look costs."""
+    """Return True for rows with only finite values: what is not finite stays so times 0.
+
+    It needs few calls of numpy, whose number determines the cost.
+    """
     finite: Mask = ~np.isnan(values @ np.zeros(values.shape[1]))
     return finite
 

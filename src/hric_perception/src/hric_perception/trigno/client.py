@@ -1,4 +1,4 @@
-"""Reads EMG from a Trigno server, and connects again when it was lost. No ROS."""
+"""Driver that reads EMG from a Trigno server, and reconnects after a lost connection. No ROS."""
 
 import contextlib
 import logging
@@ -14,22 +14,22 @@ from hric_perception.trigno import protocol
 
 LOG = logging.getLogger("hric.perception.trigno")
 TIMEOUT = 2.0
-"""For a response [s]; the constants of this file are project defaults, unconfirmed."""
+"""Time-out of a response [s]; the constants of this file are project defaults, unconfirmed."""
 MAX_RESPONSE = 4096
 """Longest response to a command [B]; those of the protocol have a line."""
 AGAIN = 0.5
-"""Between attempts to connect [s]."""
+"""Time between attempts to connect [s]."""
 IDLE = 0.1
-"""Longest wait, after which a request to end is noticed [s]."""
+"""Longest wait before a request to end is noticed [s]."""
 BUFFER = 1 << 16
-"""Bytes read at once."""
+"""Number of bytes read at once."""
 RATES = 1.0, 1e5
 """Lowest and highest rate of a server [Hz]."""
 
 
 @dataclass(frozen=True)
 class Settings(Base):
-    """Where the server is."""
+    """Address of the server, and its channels."""
 
     host: str = text("127.0.0.1", empty=False, text="address")
     command_port: int = whole(protocol.COMMAND_PORT, minimum=1, maximum=65535, text="TCP")
@@ -47,18 +47,18 @@ class Settings(Base):
     )
 
     def layout(self, rate: float) -> Layout:
-        """Of the samples at a rate [Hz]."""
+        """Return the layout of the samples at a rate [Hz]."""
         units = tuple("s" if name == "time" else "V" for name in self.channels)
         return Layout(protocol.trigno_name(self.host, self.data_port), self.channels, units, rate)
 
 
 class TrignoClient(Driver):
-    """Reads the EMG of a server.
+    """Driver that reads the EMG of a server.
 
     Args:
-        settings: where the server is.
-        stream: gets the samples.
-        health: is informed of trouble.
+        settings: address of the server.
+        stream: receiver of the samples.
+        health: receiver of status reports.
     """
 
     def __init__(self, settings: Settings, stream: SampleStream, health: StreamHealth) -> None:
@@ -111,10 +111,10 @@ class TrignoClient(Driver):
 
 
 def _rate(command: socket.socket) -> float | None:
-    """Return the rate that the server reports [Hz]; None of an older server, which does not know the question.
+    """Return the rate that the server reports [Hz]; None for an older server, which does not know the request.
 
     Raises:
-        ValueError: a rate that no server has.
+        ValueError: an impossible rate.
     """
     interval, count = (_request(command, word) for word in (protocol.FRAME_INTERVAL, protocol.FRAME_COUNT))
     try:

@@ -1,40 +1,40 @@
-"""What both sides of a Trigno connection must know. The data carry neither stamps nor numbers."""
+"""Protocol of a Trigno connection, for both sides. The data contain neither stamps nor sequence numbers."""
 
 import numpy as np
 
 from hric_perception.chunk import FloatArray
 
 COMMAND_PORT, EMG_PORT = 50040, 50043
-"""TCP; older servers send EMG on 50041."""
+"""TCP ports; older servers send EMG on 50041."""
 CHANNELS = 16
 """EMG channels of every sample, sensors that are off included."""
 RATE, FRAME_SAMPLES = 2000.0, 27
-"""Of a server in its usual mode [Hz]; samples come 27 at a time, every 13.5 ms."""
+"""Rate of a server in its usual mode [Hz]; samples come 27 at a time, every 13.5 ms."""
 SAMPLE = np.dtype("<f4")
 """Little-endian volts."""
 SAMPLE_SIZE = CHANNELS * SAMPLE.itemsize
 END = b"\r\n\r\n"
-"""Of each command and response."""
+"""Terminator of each command and response."""
 GREETING = b"Delsys Trigno System Digital Protocol Version 3.6.0" + END
 FRAME_INTERVAL, FRAME_COUNT = "FRAME INTERVAL?", "MAX SAMPLES EMG?"
 """Requests for the seconds and the samples of a frame; the rate is their quotient. Older servers do not know them."""
 
 
 CODE_PERIOD = 1.0
-"""A time code counts within a second: a 32 bit number holds no more digits [s]."""
+"""Period of a time code [s]: a 32 bit number holds no more digits."""
 
 
 def frame_samples(rate: float) -> int:
-    """Samples of a frame at a rate [Hz]: those of the usual mode's duration."""
+    """Return the samples of a frame at a rate [Hz], for the frame duration of the usual mode."""
     return max(1, round(rate * FRAME_SAMPLES / RATE))
 
 
 class Encoder:
-    """Samples to what is on the wire, in whole frames.
+    """Encoder of samples to whole frames on the wire.
 
     Args:
-        rate: of samples [Hz].
-        time_code: whether the last column is a time code [s].
+        rate: sample rate [Hz].
+        time_code: True if the last column is a time code [s].
     """
 
     def __init__(self, rate: float, time_code: bool) -> None:
@@ -43,11 +43,11 @@ class Encoder:
 
     @property
     def waiting(self) -> int:
-        """Samples that do not fill a frame yet."""
+        """Number of samples that do not fill a frame yet."""
         return len(self._rest)
 
     def encode(self, data: FloatArray) -> bytes:
-        """Samples [V], shape (n, up to CHANNELS), others are 0; and what waited."""
+        """Return the frames of waiting samples and these [V], shape (n, up to CHANNELS); other channels are 0."""
         block = np.zeros((len(data), CHANNELS), dtype=SAMPLE)
         block[:, : data.shape[1]] = data
         if self._time_code:
@@ -58,22 +58,22 @@ class Encoder:
         return block[:whole].tobytes()
 
     def clear(self) -> None:
-        """Nothing waits."""
+        """Discard the waiting samples."""
         self._rest = self._rest[:0]
 
 
 class Decoder:
-    """What is on the wire to samples.
+    """Decoder of bytes on the wire to samples.
 
     Args:
-        columns: how many of the channels are used.
+        columns: number of used channels.
     """
 
     def __init__(self, columns: int) -> None:
         self._columns, self._rest = columns, b""
 
     def decode(self, received: bytes) -> FloatArray:
-        """All whole samples [V], shape (n, columns); bytes of a part of one wait."""
+        """Return the complete samples [V], shape (n, columns); bytes of an incomplete one are stored."""
         received = self._rest + received
         whole = len(received) - len(received) % SAMPLE_SIZE
         self._rest = received[whole:]
@@ -81,5 +81,5 @@ class Decoder:
 
 
 def trigno_name(host: str, data_port: int) -> str:
-    """What the messages of the driver call a server."""
+    """Return the name of a server in the driver's messages."""
     return f"trigno {host}:{data_port}"

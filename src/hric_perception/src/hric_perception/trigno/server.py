@@ -1,4 +1,4 @@
-"""An emulated Trigno server. No ROS."""
+"""Emulated Trigno server. No ROS."""
 
 import contextlib
 import logging
@@ -13,20 +13,21 @@ from hric_perception.trigno import protocol
 
 LOG = logging.getLogger("hric.perception.trigno")
 IDLE = 0.1
-"""Longest wait, after which a request to end is noticed [s]."""
+"""Longest wait before a request to end is noticed [s]."""
 
 
 class TrignoServer:
-    """An outlet for `Emulator`: sends whole frames to every listener between the commands START and STOP.
+    """Outlet for `Emulator` that sends whole frames to every listener between the commands START and STOP.
 
     Args:
-        rate: of samples [Hz].
+        rate: sample rate [Hz].
         ip: address to listen on.
-        command_port, data_port: 0: any that is free.
-        time_code: whether the last column is a time code [s].
+        command_port: 0: any free port.
+        data_port: 0: any free port.
+        time_code: True if the last column is a time code [s].
 
     Raises:
-        HricError: a port is taken.
+        HricError: a port is in use.
     """
 
     def __init__(
@@ -58,7 +59,7 @@ class TrignoServer:
             self._threads[-1].start()
 
     def push(self, times: FloatArray, data: FloatArray) -> None:
-        """Send samples [V], shape (n, up to CHANNELS); others are 0."""
+        """Send samples [V], shape (n, up to CHANNELS); other channels are 0."""
         with self._lock:
             if not self._started:
                 self._encoder.clear()
@@ -66,7 +67,7 @@ class TrignoServer:
                 self._send(frames)
 
     def close(self) -> None:
-        """End."""
+        """Stop the server."""
         self._stop.set()
         for thread in self._threads:  # a socket that is waited on keeps its port
             thread.join(1.0)

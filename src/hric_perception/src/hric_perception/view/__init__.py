@@ -1,2 +1,1 @@
-"""What people look at while a run goes on: topics at a rate that viewers take, limits as markers for rviz, a window
-with curves."""
+"""Live view of a run: topics at a viewer's rate, limits as markers for rviz, a window with curves."""

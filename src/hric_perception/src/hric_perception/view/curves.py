@@ -1,4 +1,4 @@
-"""Curves of the last seconds: what a message adds to them, and their picture. Matplotlib, no ROS."""
+"""Curves of the last seconds: samples of messages, and their picture. Matplotlib, no ROS."""
 
 import threading
 from collections import deque
@@ -9,19 +9,19 @@ from typing import Any
 import numpy as np
 
 WINDOW = 10.0
-"""What is shown [s]; project default, unconfirmed."""
+"""Shown time span [s]; project default, unconfirmed."""
 Sample = tuple[tuple[str, ...], tuple[float, ...], str]
-"""Names of curves, as many values, their unit."""
+"""Names of curves, their values, and their unit."""
 
 
 @dataclass(frozen=True)
 class Panel:
-    """One set of axes.
+    """Description of one set of axes.
 
     Attributes:
-        title: what it shows.
-        topic: where from, in the namespace of the robot.
-        read: from a message to its sample.
+        title: title of the axes.
+        topic: topic in the namespace of the robot.
+        read: function from a message to its sample.
     """
 
     title: str
@@ -45,7 +45,7 @@ def _chunk(message: Any) -> Sample:
 
 
 def panels(plate: str = "1") -> dict[str, Panel]:
-    """All panels, by name; plate: name of the force plate."""
+    """Return the panels by name; plate: name of the force plate."""
     return {
         "positions": Panel("joint positions", "hric/view/joints", _joints("position", "rad")),
         "velocities": Panel("joint velocities", "hric/view/joints", _joints("velocity", "rad/s")),
@@ -57,10 +57,10 @@ def panels(plate: str = "1") -> dict[str, Panel]:
 
 
 class History:
-    """The samples of the last seconds. From any thread.
+    """Samples of the last seconds; thread-safe.
 
     Args:
-        window: how many seconds are kept [s].
+        window: stored time span [s].
     """
 
     def __init__(self, window: float = WINDOW) -> None:
@@ -71,7 +71,7 @@ class History:
         self._rows: deque[tuple[float, ...]] = deque()
 
     def add(self, time: float, sample: Sample) -> None:
-        """A sample; time: its stamp [s]. Other names, or a time that goes back, begin again."""
+        """Add a sample; time: its stamp [s]. Other names, or a time that goes back, restart the history."""
         names, values, unit = sample
         if len(values) != len(names):
             return
@@ -87,7 +87,7 @@ class History:
                 self._rows.popleft()
 
     def read(self) -> tuple[tuple[str, ...], str, Any, Any]:
-        """Names, unit, times (n,) [s] and values (n, names)."""
+        """Return names, unit, times (n,) [s] and values (n, names)."""
         with self._lock:
             return (
                 self._names,
@@ -101,7 +101,7 @@ class Picture:
     """Axes that follow their histories.
 
     Args:
-        figure: where to draw.
+        figure: figure to draw in.
         shown: panels, from top to bottom.
         histories: one per panel.
     """
@@ -116,7 +116,7 @@ class Picture:
         self._axes[-1].set_xlabel("robot time [s]")
 
     def update(self) -> None:
-        """Take in what came since."""
+        """Update the curves with new samples."""
         found = [history.read() for _, history in self._histories]
         newest = max((times[-1] for *_, times, _ in found if len(times)), default=0.0)
         for axes, lines, (panel, _), (names, unit, times, values) in zip(
@@ -136,7 +136,7 @@ class Picture:
 
 
 def _begin(axes: Any, lines: dict[str, Any], names: Sequence[str], unit: str) -> None:
-    """Other curves than before."""
+    """Begin with new curves."""
     for line in axes.get_lines():
         line.remove()
     lines.clear()

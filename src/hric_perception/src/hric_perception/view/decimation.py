@@ -1,4 +1,4 @@
-"""From streams to the rate at which people look: the newest message, or the mean of what came since. No node."""
+"""Decimation of streams to a viewer's rate: the newest message, or the mean since the last one. No node."""
 
 import threading
 from collections.abc import Sequence
@@ -15,26 +15,26 @@ NAN = float("nan")
 
 
 class Newest:
-    """The newest message of a topic, once. From any thread."""
+    """Newest message of a topic, returned once; thread-safe."""
 
     def __init__(self) -> None:
         self._message: Any = None
 
     def push(self, message: Any) -> None:
-        """It came."""
+        """Store a message."""
         self._message = message
 
     def take(self) -> Any:
-        """The newest message since the last call; None: there was none."""
+        """Return the newest message since the last call; None if there was none."""
         message, self._message = self._message, None
         return message
 
 
 class Reaction(Newest):
-    """The newest WrenchStamped, once, with the sign turned: of what an arm exerts, what acts on it."""
+    """Newest WrenchStamped with opposite sign, returned once: from the wrench of the arm to that on the arm."""
 
     def take(self) -> Any:
-        """geometry_msgs/WrenchStamped; None: nothing came since the last call."""
+        """Return geometry_msgs/WrenchStamped; None if nothing came since the last call."""
         message = super().take()
         if message is None:
             return None
@@ -45,10 +45,10 @@ class Reaction(Newest):
 
 
 class NewestJoints:
-    """The newest state of each joint, as one message, once: a robot's arm and hand send theirs apart. From any thread.
+    """Newest state of each joint as one message, returned once; arm and hand are published apart. Thread-safe.
 
     Args:
-        names: joints that are kept, in order.
+        names: joints to include, in order.
     """
 
     def __init__(self, names: Sequence[str]) -> None:
@@ -57,7 +57,7 @@ class NewestJoints:
         self._header: Any = None
 
     def push(self, message: Any) -> None:
-        """It came."""
+        """Store the joint states of a message."""
         missing = [NAN] * len(message.name)
         rows = [
             list(values) if len(values) == len(missing) else missing
@@ -74,8 +74,7 @@ class NewestJoints:
                 self._header = message.header
 
     def take(self) -> Any:
-        """sensor_msgs/JointState of all joints received, with the stamp of the newest message; None: nothing came since
-        the last call."""
+        """Return sensor_msgs/JointState of all joints received, with the newest stamp; None if nothing came since."""
         with self._lock:
             header, self._header = self._header, None
             names = [name for name in self._names if name in self._states]
@@ -87,13 +86,13 @@ class NewestJoints:
 
 
 class MeanChunk:
-    """The mean of the samples that came, as a SampleChunk of one sample, once. From any thread.
+    """Mean of the received samples as a SampleChunk of one sample, returned once; thread-safe.
 
     The stamp is the mean time of the samples; `first_sample` the number of the first of them; `rate` that at which
     means are taken.
 
     Args:
-        rate: of `take` [Hz].
+        rate: rate of `take` [Hz].
     """
 
     def __init__(self, rate: float) -> None:
@@ -101,14 +100,14 @@ class MeanChunk:
         self._chunks: list[Any] = []
 
     def push(self, message: Any) -> None:
-        """It came."""
+        """Add the samples of a message."""
         with self._lock:
             if self._chunks and self._chunks[-1].channels != message.channels:
                 self._chunks = []
             self._chunks.append(message)
 
     def take(self) -> Any:
-        """hric_msgs/SampleChunk; None: nothing came since the last call. A channel without a finite value is NaN."""
+        """Return hric_msgs/SampleChunk; None if nothing came. A channel without a finite value is NaN."""
         with self._lock:
             messages, self._chunks = self._chunks, []
         chunks = [chunk for chunk in map(read_chunk, messages) if len(chunk.data)]

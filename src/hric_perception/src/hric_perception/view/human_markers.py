@@ -1,5 +1,4 @@
-"""Forces on a simulated human as markers for rviz: what he holds pulls at his hand, what touches him at a region. No
-node."""
+"""Forces on a simulated human as markers for rviz: grip forces at the hand, contacts at a region. No node."""
 
 import math
 import threading
@@ -12,21 +11,21 @@ from visualization_msgs.msg import Marker, MarkerArray
 from hric_control.robot_time import stamps
 
 PER_NEWTON_GRIP, PER_NEWTON_CONTACT = 0.02, 0.002
-"""Length of an arrow; that of a grip is as that of the force on the arm, those of contacts are of hundreds of newtons
-[m/N]."""
+"""Length of an arrow of grips, as that of the force on the arm, and of contacts, of hundreds of newtons [m/N]."""
 SHAFT, HEAD, TEXT = 0.01, 0.025, 0.04
 """Diameters of an arrow, height of letters [m]."""
 FORCE_MIN = 0.1
-"""A smaller force has no arrow [N]."""
+"""Smallest force with an arrow [N]."""
 GRIP_LIFETIME, CONTACT_LIFETIME = 0.5, 1.0
-"""A marker vanishes so long after the last one [s]: a blow of milliseconds can be seen. The constants of this file are
-project defaults, unconfirmed."""
+"""Lifetimes of markers [s]: long enough to see an impact of milliseconds.
+
+The constants of this file are project defaults, unconfirmed.
+"""
 GRIP, CONTACT = ColorRGBA(0.1, 0.35, 0.75, 1.0), ColorRGBA(0.8, 0.12, 0.1, 1.0)
 
 
 class HumanMarkers:
-    """Keeps what came about one human until somebody looks: the newest of each grip, the largest force of each contact.
-    From any thread."""
+    """Newest grip loads and largest contact forces of one human since the last `take`; thread-safe."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -35,12 +34,12 @@ class HumanMarkers:
         self._numbers: dict[str, int] = {}
 
     def push_grip(self, message: Any) -> None:
-        """hric_msgs/HumanGrip came."""
+        """Store a hric_msgs/HumanGrip."""
         with self._lock:
             self._grips[message.name] = message
 
     def push_contacts(self, message: Any) -> None:
-        """hric_msgs/RegionContacts came: forces of those that touch, peaks of those that have ended."""
+        """Store the forces of current contacts and the peaks of ended ones from hric_msgs/RegionContacts."""
         with self._lock:
             frame = message.header.frame_id
             for contact in message.touching:
@@ -49,13 +48,13 @@ class HumanMarkers:
                 self._note(contact, contact.peak, frame)
 
     def _note(self, contact: Any, force: float, frame: str) -> None:
-        """NaN, a rigid contact, gives way to any force; what has no place cannot be shown."""
+        """Store a contact with a position if its force is the largest; any force replaces NaN (rigid contact)."""
         before = self._contacts[contact.link][0] if contact.link in self._contacts else math.nan
         if not math.isnan(contact.point.x) and (math.isnan(before) or force > before):
             self._contacts[contact.link] = force, frame, contact
 
     def take(self) -> Any:
-        """visualization_msgs/MarkerArray of what came since the last call; None: nothing that is to be seen."""
+        """Return visualization_msgs/MarkerArray of the data since the last call; None if there is nothing to show."""
         with self._lock:
             grips, self._grips = self._grips, {}
             contacts, self._contacts = self._contacts, {}
@@ -64,7 +63,7 @@ class HumanMarkers:
         return MarkerArray(markers) if markers else None
 
     def _grip(self, grip: Any) -> list[Any]:
-        """Of the force on his hand, from where it acts."""
+        """Return the markers of the force on the hand, starting at its point."""
         force, point, frame = grip.wrench.force, grip.point, grip.header.frame_id
         size = math.hypot(force.x, force.y, force.z)
         tip = Point(*(a + PER_NEWTON_GRIP * f for a, f in zip(_xyz(point), _xyz(force), strict=True)))
@@ -72,7 +71,7 @@ class HumanMarkers:
         return [*self._arrow("human/grips", grip.name, frame, point, tip, size, GRIP), words]
 
     def _contact(self, link: str, force: float, frame: str, contact: Any) -> list[Any]:
-        """Of the force on him, to where it acts: his body would hide what is beyond."""
+        """Return the markers of the force on the body, ending at its point, so that the body does not hide them."""
         length, regions = (
             PER_NEWTON_CONTACT * (0.0 if math.isnan(force) else force),
             " / ".join(contact.regions) or link,
@@ -84,7 +83,7 @@ class HumanMarkers:
         return [*self._arrow("human/contacts", link, frame, tail, tip, force, CONTACT), words]
 
     def _arrow(self, space: str, name: str, frame: str, tail: Any, tip: Any, force: float, colour: Any) -> list[Any]:
-        """Nothing for what has no force."""
+        """Return an arrow; empty without a force."""
         if not force >= FORCE_MIN:
             return []
         marker = self._marker(space, name, frame, Marker.ARROW, colour)

@@ -1,5 +1,4 @@
-"""Limits as markers for rviz: a ring about each joint with its range, a hand at its position, words where a limit is
-near. No node."""
+"""Limits as markers for rviz: rings with joint ranges, hands at positions, text near a limit. No node."""
 
 import itertools
 import math
@@ -25,18 +24,18 @@ NEAR_RATIO, AT_RATIO = 0.8, 0.95
 NEAR_WALL, AT_WALL = 0.1, 0.02
 """Distance of the end effector to the border of its workspace, likewise; project default, unconfirmed [m]."""
 RADIUS = 0.12
-"""Of a ring, outside of the links [m]."""
+"""Radius of a ring, outside of the links [m]."""
 STEP = math.radians(7.5)
-"""Between the points of a ring [rad]."""
+"""Angle between the points of a ring [rad]."""
 LINE, HAND, TEXT = 0.004, 0.012, 0.035
 """Width of the ring and of the hand, height of letters [m]."""
 LIFETIME = 1.0
-"""A hand, words and walls vanish so long after the last one [s]; rings after RING_LIFETIME."""
+"""Lifetime of hands, texts and walls [s]; that of rings is RING_LIFETIME."""
 RING_LIFETIME = 5.0
 
 
 class Level(IntEnum):
-    """How near."""
+    """Nearness level of a limit."""
 
     FAR = 0
     NEAR = 1
@@ -45,11 +44,11 @@ class Level(IntEnum):
 
 @dataclass(frozen=True)
 class Nearness:
-    """How near something is to its limits.
+    """Nearness to limits.
 
     Attributes:
-        level: of the nearest limit.
-        text: which limits are near, for people; empty: none.
+        level: level of the nearest limit.
+        text: text about the near limits; empty: none.
     """
 
     level: Level
@@ -57,16 +56,18 @@ class Nearness:
 
 
 def of_distance(distance: float, near: float, at: float) -> Level:
-    """Level of what is `distance` away; negative: beyond."""
+    """Return the level of a limit at `distance`; negative: beyond."""
     return Level.AT if distance < at else Level.NEAR if distance < near else Level.FAR
 
 
 def of_joint(limits: JointLimits, q: float, dq: float, tau: float) -> Nearness:
-    """Nearness of a revolute joint.
+    """Return the nearness of a revolute joint.
 
     Args:
         limits: its limits; infinite ones do not count.
-        q, dq, tau: position, velocity, measured effort [rad, rad/s, N m]; NaN: not known.
+        q: position [rad]; NaN: not known.
+        dq: velocity [rad/s]; NaN: not known.
+        tau: measured effort [N m]; NaN: not known.
     """
     found: list[tuple[Level, str]] = []
     for distance, end in ((q - limits.lower, "lower"), (limits.upper - q, "upper")):
@@ -90,11 +91,11 @@ def of_joint(limits: JointLimits, q: float, dq: float, tau: float) -> Nearness:
 
 @dataclass(frozen=True)
 class Wall:
-    """A side of a workspace that the end effector is near to.
+    """Side of a workspace near the end effector.
 
     Attributes:
         axis, side: 0 to 2 for x, y, z; 0: the lower side, 1: the upper one.
-        level: how near.
+        level: nearness level.
     """
 
     axis: int
@@ -103,10 +104,11 @@ class Wall:
 
 
 def walls(lower: Sequence[float], upper: Sequence[float], p: Sequence[float]) -> list[Wall]:
-    """The sides of a box that a point is near to.
+    """Return the sides of a box near a point.
 
     Args:
-        lower, upper: corners, shape (3,) [m].
+        lower: lower corner, shape (3,) [m].
+        upper: upper corner, shape (3,) [m].
         p: position, shape (3,) [m].
     """
     found = []
@@ -123,13 +125,13 @@ COLOURS = {Level.FAR: (0.25, 0.55, 0.35, 0.55), Level.NEAR: (0.95, 0.65, 0.1, 0.
 
 @dataclass(frozen=True)
 class JointRing:
-    """A revolute joint of the description.
+    """Revolute joint of the description, for its ring.
 
     Attributes:
         limits: its limits.
         parent: link to which its ring is fixed.
         p: origin in the parent, shape (3,) [m].
-        R: from the ring's axes (z: the joint's axis; x: position 0) to the parent's, shape (3, 3).
+        R: rotation from the ring's axes (z: the joint's axis; x: position 0) to the parent's, shape (3, 3).
     """
 
     limits: JointLimits
@@ -139,16 +141,16 @@ class JointRing:
 
     @property
     def pose(self) -> Any:
-        """geometry_msgs/Pose of the ring in the parent."""
+        """Pose of the ring in the parent, a geometry_msgs/Pose."""
         return Pose(Point(*self.p), Quaternion(*self.R.as_quat()))
 
 
 def rings(description: str, limits: Mapping[str, JointLimits]) -> dict[str, JointRing]:
-    """The joints that turn within a range, by name; others have no ring.
+    """Return the joints that rotate within a range, by name; others have no ring.
 
     Args:
         description: URDF.
-        limits: by the name of the joint.
+        limits: limits by the name of the joint.
 
     Raises:
         HricError: the description cannot be read.
@@ -170,8 +172,7 @@ def _ring_of(joint: Joint, limits: JointLimits) -> JointRing:
 
 
 def ring(joint_ring: JointRing, number: int) -> Any:
-    """The range of a joint, its ends in the colours of what is near them; without a stamp, so that it is drawn at
-    once."""
+    """Return the range of a joint with coloured ends; without a stamp, so that it is drawn at once."""
     low, high = joint_ring.limits.lower, joint_ring.limits.upper
     angles = np.linspace(low, high, max(2, round((high - low) / STEP) + 1))
     marker = _marker("limits/ranges", number, Marker.LINE_LIST, joint_ring.parent, RING_LIFETIME, LINE)
@@ -190,13 +191,13 @@ def ring(joint_ring: JointRing, number: int) -> Any:
 
 
 def hand(joint_ring: JointRing, number: int, q: float, near: Nearness) -> list[Any]:
-    """The position of a joint in its range, and in words what it is near to.
+    """Return the position of a joint in its range, and a text about near limits.
 
     Args:
         joint_ring: the joint.
-        number: of the marker.
+        number: number of the marker.
         q: position [rad].
-        near: how near it is to which limits.
+        near: nearness to its limits.
     """
     line = _marker("limits/positions", number, Marker.LINE_LIST, joint_ring.parent, LIFETIME, HAND)
     line.pose = joint_ring.pose
@@ -211,7 +212,7 @@ def hand(joint_ring: JointRing, number: int, q: float, near: Nearness) -> list[A
 
 
 def wall(found: Wall, lower: Sequence[float], upper: Sequence[float], frame: str) -> Any:
-    """A side of the workspace, as a thin plate in the frame of the box."""
+    """Return a side of the workspace as a thin plate in the frame of the box."""
     marker = _marker("limits/workspace", 2 * found.axis + found.side, Marker.CUBE, frame, LIFETIME, 0.0)
     centre, size = (
         [0.5 * (low + high) for low, high in zip(lower, upper, strict=True)],

@@ -1,4 +1,4 @@
-"""The muscles of a simulated human as lines for rviz, coloured by activation. No node."""
+"""Muscles of a simulated human as lines for rviz, coloured by activation. No node."""
 
 import itertools
 import threading
@@ -17,18 +17,18 @@ from hric_control.urdf import Joint, read
 from hric_human.muscles.lines import colour
 
 WIDTH = 0.007
-"""Of a line [m]."""
+"""Width of a line [m]."""
 LIFETIME = 0.5
-"""The lines vanish so long after the last message [s]; constants of this file are project defaults, unconfirmed."""
+"""Lifetime of the lines after the last message [s]; constants of this file are project defaults, unconfirmed."""
 
 
 class MuscleMarkers:
-    """Keeps the newest posture and activation of one human until somebody looks. From any thread.
+    """Newest posture and activation of one human for the next `take`; thread-safe.
 
     Args:
-        description: URDF of his body.
+        description: URDF of the body.
         lines: by muscle: link, and x, y, z in its axes [m].
-        prefix: before the names of his frames.
+        prefix: prefix of the human's frames.
     """
 
     def __init__(self, description: str, lines: Mapping[str, Sequence[Sequence[Any]]], prefix: str) -> None:
@@ -42,17 +42,17 @@ class MuscleMarkers:
         self._activation: Any = None
 
     def push_joints(self, message: Any) -> None:
-        """sensor_msgs/JointState came."""
+        """Store a sensor_msgs/JointState."""
         with self._lock:
             self._angles = dict(zip(message.name, message.position, strict=True))
 
     def push_activation(self, message: Any) -> None:
-        """hric_msgs/MuscleActivation came."""
+        """Store a hric_msgs/MuscleActivation."""
         with self._lock:
             self._activation = message
 
     def take(self) -> Any:
-        """visualization_msgs/MarkerArray of the newest; None: no new activation, or no posture yet."""
+        """Return visualization_msgs/MarkerArray of the newest; None: no new activation, or no posture yet."""
         with self._lock:
             angles, message, self._activation = self._angles, self._activation, None
         if message is None or not angles:
@@ -71,7 +71,7 @@ class MuscleMarkers:
         return MarkerArray([marker])
 
     def _poses(self, angles: Mapping[str, float]) -> dict[str, FloatArray]:
-        """Of all links in the root, shape (4, 4) each."""
+        """Return the poses of all links in the root, shape (4, 4) each."""
         found, waiting = {self._root: np.eye(4)}, self._joints
         while waiting:
             ready = [joint for joint in waiting if joint.parent in found]

@@ -1,4 +1,4 @@
-"""The node `live_view`: decimated topics and limits for those who look on."""
+"""Node `live_view`: decimated topics and limits for viewers."""
 
 import math
 import threading
@@ -27,13 +27,13 @@ from hric_perception.view.human_markers import HumanMarkers
 from hric_perception.view.muscle_markers import MuscleMarkers
 
 RINGS_PERIOD = 2.0
-"""Rings are sent again so often, for an rviz that comes later [s]; project default, unconfirmed."""
+"""Period at which rings are sent again, for an rviz that starts later [s]; project default, unconfirmed."""
 HUMAN = "human"
-"""Name of who is beside the robot: of his topics below `hric/`, and before the names of his frames."""
+"""Name of the human next to the robot: of the topics in `hric/`, and prefix of the frames."""
 FOLLOWERS = ("cartesian_pose_controller", "cartesian_pose_impedance_controller")
 """Controllers with a workspace."""
 RUNNING_TIMEOUT = 1.0
-"""A controller whose state came within this time is running [s of wall time]; project default, unconfirmed."""
+"""Largest age of a running controller's state [s of wall time]; project default, unconfirmed."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class ViewSettings(Settings):
 
 
 class LiveView(NodeApp):
-    """Publishes from its construction on.
+    """Live view node; publishes from construction on.
 
     Args:
         node: private node.
@@ -87,7 +87,7 @@ class LiveView(NodeApp):
             thread.start()
 
     def close(self) -> None:
-        """End."""
+        """Stop the threads."""
         self._stop.set()
         for thread in self._threads:
             thread.join(1.0)
@@ -97,7 +97,7 @@ class LiveView(NodeApp):
         self._root.subscribe(source, kind, keeper.push, queue_size=100)
 
     def _mark_human(self) -> None:
-        """What acts on who is beside the robot, where somebody is."""
+        """Publish markers of the forces on the human next to the robot, if there is one."""
         if not self._root.has_param(f"hric/{HUMAN}/robot_description"):
             return
         markers, publisher = HumanMarkers(), self._root.advertise(f"hric/view/{HUMAN}", MarkerArray)
@@ -124,7 +124,7 @@ class LiveView(NodeApp):
 
 
 class _Limits:
-    """The limits of the arm as markers."""
+    """Limits of the arm as markers."""
 
     def __init__(self, root: RosNode, description: str, names: list[str]) -> None:
         limits: dict[str, JointLimits] = {one.name: one for one in load_limits(description, root, names)}
@@ -145,7 +145,7 @@ class _Limits:
             )
 
     def send(self) -> None:
-        """What is near now."""
+        """Publish the markers of near limits."""
         markers: list[Any] = []
         now = time.monotonic()
         if now - self._rings_sent > RINGS_PERIOD:
@@ -198,5 +198,5 @@ class _Limits:
 
 
 def main(text: str) -> int:
-    """Run the node; text: for --help. Returns the exit code."""
+    """Run the node, and return the exit code; text: for --help."""
     return run("live_view", text, LiveView, ViewSettings)

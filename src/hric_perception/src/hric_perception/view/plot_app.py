@@ -1,4 +1,4 @@
-"""The node `live_plot`: a window with the curves of the last seconds, or a picture of it."""
+"""Node `live_plot`: a window with the curves of the last seconds, or a picture of it."""
 
 import argparse
 import signal
@@ -24,7 +24,7 @@ from hric_perception.view.curves import History, Panel, Picture
 SIZE = (9.0, 2.2)
 """Width of the picture, height of a panel [inch]."""
 REFRESH = 200
-"""Between pictures in the window [ms]."""
+"""Time between pictures in the window [ms]."""
 DEFAULT = ("positions", "velocities", "efforts", "wrench")
 TYPES: dict[str, type] = {
     "joints": JointState,
@@ -36,7 +36,7 @@ TYPES: dict[str, type] = {
 
 
 class PlotError(HricError):
-    """A window that cannot be opened, a picture that cannot be saved."""
+    """Error of a window that cannot be opened, or a picture that cannot be saved."""
 
 
 def main(text: str, arguments: Sequence[str]) -> int:
@@ -122,8 +122,10 @@ def _save(
 
 
 def _window() -> Any:
-    """Shows panels until the window is closed; made before ROS begins, so that a missing display is an error at
-    once."""
+    """Return a function that shows panels until the window is closed.
+
+    It is made before ROS begins, so that a missing display is an error at once.
+    """
     try:
         import tkinter
 
