@@ -1,5 +1,7 @@
-"""The emulated Motive and the publisher in one process, without sockets: through the same encoder and decoder, the same
-for each seed."""
+"""Emulated Motive and publisher in one process, without sockets, but with the same encoder and decoder.
+
+The result depends only on the seed.
+"""
 
 import math
 from collections import deque
@@ -12,22 +14,22 @@ from mocap_natnet.server import Motive
 
 NS = 1_000_000_000
 STAMP = 1.0 / NS
-"""To how much the stamp of a message is the time that it means [s]."""
+"""Resolution of a message's stamp [s]."""
 
 
 class HeadlessMocap:
-    """Publishes each frame when its latency is over, at the time of the run. The publisher's `robot_time` is
-    `headless.robot_time`.
+    """Headless motion capture: publishes each frame when its latency is over, at the time of the run.
 
-    A source that looks at a simulation is called at the first `advance` that reaches the middle of the exposure.
+    The publisher's `robot_time` is `headless.robot_time`. A source that reads a simulation is called at the first
+    `advance` that reaches the middle of the exposure.
 
     Args:
-        motive: what is seen.
-        publisher: publishes what is seen.
+        motive: emulated Motive.
+        publisher: publisher of its frames.
         begin: time of the run at which the stream begins [s].
 
     Raises:
-        ParameterError: the emulated Motive delays frames by another time each, which would put them out of order.
+        ParameterError: the emulated Motive has jitter, which would change the order of frames.
     """
 
     def __init__(self, motive: Motive, publisher: MocapPublisher, begin: float = 0.0) -> None:
@@ -40,11 +42,11 @@ class HeadlessMocap:
         publisher.describe(self._codec.decode_model(self._codec.encode_model(motive.scene.model())))
 
     def advance(self, time: float, known: float = math.inf) -> None:
-        """Go on.
+        """Advance to a time of the run, and publish the frames that are due.
 
         Args:
-            time: of the run [s].
-            known: up to then it is known where everything is [s]; frames of later exposures wait.
+            time: time of the run [s].
+            known: time up to which all poses are known [s]; frames of later exposures wait.
         """
         motive, period = self._motive, self._motive.settings.period
         while (exposed := self._begin + self._number * period) <= min(time, known + STAMP):
@@ -61,5 +63,5 @@ class HeadlessMocap:
 
 
 def robot_time(monotonic: int) -> float:
-    """Headless, both clocks are one [ns] -> [s]."""
+    """Return the robot time [s] of a monotonic time [ns]; headless, both clocks are the same."""
     return monotonic / NS

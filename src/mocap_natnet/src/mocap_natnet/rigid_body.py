@@ -1,4 +1,4 @@
-"""The pose of a rigid body from its markers."""
+"""Pose of a rigid body from its markers."""
 
 from collections.abc import Sequence
 
@@ -8,23 +8,22 @@ from hric_control.errors import CommandError
 from hric_control.geometry import FloatArray, Pose, Vector, quaternion_from_rotation
 
 COLLINEAR = 0.05
-"""Markers count as being on one line when their second extent is below this share of the first (project default,
-unconfirmed)."""
+"""Ratio of second to first extent below which markers count as collinear (project default, unconfirmed)."""
 
 
 class Fit:
-    """The pose of a body from its markers, by `poses_of_points`.
+    """Pose of a body fitted to its markers by `poses_of_points`.
 
     Args:
         in_body: marker positions in the body, shape (n, 3), n >= 3 [m].
         seen: the same markers in the frame of the cameras, shape (n, 3) [m].
 
     Attributes:
-        pose: of the body.
+        pose: pose of the body.
         rms: root mean square distance of the markers [m].
 
     Raises:
-        CommandError: fewer than three markers, markers on one line, or numbers that are not finite.
+        CommandError: fewer than three markers, collinear markers, or numbers that are not finite.
     """
 
     def __init__(self, in_body: Sequence[Vector] | FloatArray, seen: Sequence[Vector] | FloatArray) -> None:
@@ -45,8 +44,7 @@ class Fit:
 
 
 def poses_of_points(in_body: FloatArray, seen: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The poses that bring points of a body closest to where they were seen (Kabsch 1976, with the sign of the
-    determinant).
+    """Return the poses that best fit points of a body to measured ones (Kabsch 1976, with the sign of the determinant).
 
     Args:
         in_body: shape (n, 3) [m].
@@ -64,6 +62,6 @@ def poses_of_points(in_body: FloatArray, seen: FloatArray) -> tuple[FloatArray, 
 
 
 def on_one_line(points: FloatArray) -> bool:
-    """Whether points, shape (n, 3), give no orientation."""
+    """Return True if points, shape (n, 3), are collinear and give no orientation."""
     extents = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
     return bool(extents[1] <= COLLINEAR * extents[0])

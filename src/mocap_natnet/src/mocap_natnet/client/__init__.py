@@ -1,4 +1,4 @@
-"""The NatNet client: a session without sockets, and the client on UDP around it."""
+"""NatNet client: a session without sockets, and the client on UDP around it."""
 
 from mocap_natnet.client.client import Health, NatNetClient
 from mocap_natnet.client.received import Received

@@ -1,4 +1,4 @@
-"""The client on UDP: sockets and a thread around a `Session`."""
+"""NatNet client on UDP: sockets and a thread around a `Session`."""
 
 import contextlib
 import logging
@@ -22,17 +22,17 @@ OK, WARN, ERROR = 0, 1, 2
 POLL = 0.02
 """Longest sleep [s]."""
 SEND_PERIOD = 10_000_000
-"""Minimum time between two looks at whether something is to be sent [ns] (project default, unconfirmed)."""
+"""Minimum time between checks for messages to send [ns] (project default, unconfirmed)."""
 RECEIVE_BUFFER = 1 << 22
-"""Requested of the kernel, which may grant less [bytes]; enough for seconds of frames."""
+"""Requested size of the kernel's buffer, which may be smaller [bytes]; enough for seconds of frames."""
 STRANGERS = 16
-"""Senders that are named in the log, each once; more are counted only (project default, unconfirmed)."""
+"""Number of unknown senders named in the log, once each; more are only counted (project default, unconfirmed)."""
 STRANGER = "stranger"
 _FRAME = HEADER.pack(Message.FRAMEOFDATA, 0)[:2]
 
 
 def datagram_socket() -> socket.socket:
-    """A UDP socket without time-out.
+    """Return a UDP socket without time-out.
 
     rospy sets a time-out of 60 s for all new sockets of its process (`socket.setdefaulttimeout`); with one, Python
     waits for a datagram even with MSG_DONTWAIT.
@@ -43,20 +43,20 @@ def datagram_socket() -> socket.socket:
 
 
 class Health(NamedTuple):
-    """A level and one sentence."""
+    """Level and text of a health report."""
 
     level: int
     text: str
 
 
 def health(session: Session, server: str, now: int, trouble: str = "") -> Health:
-    """How the conversation goes.
+    """Return the health of the session.
 
     Args:
-        session: whose.
-        server: address of the server, "" while it is looked for.
+        session: session of the client.
+        server: address of the server, "" while it is searched.
         now: monotonic clock [ns].
-        trouble: what the sockets complain about, or "".
+        trouble: error of the sockets, or "".
     """
     command_silent, data_silent = session.silent(now)
     if trouble and (command_silent or data_silent):
@@ -118,15 +118,15 @@ def _no_frames(session: Session) -> str:
 
 
 class NatNetClient:
-    """Talks to a server from a thread of its own. Use as a context, or `start()` and `close()`.
+    """NatNet client in a separate thread. Use as a context, or `start()` and `close()`.
 
     The callbacks run in that thread and must be quick: while one runs, frames wait in the kernel.
 
     Args:
-        settings: how to find the server.
+        settings: address of the server.
         on_frame, on_model, on_restart: see `Session`.
-        work: what else is done in that thread, a piece at a time, each after all that arrived was taken; returns
-            whether a piece is left.
+        work: additional work in that thread, one piece per call, after all that arrived was processed; returns True if
+            a piece is left.
     """
 
     def __init__(
@@ -155,16 +155,16 @@ class NatNetClient:
 
     @property
     def server(self) -> str:
-        """Address of the server, "" while it is looked for."""
+        """Address of the server, "" while it is searched."""
         return self._server
 
     def start(self) -> None:
-        """Run in a thread."""
+        """Start the thread."""
         self._thread = threading.Thread(target=self._run, name="natnet client", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
-        """End; no callback runs afterwards."""
+        """Stop; no callback runs afterwards."""
         self._stop.set()
         if self._thread is not None:
             self._thread.join()
@@ -183,11 +183,11 @@ class NatNetClient:
         self.close()
 
     def request(self, words: str, timeout: float = 2.0) -> bytes:
-        """Send a request and wait for its response; not from a callback. Raises CommandError."""
+        """Send a request, wait for its response and return it; not from a callback. Raises CommandError."""
         return self.session.requests.send(words, timeout)
 
     def health(self) -> Health:
-        """How the conversation goes."""
+        """Return the health of the session."""
         return health(self.session, self._server, time.monotonic_ns(), self._trouble or self._send_trouble)
 
     def _run(self) -> None:
@@ -204,7 +204,7 @@ class NatNetClient:
             left = self._work()
 
     def _drain(self, one: socket.socket) -> None:
-        """Take what has arrived, and no more than what fits between two polls."""
+        """Process the arrived datagrams, at most as many as fit between two polls."""
         for _ in range(200):
             try:
                 datagram, sender = one.recvfrom(MAX_PAYLOAD + 5, socket.MSG_DONTWAIT)
@@ -219,8 +219,11 @@ class NatNetClient:
                 self.session.receive(datagram, now)
 
     def _refusal(self, one: socket.socket, datagram: bytes, sender: tuple[str, int], now: int) -> str:
-        """Return the reason why a datagram is not taken, or "". Without a server, the sender of server information
-        becomes it. Frames come from one port of it, until they stop; all else comes from its command port."""
+        """Return the reason why a datagram is refused, or "".
+
+        Without a server, the sender of server information becomes the server. Frames come from one of its ports, until
+        they stop; all else comes from its command port.
+        """
         (address, port), frame = sender, datagram.startswith(_FRAME)
         if not self._server and port == self.settings.command_port:
             with contextlib.suppress(CodecError):
@@ -259,7 +262,7 @@ class NatNetClient:
                 self._send_trouble = f"command channel: nothing can be sent to {where}: {error.strerror or error}"
 
     def _listen(self) -> None:
-        """Open the sockets of the route to the server; again after trouble."""
+        """Open the sockets of the route to the server; again after an error."""
         route = self.session.route
         now = time.monotonic_ns()
         if route is None or (route == self._route and (not self._trouble or now < self._next_route)):
@@ -299,7 +302,7 @@ class NatNetClient:
         return self.settings.local or self._facing(self._server)
 
     def _facing(self, peer: str) -> str:
-        """Return the address of this machine by which `peer` is reached; 0.0.0.0 where that is not known."""
+        """Return the address of this machine by which `peer` is reached; 0.0.0.0 if that is unknown."""
         with datagram_socket() as probe:
             try:
                 probe.connect((peer, self.settings.command_port))

@@ -1,4 +1,4 @@
-"""When a frame was exposed, by the monotonic clock of this machine.
+"""Exposure time of a frame by the monotonic clock of this machine.
 
 The clocks of server and client differ by tens of parts per million; their relation is a line, fitted to echoes
 (Cristian 1989). Each echo moves it a little, and on a busy machine by milliseconds: a `RisingLine` follows it, so that
@@ -12,38 +12,35 @@ from hric_control.robot_time.rising_line import Line, RisingLine, fit_line
 from mocap_natnet.codec.types import Frame
 
 WINDOW = 30.0
-"""Echoes older than this are forgotten [s]."""
+"""Age beyond which echoes are discarded [s]."""
 ROUND_TRIP_SPREAD = 50e-6
-"""Echoes whose round trip is longer than the best one by more than this are less exact than the others and not used
-[s]."""
+"""Largest difference from the shortest round trip of an echo that is used [s]; slower ones are less exact."""
 SLOPE_SPAN = 2.0
-"""Echoes must span this much before a drift is read from them [s] (project default, unconfirmed)."""
+"""Time span of echoes from which on a drift is fitted [s] (project default, unconfirmed)."""
 MAX_DRIFT = 500e-6
-"""No two quartz clocks differ by more (project default, unconfirmed)."""
+"""Largest relative difference of two quartz clocks (project default, unconfirmed)."""
 RESTART_ERROR = 5e-3
-"""An echo that misses the line by more than its round trip, the best one before it and this [s] belongs to another
-clock; ..."""
+"""Smallest error of an echo that indicates another clock, beyond its round trip and the best one before it [s]."""
 RESTART_ECHOES = 3
-"""... as many in a row, and the line is begun again (project default, unconfirmed)."""
+"""Number of consecutive such echoes that restart the line (project default, unconfirmed)."""
 MINIMUM_WINDOW = 10.0
 """Window of the running minimum [s]."""
 FAR = 1.0
-"""A delay never differs from another by as much as this [s] (project default, unconfirmed)."""
+"""Largest difference between two delays [s] (project default, unconfirmed)."""
 NS = 1_000_000_000
 LATEST, CLOCK_ERROR = NS, NS // 100
-"""A frame that claims to be older than this, or to come from the future by more than that, has a wrong time [ns]
-(project default, unconfirmed)."""
+"""Largest age and largest lead of a valid frame time [ns] (project default, unconfirmed)."""
 
 
 class EchoClock:
-    """Maps ticks of the server to the monotonic clock here.
+    """Map from ticks of the server to the local monotonic clock.
 
     Args:
         frequency: ticks per second.
 
     Attributes:
-        round_trip: the best one in the window [s], or None.
-        restarts: how often the server's clock was found to be another one.
+        round_trip: shortest one in the window [s], or None.
+        restarts: number of times that the server's clock changed.
     """
 
     def __init__(self, frequency: float) -> None:
@@ -63,20 +60,21 @@ class EchoClock:
 
     @property
     def synchronised(self) -> bool:
-        """Whether there was an echo."""
+        """True if there was an echo."""
         return self._origin is not None
 
     @property
     def drift(self) -> float:
-        """How much faster the server's clock runs, in parts per million."""
+        """Drift of the server's clock: how much faster it runs [parts per million]."""
         return -1e6 * self._slope
 
     def add(self, sent: int, received: int, ticks: int) -> None:
-        """An echo.
+        """Add an echo.
 
         Args:
-            sent, received: by the clock here [ns].
-            ticks: of the server in between.
+            sent: local time at which it was sent [ns].
+            received: local time at which it was received [ns].
+            ticks: ticks of the server in between.
         """
         if received < sent:
             return
@@ -100,13 +98,13 @@ class EchoClock:
         self._fit()
 
     def local(self, ticks: int) -> int | None:
-        """The time here at which the server's clock showed `ticks` [ns]; None before the first echo."""
+        """Return the local time at which the server's clock showed `ticks` [ns]; None before the first echo."""
         if self._origin is None or self._map is None:
             return None
         return self._origin[0] + round(self._map.at(ticks) * NS)
 
     def settle(self, ticks: int) -> None:
-        """Keep what `local` returns up to there; later ticks get later times."""
+        """Fix the results of `local` up to these ticks; later ticks get later times."""
         if self._map is not None:
             self._map.settle(ticks)
 
@@ -132,10 +130,10 @@ class EchoClock:
 
 
 class RunningMinimum:
-    """The smallest difference of two clocks in a window: what is left of a delay that varies.
+    """Smallest difference of two clocks in a window, which removes a varying delay.
 
     Attributes:
-        restarts: how often one of the clocks was found to be another one.
+        restarts: number of times that one of the clocks changed.
     """
 
     def __init__(self) -> None:
@@ -144,8 +142,10 @@ class RunningMinimum:
         self._misses = 0
 
     def add(self, time: float, difference: float) -> float | None:
-        """The smallest one, with this one [s]; None: this one is too far from the others to be valid. Some in a row,
-        and they begin again."""
+        """Return the smallest difference, including this one [s]; None if it is too far from the others to be valid.
+
+        Several invalid ones in a row restart the window.
+        """
         if self._falling and not abs(difference - self._falling[0][1]) < FAR:
             self._misses += 1
             if self._misses < RESTART_ECHOES:
@@ -162,18 +162,18 @@ class RunningMinimum:
 
 
 class StampClock:
-    """Maps the time stamps of a server without echoes to the monotonic clock here: frames are late, never early."""
+    """Map from the time stamps of a server without echoes to the local clock: frames are late, never early."""
 
     def __init__(self) -> None:
         self._minimum, self._map, self._restarts = RunningMinimum(), RisingLine(Line(0, 0.0, 1.0, NS)), 0
         self._begun = False
 
     def local(self, stamp: float, received: int) -> int | None:
-        """When the frame of a time stamp would have arrived on the shortest way [ns]; None: the stamp is not believed.
+        """Return the arrival time of a time stamp's frame at the smallest delay [ns]; None: the stamp is not valid.
 
         Args:
-            stamp: [s].
-            received: by the clock here [ns].
+            stamp: time stamp [s].
+            received: arrival by the local clock [ns].
         """
         minimum = self._minimum.add(received / NS, received / NS - stamp)
         if minimum is None:
@@ -189,11 +189,10 @@ class StampClock:
 
 
 class ExposureClock:
-    """When the middle of a frame's exposure was, by the best means that there is; of frames in order, each later than
-    the one before.
+    """Middle of a frame's exposure by the best available method; increasing for frames in order.
 
     Args:
-        nominal_latency: from there to the arrival, where the server does not report it [s].
+        nominal_latency: time from there to the arrival, if the server does not report it [s].
     """
 
     def __init__(self, nominal_latency: float) -> None:
@@ -203,21 +202,23 @@ class ExposureClock:
         self.echo: EchoClock | None = None
 
     def restart(self, frequency: float) -> None:
-        """Another server, or the same one again.
+        """Restart with another server, or the same one again.
 
         Args:
-            frequency: ticks per second of its clock, 0 where it has none.
+            frequency: ticks per second of its clock, 0 if it has none.
         """
         self.echo = EchoClock(frequency) if frequency > 0 else None
         self._stamps = StampClock()
 
     def exposed(self, frame: Frame, received: int) -> tuple[int, str]:
-        """(time here [ns], by which means): "mid-exposure", "transmission", "time stamp" or "reception", never after
-        the reception."""
+        """Return (local time [ns], method): "mid-exposure", "transmission", "time stamp" or "reception".
+
+        The time is never after the reception.
+        """
         exposed, means = self._exposed(frame, received)
         if (
             self._last is not None and exposed <= self._last
-        ):  # by another means than the one before, or by that of another server
+        ):  # by another method than the last frame, or of another server
             exposed = self._last + 1
         self._last = exposed
         return exposed, means

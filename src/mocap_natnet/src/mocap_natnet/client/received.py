@@ -1,4 +1,4 @@
-"""What a client hands on."""
+"""Received frames and their statistics."""
 
 from collections import Counter, deque
 from dataclasses import dataclass, field
@@ -8,13 +8,13 @@ from mocap_natnet.codec.types import Frame
 
 
 class Received(NamedTuple):
-    """A frame.
+    """Received frame.
 
     Attributes:
-        frame: as read.
-        received: when it arrived, monotonic clock [ns].
+        frame: decoded frame.
+        received: arrival, monotonic clock [ns].
         exposed: middle of the exposure, the same clock [ns].
-        means: how that time is known, see `frame_clock.ExposureClock`.
+        means: method by which that time is known, see `frame_clock.ExposureClock`.
     """
 
     frame: Frame
@@ -25,7 +25,7 @@ class Received(NamedTuple):
 
 NS = 1_000_000_000
 RATE_WINDOW = NS
-"""[ns]"""
+"""Window of the frame rate [ns]."""
 
 
 @dataclass
@@ -33,14 +33,14 @@ class Statistics:
     """Counts since the start.
 
     Attributes:
-        frames: that were used.
-        lost: numbers that were left out between frames.
+        frames: frames that were used.
+        lost: numbers missing between frames.
         taken: datagrams that were used, by message.
         refused: all others, by reason; "duplicate" and "late" are frames that came twice or after a later one.
-        connects: how often a connection was requested.
-        restarts: how often the server was found to be another one, or begun again.
-        skipped: bytes that frames held beyond what is known of their bitstream.
-        means: frames by how their time is known.
+        connects: number of connection requests.
+        restarts: number of times that the server changed or restarted.
+        skipped: bytes of frames beyond the known part of their bitstream.
+        means: frames by the method of their time.
     """
 
     frames: int = 0
@@ -59,10 +59,10 @@ class Statistics:
         """Count a frame.
 
         Args:
-            received: [ns].
+            received: arrival [ns].
             exposed: middle of the exposure [ns].
-            means: how it is known.
-            skipped: bytes.
+            means: method of the exposure time.
+            skipped: skipped bytes.
         """
         self.frames += 1
         self.skipped += skipped
@@ -72,11 +72,10 @@ class Statistics:
             self._recent.popleft()
 
     def rate(self, now: int) -> float:
-        """Frames in the last second [Hz]; from any thread."""
+        """Return the frames in the last second [Hz]; thread-safe."""
         return sum(received >= now - RATE_WINDOW for received, _ in tuple(self._recent)) * NS / RATE_WINDOW
 
     def latency(self) -> float:
-        """Mean time from exposure to arrival in the last second in which frames came [s]; NaN without frames; from any
-        thread."""
+        """Return the mean time from exposure to arrival in the last second with frames [s], else NaN; thread-safe."""
         recent = tuple(self._recent)
         return sum(received - exposed for received, exposed in recent) / len(recent) / NS if recent else float("nan")

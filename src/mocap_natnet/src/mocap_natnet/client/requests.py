@@ -8,9 +8,9 @@ from hric_control.errors import CommandError
 from mocap_natnet.codec.packets import Message, packet
 
 RETRY_PERIOD = 100_000_000
-"""Between attempts [ns] (project default, unconfirmed; the vendor's library waits for 20 ms)."""
+"""Time between attempts [ns] (project default, unconfirmed; the vendor's library waits for 20 ms)."""
 ATTEMPTS = 10
-"""As the vendor's library."""
+"""Number of attempts, as in the vendor's library."""
 
 
 @dataclass
@@ -24,7 +24,7 @@ class _Request:
 
 
 class Requests:
-    """`send` belongs to other threads, the rest to the thread of the session."""
+    """Queue of requests; `send` is called by other threads, the rest by the session's thread."""
 
     def __init__(self) -> None:
         self._waiting: deque[_Request] = deque()
@@ -34,7 +34,7 @@ class Requests:
 
         Args:
             words: e.g. "StartRecording".
-            timeout: [s].
+            timeout: time-out [s].
 
         Returns:
             the payload of the response.
@@ -54,7 +54,7 @@ class Requests:
         return request.response
 
     def poll(self, now: int) -> list[bytes]:
-        """What is to be sent now [ns]."""
+        """Return the datagrams to be sent now [ns]."""
         while self._waiting:
             request = self._waiting[0]
             if now < request.due:
@@ -66,7 +66,7 @@ class Requests:
         return []
 
     def respond(self, payload: bytes | None) -> None:
-        """A response came; None: the server does not know the request."""
+        """Process a response; None: the server does not know the request."""
         if not self._waiting or not self._waiting[0].attempts:
             return
         request = self._waiting[0]

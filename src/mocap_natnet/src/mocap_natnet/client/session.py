@@ -1,5 +1,4 @@
-"""The client's side of the conversation, without sockets: datagrams and times in, frames out, and what is to be
-sent."""
+"""Client's side of the session, without sockets: datagrams and times in, frames and messages to send out."""
 
 from collections.abc import Callable
 
@@ -14,46 +13,49 @@ from mocap_natnet.codec.types import MODEL_CHANGED, VERSION_CHANGED, Frame
 
 NS = 1_000_000_000
 CONNECT_PERIOD = NS // 2
-"""Between attempts to connect [ns] (project default, unconfirmed)."""
+"""Time between attempts to connect [ns] (project default, unconfirmed)."""
 MODEL_PERIOD = NS // 2
-"""Between requests for the description until it comes [ns] (project default, unconfirmed)."""
+"""Time between requests for the description until it arrives [ns] (project default, unconfirmed)."""
 ECHO_PERIOD = NS // 10
-"""Between echoes [ns]; ten a second keep the fit within 10 us."""
+"""Time between echoes [ns]; ten a second keep the fit within 10 us."""
 FIRST_ECHOES, FIRST_ECHO_PERIOD = 8, NS // 50
-"""The first ones follow each other faster [ns] (project default, unconfirmed)."""
+"""Number and period of the first, faster echoes [ns] (project default, unconfirmed)."""
 GOOD_ROUND_TRIP = 1e-3
-"""Of the best echo [s]: the times that it gives are wrong by at most half of it. Until there is one, frames are not
-used, ... (project default, unconfirmed)"""
+"""Largest round trip of a good best echo [s]; time errors are at most half of it (project default, unconfirmed).
+
+Without a good echo, frames are not used for CLOCK_PATIENCE.
+"""
 CLOCK_PATIENCE = NS
-"""... for so long [ns]; then they are used with such times as there are (project default, unconfirmed)."""
+"""Time after which frames are used without a good echo [ns] (project default, unconfirmed)."""
 KEEP_ALIVE_PERIOD = NS
-"""Between signs of life [ns]; the vendor's sample sends one at least every 2 s."""
+"""Time between keep-alive messages [ns]; the vendor's sample sends one at least every 2 s."""
 SILENT = NS // 2
-"""A channel that says nothing for this long is silent [ns] (project default, unconfirmed)."""
+"""Time without messages after which a channel is silent [ns] (project default, unconfirmed)."""
 REORDERED, GAP, AHEAD = 100, 5, 5000
-"""A frame that is late by no more frames than the first came by another way; one that is ahead by no more than the
-second follows a gap. Any other number counts once a second frame follows it, since a single one is a fault of
-the network: up to the third ahead it is a long gap, else another stream (project default, unconfirmed)."""
+"""Limits of frame numbers: a frame late by up to the first is reordered, one ahead by up to the second follows a gap.
+
+Any other number is accepted once a second frame follows it, since a single one is a fault of the network: up to the
+third ahead it is a long gap, else another stream (project default, unconfirmed).
+"""
 FAILED_CONNECT_PERIOD = NS // 4
 """Least time between attempts after a datagram that could not be read [ns] (project default, unconfirmed)."""
 NAME = "mocap_natnet"
 
 
 class Session:
-    """A conversation that begins, breaks and begins again by itself. Not thread-safe: one thread calls all of it but
-    `requests.send`.
+    """Session that begins, breaks and restarts automatically; not thread-safe except `requests.send`.
 
     Args:
-        settings: how to find the server.
-        on_frame: gets each frame that is newer than those before.
-        on_model: gets each description.
-        on_restart: called when the stream begins again or is another one.
+        settings: address of the server.
+        on_frame: callback for each frame that is newer than those before.
+        on_model: callback for each description.
+        on_restart: callback when the stream restarts or is another one.
 
     Attributes:
-        info: what the server says of itself, or None before it responded.
+        info: server information, or None before it responded.
         complaint: why the server's information cannot be used, or "".
-        model: the newest description, or None.
-        last_response, last_frame: when the command and the data channel spoke last [ns], or None.
+        model: newest description, or None.
+        last_response, last_frame: time of the last message on command and data channel [ns], or None.
     """
 
     def __init__(
@@ -84,7 +86,7 @@ class Session:
 
     @property
     def route(self) -> Route | None:
-        """Where frames come from; None before the server responded."""
+        """Source of frames; None before the server responded."""
         if self.info is None or self._codec is None:
             return None
         settings, info = self.settings, self.info
@@ -94,7 +96,7 @@ class Session:
         return Route(says is not False, says is not True, group, port)
 
     def receive(self, datagram: bytes, now: int) -> None:
-        """Take a datagram; each is counted, one that cannot be used by its reason.
+        """Process a datagram; each is counted, an unusable one by its reason.
 
         Args:
             datagram: from any socket.
@@ -105,14 +107,14 @@ class Session:
             refusal = self._take(message, datagram, end, now)
         except CodecError as error:
             refusal = error.reason
-            self._connect_due = True  # perhaps it speaks another bitstream now
+            self._connect_due = True  # the server may use another bitstream now
         if refusal:
             self.statistics.refused[refusal] += 1
         else:
             self.statistics.taken[Message(message).name] += 1
 
     def poll(self, now: int) -> list[bytes]:
-        """What is to be sent to the server now. Call it every 20 ms or more often."""
+        """Return the datagrams to be sent to the server now. Call it every 20 ms or more often."""
         out: list[bytes] = []
         if self._wants_connect(now):
             self._connect_due, self._connecting, self._last_connect = False, True, now
@@ -131,8 +133,10 @@ class Session:
         return out + self.requests.poll(now)
 
     def silent(self, now: int) -> tuple[bool, bool]:
-        """Whether the command channel and whether the data channel is silent. A server below 3.0 responds to no echo
-        and may stay silent for longer."""
+        """Return whether the command channel and the data channel are silent.
+
+        A server below 3.0 does not respond to echoes and may be silent for longer.
+        """
         patience = SILENT if self.clock.echo is not None else 2 * KEEP_ALIVE_PERIOD + SILENT
         return (
             self.last_response is None or now - self.last_response > patience,
@@ -150,17 +154,17 @@ class Session:
 
     @property
     def _unsure(self) -> bool:
-        """Whether no echo gave the server's clock well enough."""
+        """True if no echo gave the server's clock well enough."""
         echo = self.clock.echo
         return echo is not None and (echo.round_trip is None or echo.round_trip > GOOD_ROUND_TRIP)
 
     @property
     def _wants_model(self) -> bool:
-        """Whether there is no description, or a frame held a body that it lacks."""
+        """True if there is no description, or a frame contained a body that it lacks."""
         return self.model is None or self._undescribed
 
     def _take(self, message: int, datagram: bytes, end: int, now: int) -> str:
-        """Use a datagram; "" or the reason why it is of no use."""
+        """Use a datagram; return "" or the reason why it is unusable."""
         payload, refusal = datagram[HEADER.size : end], ""
         if message == Message.FRAMEOFDATA:
             return self._frame(datagram, end, now)
@@ -180,7 +184,7 @@ class Session:
         return refusal
 
     def _server_info(self, info: ServerInfo) -> str:
-        """Server information counts where it was requested; where it is new without a request, it is requested."""
+        """Use server information that was requested; new information without a request is requested."""
         requested, self._connecting = self._connecting, False
         if info == self.info and self._codec is not None:
             self.complaint = ""
@@ -203,7 +207,7 @@ class Session:
         return ""
 
     def _begin(self, again: bool) -> None:
-        """Another stream, or the first one."""
+        """Begin another stream, or the first one."""
         assert self.info is not None
         self.clock.restart(self.info.clock_frequency)
         self.model, self._sequence, self._suspect = None, None, None
@@ -231,7 +235,7 @@ class Session:
         return ""
 
     def _heed(self, frame: Frame) -> None:
-        """Note what the flags and bodies of a frame say of the stream."""
+        """Process the flags and bodies of a frame."""
         if frame.suffix.flags & VERSION_CHANGED:
             self._connect_due = True
         if frame.suffix.flags & MODEL_CHANGED:
@@ -240,7 +244,7 @@ class Session:
             self._undescribed = True
 
     def _out_of_order(self, number: int) -> str:
-        """Why a frame does not follow the last one, or ""; counts what lies between."""
+        """Return why a frame does not follow the last one, or ""; counts missing frames."""
         if self._sequence is None:
             return ""
         step = number - self._sequence
@@ -278,7 +282,7 @@ class Session:
         return packet(Message.ECHO_REQUEST, packets.encode_echo_request(now))
 
     def _echoed(self, stamp: int, ticks: int, now: int) -> str:
-        """The response to an echo of this client; another one is refused."""
+        """Process the response to an echo of this client; others are refused."""
         if stamp not in self._echoes:
             return "echo"
         del self._echoes[stamp]

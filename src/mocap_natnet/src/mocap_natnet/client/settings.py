@@ -1,4 +1,4 @@
-"""How the client looks for its server."""
+"""Settings of the client: address of its server, and transport."""
 
 import ipaddress
 from dataclasses import dataclass
@@ -31,19 +31,19 @@ def _version(given: str | Version) -> Version | None:
 
 
 def address(default: str, said: str, empty: bool = True) -> Any:
-    """A parameter with an address."""
+    """Return a parameter with an address."""
     valid = "an IPv4 address" + ", or nothing" * empty
     return text(default, valid=valid, empty=empty, made=_address, text=said)
 
 
 def group(default: str, said: str, empty: bool = True) -> Any:
-    """A parameter with a multicast group."""
+    """Return a parameter with a multicast group."""
     valid = "a multicast address, 224.0.0.0 to 239.255.255.255" + ", or nothing" * empty
     return text(default, valid=valid, empty=empty, made=_group, text=said)
 
 
 def bitstream(default: Version | None, said: str, name: str) -> Any:
-    """A parameter with a version of the protocol, as text such as 4.1, or as numbers."""
+    """Return a parameter with a version of the protocol, as text such as 4.1, or as numbers."""
     kinds = either(text(figures=True), listing(whole(), 2), default=default, made=_version, name=name, text=said)
     kinds.kind, kinds.accepts = "string", "major.minor, e.g. 4.1"
     return kinds
@@ -74,12 +74,12 @@ class Settings(Base):
 
 @dataclass(frozen=True)
 class Route:
-    """Where frames come from.
+    """Source of frames.
 
     Args:
-        multicast, unicast: whether to listen there.
-        group: of the multicast.
-        port: of both.
+        multicast, unicast: True if the client listens there.
+        group: multicast group.
+        port: port of both.
     """
 
     multicast: bool

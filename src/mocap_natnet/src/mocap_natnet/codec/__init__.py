@@ -1,4 +1,4 @@
-"""NatNet on the wire: bytes to values and back, without sockets. Little endian, packed.
+"""NatNet protocol: bytes to values and back, without sockets. Little endian, packed.
 
 `Codec` reads and writes one bitstream; a datagram that cannot be read is a `CodecError` with a reason, whatever its
 bytes are.
@@ -16,10 +16,10 @@ __all__ = ["FIRST", "LAST", "REASONS", "Codec", "CodecError", "Version", "parse"
 
 
 class Codec:
-    """Frames and descriptions of one bitstream, as whole datagrams.
+    """Codec of frames and descriptions of one bitstream, as whole datagrams.
 
     Args:
-        version: the bitstream.
+        version: version of the bitstream.
 
     Raises:
         CodecError: the bitstream is not known.
@@ -30,17 +30,17 @@ class Codec:
         self._decoder, self._encoder = FrameDecoder(self.layout), FrameEncoder(self.layout)
 
     def decode_frame(self, datagram: bytes, end: int | None = None) -> Frame:
-        """A FRAMEOFDATA datagram, whose header was looked at (`packets.split`). Raises CodecError."""
+        """Return the frame of a FRAMEOFDATA datagram with a checked header (`packets.split`). Raises CodecError."""
         return self._decoder.decode(datagram, HEADER.size, end)
 
     def encode_frame(self, frame: Frame) -> bytes:
-        """A FRAMEOFDATA datagram. Raises CodecError where it is too long."""
+        """Return a FRAMEOFDATA datagram. Raises CodecError if it is too long."""
         return packet(Message.FRAMEOFDATA, self._encoder.encode(frame))
 
     def decode_model(self, datagram: bytes, end: int | None = None) -> Model:
-        """A MODELDEF datagram. Raises CodecError."""
+        """Return the model of a MODELDEF datagram. Raises CodecError."""
         return decode_model(self.layout, datagram, HEADER.size, end)
 
     def encode_model(self, model: Model) -> bytes:
-        """A MODELDEF datagram. Raises CodecError where it is too long."""
+        """Return a MODELDEF datagram. Raises CodecError if it is too long."""
         return packet(Message.MODELDEF, encode_model(self.layout, model))

@@ -1,4 +1,4 @@
-"""What a model description holds. Positions are metres, orientations x, y, z, w."""
+"""Contents of a model description. Positions are metres, orientations x, y, z, w."""
 
 from typing import NamedTuple
 
@@ -8,20 +8,20 @@ NO_PARENT = -1
 
 
 class MarkerSetDescription(NamedTuple):
-    """A named set of markers."""
+    """Named set of markers."""
 
     name: str
     markers: tuple[str, ...] = ()
 
 
 class DescribedMarker(NamedTuple):
-    """A marker of a rigid body.
+    """Marker of a rigid body.
 
     Attributes:
-        position: in the body. In a capture of Motive 2.1 (3.0) the sign of x was reversed against the streamed pose:
-            try both.
+        position: position in the body. In a capture of Motive 2.1 (3.0) the sign of x was reversed against the streamed
+            pose: try both.
         label: required active label, 0 for passive ones.
-        name: from 4.0 on.
+        name: name, from 4.0 on.
     """
 
     position: Vector
@@ -30,7 +30,7 @@ class DescribedMarker(NamedTuple):
 
 
 class RigidBodyDescription(NamedTuple):
-    """A rigid body or a bone. `rotation` to the parent is there from 4.2, `markers` from 3.0 on."""
+    """Rigid body or bone. `rotation` to the parent exists from 4.2, `markers` from 3.0 on."""
 
     name: str
     id: int
@@ -41,7 +41,7 @@ class RigidBodyDescription(NamedTuple):
 
 
 class SkeletonDescription(NamedTuple):
-    """A skeleton and its bones."""
+    """Skeleton and its bones."""
 
     name: str
     id: int
@@ -49,14 +49,14 @@ class SkeletonDescription(NamedTuple):
 
 
 class ForcePlateDescription(NamedTuple):
-    """A force plate.
+    """Force plate.
 
     Attributes:
-        width, length: [m].
+        width, length: size [m].
         origin: electrical origin [m].
         calibration: 12 x 12, row by row.
         corners: four, in the world, clockwise from the plate's +x +y [m].
-        plate_type: as in C3D.
+        plate_type: type as in C3D.
         data_type: 0 forces and torques [N, N m], 1 volts.
     """
 
@@ -73,7 +73,7 @@ class ForcePlateDescription(NamedTuple):
 
 
 class DeviceDescription(NamedTuple):
-    """Another analogue device."""
+    """Other analogue device."""
 
     id: int
     name: str
@@ -84,7 +84,7 @@ class DeviceDescription(NamedTuple):
 
 
 class CameraDescription(NamedTuple):
-    """A camera."""
+    """Camera."""
 
     name: str
     position: Vector
@@ -92,7 +92,7 @@ class CameraDescription(NamedTuple):
 
 
 class AssetMarkerDescription(NamedTuple):
-    """A marker of an asset."""
+    """Marker of an asset."""
 
     name: str
     id: int
@@ -102,7 +102,7 @@ class AssetMarkerDescription(NamedTuple):
 
 
 class AssetDescription(NamedTuple):
-    """A trained marker set (asset type 1), from 4.1 on."""
+    """Trained marker set (asset type 1), from 4.1 on."""
 
     name: str
     asset_type: int
@@ -123,10 +123,10 @@ Description = (
 
 
 class Model(NamedTuple):
-    """All that a server describes.
+    """Complete description of a server.
 
     Attributes:
-        skipped: bytes of descriptions of types that are not known, and of tails that were not understood.
+        skipped: bytes of descriptions of unknown types, and of unknown tails.
     """
 
     descriptions: tuple[Description, ...] = ()

@@ -1,4 +1,4 @@
-"""The payload of FRAMEOFDATA, read and written."""
+"""Payload of FRAMEOFDATA: decoder and encoder."""
 
 import functools
 import struct
@@ -27,17 +27,17 @@ T = TypeVar("T")
 _ASSET_BODY = struct.Struct("<i3f4ffh")
 _ASSET_MARKER = struct.Struct("<i3ffhf")
 _MIN_BODY = 32
-"""Bytes of id, position and orientation: the least that a rigid body takes."""
+"""Smallest size of a rigid body: id, position and orientation [bytes]."""
 _BODY_HEAD = struct.Struct("<i3f4f")
 _NOTHING, _NO_ELEMENTS = INT.pack(0), COUNT_AND_SIZE.pack(0, 0)
 """Empty sections, without and with their size."""
 
 
 class FrameDecoder:
-    """Reads the frames of one bitstream.
+    """Decoder of the frames of one bitstream.
 
     Args:
-        layout: of the bitstream.
+        layout: layout of the bitstream.
     """
 
     def __init__(self, layout: Layout) -> None:
@@ -49,15 +49,15 @@ class FrameDecoder:
         self._sized = layout.sizes
 
     def decode(self, data: bytes, offset: int = 0, end: int | None = None) -> Frame:
-        """A frame.
+        """Return the frame of a payload.
 
         Args:
             data: datagram or payload.
-            offset: where the payload begins.
-            end: where it ends.
+            offset: start of the payload.
+            end: end of the payload.
 
         Raises:
-            CodecError: it cannot be read; nothing of it is to be used.
+            CodecError: it cannot be read; no part of it may be used.
         """
         reader = Reader(data, offset, len(data) if end is None else end)
         number = reader.integer()
@@ -129,7 +129,7 @@ def _check(reader: Reader, number: int, size: int) -> None:
 
 
 def _nothing(reader: Reader, number: int) -> tuple[()]:
-    """A section that the bitstream lacks."""
+    """Return an empty section, which the bitstream lacks."""
     return ()
 
 
@@ -169,10 +169,10 @@ def _samples(reader: Reader) -> tuple[float, ...]:
 
 
 class FrameEncoder:
-    """Writes frames of one bitstream; what the bitstream lacks is left out.
+    """Encoder of frames of one bitstream; fields that the bitstream lacks are left out.
 
     Args:
-        layout: of the bitstream.
+        layout: layout of the bitstream.
     """
 
     def __init__(self, layout: Layout) -> None:
@@ -180,7 +180,7 @@ class FrameEncoder:
         self._plain_body = not layout.body_markers and layout.body_flags
 
     def encode(self, frame: Frame) -> bytes:
-        """The payload."""
+        """Return the payload."""
         layout = self._layout
         parts = [
             INT.pack(frame.number),

@@ -1,4 +1,4 @@
-"""Which field exists in which bitstream: the one place that depends on the version.
+"""Table of fields and the bitstreams that have them: the only code that depends on the version.
 
 Sources: public captures of Motive sessions (2.5 to 3.0) and what several independent public decoders agree on (3.0 to
 4.2). Later bitstreams are read as 4.2.
@@ -17,10 +17,9 @@ Version = tuple[int, int]
 
 FIRST: Version = (2, 5)
 LAST: Version = (4, 5)
-"""The oldest and the newest bitstream that is read."""
+"""Oldest and newest bitstream that can be read."""
 NEWEST_KNOWN: Version = (4, 2)
-"""The newest one whose layout is known; those after it are read by their section sizes, and what follows their known
-part is left alone."""
+"""Newest bitstream whose layout is known; later ones are read by section sizes, and unknown tails are skipped."""
 
 SINCE: dict[str, Version] = {
     "body_flags": (2, 6),
@@ -39,25 +38,27 @@ SINCE: dict[str, Version] = {
     "precision_time": (4, 1),
     "rotation_offset": (4, 2),
 }
-"""First bitstream that has the field. Skeletons and labelled markers are in all that are read."""
+"""First bitstream that has the field. Skeletons and labelled markers are in all that can be read."""
 UNTIL: dict[str, Version] = {"body_markers": (3, 0), "latency": (3, 0)}
-"""First bitstream that lacks the field: the markers of a body within the frame (in the description from 3.0 on), and
-the software latency."""
+"""First bitstream that lacks the field.
+
+The fields are the markers of a body within the frame (in the description from 3.0 on), and the software latency.
+"""
 
 
 @dataclass(frozen=True)
 class Layout:
-    """A bitstream's layout. Each flag is one of SINCE or UNTIL.
+    """Layout of a bitstream. Each flag is one of SINCE or UNTIL.
 
     Attributes:
-        version: the bitstream.
-        tail_known: whether what follows a known part is an error of the stream.
+        version: version of the bitstream.
+        tail_known: True if bytes after a known part are an error of the stream.
         body: rigid body without markers: id, position, orientation, mean error, flags.
-        body_tail: what follows the markers of a body: mean error, flags.
+        body_tail: fields after the markers of a body: mean error, flags.
         marker: labelled marker.
-        suffix: everything behind the last section.
-        suffix_fields: its names, in order.
-        plain_suffix: whether these are all fields of `Suffix` but the latency, and the end tag.
+        suffix: fields after the last section.
+        suffix_fields: their names, in order.
+        plain_suffix: True if these are all fields of `Suffix` but the latency, and the end tag.
     """
 
     version: Version
@@ -89,7 +90,7 @@ class Layout:
 
 @functools.cache
 def layout(version: Version) -> Layout:
-    """The layout of a bitstream. Raises CodecError where the bitstream is not known."""
+    """Return the layout of a bitstream. Raises CodecError if the bitstream is not known."""
     if not FIRST <= version <= LAST:
         raise CodecError("version", f"bitstream {text(version)}; this codec reads {text(FIRST)} to {text(LAST)}")
     flags = {name: version >= since for name, since in SINCE.items()} | {
@@ -110,7 +111,7 @@ def layout(version: Version) -> Layout:
 
 
 def _suffix_fields(flags: dict[str, bool]) -> dict[str, str]:
-    """Names and struct letters of the suffix, in their order."""
+    """Return names and struct letters of the suffix, in their order."""
     fields = {"latency": "f"} if flags["latency"] else {}
     fields |= {"time_code": "I", "time_code_subframe": "I"}
     if flags["time_stamp"]:
@@ -125,12 +126,12 @@ def _suffix_fields(flags: dict[str, bool]) -> dict[str, str]:
 
 
 def text(version: Version) -> str:
-    """As people write it: "4.1"."""
+    """Return the version as text, such as "4.1"."""
     return f"{version[0]}.{version[1]}"
 
 
 def parse(words: str) -> Version:
-    """A bitstream from "4.1" or "4.1.0.0". Raises CodecError."""
+    """Return the bitstream of a text such as "4.1" or "4.1.0.0". Raises CodecError."""
     found = re.fullmatch(r"(\d{1,3})\.(\d{1,3})(\.\d{1,3}){0,2}", words.strip())
     if not found:
         raise CodecError("version", f"bitstream {words!r}; valid: major.minor, e.g. 4.1")

@@ -1,4 +1,4 @@
-"""The payload of MODELDEF, read and written."""
+"""Payload of MODELDEF: decoder and encoder."""
 
 import struct
 from collections.abc import Callable, Iterable
@@ -18,13 +18,13 @@ _ASSET_MARKER = struct.Struct("<i3ffh")
 
 
 def decode_model(layout: Layout, data: bytes, offset: int = 0, end: int | None = None) -> d.Model:
-    """A model description.
+    """Return the model description of a payload.
 
     Args:
-        layout: of the bitstream.
+        layout: layout of the bitstream.
         data: datagram or payload.
-        offset: where the payload begins.
-        end: where it ends.
+        offset: start of the payload.
+        end: end of the payload.
 
     Raises:
         CodecError: it cannot be read.
@@ -35,7 +35,7 @@ def decode_model(layout: Layout, data: bytes, offset: int = 0, end: int | None =
 
 
 def _read_description(reader: Reader, layout: Layout) -> d.Description | None:
-    """One description; None for a type that is not known."""
+    """Return one description; None for an unknown type."""
     if not layout.sizes:
         kind = reader.integer()
         if kind not in _KINDS:
@@ -65,7 +65,7 @@ def _read_body(reader: Reader, layout: Layout) -> d.RigidBodyDescription:
 
 
 def _read_body_markers(reader: Reader, layout: Layout) -> tuple[d.DescribedMarker, ...]:
-    """Three arrays, one after the other."""
+    """Return the markers from three consecutive arrays."""
     number = reader.count(VECTOR.size + 4 + layout.marker_names)
     positions = reader.array(VECTOR, number)
     labels = reader.unpack(struct.Struct(f"<{number}i"))
@@ -116,7 +116,7 @@ def _read_asset_marker(reader: Reader) -> d.AssetMarkerDescription:
 
 
 def encode_model(layout: Layout, model: d.Model) -> bytes:
-    """The payload; descriptions that the bitstream lacks are left out."""
+    """Return the payload; descriptions that the bitstream lacks are left out."""
     parts = []
     for description in model.descriptions:
         number, kind = next((number, kind) for number, kind in _KINDS.items() if kind.description is type(description))
@@ -188,12 +188,12 @@ def _pack_asset_marker(marker: d.AssetMarkerDescription) -> bytes:
 
 
 class _Kind(NamedTuple):
-    """One type of description.
+    """Type of description.
 
     Attributes:
-        description: its type.
-        read, pack: from and to its payload.
-        since: first bitstream whose frames hold what is described; before it the description is left out.
+        description: its class.
+        read, pack: functions from and to its payload.
+        since: first bitstream whose frames contain the described object; before it the description is left out.
     """
 
     description: type[d.Description]
@@ -211,4 +211,4 @@ _KINDS = {
     5: _Kind(d.CameraDescription, _read_camera, _pack_camera),
     6: _Kind(d.AssetDescription, _read_asset, _pack_asset, SINCE["assets"]),
 }
-"""By the number before each description. The plate's fields are those of 3.0."""
+"""Types by the number before each description. The plate's fields are those of 3.0."""

@@ -1,4 +1,4 @@
-"""Message ids, the header of a datagram, and the small messages: connection, server information, echo."""
+"""Message ids, header of a datagram, and the small messages: connection, server information, echo."""
 
 import socket
 import struct
@@ -12,7 +12,7 @@ COMMAND_PORT = 1510
 DATA_PORT = 1511
 MULTICAST_GROUP = "239.255.42.99"
 MAX_PAYLOAD = 65503
-"""Of one datagram [bytes]."""
+"""Largest payload of one datagram [bytes]."""
 HEADER = struct.Struct("<HH")
 """Message id, number of payload bytes."""
 NAME_SIZE = 256
@@ -48,20 +48,20 @@ _KNOWN = frozenset(int(message) for message in Message)
 
 
 def packet(message: Message, payload: bytes = b"") -> bytes:
-    """A datagram. Raises CodecError where the payload is too long for one."""
+    """Return a datagram. Raises CodecError if the payload is too long for one."""
     if len(payload) > MAX_PAYLOAD:
         raise CodecError("length", f"{len(payload)} bytes of payload; a datagram holds {MAX_PAYLOAD}")
     return HEADER.pack(message, len(payload)) + payload
 
 
 def split(datagram: bytes) -> tuple[int, int]:
-    """(message id, end of the payload); the payload begins behind the header.
+    """Return (message id, end of the payload); the payload begins after the header.
 
     A datagram may be longer than its header says (vendor samples append a NUL), not shorter; the lengths of
-    UNRECOGNIZED_REQUEST mean nothing.
+    UNRECOGNIZED_REQUEST are meaningless.
 
     Raises:
-        CodecError: no header, an unknown message, or fewer bytes than said.
+        CodecError: no header, an unknown message, or fewer bytes than stated.
     """
     if len(datagram) < HEADER.size:
         raise CodecError("short", f"{len(datagram)} bytes, less than a header")
@@ -77,15 +77,15 @@ def split(datagram: bytes) -> tuple[int, int]:
 
 
 class ServerInfo(NamedTuple):
-    """What a server says of itself.
+    """Information of a server about itself.
 
     Attributes:
-        name: of the application.
+        name: name of the application.
         application: its version.
-        version: bitstream that it speaks; revision and build are 0 in all that were seen.
+        version: its bitstream; revision and build were 0 in all observed servers.
         clock_frequency: ticks per second of its clock, from 3.0 on, else 0.
         data_port: from 3.0 on, else 0.
-        multicast: whether it streams to a group; None below 3.0, where it does not say.
+        multicast: True if it streams to a group; None below 3.0, where it is not stated.
         group: address of the group, "" below 3.0.
     """
 
@@ -99,11 +99,11 @@ class ServerInfo(NamedTuple):
 
 
 def encode_server_info(info: ServerInfo, rubbish: bytes = b"") -> bytes:
-    """The payload of SERVERINFO.
+    """Return the payload of SERVERINFO.
 
     Args:
-        info: what to say.
-        rubbish: what real packets hold behind the name's NUL.
+        info: server information.
+        rubbish: bytes behind the name's NUL, as in real packets.
     """
     name = (info.name.encode()[: NAME_SIZE - 1] + b"\0" + rubbish)[:NAME_SIZE].ljust(NAME_SIZE, b"\0")
     head = (name, *info.application, *info.version, 0, 0)
@@ -119,8 +119,7 @@ def encode_server_info(info: ServerInfo, rubbish: bytes = b"") -> bytes:
 
 
 def decode_server_info(payload: bytes) -> ServerInfo:
-    """The payload of SERVERINFO; a bitstream that the codec does not know is returned, not refused here. Raises
-    CodecError."""
+    """Return the information of a SERVERINFO payload, even with an unknown bitstream. Raises CodecError."""
     if len(payload) < _SERVER_OLD.size:
         raise CodecError(
             "short", f"server information of {len(payload)} bytes; valid: {_SERVER_OLD.size} or {_SERVER_NEW.size}"
@@ -140,12 +139,12 @@ def decode_server_info(payload: bytes) -> ServerInfo:
 
 
 class Connect(NamedTuple):
-    """What a client requests when it connects.
+    """Connection request of a client.
 
     Attributes:
-        name: of the application, "" where it says none.
+        name: name of the application, "" if unknown.
         version: requested bitstream, None for the server's newest.
-        subscribed_only: whether it receives only the data that it subscribes to.
+        subscribed_only: True if it receives only subscribed data.
     """
 
     name: str = ""
@@ -154,13 +153,13 @@ class Connect(NamedTuple):
 
 
 def encode_connect(connect: Connect) -> bytes:
-    """The longest form of the payload of CONNECT: sender and options."""
+    """Return the longest form of the payload of CONNECT: sender and options."""
     name = connect.name.encode()[: NAME_SIZE - 1].ljust(NAME_SIZE, b"\0")
     return name + bytes(8) + bytes([connect.subscribed_only, *(connect.version or (0, 0)), 0, 0])
 
 
 def decode_connect(payload: bytes) -> Connect:
-    """Any form of CONNECT: empty, "Ping", a sender, a sender with options and what some add behind them."""
+    """Return the request of any form of CONNECT: empty, "Ping", a sender, a sender with options and extensions."""
     if len(payload) < _SENDER_SIZE:
         return Connect()
     name = payload[:NAME_SIZE].split(b"\0", 1)[0].decode(errors="replace")
@@ -172,12 +171,12 @@ def decode_connect(payload: bytes) -> Connect:
 
 
 def encode_echo_request(stamp: int) -> bytes:
-    """The payload of ECHO_REQUEST: a stamp of the client's clock, any unit."""
+    """Return the payload of ECHO_REQUEST: a stamp of the client's clock, any unit."""
     return _ECHO_REQUEST.pack(stamp)
 
 
 def decode_echo_request(payload: bytes) -> int:
-    """The stamp. Raises CodecError."""
+    """Return the stamp. Raises CodecError."""
     if len(payload) < _ECHO_REQUEST.size:
         raise CodecError("short", f"echo request of {len(payload)} bytes")
     stamp: int = _ECHO_REQUEST.unpack_from(payload)[0]
@@ -185,12 +184,12 @@ def decode_echo_request(payload: bytes) -> int:
 
 
 def encode_echo_response(stamp: int, ticks: int) -> bytes:
-    """The payload of ECHO_RESPONSE: the client's stamp, the server's ticks when it arrived."""
+    """Return the payload of ECHO_RESPONSE: the client's stamp, the server's ticks when it arrived."""
     return _ECHO_RESPONSE.pack(stamp, ticks)
 
 
 def decode_echo_response(payload: bytes) -> tuple[int, int]:
-    """(client's stamp, server's ticks). Raises CodecError."""
+    """Return (client's stamp, server's ticks). Raises CodecError."""
     if len(payload) < _ECHO_RESPONSE.size:
         raise CodecError("short", f"echo response of {len(payload)} bytes")
     stamp, ticks = _ECHO_RESPONSE.unpack_from(payload)

@@ -1,5 +1,4 @@
-"""Reads a datagram front to back; every count and length is checked against the bytes that are left before it is
-used."""
+"""Sequential reader of a datagram; counts and lengths are checked against the remaining bytes before use."""
 
 import struct
 from collections.abc import Callable
@@ -16,15 +15,15 @@ VECTOR = struct.Struct("<3f")
 
 
 class Reader:
-    """A cursor in a datagram.
+    """Cursor in a datagram.
 
     Args:
-        data: the bytes.
-        offset: where to begin.
-        end: where to stop; what lies behind is not looked at.
+        data: bytes of the datagram.
+        offset: start position.
+        end: end position; bytes after it are ignored.
 
     Attributes:
-        skipped: bytes that were passed over by a size.
+        skipped: bytes that were skipped by a size.
     """
 
     __slots__ = ("data", "end", "offset", "skipped")
@@ -34,11 +33,11 @@ class Reader:
 
     @property
     def left(self) -> int:
-        """Bytes up to the end."""
+        """Number of bytes up to the end."""
         return self.end - self.offset
 
     def unpack(self, layout: struct.Struct) -> tuple[Any, ...]:
-        """Fields of a fixed layout."""
+        """Return the fields of a fixed layout."""
         begin = self.offset
         stop = begin + layout.size
         if stop > self.end:
@@ -47,12 +46,12 @@ class Reader:
         return layout.unpack_from(self.data, begin)
 
     def integer(self) -> int:
-        """An int32."""
+        """Return an int32."""
         value: int = self.unpack(INT)[0]
         return value
 
     def count(self, size: int) -> int:
-        """A count of elements that take at least `size` bytes each."""
+        """Return a count of elements that take at least `size` bytes each."""
         number = self.integer()
         if number < 0 or number * size > self.end - self.offset:
             raise CodecError(
@@ -61,7 +60,7 @@ class Reader:
         return number
 
     def name(self) -> str:
-        """Text up to and including its NUL."""
+        """Return a text up to its NUL, which is skipped."""
         stop = self.data.find(b"\0", self.offset, self.end)
         if stop < 0:
             raise CodecError("name", f"no end of the name at {self.offset}")
@@ -72,7 +71,7 @@ class Reader:
             raise CodecError("name", f"the name at {begin} is not UTF-8") from error
 
     def array(self, layout: struct.Struct, number: int) -> list[tuple[Any, ...]]:
-        """`number` elements of one layout; the count was checked."""
+        """Return `number` elements of one layout; the count was checked."""
         begin = self.offset
         self.offset = begin + number * layout.size
         if self.offset > self.end:
@@ -83,16 +82,16 @@ class Reader:
         return list(layout.iter_unpack(self.data[begin : self.offset]))
 
     def vectors(self) -> tuple[Vector, ...]:
-        """A count and as many positions."""
+        """Return the positions after a count."""
         number = self.count(VECTOR.size)
         return tuple(self.array(VECTOR, number)) if number else ()
 
     def names(self, number: int) -> tuple[str, ...]:
-        """As many names."""
+        """Return `number` names."""
         return tuple(self.name() for _ in range(number))
 
     def begin_sized(self, size: int) -> int:
-        """Read no further than `size` bytes from here. What is returned is for `end_sized`."""
+        """Limit reading to `size` bytes from here; returns the argument for `end_sized`."""
         stop, end = self.offset + size, self.end
         if size < 0 or stop > end:
             raise CodecError("size", f"{size} bytes said at {self.offset}, {end - self.offset} are left")
@@ -100,12 +99,12 @@ class Reader:
         return end
 
     def end_sized(self, end: int) -> None:
-        """Go behind those bytes, whatever of them was understood."""
+        """Continue after those bytes, read or not."""
         self.skipped += self.end - self.offset
         self.offset, self.end = self.end, end
 
     def sized(self, size: int, read: "Callable[[Reader], T]") -> T:
-        """Read what the next `size` bytes hold."""
+        """Return the content of the next `size` bytes."""
         end = self.begin_sized(size)
         value = read(self)
         self.end_sized(end)
@@ -113,18 +112,20 @@ class Reader:
 
 
 REASONS = ("short", "length", "count", "size", "name", "end tag", "version", "unknown message", "unknown type")
-"""Why a datagram is refused: shorter than its layout, another length than its header says, a count or a section size
-that the bytes left cannot hold, a name that does not end or is not UTF-8, no end tag where the frame ends, a bitstream
-that this codec does not know, a message id that does not exist or does not belong here, a description of a type that
-cannot be skipped."""
+"""Reasons to refuse a datagram.
+
+They are: shorter than its layout, another length than its header says, a count or a section size beyond the remaining
+bytes, a name that does not end or is not UTF-8, no end tag where the frame ends, an unknown bitstream, a message id
+that does not exist or does not belong here, a description of a type that cannot be skipped.
+"""
 
 
 class CodecError(HricError):
-    """A datagram that cannot be read; nothing of it is used.
+    """Error of a datagram that cannot be read; no part of it is used.
 
     Args:
-        reason: one of REASONS, to count by.
-        text: what was found where.
+        reason: one of REASONS, for counting.
+        text: error and position.
     """
 
     def __init__(self, reason: str, text: str) -> None:

@@ -1,11 +1,11 @@
-"""What a frame holds. Positions are metres and orientations x, y, z, w, both in the axes of the stream."""
+"""Contents of a frame. Positions are metres and orientations x, y, z, w, both in the axes of the stream."""
 
 from typing import NamedTuple
 
 from hric_control.geometry import Quaternion, Vector
 
 TRACKED = 0x01
-"""Flag of a rigid body: tracking is valid in this frame. Without it the pose means nothing."""
+"""Flag of a rigid body: tracking is valid in this frame. Without it the pose is meaningless."""
 OCCLUDED, POINT_CLOUD, MODEL_FILLED, OF_ASSET, UNLABELLED, ACTIVE, ESTABLISHED, MEASUREMENT = (
     1 << bit for bit in range(8)
 )
@@ -15,14 +15,14 @@ RECORDING, MODEL_CHANGED, EDIT_MODE, VERSION_CHANGED = (1 << bit for bit in rang
 
 
 class MarkerSet(NamedTuple):
-    """Named markers; the last set of a frame holds all of them."""
+    """Named markers; the last set of a frame contains all of them."""
 
     name: str
     positions: tuple[Vector, ...]
 
 
 class BodyMarker(NamedTuple):
-    """A marker within a rigid body, bitstreams below 3.0."""
+    """Marker within a rigid body, bitstreams below 3.0."""
 
     position: Vector
     id: int
@@ -30,11 +30,11 @@ class BodyMarker(NamedTuple):
 
 
 class RigidBody(NamedTuple):
-    """A rigid body, also a bone of a skeleton or of an asset (whose id is skeleton id << 16 | number of the bone).
+    """Rigid body, also a bone of a skeleton or of an asset (whose id is skeleton id << 16 | number of the bone).
 
     Attributes:
-        mean_error: of its markers [m].
-        flags: TRACKED; always set where the bitstream has no flags.
+        mean_error: mean error of its markers [m].
+        flags: TRACKED; always set if the bitstream has no flags.
         markers: bitstreams below 3.0 only.
     """
 
@@ -47,12 +47,12 @@ class RigidBody(NamedTuple):
 
 
 class Marker(NamedTuple):
-    """A labelled marker.
+    """Labelled marker.
 
     Attributes:
         id: (asset id << 16) + number of the member counted from 1, for passive markers of an asset.
         size: diameter [m].
-        flags: OCCLUDED ... MEASUREMENT; 0 where the bitstream has none.
+        flags: OCCLUDED ... MEASUREMENT; 0 if the bitstream has none.
         residual: [m per ray], from 3.0 on.
     """
 
@@ -71,7 +71,7 @@ class Skeleton(NamedTuple):
 
 
 class Asset(NamedTuple):
-    """A trained marker set, from 4.1 on."""
+    """Trained marker set, from 4.1 on."""
 
     id: int
     bodies: tuple[RigidBody, ...]
@@ -79,21 +79,20 @@ class Asset(NamedTuple):
 
 
 class Analog(NamedTuple):
-    """A force plate or another analogue device: the samples of each channel that came with this frame; their number may
-    differ."""
+    """Force plate or other analogue device: the samples of each channel in this frame, whose numbers may differ."""
 
     id: int
     channels: tuple[tuple[float, ...], ...]
 
 
 class Suffix(NamedTuple):
-    """The end of a frame; 0 where the bitstream lacks it.
+    """End of a frame; 0 if the bitstream lacks it.
 
     Attributes:
-        latency: of the software, below 3.0 [s, or ms in 2.10].
-        time_stamp: since the software started [s].
-        mid_exposure, received, transmitted: ticks of the server's clock, from 3.0 on; mid_exposure is 0 when the
-            cameras do not know it.
+        latency: latency of the software, below 3.0 [s, or ms in 2.10].
+        time_stamp: time since the software started [s].
+        mid_exposure, received, transmitted: ticks of the server's clock, from 3.0 on; mid_exposure is 0 if the cameras
+            do not report it.
         precision_seconds, precision_fraction: precision time protocol, from 4.1 on.
         flags: RECORDING, MODEL_CHANGED, EDIT_MODE, VERSION_CHANGED.
     """
@@ -111,12 +110,11 @@ class Suffix(NamedTuple):
 
 
 class Frame(NamedTuple):
-    """One frame of the cameras.
+    """Frame of the cameras.
 
     Attributes:
         unlabelled: positions of the legacy list; prefer `markers`.
-        skipped: bytes at the ends of sections and of the frame that were not understood; 0 in the bitstreams that are
-            known.
+        skipped: unknown bytes at the ends of sections and of the frame; 0 in the known bitstreams.
     """
 
     number: int

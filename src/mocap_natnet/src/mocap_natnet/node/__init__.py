@@ -1,1 +1,1 @@
-"""The nodes of motion capture."""
+"""Nodes of motion capture."""

@@ -1,5 +1,4 @@
-"""The node `calibrate`: pairs the tracked body with the robot's end effector, and saves the pose of
-the mocap frame."""
+"""Node `calibrate`: pairs the tracked body with the robot's end effector, and saves the pose of the mocap frame."""
 
 import threading
 from dataclasses import dataclass
@@ -20,9 +19,9 @@ from mocap_natnet.node.parameters import MOCAP_FRAME, UP_AXIS
 from mocap_natnet.tracking.calibration import Calibration, save
 
 AVERAGED = 120
-"""Frames that one point is the mean of; half a second at 240 Hz (project default, unconfirmed)."""
+"""Number of frames averaged for one point; half a second at 240 Hz (project default, unconfirmed)."""
 STILL = 0.002
-"""A body that moves by more than this while it is looked at is not at rest [m] (project default, unconfirmed)."""
+"""Largest motion of a body at rest [m] (project default, unconfirmed)."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +39,7 @@ class CalibrateSettings(Settings):
 
 
 class CalibrateNode(NodeApp):
-    """Services `~add`, `~solve`, `~clear`.
+    """Calibration node with the services `~add`, `~solve`, `~clear`.
 
     Args:
         node: private node.
@@ -85,7 +84,7 @@ class CalibrateNode(NodeApp):
             return TriggerResponse(False, str(error))
 
     def _add(self) -> str:
-        """Take a pair."""
+        """Add a pair."""
         if self._effector is None:
             raise CommandError("the robot's state is not known: is state_topic right, does the robot run?")
         if len(self._recent) < AVERAGED:
@@ -101,7 +100,7 @@ class CalibrateNode(NodeApp):
         return f"{len(self._calibration.seen)} pairs"
 
     def _solve(self) -> str:
-        """Fit and save."""
+        """Fit the pose and save it."""
         pose, rms, each = self._calibration.solve()
         save(self._path, pose, self._base_frame, rms, len(each))
         listed = ", ".join(f"{1000 * residual:.2f}" for residual in each)
@@ -112,11 +111,11 @@ class CalibrateNode(NodeApp):
         return text
 
     def _clear(self) -> str:
-        """Begin again."""
+        """Remove all pairs."""
         self._calibration = Calibration()
         return "0 pairs"
 
 
 def main(text: str) -> int:
-    """Run the node; text: for --help. Returns the exit code."""
+    """Run the node, and return the exit code; text: for --help."""
     return run("calibrate_mocap", text, CalibrateNode, CalibrateSettings)

@@ -1,5 +1,4 @@
-"""Messages from what was tracked; those of each frame without genpy's constructors, as in
-`hric_control.geometry.stamped`."""
+"""Messages of tracked data; those of each frame without genpy's constructors, see `hric_control.geometry.stamped`."""
 
 import math
 from collections.abc import Sequence
@@ -24,11 +23,11 @@ _new: Any = object.__new__
 def mocap_data(
     head: Any, number: int, bodies: Sequence[TrackedBody], markers: Sequence[TrackedMarker], latency: float
 ) -> Any:
-    """hric_msgs/MocapData.
+    """Return hric_msgs/MocapData.
 
     Args:
         head: stamp and frame.
-        number: of the frame; a negative one is not there on the wire of a real server and counts as 0.
+        number: number of the frame; a negative one does not occur with a real server and counts as 0.
         bodies: tracked or not.
         markers: labelled ones.
         latency: from the exposure to the arrival [s].
@@ -52,14 +51,14 @@ def _body_state(body: TrackedBody) -> Any:
 
 
 def point_stamped(head: Any, body: TrackedBody) -> Any:
-    """geometry_msgs/PointStamped of a body's position."""
+    """Return geometry_msgs/PointStamped of a body's position."""
     stamped = _new(PointStamped)
     stamped.header, stamped.point = head, point_message(body.pose.position)
     return stamped
 
 
 def ground_pose(body: TrackedBody) -> Any:
-    """geometry_msgs/Pose2D: place on the ground, and the angle of the body's x axis in it; for axes with z up."""
+    """Return geometry_msgs/Pose2D: position on the ground and angle of the body's x axis in it, for z-up axes."""
     x, y, z, w = body.pose.orientation
     return Pose2D(
         body.pose.position[0], body.pose.position[1], math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
@@ -70,7 +69,7 @@ _BALL = Marker(ns="mocap", type=Marker.SPHERE, action=Marker.ADD, color=ColorRGB
 
 
 def marker_array(head: Any, markers: Sequence[TrackedMarker]) -> Any:
-    """visualization_msgs/MarkerArray: a ball per labelled marker; those of the message before are taken away."""
+    """Return visualization_msgs/MarkerArray: a ball per labelled marker; those of the last message are deleted."""
     found = MarkerArray([Marker(header=head, ns="mocap", action=Marker.DELETEALL)])
     for index, marker in enumerate(markers):
         ball = _new(Marker)

@@ -1,4 +1,4 @@
-"""The node `natnet_client`."""
+"""Node `natnet_client`."""
 
 import time
 from collections import deque
@@ -21,7 +21,7 @@ from mocap_natnet.node.parameters import Publishing
 from mocap_natnet.node.publisher import MocapPublisher, static_transform
 
 LAST_WORDS = 0.5
-"""How long frames that wait are still published after the shutdown request [s] (project default, unconfirmed)."""
+"""Time for which waiting frames are still published after the shutdown request [s] (project default, unconfirmed)."""
 _RESTART = "restart"
 _SERVICES = {
     "start_recording": take.START,
@@ -32,7 +32,7 @@ _SERVICES = {
 
 
 class ClientNode(NodeApp):
-    """The client, its publisher in the same thread, diagnostics and services.
+    """Client node: the client, its publisher in the same thread, diagnostics and services.
 
     Args:
         node: private node.
@@ -60,7 +60,7 @@ class ClientNode(NodeApp):
         self._client.start()
 
     def close(self) -> None:
-        """End."""
+        """Stop the client."""
         self._robot_time.close()
         if self._recorder is not None:
             self._recorder.close()
@@ -116,7 +116,7 @@ class ClientNode(NodeApp):
         return values | {f"tracking lost: {body}": count for body, count in tracker.lost.copy().items()}
 
     def _work(self) -> bool:
-        """Publish one frame, or heed what came in its place; whether there is more."""
+        """Publish one frame, or process the description or restart at its place; return True if more is waiting."""
         queue = self._queue
         if rospy.is_shutdown():
             queue.clear()
@@ -152,5 +152,5 @@ class ClientNode(NodeApp):
 
 
 def main(text: str) -> int:
-    """Run the node; text: for --help. Returns the exit code."""
+    """Run the node, and return the exit code; text: for --help."""
     return run("natnet_client", text, ClientNode, Settings, Publishing)

@@ -19,7 +19,7 @@ class Preset:
     Args:
         pose: topic of the poses.
         child: frame of a body in tf.
-        frame: of the stream.
+        frame: frame of the stream.
         ground_pose: topic of the poses on the ground, "": none.
     """
 
@@ -34,7 +34,7 @@ PRESETS = {
     "mocap_optitrack": Preset("{}/pose", "{}/base_link", "world", "{}/ground_pose"),
     "natnet_ros": Preset("natnet_ros/rigid_bodies/{}/pose"),
 }
-"""Ours, and those of the drivers of the same name, so that what was written for them finds its topics."""
+"""Presets of this project, and of drivers of the same name, so that existing nodes find their topics."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ UP_AXIS: Any = choice(*UP_AXES, name="up_axis", text="as set in Motive")
 
 @dataclass(frozen=True)
 class Publishing(Settings):
-    """What is published, and how."""
+    """Settings of the published topics and frames."""
 
     body: str = BODY
     up_axis: str = UP_AXIS
@@ -85,10 +85,10 @@ class Publishing(Settings):
 
     @property
     def base_from_mocap(self) -> Pose:
-        """Pose of the mocap frame, turned to z up, in the base."""
+        """Pose of the mocap frame, rotated to z up, in the base."""
         return self.base.pose
 
     @property
     def frame(self) -> str:
-        """That is published in."""
+        """Frame of the published data."""
         return self.base_frame or self.preset.frame

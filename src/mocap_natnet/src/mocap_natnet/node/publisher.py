@@ -1,4 +1,4 @@
-"""Publishes frames: the same from a wire, on rospy, and headless on a LocalNode."""
+"""Publisher of frames: the same from a wire, on rospy, and headless on a LocalNode."""
 
 import math
 import re
@@ -26,25 +26,26 @@ POINTS_RATE = 50.0
 PIECE = 10
 """Points of the trail per message."""
 BREAK = 0.25
-"""A gap in the times beyond which the trail is broken [s]."""
+"""Gap in the times beyond which the trail is broken [s]."""
 TRAIL_WIDTH = 0.004
-"""[m]"""
+"""Width of the trail [m]."""
 TRAIL_COLOUR = (0.95, 0.45, 0.1, 0.9)
 """Orange; red, green, blue, alpha."""
 NS = 1e-9
 BACK = 0.1
-"""A stamp that would go back by less than this is held; by more, the run began again [s] (project default,
-unconfirmed)."""
+"""Largest backward step of a stamp that is held [s]; with more, the run restarted (project default, unconfirmed)."""
 MIN_STEP = 2e-9
-"""Between two stamps, which have whole nanoseconds, or what a float can resolve [s]: small, since a real Motive goes
-on while the run is paused."""
+"""Minimum time between two stamps: whole nanoseconds, or the resolution of a float [s].
+
+It is small, since a real Motive continues while the run is paused.
+"""
 
 
 class Trail:
-    """Publishes visualization_msgs/Marker, a LINE_STRIP of some points each.
+    """Publisher of visualization_msgs/Marker, a LINE_STRIP of some points each.
 
     Args:
-        node: where to advertise.
+        node: node that publishes.
         length: how long a piece is shown [s].
     """
 
@@ -54,12 +55,12 @@ class Trail:
         self._last = float("-inf")
 
     def add(self, head: Any, time: float, position: Vector) -> None:
-        """The body was there.
+        """Add a position of the body.
 
         Args:
             head: stamp and frame.
             time: the stamp [s].
-            position: in the frame [m].
+            position: position in the frame [m].
         """
         since = time - self._last
         if 0.0 <= since < 1.0 / POINTS_RATE:
@@ -83,25 +84,25 @@ class Trail:
 
 
 def ros_name(body: str) -> str:
-    """A name that ROS takes for a topic and a frame."""
+    """Return a name that is valid for a ROS topic and frame."""
     clean = re.sub(r"\W", "_", body, flags=re.ASCII)
     return clean if re.match(r"[A-Za-z]", clean) else f"body_{clean}"
 
 
 class MocapPublisher:
-    """Turns frames into messages. One thread calls it.
+    """Publisher that converts frames to messages; called from one thread.
 
     Args:
-        node: where to advertise.
-        publishing: what, and how.
-        robot_time: maps the monotonic clock [ns] to the time of the run [s]; None while that is not known: nothing is
-            published then.
+        node: node that publishes.
+        publishing: settings of topics and frames.
+        robot_time: maps the monotonic clock [ns] to the time of the run [s]; None while that is not known: then nothing
+            is published.
 
     Attributes:
-        tracker: names and judges the bodies.
-        untimed: frames that came before the time of the run was known.
-        held: frames whose stamp would have been that of the one before, since the run was paused, or would have gone
-            back a little.
+        tracker: names and validates the bodies.
+        untimed: frames received before the time of the run was known.
+        held: frames whose stamp would have equalled the last one, since the run was paused, or would have gone back a
+            little.
     """
 
     def __init__(self, node: Node, publishing: Publishing, robot_time: Callable[[int], float | None]) -> None:
@@ -121,11 +122,11 @@ class MocapPublisher:
         self._was_valid: dict[str, bool] = {}
 
     def describe(self, model: Model) -> None:
-        """Take a description."""
+        """Store a description."""
         self.tracker.describe(model)
 
     def restart(self) -> None:
-        """Another stream."""
+        """Prepare for another stream."""
         self.tracker.restart()
         self._next_tf = self._next_balls = float("-inf")
 
@@ -151,7 +152,7 @@ class MocapPublisher:
                 self._balls.publish(messages.marker_array(head, self.tracker.markers(frame)))
 
     def _time(self, exposed: int) -> float | None:
-        """Time of the run at an exposure [s]; of frames in order it rises, also where the run is paused."""
+        """Return the time of the run at an exposure [s]; it increases for frames in order, also in a paused run."""
         time = self._robot_time(exposed)
         if time is None or time < 0:
             return None
@@ -203,7 +204,7 @@ class MocapPublisher:
             tf.publish(TFMessage(transforms))
 
     def _of_body(self, pattern: str, body: str, kind: type) -> Publisher:
-        """The publisher of a topic of a body; `{}` in the pattern is replaced by its name."""
+        """Return the publisher of a body's topic; `{}` in the pattern is replaced by its name."""
         if (pattern, body) not in self._publishers:
             self._publishers[pattern, body] = self._advertise(pattern.format(ros_name(body)), kind)
         return self._publishers[pattern, body]
@@ -221,8 +222,7 @@ class MocapPublisher:
 
 
 def static_transform(publishing: Publishing, stamp: Any) -> Any:
-    """tf2_msgs/TFMessage: the pose of the stream's frame in the base, axes of the stream included; None where no base
-    is named."""
+    """Return tf2_msgs/TFMessage: the pose of the stream's frame, with its axes, in the base; None without a base."""
     base = publishing.base_frame or publishing.parent_frame
     if not base:
         return None
@@ -232,6 +232,6 @@ def static_transform(publishing: Publishing, stamp: Any) -> Any:
 
 
 def _next(due: float, time: float, rate: float) -> float:
-    """When the next one is due, on a grid, so that a rate is kept on average [s]."""
+    """Return the time at which the next one is due, on a grid, so that the mean rate is exact [s]."""
     following = due + 1 / rate
     return following if following > time else time + 1 / rate

@@ -1,5 +1,4 @@
-"""Motive's own recordings: started and ended on request, and beside each run that is recorded, under the name of the
-run."""
+"""Recordings by Motive: started and stopped on request, and with each recorded run, under the name of the run."""
 
 import queue
 import threading
@@ -17,11 +16,11 @@ Request = Callable[..., bytes]
 """(words, timeout [s]) -> response; `NatNetClient.request`."""
 START, STOP = "StartRecording", "StopRecording"
 TOPIC = "hric/experiment/recording"
-"""Of the recorder in this namespace: folder of the run whose recording has begun; empty: it has ended."""
+"""Topic of the recorder in this namespace: folder of the run whose recording has begun; empty: it has ended."""
 RETRY = 1.0
-"""Between attempts while Motive does not respond [s] (project default, unconfirmed)."""
+"""Time between attempts while Motive does not respond [s] (project default, unconfirmed)."""
 LAST_WORD = 0.5
-"""How long the end of a node may wait for Motive [s] (project default, unconfirmed)."""
+"""Longest time that the shutdown of a node waits for Motive [s] (project default, unconfirmed)."""
 
 
 def order(request: Request, words: str, timeout: float = 2.0) -> None:
@@ -36,22 +35,22 @@ def order(request: Request, words: str, timeout: float = 2.0) -> None:
 
 
 def start(request: Request, name: str) -> None:
-    """Begin a take, named where a name is given. Raises CommandError."""
+    """Start a take, with a name unless it is empty. Raises CommandError."""
     if name:
         order(request, f"SetRecordTakeName,{name}")
     order(request, START)
 
 
 class Refused(CommandError):
-    """Motive responds that it does not do it now."""
+    """Error of a command that Motive refuses at present."""
 
 
 class Recorder:
-    """Has Motive record while a run is recorded. Motive may come later than the run begins.
+    """Recorder that makes Motive record while a run is recorded; Motive may start later than the run.
 
     Args:
-        node: for messages.
-        request: sends one.
+        node: node for messages.
+        request: function that sends a request.
     """
 
     def __init__(self, node: RosNode, request: Request) -> None:
@@ -62,7 +61,7 @@ class Recorder:
         self._subscription = node.subscribe(node.beside(TOPIC), String, self._on_run)
 
     def close(self) -> None:
-        """End what was begun."""
+        """Stop a recording that was started."""
         self._subscription.unregister()
         self._runs.put(None)
         self._thread.join(LAST_WORD)
@@ -83,7 +82,7 @@ class Recorder:
                 time.sleep(RETRY)
 
     def _done(self, run: str, logged: bool) -> bool:
-        """Whether Motive did it, or refuses."""
+        """Return True if Motive executed the command, or refuses it."""
         if not run and not self._recording:
             return True
         try:

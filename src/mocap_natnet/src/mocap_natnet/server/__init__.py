@@ -1,4 +1,4 @@
-"""An emulated Motive: a scene, the protocol without sockets, and a server on UDP."""
+"""Emulated Motive: a scene, the protocol without sockets, and a server on UDP."""
 
 from hric_control.geometry import Track
 from mocap_natnet.server.motive import Motive

@@ -1,4 +1,4 @@
-"""The command without ROS: python3 -m mocap_natnet.server."""
+"""Command without ROS: python3 -m mocap_natnet.server."""
 
 import sys
 

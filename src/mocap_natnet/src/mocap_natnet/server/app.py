@@ -1,4 +1,4 @@
-"""The command `emulated_motive`."""
+"""Command `emulated_motive`."""
 
 import argparse
 import logging
@@ -26,7 +26,7 @@ from mocap_natnet.server.settings import Settings
 
 CLOCKS = ("run", "wall")
 TICK = 1.0
-"""Between ticks [s]."""
+"""Time between ticks [s]."""
 STREAM = ("rate", "transport", "unicast_to", "ip", "command_port", "data_port", "group", "client_timeout")
 FAULTS = ("latency", "jitter", "loss", "drift", "seed")
 SCENE_FAULTS = ("noise", "rotation_noise", "marker_noise", "occlusion_rate", "occlusion_length", "seed")
@@ -34,13 +34,13 @@ SCENE_FAULTS = ("noise", "rotation_noise", "marker_noise", "occlusion_rate", "oc
 
 
 class LiveScene(Live, Protocol):
-    """Sources whose bodies move in the time of the run."""
+    """Factory of sources whose bodies move in the time of the run."""
 
     run_of: Callable[[float], float | None]
 
 
 def parser() -> argparse.ArgumentParser:
-    """The command's arguments."""
+    """Return the parser of the command's arguments."""
     made = argparse.ArgumentParser(
         prog="rosrun mocap_natnet emulated_motive",
         description="An emulated Motive that streams by NatNet to any client. Needs no ROS master; where one is, the "
@@ -97,7 +97,7 @@ def _add_groups(made: argparse.ArgumentParser) -> None:
 
 
 def _add(group: argparse._ArgumentGroup, settings: Declared, names: Sequence[str]) -> None:
-    """Options of declared parameters, with the values of `settings` as defaults."""
+    """Add options of declared parameters, with the values of `settings` as defaults."""
     for name in names:
         parameter, default = declared(type(settings))[name], getattr(settings, name)
         choices = parameter.accepts.split(", ") if parameter.kind.startswith("`") else None
@@ -112,7 +112,7 @@ def _add(group: argparse._ArgumentGroup, settings: Declared, names: Sequence[str
 
 
 def occlusion(words: str) -> tuple[float, float, str]:
-    """BEGIN:DURATION[:BODY]. Raises ParameterError."""
+    """Return the occlusion of BEGIN:DURATION[:BODY]. Raises ParameterError."""
     begin, _, rest = words.partition(":")
     duration, _, body = rest.partition(":")
     try:
@@ -124,7 +124,7 @@ def occlusion(words: str) -> tuple[float, float, str]:
 
 
 def make_motive(options: argparse.Namespace, live: Live | None = None) -> Motive:
-    """What the arguments describe; `live` makes sources that follow the running system. Raises HricError."""
+    """Return the Motive of the arguments; `live` makes sources of the running system. Raises HricError."""
     given = vars(options)
     settings = Settings(version=parse(options.bitstream), **{name: given[name] for name in (*STREAM, *FAULTS)})
     occlusions = tuple(map(occlusion, options.occlude))
@@ -152,14 +152,14 @@ def serve(
     """Run until SIGINT, SIGTERM or the end of the duration.
 
     Args:
-        options: of `parser`.
-        clock: by which the stream goes; None: the wall's.
+        options: options of `parser`.
+        clock: clock of the stream; None: the wall clock.
         tick: called once a second; a HricError of it ends the server.
-        live: makes sources that follow the running system; gets the map from the stream's time to the clock's.
-        on_reached: as of `MotiveServer`.
+        live: factory of sources that follow the running system; gets the map from the stream's time to the clock's.
+        on_reached: see `MotiveServer`.
 
     Raises:
-        HricError: the options cannot be used, or `tick` says so.
+        HricError: the options cannot be used, or raised by `tick`.
     """
     if not options.duration >= 0:
         raise ParameterError(f"--duration is {options.duration}; valid: 0 or more")
@@ -190,10 +190,10 @@ def serve(
 
 
 class _Ticker:
-    """Calls `tick` each second beside the server, and ends it in time.
+    """Thread that calls `tick` each second and stops the server after the duration.
 
     Attributes:
-        failure: of `tick`.
+        failure: error of `tick`.
     """
 
     def __init__(self, server: MotiveServer, tick: Callable[[], None], duration: float) -> None:
@@ -203,7 +203,7 @@ class _Ticker:
         threading.Thread(target=self._work, name="ticker", daemon=True).start()
 
     def end(self) -> None:
-        """Call no more."""
+        """Stop the calls."""
         self._ended.set()
 
     def _work(self) -> None:
@@ -218,13 +218,13 @@ class _Ticker:
 
 
 def options_of(words: Sequence[str] | None) -> argparse.Namespace:
-    """The command line, without the names and remappings that roslaunch adds for rospy."""
+    """Return the options of the command line, without the names and remappings that roslaunch adds for rospy."""
     given = sys.argv[1:] if words is None else words
     return parser().parse_args([word for word in given if word.startswith("-") or ":=" not in word])
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """The command without ROS. Returns its exit code."""
+    """Run the command without ROS, and return its exit code."""
     options = options_of(words)
     logging.basicConfig(format="[%(levelname)s] %(message)s")
     logging.getLogger("hric").setLevel(logging.INFO)  # rospy's own, where it is loaded, is of no interest

@@ -1,4 +1,4 @@
-"""The motion of a body from a recorded bag. Needs no ROS."""
+"""Motion of a body from a recorded bag. Needs no ROS."""
 
 from collections.abc import Iterator
 from itertools import pairwise
@@ -16,16 +16,16 @@ FRAMES, POSES = "hric_msgs/msg/MocapData", "geometry_msgs/msg/PoseStamped"
 
 
 def from_bag(path: Path, topic: str, body: str = "", up: str = "z") -> Track:
-    """A track that begins at the bag's first pose of the body; before and after the recording it rests.
+    """Return a track that begins at the bag's first pose of the body and is constant before and after.
 
     Args:
-        path: of the bag.
-        topic: of hric_msgs/MocapData or geometry_msgs/PoseStamped.
+        path: path of the bag.
+        topic: topic of hric_msgs/MocapData or geometry_msgs/PoseStamped.
         body: name in the frames of MocapData; "": the first.
-        up: axis that points up in what was recorded, y or z.
+        up: axis that points up in the recording, y or z.
 
     Raises:
-        ParameterError, UnknownNameError: the bag, the topic or the body is not there; lists what is.
+        ParameterError, UnknownNameError: the bag, the topic or the body does not exist; lists existing ones.
     """
     if not path.is_file():
         raise ParameterError(f"there is no bag {path}")
@@ -57,7 +57,7 @@ def _poses(reader: Any, path: Path, topic: str, body: str) -> Iterator[tuple[flo
 
 
 def _body(message: Any, body: str, path: Path) -> Pose | None:
-    """Return the pose of a body in a frame; None where it was not tracked."""
+    """Return the pose of a body in a frame; None if it was not tracked."""
     matching = [candidate for candidate in message.rigid_bodies if body in ("", candidate.name)]
     if not matching:
         raise UnknownNameError("body", body, [candidate.name for candidate in message.rigid_bodies], f"bag {path}")

@@ -1,4 +1,4 @@
-"""The motion of a body, and of each of its markers, from a c3d file. Needs no ROS."""
+"""Motion of a body, and of each of its markers, from a c3d file. Needs no ROS."""
 
 import math
 from collections.abc import Sequence
@@ -12,24 +12,24 @@ from hric_control.trial.c3d import Trial
 from mocap_natnet.rigid_body import on_one_line, poses_of_points
 
 ON_FRAME = 1e-6
-"""A time so near to one of a frame is that of the frame [frames]."""
+"""Largest distance of a time from a frame's that counts as equal [frames]."""
 
 
 class RecordedBody:
-    """A rigid body made of markers of a trial: a source of its pose, and what was seen of its markers.
+    """Rigid body made of markers of a trial: a source of its pose and its visible markers.
 
     The body's axes are those of the laboratory in the first frame that shows all of its markers, its origin is their
-    middle. With three markers or more its pose is fitted to those that are seen, three at least; with one or two it
-    keeps its axes, and all have to be seen. Before the first frame it rests where it is seen first, after the last one
-    as it is there.
+    middle. With three markers or more its pose is fitted to the visible ones, three at least; with one or two its
+    orientation is constant, and all must be visible. Before its first and after its last visible frame the pose is
+    constant.
 
     Args:
-        trial: what was recorded.
-        labels: of its markers, in the trial.
+        trial: recorded trial.
+        labels: labels of its markers in the trial.
 
     Attributes:
-        markers: in the body [m].
-        duration: of the trial [s].
+        markers: positions in the body [m].
+        duration: duration of the trial [s].
 
     Raises:
         HricError: no such marker, no frame shows all of them, or three or more of them are on one line.
@@ -61,16 +61,16 @@ class RecordedBody:
         self._track = Track((frames / self._rate).tolist(), poses)
 
     def pose(self, time: float) -> Pose:
-        """Where it is at a time of the trial [s]; where it was not seen, on the straight way between where it was."""
+        """Return the pose at a time of the trial [s]; gaps are interpolated linearly."""
         return self._track(time)
 
     def __call__(self, time: float) -> Pose | None:
-        """The same; None where it was not seen."""
+        """Return the pose at a time of the trial [s]; None if it was not visible."""
         before, after, _ = self._frames(time)
         return self._track(time) if self._tracked[before] and self._tracked[after] else None
 
     def seen(self, time: float) -> tuple[Vector | None, ...]:
-        """Where each of its markers was [m], on a straight line between two frames; None: not seen in one of them."""
+        """Return the position of each marker [m], linear between two frames; None: not visible in one of them."""
         before, after, share = self._frames(time)
         points = (
             (1 - share) * self._positions[before] + share * self._positions[after] if share else self._positions[before]
@@ -78,7 +78,7 @@ class RecordedBody:
         return tuple((x, y, z) if x == x else None for x, y, z in points.tolist())
 
     def _frames(self, time: float) -> tuple[int, int, float]:
-        """The frames about a time, and what share of the step from the one to the other it is past the first."""
+        """Return the frames around a time, and the position between them from 0 to 1."""
         last = len(self._positions) - 1
         if time < 0.0:
             first = int(np.argmax(self._tracked))
@@ -92,7 +92,7 @@ class RecordedBody:
 
 
 def labels_of(trial: Trial, name: str) -> list[str]:
-    """Markers of a body whose labels begin with its name, as exports of this workspace have them ("hand_1").
+    """Return the markers of a body whose labels begin with its name, as in exports of this workspace ("hand_1").
 
     Raises:
         HricError: there are none; lists the labels.
@@ -110,8 +110,7 @@ def labels_of(trial: Trial, name: str) -> list[str]:
 def _fit(
     in_body: FloatArray, seen: FloatArray, there: NDArray[np.bool_]
 ) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
-    """(p (frames, 3), R (frames, 3, 3), which frames have them (frames,)): of the body in each frame that shows enough
-    of it."""
+    """Return p (frames, 3), R (frames, 3, 3) and validity (frames,) of the body in frames with enough markers."""
     frames, count = there.shape
     p, R, tracked = np.zeros((frames, 3)), np.tile(np.eye(3), (frames, 1, 1)), np.zeros(frames, dtype=bool)
     patterns, which = np.unique(there, axis=0, return_inverse=True)

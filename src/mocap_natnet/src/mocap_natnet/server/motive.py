@@ -1,4 +1,4 @@
-"""What Motive says on the wire, without sockets: frames of a scene, responses to requests, who gets what."""
+"""Protocol of Motive, without sockets: frames of a scene, responses to requests, and their receivers."""
 
 import struct
 from collections.abc import Callable
@@ -18,7 +18,7 @@ Outgoing = list[tuple[bytes, Address]]
 NAME = "Motive"
 APPLICATION = (3, 1, 0, 0)
 RUBBISH = bytes(range(0x80, 0x100)) * 2
-"""Real packets hold what the memory held before behind the name."""
+"""Bytes behind the name, like the old memory contents in real packets."""
 _OK = struct.pack("<i", 0)
 _FAILED = struct.pack("<i", 1)
 _DONE_BY_NAME = (
@@ -43,30 +43,30 @@ _ACCEPTED = frozenset(
         *("EnableAsset", "DisableAsset", "SubscribeToData", "SubscribeByID", "SubscribedDataOnly"),
     )
 )
-"""The response is "done"; they have no effect."""
+"""Commands with the response "done" and no effect."""
 
 
 @dataclass
 class _Client:
-    """Who gets frames by unicast."""
+    """Receiver of frames by unicast."""
 
     version: Version
     received: float
 
 
 class Motive:
-    """The server's state.
+    """State of the emulated Motive.
 
     Args:
-        settings: how it streams.
-        scene: what it sees.
+        settings: settings of the stream.
+        scene: scene of the cameras.
 
     Attributes:
-        recording: whether a take is being recorded.
-        take: its name.
+        recording: True while a take is being recorded.
+        take: name of the take.
         live: False in edit mode, in which nothing is streamed.
-        hardware: time of the stream -> time by the server's own clock, which goes on while a stream in robot time
-            pauses [s].
+        hardware: time of the stream -> time by the server's clock, which continues while a stream in robot time pauses
+            [s].
     """
 
     def __init__(self, settings: Settings, scene: Scene) -> None:
@@ -80,27 +80,27 @@ class Motive:
 
     @property
     def clients(self) -> tuple[Address, ...]:
-        """Who gets frames by unicast."""
+        """Receivers of frames by unicast."""
         return tuple(self._clients)
 
     @property
     def version(self) -> Version:
-        """The bitstream that it speaks now."""
+        """Current bitstream."""
         return self._version
 
     def change_version(self, version: Version) -> None:
-        """Speak another bitstream from the next frame on, as after a change of Motive's settings. Raises CodecError."""
+        """Change the bitstream from the next frame on, as after a change of Motive's settings. Raises CodecError."""
         self._codec(version)
         self._version, self._pending_flags = version, self._pending_flags | VERSION_CHANGED
         for client in self._clients.values():
             client.version = version
 
     def change_scene(self, scene: Scene) -> None:
-        """See something else from the next frame on; a flag of that frame says that the description changed."""
+        """Change the scene from the next frame on; a flag of that frame says that the description changed."""
         self.scene, self._pending_flags = scene, self._pending_flags | MODEL_CHANGED
 
     def delay(self, number: int) -> float | None:
-        """Latency of a frame [s]; None: it is lost. Repeats with the seed."""
+        """Return the latency of a frame [s]; None: it is lost. Repeatable by the seed."""
         settings = self.settings
         if not settings.jitter and not settings.loss:
             return settings.latency
@@ -108,7 +108,7 @@ class Motive:
         return None if lost < settings.loss else settings.latency + share * settings.jitter
 
     def frame(self, number: int) -> Frame:
-        """The frame whose exposure's middle is at number / rate of the stream; sent after its latency."""
+        """Return the frame with its exposure's middle at number / rate of the stream; it is sent after its latency."""
         settings = self.settings
         time = number * settings.period
         sent = time + (self.delay(number) or settings.latency)
@@ -127,15 +127,15 @@ class Motive:
         return self.scene.frame(number, time, settings.period, suffix)
 
     def datagram(self, frame: Frame, version: Version | None = None) -> bytes:
-        """A frame in a bitstream (default: the server's)."""
+        """Return the datagram of a frame in a bitstream (default: the server's)."""
         return self._codec(version or self._version).encode_frame(frame)
 
     def stream(self, frame: Frame, time: float) -> Outgoing:
-        """The datagrams of a frame and where they go.
+        """Return the datagrams of a frame and their destinations.
 
         Args:
-            frame: of `frame()`.
-            time: by the server's own clock, to forget silent clients by [s].
+            frame: frame from `frame()`.
+            time: time by the server's clock, to remove silent clients [s].
         """
         settings = self.settings
         if not self.live:
@@ -160,13 +160,13 @@ class Motive:
         return found
 
     def respond(self, datagram: bytes, sender: Address, time: float, latest: int | None = None) -> Outgoing:
-        """The responses to a datagram; none to what is no request.
+        """Return the responses to a datagram; empty if it is not a request.
 
         Args:
-            datagram: as it came.
-            sender: who sent it.
-            time: when it came, by the server's own clock [s].
-            latest: number of the latest frame; None: where the stream goes by the same clock.
+            datagram: received datagram.
+            sender: its sender.
+            time: when it came, by the server's clock [s].
+            latest: number of the latest frame; None: if the stream uses the same clock.
         """
         try:
             message, end = packets.split(datagram)
@@ -202,7 +202,7 @@ class Motive:
         return client.version if client else self._version
 
     def _may_speak(self, version: Version) -> bool:
-        """Whether a unicast client may request a bitstream."""
+        """Return True if a unicast client may request a bitstream."""
         return self.settings.transport == "unicast" and self._version >= (3, 0) and (3, 0) <= version <= self._version
 
     def _connect(self, payload: bytes, sender: Address, time: float) -> bytes:
@@ -254,7 +254,7 @@ class Motive:
         return packet(Message.UNRECOGNIZED_REQUEST)
 
     def _control(self, name: str, argument: str) -> bool:
-        """Carry out a command of the timeline; False where it cannot be done now."""
+        """Execute a command of the timeline; False if it cannot be done now."""
         if name == "StartRecording":
             if not self.live:
                 return False

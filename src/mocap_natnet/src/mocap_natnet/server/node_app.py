@@ -1,4 +1,4 @@
-"""The node `emulated_motive`: the command, in the time of the run where there is one."""
+"""Node `emulated_motive`: the command, in the time of the run if there is one."""
 
 import contextlib
 import logging
@@ -28,15 +28,15 @@ from mocap_natnet.server.server import LOG
 from mocap_natnet.server.sources import History, Source
 
 LOOK = 0.02
-"""Between two looks at a link [s of wall time]. The constants of this file are project defaults, unconfirmed."""
+"""Time between two checks of a link [s of wall time]. The constants of this file are project defaults, unconfirmed."""
 REQUEST_PERIOD = 0.1
-"""Between two requests for a link that tf does not know [s of wall time]."""
+"""Time between two requests for a link that tf does not know [s of wall time]."""
 STATES, SERVICE = "sim/link_states", "sim/get_link_state"
 NAME = "emulated_motive"
 
 
 class LiveSources:
-    """Makes sources that follow the running system.
+    """Factory of sources that follow the running system.
 
     Args:
         node: private node.
@@ -54,11 +54,11 @@ class LiveSources:
         self._links: list[_Link] = []
 
     def close(self) -> None:
-        """Look no more."""
+        """Stop following links."""
         self._ended.set()
 
     def topic(self, name: str) -> Source:
-        """Follows geometry_msgs/PoseStamped by its stamps; a stamp of 0 counts as the time of arrival."""
+        """Return a source of geometry_msgs/PoseStamped by its stamps; a stamp of 0 counts as the time of arrival."""
         history = History()
 
         def add(message: Any) -> None:
@@ -70,12 +70,11 @@ class LiveSources:
         return self._in_stream(history)
 
     def link(self, name: str, frame: str) -> Source:
-        """Follows a link: by `sim/link_states` where somebody publishes it, by tf, or by the service
-        `sim/get_link_state`.
+        """Return a source that follows a link: by `sim/link_states` if published, by tf, or by `sim/get_link_state`.
 
         Args:
-            name: of the link; `model::link` of another model of the simulation.
-            frame: in which its poses are.
+            name: name of the link; `model::link` of another model of the simulation.
+            frame: frame of its poses.
         """
         if not self._links:
             self._buffer = tf2_ros.Buffer()
@@ -115,7 +114,7 @@ class LiveSources:
         except tf2_ros.TransformException:
             return False
         t, r = found.transform.translation, found.transform.rotation
-        stamp = found.header.stamp.to_sec() or self._robot_time.now()  # 0: it never moves
+        stamp = found.header.stamp.to_sec() or self._robot_time.now()  # 0: a static transform
         if stamp is not None and stamp > link.history.last:
             link.history.add(stamp, Pose((t.x, t.y, t.z), normalized((r.x, r.y, r.z, r.w))))
         return True
@@ -133,8 +132,10 @@ class _Link:
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Run until the shutdown request; without a master, or with --clock wall, as the command without ROS. Returns the
-    exit code."""
+    """Run until the shutdown request, and return the exit code.
+
+    Without a master, or with --clock wall, it runs as the command without ROS.
+    """
     options = app.options_of(words)
     check_private(NAME)
     end_with_roslaunch()

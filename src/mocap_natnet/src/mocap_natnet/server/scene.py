@@ -1,4 +1,4 @@
-"""What the emulated cameras see: rigid bodies with markers, skeletons, force plates, and what goes wrong with them."""
+"""Scene of the emulated cameras: rigid bodies with markers, skeletons, force plates, and measurement faults."""
 
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
@@ -22,24 +22,24 @@ TRIANGLE: tuple[Vector, ...] = ((0.06, -0.02, 0.0), (-0.04, -0.03, 0.0), (-0.02,
 MARKER_SIZE = 0.014
 """Diameter of a common passive marker [m]."""
 MARKER_FLAGS = POINT_CLOUD | OF_ASSET
-"""As captures show them for a marker of an asset."""
+"""Flags of an asset's marker, as in captures."""
 PLATE_CHANNELS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 NO_SUFFIX = Suffix()
 BLOCK = 64
-"""Frames whose noise is drawn at once: a generator of random numbers costs as much as all else of a frame."""
+"""Frames whose noise is drawn at once: a random number generator costs as much as the rest of a frame."""
 
 
 @dataclass(frozen=True)
 class Body:
-    """A rigid body.
+    """Rigid body.
 
     Args:
-        name: in the description.
-        source: what moves it.
+        name: name in the description.
+        source: source of its motion.
         id: streaming id, 1 to 32767.
-        markers: in the body, z up [m].
-        seen: time of the stream [s] -> where each of the markers is seen, z up [m], None: it is not; None: where the
-            pose puts them.
+        markers: positions in the body, z up [m].
+        seen: time of the stream [s] -> measured position of each marker, z up [m], None: not visible; None: computed
+            from the pose.
     """
 
     name: str
@@ -55,13 +55,13 @@ class Body:
 
 @dataclass(frozen=True)
 class Plate:
-    """A force plate of 0.6 x 0.4 m.
+    """Force plate of 0.6 x 0.4 m.
 
     Args:
         source: time of the stream [s] -> Fx, Fy, Fz [N], Mx, My, Mz [N m], in the plate's axes.
         id, serial: as described.
-        centre: of the surface, z up [m].
-        samples: per frame of the cameras.
+        centre: centre of the surface, z up [m].
+        samples: samples per frame of the cameras.
     """
 
     source: Callable[[float], tuple[float, ...]]
@@ -72,7 +72,7 @@ class Plate:
 
 
 def _occlusion(given: Any, where: str, joints: Sequence[str]) -> tuple[float, float, str]:
-    """[begin [s], duration [s]] or with the name of a body besides."""
+    """Return an occlusion from [begin [s], duration [s]], optionally with the name of a body."""
     named = isinstance(given, list | tuple) and len(given) == 3
     span, body = (given[:2], given[2]) if named else (given, "")
     if not isinstance(body, str):
@@ -86,7 +86,7 @@ OCCLUSION = Parameter("row", "[begin, duration] or [begin, duration, body]", _oc
 
 @dataclass(frozen=True)
 class Faults(Settings):
-    """What is wrong with what is seen; all of it repeats with the seed."""
+    """Measurement faults; repeatable by the seed."""
 
     noise: float = number(0.0, minimum=0.0, unit="m", text="of positions of bodies, standard deviation per axis")
     rotation_noise: float = number(0.0, minimum=0.0, unit="rad", text="of their orientations, per axis")
@@ -104,9 +104,9 @@ class Scene:
     Args:
         bodies: with different names and ids.
         plates: force plates.
-        faults: what is wrong with what is seen.
+        faults: measurement faults.
         up: axis that points up in the stream, y or z.
-        describe_plates: whether the description has the plates; some clients cannot read that.
+        describe_plates: True if the description contains the plates; some clients cannot read that.
         skeletons: with names and ids that no body has.
     """
 
@@ -135,13 +135,13 @@ class Scene:
         self._blinks, self._noise = _Blinks(self.faults), _Noise(self.faults, sizes)
 
     def frame(self, number: int, time: float, period: float, suffix: Suffix = NO_SUFFIX) -> Frame:
-        """What is seen at the middle of an exposure.
+        """Return the measurement at the middle of an exposure.
 
         Args:
-            number: of the frame.
-            time: of the stream [s].
+            number: number of the frame.
+            time: time of the stream [s].
             period: between frames [s]; the samples of a plate are spread over the one before `time`.
-            suffix: of the frame.
+            suffix: suffix of the frame.
         """
         bodies, markers, sets, noises = list[RigidBody](), list[Marker](), list[MarkerSet](), self._noise.of(number)
         for body, noise in zip(self.bodies, noises, strict=False):
@@ -180,7 +180,7 @@ class Scene:
         )
 
     def model(self) -> d.Model:
-        """The description."""
+        """Return the description."""
         found: list[d.Description] = []
         for body in self.bodies:
             names = tuple(f"Marker{index}" for index in range(1, len(body.markers) + 1))
@@ -219,7 +219,7 @@ class Scene:
         return self._labelled(body.id, positions, noise[6:])
 
     def _labelled(self, asset: int, positions: Sequence[Vector | None], noise: Sequence[float]) -> list[Marker]:
-        """Markers of a body or skeleton, those that are seen."""
+        """Return the visible markers of a body or skeleton."""
         size, up, found = self.faults.marker_noise, self.up, list[Marker]()
         for index, exact in enumerate(positions, 1):
             if exact is None:
@@ -232,7 +232,7 @@ class Scene:
     def _skeleton(
         self, skeleton: Skeleton, noise: Sequence[float], time: float
     ) -> tuple[list[RigidBody], list[Marker]]:
-        """Its bones, in global coordinates, and its markers; both are hidden as a whole."""
+        """Return a skeleton's bones, in global coordinates, and its markers; both are occluded together."""
         poses, positions = skeleton.source(time)
         hidden = self._hidden(skeleton.name, time)
         bones = [
@@ -262,8 +262,10 @@ class Scene:
 
 
 class _Noise:
-    """Standard normal numbers of each body and skeleton in each frame: three for a position, three for an orientation,
-    three for each marker. They do not depend on the order of calls."""
+    """Standard normal numbers of each body and skeleton in each frame, independent of the order of calls.
+
+    They are three for a position, three for an orientation, three for each marker.
+    """
 
     def __init__(self, faults: Faults, sizes: Sequence[int]) -> None:
         self._seed, self._sizes = faults.seed, sizes
@@ -272,7 +274,7 @@ class _Noise:
         self._block, self._rows = -1, list[list[list[float]]]()
 
     def of(self, number: int) -> list[list[float]]:
-        """By body, then by skeleton."""
+        """Return the numbers by body, then by skeleton."""
         if self._silent:
             return self._zeros
         block, index = divmod(number, BLOCK)
@@ -287,7 +289,7 @@ class _Noise:
 
 
 class _Blinks:
-    """Random occlusions, drawn as time goes on."""
+    """Random occlusions, drawn as time advances."""
 
     def __init__(self, faults: Faults) -> None:
         self._faults, self._random = faults, np.random.default_rng((faults.seed, 2**31))
@@ -296,7 +298,7 @@ class _Blinks:
         self._until = 0.0
 
     def at(self, time: float) -> bool:
-        """Whether one is going on."""
+        """Return True during an occlusion."""
         if self._faults.occlusion_rate <= 0:
             return False
         while self._until <= time:

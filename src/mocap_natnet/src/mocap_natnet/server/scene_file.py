@@ -1,4 +1,4 @@
-"""A scene from YAML."""
+"""Scene from YAML."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,22 +19,24 @@ DEFAULT_BODIES = (Body("marker", Sinusoid()),)
 
 
 class Live(Protocol):
-    """Makes sources that follow the running system (`mocap_natnet.server.node_app`)."""
+    """Factory of sources that follow the running system (`mocap_natnet.server.node_app`)."""
 
     def topic(self, name: str) -> Source:
-        """Follows a topic of poses."""
+        """Return a source that follows a topic of poses."""
 
     def link(self, name: str, frame: str) -> Source:
-        """Follows a link of the robot or the simulation."""
+        """Return a source that follows a link of the robot or the simulation."""
 
 
 def load(path: Path, faults: Faults, up: str, describe_plates: bool = True, live: Live | None = None) -> Scene:
-    """The scene of a file (INTERFACE.md gives its keys).
+    """Return the scene of a file (INTERFACE.md gives its keys).
 
     Args:
-        path: of the file.
-        faults, up, describe_plates: of the scene.
-        live: makes what follows the running system; None: there is none.
+        path: path of the file.
+        faults: measurement faults of the scene.
+        up: axis that points up in the stream.
+        describe_plates: see `Scene`.
+        live: factory of sources that follow the running system; None: there is none.
 
     Raises:
         ParameterError, UnknownNameError: the file cannot be used.
@@ -46,10 +48,10 @@ def load(path: Path, faults: Faults, up: str, describe_plates: bool = True, live
 
 
 class _Motion(Settings):
-    """What moves a body."""
+    """Settings of a body's motion."""
 
     def source(self, folder: Path, live: Live | None) -> Source:
-        """The same as a source; folder: where relative paths begin."""
+        """Return the source of the motion; folder: base of relative paths."""
         raise NotImplementedError
 
 
@@ -113,7 +115,7 @@ class _TrialFile(Settings):
     up: str = text("")
 
     def trial(self, folder: Path) -> Trial:
-        """What the file holds."""
+        """Return the trial of the file."""
         return read_trial((folder / self.path).expanduser().absolute(), self.up)
 
 
@@ -122,13 +124,13 @@ class _Recorded(_TrialFile):
     labels: tuple[str, ...] | None = names(None, None)
 
     def body(self, folder: Path, name: str) -> RecordedBody:
-        """The body of that name."""
+        """Return the body of that name."""
         trial = self.trial(folder)
         return RecordedBody(trial, list(self.labels) if self.labels else labels_of(trial, name))
 
 
 def _running(live: Live | None) -> Live:
-    """What makes sources that follow the running system. Raises ParameterError: there is none."""
+    """Return the factory of live sources. Raises ParameterError if there is none."""
     if live is None:
         raise ParameterError(
             "a motion by topic or link follows the running system, and there is no ROS master; "
@@ -166,7 +168,7 @@ MOTIONS: dict[str, type[Settings]] = {
     "topic": _Topic,
     "link": _Link,
 }
-"""By their type; c3d brings the markers along."""
+"""Settings by type of motion; c3d also provides the markers."""
 
 
 @dataclass(frozen=True)
@@ -177,12 +179,12 @@ class _Body(Settings):
     motion: _Motion | _Recorded = variant("type", MOTIONS)
 
     def check(self, where: str) -> None:
-        """Refuse markers beside those of a file."""
+        """Refuse markers in addition to those of a file."""
         if isinstance(self.motion, _Recorded) and self.markers:
             raise ParameterError(f"{where}markers: those of motion c3d are in the file; valid: labels in motion")
 
     def built(self, folder: Path, number: int, live: Live | None) -> Body:
-        """The body; number: its id where none is given."""
+        """Return the body; number: default of its id."""
         id_ = number if self.id is None else self.id
         if isinstance(self.motion, _Recorded):
             recorded = self.motion.body(folder, self.name)
@@ -205,14 +207,14 @@ class _Plate(Settings):
     recorded: _RecordedPlate | None = section(_RecordedPlate, None)
 
     def check(self, where: str) -> None:
-        """Refuse what a recorded plate brings along."""
+        """Refuse keys that a recorded plate provides."""
         if self.recorded is not None and (self.centre or self.wrench):
             raise ParameterError(
                 f"{where}centre and wrench of a recorded plate are in the file; valid: id, serial, samples"
             )
 
     def built(self, folder: Path, number: int) -> Plate:
-        """The plate; number: its id where none is given."""
+        """Return the plate; number: default of its id."""
         wrench, centre = self.wrench or (0.0,) * 6, self.centre or (0.0, 0.0, 0.0)
         id_, serial = number if self.id is None else self.id, self.serial or f"emulated-{number}"
         if self.recorded is None:
@@ -228,6 +230,6 @@ class _Scene(Settings):
     plates: tuple[_Plate, ...] = listing(section(_Plate), default=())
 
     def check(self, where: str) -> None:
-        """Refuse an empty one."""
+        """Refuse an empty scene."""
         if not self.bodies and not self.plates:
             raise ParameterError(f"{where.rstrip(': ')} has neither bodies nor plates")

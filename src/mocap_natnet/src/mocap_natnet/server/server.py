@@ -1,4 +1,4 @@
-"""The emulated Motive on UDP."""
+"""Emulated Motive on UDP."""
 
 import contextlib
 import heapq
@@ -16,32 +16,31 @@ from mocap_natnet.server.motive import Motive, Outgoing
 LOG = logging.getLogger("hric.mocap_natnet")
 MAX_DATAGRAM = 65536
 LATE = 1.0
-"""A stream that is this far behind goes on from now instead of catching up [s] (project default, unconfirmed)."""
+"""Delay beyond which a stream continues from now instead of catching up [s] (project default, unconfirmed)."""
 IDLE = 0.1
-"""Longest sleep, after which a request to stop is noticed [s]."""
+"""Longest sleep before a request to stop is noticed [s]."""
 STANDING = 0.005
 """Sleep while the stream pauses, as it does in a paused run [s]."""
 
 
 class MotiveServer:
-    """Streams. Use as a context, or `start()` and `close()`, or `run()` in the calling thread.
+    """Server of an emulated Motive. Use as a context, or `start()` and `close()`, or `run()` in the calling thread.
 
-    The scene is looked at when a frame is sent, its latency after the exposure, so that a source may receive what
-    happens at the exposure until then.
+    The scene is evaluated when a frame is sent, its latency after the exposure, so that a source may receive data of
+    the exposure until then.
 
     Args:
-        motive: what it says.
-        clock: by which the stream goes: the wall's, or a `RobotTime`, so that the cameras pause with the run. The
-            stream's time begins at 0 when the server starts and the clock is known. What the server's ticks count goes
-            on all the time.
-        on_reached: called, in the stream's thread, with the time by the clock up to which all is sent [s].
+        motive: emulated Motive.
+        clock: clock of the stream: the wall clock, or a `RobotTime`, so that the cameras pause with the run. The
+            stream's time begins at 0 when the server starts and the clock is known. The server's ticks never pause.
+        on_reached: called, in the stream's thread, with the clock time up to which all is sent [s].
 
     Attributes:
         sent: frames that were sent, whether a client received them or not.
         progress: (number of the latest of them, how many), both of the same moment.
 
     Raises:
-        HricError: the address or the port cannot be taken.
+        HricError: the address or the port is in use.
     """
 
     def __init__(
@@ -76,17 +75,17 @@ class MotiveServer:
 
     @property
     def command_port(self) -> int:
-        """Where requests arrive."""
+        """Port of requests."""
         port: int = self._command.getsockname()[1]
         return port
 
     @property
     def time(self) -> float:
-        """Of the stream [s]."""
+        """Time of the stream [s]."""
         return self._time.now()
 
     def robot_time(self, stream: float) -> float | None:
-        """The time by the clock [s] at a time of the stream [s]; None while it is not known."""
+        """Return the clock time [s] at a time of the stream [s]; None while it is not known."""
         return self._time.clock_time(stream)
 
     def start(self) -> None:
@@ -102,11 +101,11 @@ class MotiveServer:
         self.close()
 
     def stop(self) -> None:
-        """End `run()` soon; may be called in a signal handler."""
+        """Stop `run()` soon; may be called in a signal handler."""
         self._stop.set()
 
     def close(self) -> None:
-        """End and release the ports."""
+        """Stop and release the ports."""
         self.stop()
         if self._thread is not None:
             self._thread.join()
@@ -131,14 +130,14 @@ class MotiveServer:
             self._respond(self.wait(min(now + IDLE, pending.next)))
 
     def wait(self, until: float) -> float:
-        """How long to sleep until a time of the stream [s of wall time]; 0: it has come. At most `IDLE`."""
+        """Return the sleep until a time of the stream [s of wall time], at most `IDLE`; 0: the time has come."""
         wait = self._time.hardware(until) - self._time.hardware_now()
         if wait > 0:
             return min(IDLE, wait)
         return 0.0 if until <= self.time else STANDING
 
     def _respond(self, wait: float) -> None:
-        """Respond to what comes within `wait` [s]."""
+        """Respond to datagrams that arrive within `wait` [s]."""
         ready, _, _ = select.select([self._command], [], [], wait)
         while ready:
             try:
@@ -168,12 +167,11 @@ class _Pending:
 
     @property
     def next(self) -> float:
-        """When the next one is due [s]."""
+        """Time at which the next frame is due [s]."""
         return self._heap[0][0] if self._heap else float("inf")
 
     def look_ahead(self, now: float) -> None:
-        """Find the next one that is due within `IDLE`, so that nobody need wake at an exposure: those beyond it are all
-        due later."""
+        """Find the next frame due within `IDLE`, so that no wake-up at exposures is needed; others are due later."""
         settings = self._motive.settings
         period, latency = settings.period, settings.latency
         late = now - latency - self._number * period
@@ -187,5 +185,5 @@ class _Pending:
             self._number += 1
 
     def pop(self, now: float) -> int | None:
-        """A frame that is due."""
+        """Return a frame that is due."""
         return heapq.heappop(self._heap)[1] if self._heap and self._heap[0][0] <= now else None

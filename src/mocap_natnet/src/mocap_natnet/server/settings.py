@@ -1,4 +1,4 @@
-"""How the emulated Motive streams."""
+"""Settings of the emulated Motive's stream."""
 
 from dataclasses import dataclass
 
@@ -11,9 +11,9 @@ from mocap_natnet.codec.packets import COMMAND_PORT, DATA_PORT, MULTICAST_GROUP
 TRANSPORTS = ("unicast", "multicast")
 UNICAST_TO = ("endpoint", "data_port", "both")
 MAX_RATE = 10_000.0
-"""[Hz], project default, unconfirmed."""
+"""Highest rate [Hz], project default, unconfirmed."""
 FREQUENCIES = (10_000_000, 3_312_787)
-"""Ticks per second of servers that were seen: newer Windows, an older one."""
+"""Ticks per second of observed servers: newer Windows, an older one."""
 
 
 @dataclass(frozen=True)
@@ -58,9 +58,9 @@ class Settings(Base):
 
     @property
     def period(self) -> float:
-        """Between frames [s]."""
+        """Time between frames [s]."""
         return 1.0 / self.rate
 
     def ticks(self, time: float) -> int:
-        """What the server's clock shows at a time of the stream [s]."""
+        """Return the ticks of the server's clock at a time of the stream [s]."""
         return round((self.epoch + time * (1.0 + 1e-6 * self.drift)) * self.frequency)

@@ -1,4 +1,4 @@
-"""A skeleton that the emulated cameras see: bones, and markers that are labelled by it."""
+"""Skeleton of the emulated cameras: bones, and markers labelled by it."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -9,17 +9,17 @@ from hric_control.geometry.quaternions import Vector
 from mocap_natnet.codec import descriptions as d
 
 NO_BONE = 0
-"""Number of the parent of a bone that hangs on none; bones are numbered from 1 on."""
+"""Parent number of a root bone; bones are numbered from 1 on."""
 
 
 @dataclass(frozen=True)
 class Bone:
-    """A bone.
+    """Bone of a skeleton.
 
     Args:
-        name: in the description.
-        parent: name of the bone that it hangs on; "": none.
-        offset: of its origin in axes of the parent, z up [m].
+        name: name in the description.
+        parent: name of its parent bone; "": none.
+        offset: offset of its origin in axes of the parent, z up [m].
     """
 
     name: str
@@ -29,13 +29,13 @@ class Bone:
 
 @dataclass(frozen=True)
 class Skeleton:
-    """Bones and markers.
+    """Bones and markers of a skeleton.
 
     Args:
-        name: in the description, also of its set of markers.
+        name: name in the description, also of its set of markers.
         id: streaming id, 1 to 32767.
         bones: each after its parent.
-        markers: their names.
+        markers: names of the markers.
         source: time of the stream [s] -> poses of the bones and positions of the markers, z up.
     """
 
@@ -55,7 +55,7 @@ class Skeleton:
             known.append(bone.name)
 
     def described(self, up: str) -> d.SkeletonDescription:
-        """Its description; up: axis of the stream that points up."""
+        """Return the description; up: axis of the stream that points up."""
         numbers = {bone.name: number for number, bone in enumerate(self.bones, 1)}
         return d.SkeletonDescription(
             self.name,

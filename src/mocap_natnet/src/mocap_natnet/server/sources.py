@@ -1,5 +1,7 @@
-"""What moves a body of the emulated Motive. A source gives the pose at a time of the stream; positions and orientations
-are z up."""
+"""Sources of motion for bodies of the emulated Motive.
+
+A source returns the pose at a time of the stream; positions and orientations are z up.
+"""
 
 import csv
 import math
@@ -16,22 +18,24 @@ from hric_control.geometry.quaternions import IDENTITY, Quaternion, Vector, from
 from hric_control.parameters import Settings, number, numbers
 
 Source = Callable[[float], Pose | None]
-"""Time of the stream [s] -> pose of the body (z up), None: it is not seen. Called once per frame, with rising times; it
-must not block."""
+"""Time of the stream [s] -> pose of the body (z up), None: not visible.
+
+Called once per frame, with increasing times; it must not block.
+"""
 KEPT = 1000
-"""Poses that are remembered. The constants of this file are project defaults, unconfirmed."""
+"""Number of stored poses. The constants of this file are project defaults, unconfirmed."""
 AHEAD = 0.05
-"""A body goes on so long at its last speed beyond the last pose that came [s]; then it rests there, ..."""
+"""Time for which a body continues at its last speed beyond the last pose [s]; then it rests."""
 MAX_AGE = 0.5
-"""... and so long after that pose it is not seen any more [s]."""
+"""Age of the last pose beyond which the body is not visible any more [s]."""
 
 
 @dataclass(frozen=True)
 class Sinusoid(Settings):
-    """p(t) = centre + amplitude sin(2 pi frequency (t - begin)); orientation turned by the rotation vector `rotation`
-    times the same sine.
+    """Sinusoidal motion: p(t) = centre + amplitude sin(2 pi frequency (t - begin)).
 
-    Before `begin` the body is at the centre. orientation: about which it turns.
+    The orientation is rotated by the rotation vector `rotation` times the same sine. Before `begin` the body is at the
+    centre. orientation: mean orientation.
     """
 
     centre: Vector = numbers(3, (0.0, 0.0, 1.0), unit="m")
@@ -42,7 +46,7 @@ class Sinusoid(Settings):
     orientation: Quaternion = IDENTITY
 
     def __call__(self, time: float) -> Pose:
-        """The pose."""
+        """Return the pose at a time of the stream [s]."""
         sine = math.sin(2 * math.pi * self.frequency * max(0.0, time - self.begin))
         x, y, z = (centre + amplitude * sine for centre, amplitude in zip(self.centre, self.amplitude, strict=True))
         rotation = from_rotation_vector([part * sine for part in self.rotation])
@@ -50,8 +54,9 @@ class Sinusoid(Settings):
 
 
 def from_file(path: Path) -> Track:
-    """A track from comma-separated columns: time [s], x, y, z [m], and, where there, qx, qy, qz, qw; a first line with
-    names is passed over.
+    """Return a track from comma-separated columns: time [s], x, y, z [m], and optionally qx, qy, qz, qw.
+
+    A first line with names is skipped.
 
     Raises:
         ParameterError: the file cannot be read or a line is no pose; the message gives the line.
@@ -87,7 +92,7 @@ def _is_number(text: str) -> bool:
 
 
 class History:
-    """A source that receives its poses while the run goes on; between them along a straight line. Thread-safe."""
+    """Source that receives its poses during the run, linear in between; thread-safe."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -95,11 +100,11 @@ class History:
         self._poses: deque[Pose] = deque(maxlen=KEPT)
 
     def add(self, time: float, pose: Pose) -> None:
-        """The body was there. What goes back in time begins again; the same time twice is left out.
+        """Add a pose; an earlier time than the last one restarts the history, the same time is ignored.
 
         Args:
-            time: of the run [s].
-            pose: z up.
+            time: time of the run [s].
+            pose: pose with z up.
         """
         with self._lock:
             if self._times and time == self._times[-1]:
@@ -112,12 +117,12 @@ class History:
 
     @property
     def last(self) -> float:
-        """Time of the last pose [s], before all times where there is none."""
+        """Time of the last pose [s]; minus infinity if there is none."""
         with self._lock:
             return self._times[-1] if self._times else float("-inf")
 
     def __call__(self, time: float) -> Pose | None:
-        """Where it was; None where that is not known."""
+        """Return the pose at a time of the run [s]; None if it is not known."""
         with self._lock:
             if not self._times or not self._times[0] - MAX_AGE <= time <= self._times[-1] + MAX_AGE:
                 return None

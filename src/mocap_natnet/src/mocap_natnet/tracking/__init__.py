@@ -1,1 +1,1 @@
-"""From a frame of the stream to bodies and markers in the axes that are published."""
+"""Conversion of a frame of the stream to bodies and markers in the published axes."""

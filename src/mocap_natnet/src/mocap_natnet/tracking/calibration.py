@@ -20,12 +20,12 @@ class Calibration:
     in_base: list[Vector] = field(default_factory=list)
 
     def add(self, seen: Vector, in_base: Vector) -> None:
-        """A pair [m]."""
+        """Add a pair [m]."""
         self.seen.append(seen)
         self.in_base.append(in_base)
 
     def solve(self) -> tuple[Pose, float, list[float]]:
-        """(pose of the mocap frame in the base, root mean square residual [m], residual of each pair [m]).
+        """Return (pose of mocap frame in the base, root mean square residual [m], residual of each pair [m]).
 
         Raises:
             CommandError: fewer than three pairs, or all on one line.
@@ -35,7 +35,7 @@ class Calibration:
 
 
 def residuals(pose: Pose, seen: Sequence[Vector], in_base: Sequence[Vector]) -> list[float]:
-    """How far each point is from its partner [m]."""
+    """Return the distance of each point from its partner [m]."""
     return [
         sum((a - b) ** 2 for a, b in zip(transformed(pose, point), partner, strict=True)) ** 0.5
         for point, partner in zip(seen, in_base, strict=True)
@@ -43,7 +43,7 @@ def residuals(pose: Pose, seen: Sequence[Vector], in_base: Sequence[Vector]) -> 
 
 
 def save(path: Path, pose: Pose, base_frame: str, rms: float, pairs: int) -> None:
-    """Write the parameters that `natnet_client` takes, whole or not at all.
+    """Write the parameters of `natnet_client` atomically.
 
     Raises:
         CommandError: the file cannot be written.

@@ -1,4 +1,4 @@
-"""From a frame of the stream to bodies and markers in the axes that are published."""
+"""Tracker: from a frame of the stream to bodies and markers in the published axes."""
 
 from collections.abc import Collection, Hashable
 from dataclasses import dataclass, field
@@ -11,14 +11,16 @@ from mocap_natnet.codec.types import OCCLUDED, TRACKED, Frame, Marker, RigidBody
 from mocap_natnet.tracking.validity import PoseValidator
 
 FAR = 1e6
-"""No marker is further away [m] (project default, unconfirmed)."""
+"""Largest valid distance of a marker [m] (project default, unconfirmed)."""
 MAX_NAMES = 500
-"""Bodies and bones that are published by name; each takes a topic or a frame, and damaged descriptions hold ever new
-ones (project default, unconfirmed)."""
+"""Largest number of bodies and bones that are published by name (project default, unconfirmed).
+
+Each takes a topic or a frame, and damaged descriptions contain ever new ones.
+"""
 
 
 class TrackedBody(NamedTuple):
-    """A body as published; the pose is the last good one where tracking is not valid."""
+    """Body as published; the pose is the last valid one if tracking is not valid."""
 
     name: str
     id: int
@@ -28,7 +30,7 @@ class TrackedBody(NamedTuple):
 
 
 class TrackedMarker(NamedTuple):
-    """A labelled marker that is seen; the name is "body/marker", or "" where the description has none."""
+    """Visible labelled marker; the name is "body/marker", or "" if the description has none."""
 
     name: str
     id: int
@@ -38,17 +40,16 @@ class TrackedMarker(NamedTuple):
 
 @dataclass
 class Tracker:
-    """Maps, names and judges what a frame holds.
+    """Tracker that transforms, names and validates the contents of a frame.
 
     Args:
         up: axis that points up in the stream, y or z.
-        base_from_mocap: pose of the mocap frame (z up) in the robot's base; turns and moves positions and orientations
-            together.
-            None: everything stays in the axes of the stream.
-        validator: checks the poses, in the mocap frame with z up.
+        base_from_mocap: pose of the mocap frame (z up) in the robot's base, applied to positions and orientations;
+            None: no transformation, the axes of the stream.
+        validator: validator of the poses, in the mocap frame with z up.
 
     Attributes:
-        lost: times that the tracking of a body ended, by name.
+        lost: number of times that the tracking of a body ended, by name.
     """
 
     up: str
@@ -66,7 +67,7 @@ class Tracker:
         self._marker_names: dict[int, str] = {}
 
     def describe(self, model: Model) -> None:
-        """Take the names of the bodies."""
+        """Store the names of the bodies."""
         self._described = model.bodies
         self._marker_names = {}
         skeletons = [one for one in model.descriptions if isinstance(one, SkeletonDescription)]
@@ -79,23 +80,26 @@ class Tracker:
         }
 
     def restart(self) -> None:
-        """Another stream. The last positions still bound which poses are valid: a body is a body, and the times are
-        those of this machine."""
+        """Prepare for another stream.
+
+        The last positions still limit which poses are valid: bodies move continuously, and times are those of this
+        machine.
+        """
         self._last.clear()
         self._valid.clear()
 
     def name(self, body: int) -> str:
-        """Of a body, as described; before the description "body_<id>"."""
+        """Return the name of a body, as described; before the description "body_<id>"."""
         described = self._described.get(body)
         return described.name if described and described.name else f"body_{body}"
 
     def bodies(self, frame: Frame, exposed: float, received: float) -> list[TrackedBody]:
-        """The rigid bodies of a frame. One that the description lacks is left out and counted; where there is none, all
-        are published.
+        """Return the rigid bodies of a frame; undescribed ones are left out and counted if there is a description.
 
         Args:
-            frame: as read.
-            exposed, received: its times [s].
+            frame: decoded frame.
+            exposed: time of the exposure [s].
+            received: time of the arrival [s].
         """
         named = [(body, self.name(body.id)) for body in frame.bodies]
         return [
@@ -105,7 +109,7 @@ class Tracker:
         ]
 
     def _known(self, id: Hashable, described: Collection[Any], name: str) -> bool:
-        """Whether a body or a bone is published; counts why it is not."""
+        """Return True if a body or a bone is published; counts the reason if it is not."""
         if described and id not in described:
             reason = "not described"
         elif (id, name) in self._names:
@@ -119,14 +123,13 @@ class Tracker:
         return False
 
     def markers(self, frame: Frame) -> list[TrackedMarker]:
-        """The labelled markers of a frame that are seen and whose position is finite."""
+        """Return the labelled markers of a frame that are visible and have a finite position."""
         return [
             self._marker(marker) for marker in frame.markers if not marker.flags & OCCLUDED and _near(marker.position)
         ]
 
     def bones(self, frame: Frame) -> list[tuple[str, Pose]]:
-        """("skeleton/bone", pose) of each bone that is tracked and has a pose; Motive must stream bones in global
-        coordinates."""
+        """Return ("skeleton/bone", pose) of each tracked bone with a pose; Motive must stream global coordinates."""
         found = []
         for skeleton in frame.skeletons:
             for bone in skeleton.bodies:
@@ -157,7 +160,7 @@ class Tracker:
         name = self._marker_names.get(marker.id)
         if name is None:
             name = self._marker_name(marker.id)
-            if name:  # of those that are described there are not many
+            if name:  # there are few described ones
                 self._marker_names[marker.id] = name
         base = self.base_from_mocap
         position = marker.position if base is None else transformed(base, z_up(self.up, marker.position))
@@ -173,6 +176,6 @@ class Tracker:
 
 
 def _near(position: Vector) -> bool:
-    """Whether a position is finite, and one."""
+    """Return True if a position is finite and not FAR away."""
     x, y, z = position
     return -FAR < x < FAR and -FAR < y < FAR and -FAR < z < FAR

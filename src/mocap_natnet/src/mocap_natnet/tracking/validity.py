@@ -1,4 +1,4 @@
-"""Whether a pose can be one: a second check, for numbers that were read well and are wrong all the same."""
+"""Validity check of poses, for numbers that were read correctly but are wrong."""
 
 import math
 from collections import Counter
@@ -8,37 +8,39 @@ from hric_control.geometry import Pose, Vector, normalized
 from hric_control.parameters import Settings, numbers, refused
 
 UNIT_ERROR = 1e-3
-"""How far the norm of a quaternion in 32-bit numbers may be from 1 (project default, unconfirmed)."""
+"""Largest deviation of a quaternion's norm from 1 in 32-bit numbers (project default, unconfirmed)."""
 SHORTEST = 1e-4
-"""Minimum time between two poses that a speed is read from [s] (project default, unconfirmed)."""
+"""Minimum time between two poses for a speed [s] (project default, unconfirmed)."""
 BUNCHED = 0.02
-"""The time between two exposures counts up to that between the arrivals and this, since frames may arrive in
-bunches [s] (project default, unconfirmed)."""
+"""Largest excess of the time between exposures over that between arrivals [s] (project default, unconfirmed).
+
+Frames may arrive in bunches.
+"""
 REASONS = ("not finite", "not a unit quaternion", "outside the volume", "too fast", "not described", "too many bodies")
 
 
 @dataclass(frozen=True)
 class Volume(Settings):
-    """Where a body can be (project default, unconfirmed: a large laboratory)."""
+    """Volume in which a body can be (project default, unconfirmed: a large laboratory)."""
 
     low: Vector = numbers(3, (-10.0, -10.0, -2.0), unit="m", text="a pose outside counts as lost (mocap frame, z up)")
     high: Vector = numbers(3, (10.0, 10.0, 5.0), unit="m")
 
     def check(self, where: str) -> None:
-        """Refuse a corner that is not below the other."""
+        """Check that the lower corner is below the upper one. Raises ParameterError."""
         if not all(a < b for a, b in zip(self.low, self.high, strict=True)):
             raise refused(f"{where}high", self.high, f"above low, {self.low}, on each axis [m]")
 
 
 class PoseValidator:
-    """Checks the poses of all bodies, one after the other.
+    """Validator of the poses of all bodies in time order.
 
     Args:
-        volume: in which poses are valid.
-        max_speed: of a body [m/s] (project default, unconfirmed: faster than a hand).
+        volume: volume in which poses are valid.
+        max_speed: largest speed of a body [m/s] (project default, unconfirmed: faster than a hand).
 
     Attributes:
-        refused: how many, by reason.
+        refused: number of refused poses, by reason.
     """
 
     def __init__(self, volume: Volume | None = None, max_speed: float = 10.0) -> None:
@@ -47,15 +49,15 @@ class PoseValidator:
         self._last: dict[int, tuple[float, float, Vector]] = {}
 
     def accept(self, body: int, pose: Pose, exposed: float, received: float) -> Pose | None:
-        """The pose with an exact unit quaternion; None where it cannot be one.
+        """Return the pose with an exact unit quaternion; None if it is not valid.
 
-        Too fast is measured from the last pose that was accepted: after a jump that stays, the body is back as soon as
-        it could have got there.
+        The speed is measured from the last accepted pose: after a permanent jump, the body is accepted again as soon as
+        it could have moved there.
 
         Args:
             body: streaming id.
-            pose: z up.
-            exposed: time of the exposure, as the frame has it [s].
+            pose: pose with z up.
+            exposed: time of the exposure, from the frame [s].
             received: time of the arrival, which no fault of the stream can change [s].
         """
         reason = self._wrong(body, pose, exposed, received)
@@ -66,7 +68,7 @@ class PoseValidator:
         return Pose(pose.position, normalized(pose.orientation))
 
     def possible(self, pose: Pose) -> bool:
-        """Whether a pose can be one, whatever it was before. A refusal is counted."""
+        """Return True if a pose is valid without regard to earlier ones. A refusal is counted."""
         reason = self._impossible(pose)
         if reason:
             self.refused[reason] += 1
