@@ -1,1 +1,1 @@
-"""Control laws: joint state, Franka state, joint PD, Cartesian impedance, joint trajectory."""
+"""Controllers: joint state, Franka state, joint PD, Cartesian impedance, joint trajectory."""

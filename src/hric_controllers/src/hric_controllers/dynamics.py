@@ -1,11 +1,10 @@
-"""Gravity torque and mass matrix of a controller's joints, and the largest derivative gain that a sampled torque loop
-tolerates.
+"""Gravity torque and mass matrix of a controller's joints, and the maximum derivative gain of a sampled torque loop.
 
-Gravity comes from the robot's own model if it offers one, else by KDL from robot_description.
+Gravity comes from the robot's model interface if it has one, else from KDL and robot_description.
 
-A torque -Kd_i dq_i, held over one period dt, changes the velocity of joint i by dt ((M + B)^-1)_ii Kd_i dq_i; beyond
-twice the velocity itself the loop diverges:  Kd_i <= 2 / (dt ((M + B)^-1)_ii), with M the mass matrix at the present
-pose and B the rotor inertia.
+A torque -Kd_i dq_i, constant over one period dt, changes the velocity of joint i by dt ((M + B)^-1)_ii Kd_i dq_i. If
+this is more than twice the velocity, the loop diverges:  Kd_i <= 2 / (dt ((M + B)^-1)_ii), with M the mass matrix at
+the present pose and B the rotor inertia.
 """
 
 from collections.abc import Callable, Sequence
@@ -27,10 +26,9 @@ FloatArray = npt.NDArray[np.float64]
 
 
 class ChainDynamics:
-    """A KDL chain of the description; joints of the chain that the controller does not have count with their measured
-    positions.
+    """KDL chain of the description; uses measured positions for its joints that the controller does not have.
 
-    One instance for one thread.
+    An instance may be used by one thread only.
     """
 
     def __init__(self, chain: KdlChain, robot_hw: RobotHW, joints: Sequence[str]) -> None:
@@ -38,23 +36,23 @@ class ChainDynamics:
         self._states = robot_hw.get(JointStateInterface).group(chain.joint_names)
         self._order = [chain.joint_names.index(joint) for joint in joints]
         self.gravity: Gravity = chain.gravity_list if list(joints) == list(chain.joint_names) else self._reordered
-        """Gravity torque, n floats [N m]; q: n floats [rad]."""
+        """Function that maps joint positions (n floats [rad]) to gravity torques (n floats [N m])."""
 
     def _reordered(self, q: list[float]) -> list[float]:
         torque = self._chain.gravity_list(self._states.positions())
         return [torque[i] for i in self._order]
 
     def mass(self) -> FloatArray:
-        """Mass matrix at the present position, shape (n, n) [kg m^2]."""
+        """Return the mass matrix at the present position, shape (n, n) [kg m^2]."""
         full: FloatArray = self._chain.mass(self._states.positions())
         return full[np.ix_(self._order, self._order)]
 
 
 def added_gravity(robot_hw: RobotHW, root_node: Node, node: Node, joints: Sequence[str]) -> Gravity:
-    """The gravity torque that a controller with `gravity: true` adds.
+    """Return the gravity torque function of a controller with `gravity: true`.
 
     Raises:
-        HricError: the arm adds it itself; or where it should come from is missing.
+        HricError: the arm compensates gravity itself, or there is no dynamic model.
     """
     if robot_hw.compensates_gravity:
         raise HricError(
@@ -67,12 +65,12 @@ def added_gravity(robot_hw: RobotHW, root_node: Node, node: Node, joints: Sequen
 
 
 def gravity_source(robot_hw: RobotHW, root_node: Node, joints: Sequence[str]) -> tuple[Gravity, str]:
-    """Gravity torque of these joints, to be called in the loop, and where it comes from, for the user.
+    """Return a gravity torque function for these joints, callable in the loop, and the name of its source for the user.
 
-    The robot's model interface has priority: it knows the configured end effector and load.
+    The robot's model interface has priority: it includes the configured end effector and load.
 
     Raises:
-        HricError: neither a model interface for them nor a description with one serial chain through them.
+        HricError: no model interface for these joints, and no description with one serial chain through them.
     """
     if robot_hw.has(FrankaModelInterface):
         interface = robot_hw.get(FrankaModelInterface)
@@ -96,16 +94,16 @@ def _model_gravity(model: Any, order: list[int]) -> Gravity:
 
 
 def chain_dynamics(robot_hw: RobotHW, root_node: Node, joints: Sequence[str]) -> ChainDynamics:
-    """A private KDL chain through the joints.
+    """Return a new KDL chain through the joints.
 
     Raises:
-        HricError: no description, or no serial chain through all joints in it.
+        HricError: there is no description, or no serial chain through all joints in it.
     """
     return ChainDynamics(_chain(root_node.search_param("robot_description"), joints), robot_hw, joints)
 
 
 def _chain(urdf_xml: str, joints: Sequence[str]) -> KdlChain:
-    """The chain from the root link of the description to the outermost of the joints."""
+    """Return the chain from the root link of the description to the outermost of the joints."""
     robot = read(urdf_xml)
     problem = f"no joint of {', '.join(joints)} is in robot_description"
     for joint in reversed(joints):
@@ -121,20 +119,19 @@ def _chain(urdf_xml: str, joints: Sequence[str]) -> KdlChain:
 
 
 def largest_kd(mass: FloatArray, rotor_inertia: Sequence[float], period: float) -> list[float]:
-    """Bound of each derivative gain, n floats [N m s/rad].
+    """Return the upper bound of each derivative gain, n floats [N m s/rad].
 
     Args:
         mass: joint-space mass matrix, shape (n, n) [kg m^2].
-        rotor_inertia: reflected to the joints, n floats [kg m^2].
-        period: of the control loop [s].
+        rotor_inertia: rotor inertia reflected to the joints, n floats [kg m^2].
+        period: period of the control loop [s].
     """
     inverse = np.linalg.inv(mass + np.diag(rotor_inertia))
     return [2.0 / (period * float(value)) for value in np.diagonal(inverse)]
 
 
 def rotor_inertia(robot_hw: RobotHW, given: Sequence[float] | None, joints: Sequence[str]) -> tuple[list[float], str]:
-    """Rotor inertia of the joints [kg m^2] and where it comes from: the parameter, if it is given, else the robot, else
-    zero."""
+    """Return the joints' rotor inertia [kg m^2] and its source: the parameter if set, else the robot, else zero."""
     if given is not None:
         return list(given), "parameter rotor_inertia"
     if robot_hw.rotor_inertia is None:
@@ -151,16 +148,20 @@ def kd_check(
     rotors: Sequence[float] | None,
     strict: bool,
 ) -> Callable[[Sequence[float]], None]:
-    """A function that checks derivative gains, n floats [N m s/rad], against their bounds at the present pose and logs
-    a warning; strict, it raises ParameterError instead. Any thread but the loop's.
+    """Return a function that compares derivative gains, n floats [N m s/rad], with their bounds at the present pose.
+
+    The function logs a warning, or raises ParameterError if `strict`. It may be called by any thread but the loop's.
 
     Args:
-        rotors: the parameter `rotor_inertia`, if it is given, n floats [kg m^2].
+        robot_hw: robot with the joints.
+        root_node: namespace of robot_description.
+        node: namespace of the controller.
+        joints: names, in the order of the gains.
+        rotors: the parameter `rotor_inertia`, n floats [kg m^2]; None if it is not set.
         strict: the parameter `strict_gains`.
 
     Raises:
-        HricError: strict, and the dynamics of these joints cannot be had. (Not strict: that is logged, and nothing is
-            checked.)
+        HricError: `strict` is set and there is no dynamic model. (Otherwise this is logged and gains are not checked.)
     """
     inertia, source = rotor_inertia(robot_hw, rotors, joints)
     period = robot_hw.period
@@ -187,6 +188,6 @@ def kd_check(
 
 
 def _unstable(joints: Sequence[str], kd: Sequence[float], bounds: Sequence[float]) -> str:
-    """The joints whose gain exceeds its bound, as text; empty if none does."""
+    """Return the joints whose gain exceeds its bound as a text, empty if there are none."""
     pairs = zip(joints, kd, bounds, strict=True)
     return ", ".join(f"{joint} {gain:.4g} (at most {bound:.3g})" for joint, gain, bound in pairs if gain > bound)

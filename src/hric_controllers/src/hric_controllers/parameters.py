@@ -1,4 +1,4 @@
-"""Parameters that several controllers have, checks of joint setpoints, and the rate of what they publish."""
+"""Parameters shared by several controllers, checks of joint setpoints, and the throttle of publishers."""
 
 import math
 from collections.abc import Sequence
@@ -13,14 +13,14 @@ from hric_control.parameters import Settings, flag, number, per_joint, text
 
 @dataclass(frozen=True)
 class ArmSettings(Settings):
-    """Of a controller of a Franka arm."""
+    """Parameters of a controller of a Franka arm."""
 
     arm_id: str = text(valid="the arm's name, e.g. panda,", empty=False, text="the arm's name")
 
 
 @dataclass(frozen=True)
 class LawSettings(Settings):
-    """Of a controller that commands efforts."""
+    """Parameters of a controller that commands efforts."""
 
     gravity: bool = flag(
         False,
@@ -46,13 +46,12 @@ meant, and no loop is faster."""
 
 
 def state_rate(default: float) -> Any:
-    """The parameter `state_publish_rate`."""
+    """Return the parameter `state_publish_rate`."""
     return number(default, minimum=0.0, maximum=HIGHEST_RATE, unit="Hz", name="state_publish_rate", text="0: never")
 
 
 def position_ranges(root_node: Node, joints: Sequence[str]) -> list[tuple[float, float]]:
-    """(lower, upper) of each joint from the description and the parameters `joint_limits`; infinite without a
-    description [rad or m]."""
+    """Return (lower, upper) of each joint [rad or m] from description and `joint_limits`; infinite if undescribed."""
     urdf_xml = root_node.search_param("robot_description", "")
     if not urdf_xml:
         return [(-math.inf, math.inf)] * len(joints)
@@ -62,15 +61,15 @@ def position_ranges(root_node: Node, joints: Sequence[str]) -> list[tuple[float,
 def check_setpoint(
     values: Sequence[float], joints: Sequence[str], ranges: Sequence[tuple[float, float]]
 ) -> list[float]:
-    """The setpoint as n floats [rad or m].
+    """Return the setpoint as n floats [rad or m], checked.
 
     Args:
-        values: one per joint.
-        joints: names, for messages.
+        values: one value per joint.
+        joints: joint names, for messages.
         ranges: (lower, upper) of each joint [rad or m].
 
     Raises:
-        CommandError: wrong length, not finite, or outside a joint's range; says what would be valid.
+        CommandError: wrong length, not finite, or outside a joint's range; the text gives valid values.
     """
     if len(values) != len(joints):
         raise CommandError(f"{len(values)} values; valid: {len(joints)}, for {', '.join(joints)}")
@@ -88,8 +87,7 @@ def check_setpoint(
 def initial_setpoint(
     values: Sequence[float] | None, joints: Sequence[str], ranges: Sequence[tuple[float, float]], where: str
 ) -> list[float] | None:
-    """A setpoint that a parameter gives, if it does; arguments as above, where: its full name. Raises
-    ParameterError."""
+    """Return the setpoint of the parameter `where` (full name), None if it is not set. Raises ParameterError."""
     try:
         return None if values is None else check_setpoint(values, joints, ranges)
     except CommandError as error:
@@ -97,7 +95,7 @@ def initial_setpoint(
 
 
 class Throttle:
-    """True at a fixed rate of robot time, without drift.
+    """Throttle to a fixed rate of robot time, without drift.
 
     Args:
         rate: [Hz]; 0 means never.
@@ -110,15 +108,15 @@ class Throttle:
         self._next = -math.inf if rate > 0.0 else math.inf
 
     def restart(self) -> None:
-        """Due at the next call."""
+        """Make the next call due."""
         if self._period < math.inf:
             self._next = -math.inf
 
     def due(self, time: float) -> bool:
-        """Whether a period has passed; `time`: robot time [s]."""
+        """Return True if a period has passed; `time`: robot time [s]."""
         if time < self._next - 1e-9:
             return False
         self._next += self._period
-        if self._next <= time:  # the first call, or the loop was away
+        if self._next <= time:  # the first call, or the loop was interrupted
             self._next = time + self._period
         return True

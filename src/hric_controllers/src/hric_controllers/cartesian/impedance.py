@@ -1,5 +1,4 @@
-"""Cartesian impedance control with a posture in the null space, as franka_ros's CartesianImpedanceExampleController has
-it."""
+"""Cartesian impedance control with a null-space posture, like franka_ros's CartesianImpedanceExampleController."""
 
 import math
 from collections.abc import Sequence
@@ -31,7 +30,7 @@ from hric_controllers.state.messages import to_pose
 
 @dataclass(frozen=True)
 class ImpedanceSettings(parameters.LawSettings, parameters.ArmSettings):
-    """Parameters of the controller, but for its gains and its input."""
+    """Parameters of the controller, except for its gains and its input."""
 
     joints: tuple[str, ...] = names(7, name="joint_names", text="`<arm_id>_joint1` to 7, in order")
     nullspace_posture: tuple[float, ...] | None = per_joint(
@@ -44,7 +43,7 @@ class ImpedanceSettings(parameters.LawSettings, parameters.ArmSettings):
     state_publish_rate: float = parameters.state_rate(100.0)
 
     def check(self, where: str) -> None:
-        """Refuse another order than that of the Jacobian's columns."""
+        """Refuse joints in another order than the columns of the Jacobian."""
         expected = tuple(f"{self.arm_id}_joint{i}" for i in range(1, 8))
         if self.joints != expected:
             raise refused(f"{where}joint_names", list(self.joints), f"the arm's joints in order, {', '.join(expected)}")
@@ -54,8 +53,9 @@ class ImpedanceSettings(parameters.LawSettings, parameters.ArmSettings):
 class ComplianceSettings(Settings):
     """Live parameters; the fields of `Compliance`.
 
-    Defaults and the largest null-space stiffness: franka_ros's example; the largest Cartesian ones: what libfranka
-    allows the arm's own impedance (setCartesianImpedance); damping ratios up to 2: project default, unconfirmed.
+    Sources: the defaults and the maximum null-space stiffness are those of franka_ros's example; the maximum Cartesian
+    stiffnesses are those that libfranka allows for the arm's internal impedance (setCartesianImpedance); the maximum
+    damping ratio of 2 is a project default, unconfirmed.
     """
 
     translational_stiffness: float = number(
@@ -85,13 +85,13 @@ class ComplianceSettings(Settings):
 
 
 class CartesianImpedanceController(Controller):
-    """The law of `cartesian_law`, with a limit on the rate of torque; parameters and topics: INTERFACE.md.
+    """Controller with the law of `cartesian_law` and a limited torque rate; parameters and topics: INTERFACE.md.
 
-    A subclass may lead the equilibrium by other means: it overrides the four methods about the input, and `_obeys`.
+    A subclass may move the equilibrium by other means: it overrides the four methods of the input, and `_obeys`.
     """
 
     def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
-        """Read everything first, then advertise, so that a refusal leaves nothing behind."""
+        """Read all parameters and interfaces before advertising, so that an error leaves nothing behind."""
         node = self._node = controller_node
         settings, self._gain_settings = ImpedanceSettings.read(node), ComplianceSettings.read(node)
         self._arm_id, self.joints = settings.arm_id, list(settings.joints)
@@ -115,31 +115,31 @@ class CartesianImpedanceController(Controller):
         self._open()
 
     def _obeys(self, filter_time: float) -> bool:
-        """Whether the equilibrium can be slowed down: not where it jumps."""
+        """Return True if the speed scale can slow the equilibrium down: not if it jumps."""
         return filter_time > 0.0
 
     def _read_input(self) -> None:
-        """What says where the equilibrium is: parameters."""
+        """Read the parameters of the equilibrium's input."""
         self._jump = JumpSettings.read(self._node)
         self._target: realtime.LatestValue[Pose | None] = realtime.LatestValue(None)
 
     def _open_input(self) -> Sequence[Registration]:
-        """The same: topics."""
+        """Subscribe to the topics of the equilibrium's input."""
         return [self._node.subscribe("equilibrium_pose", PoseStamped, self._on_equilibrium, queue_size=1)]
 
     def _start_input(self) -> None:
-        """The same: the controller starts."""
+        """Reset the equilibrium's input when the controller starts."""
         self._target.take_new()
 
     def _lead(self, time: float, period: float) -> None:
-        """The same: lead the law's equilibrium on by one period [s]."""
+        """Advance the law's equilibrium by one period [s]."""
         target = self._target.take_new()
         if target is not None:
             self._law.target = target
 
     def _open(self) -> None:
         node = self._node
-        # What an earlier run left on the parameter server must not win over the YAML.
+        # Values that an earlier run left on the parameter server must not override the YAML.
         self._requested = self._given_gains = self._law.target_compliance
         self._softest = math.inf
         for name, value in asdict(self._requested).items():
@@ -156,7 +156,7 @@ class CartesianImpedanceController(Controller):
         ]
 
     def _on_gains(self, values: dict[str, Any]) -> dict[str, Any]:
-        """Live parameters changed: all values are taken, or a HricError refuses them all."""
+        """Apply changed live parameters: all of them, or none if a HricError is raised."""
         requested = Compliance(**values)
         if requested != self._requested:
             self._requested = requested
@@ -164,7 +164,7 @@ class CartesianImpedanceController(Controller):
         return asdict(requested)
 
     def _on_equilibrium(self, message: Any) -> None:
-        """A refusal is logged with the topic's name."""
+        """Pass the pose to the loop; the node logs a CommandError with the topic's name."""
         if not self._running:
             raise CommandError("the controller is not running, the pose is ignored; start it first")
         try:
@@ -173,7 +173,7 @@ class CartesianImpedanceController(Controller):
             raise CommandError(f"equilibrium pose refused, the one before stays: {error}") from None
 
     def starting(self, time: float) -> None:
-        """The equilibrium is where the end effector is."""
+        """Set the equilibrium to the pose of the end effector."""
         q = self._group.positions()
         self._take_gains()
         self._start_input()
@@ -183,7 +183,7 @@ class CartesianImpedanceController(Controller):
         self._running = True
 
     def update(self, time: float, period: float) -> None:
-        """One millisecond of the law."""
+        """Compute and command the torques of one cycle."""
         law, model, robot = self._law, self._model, self._robot
         self._lead(time, period)
         self._take_gains()
@@ -200,7 +200,7 @@ class CartesianImpedanceController(Controller):
             self._publish(measured)
 
     def _take_gains(self) -> None:
-        """New ones, and the limits of a supervisor."""
+        """Apply new gains and the force and stiffness limits of a supervisor."""
         law, scale, gains = self._law, self._scale, self._gains.take_new()
         if gains is not None or scale.stiffness != self._softest:
             self._given_gains, self._softest = gains or self._given_gains, scale.stiffness
@@ -208,7 +208,7 @@ class CartesianImpedanceController(Controller):
         law.force_limit = scale.force
 
     def _command(self, tau: FloatArray, period: float) -> None:
-        """Limit the rate of torque, and command."""
+        """Limit the torque rate and command the torques."""
         step = self._max_rate * period
         if step > 0.0:
             tau = np.minimum(np.maximum(tau, self._last - step), self._last + step)
@@ -235,10 +235,10 @@ class CartesianImpedanceController(Controller):
         return message
 
     def stopping(self, time: float) -> None:
-        """From here on poses are refused."""
+        """Refuse poses from now on."""
         self._running = False
 
     def shutdown(self) -> None:
-        """Take back topics and live parameters."""
+        """Unregister topics and live parameters."""
         for registration in self._registrations:
             registration.unregister()

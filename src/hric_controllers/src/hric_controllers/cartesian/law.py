@@ -1,5 +1,4 @@
-"""The Cartesian impedance law: a spring and a damper between the end effector and its equilibrium pose, and a posture
-in the null space. No ROS.
+"""Cartesian impedance law: spring and damper to an equilibrium pose, and a posture in the null space. No ROS.
 
 With e the pose error in base axes (position, then rotation vector), J the Jacobian of the end effector, M the mass
 matrix and B the rotor inertia:
@@ -8,10 +7,9 @@ matrix and B the rotor inertia:
     tau = J^T F + N tau_0 + C dq            tau_0 = k_n (q_n - q) - 2 sqrt(k_n) dq
     N   = 1 - J^T (J (M+B)^-1 J^T)^-1 J (M+B)^-1
 
-v is the velocity of an equilibrium that moves by plan, zero otherwise. The rule for D and tau_0 are those of
-franka_ros's CartesianImpedanceExampleController; N is the dynamically consistent projector (Khatib 1987, "A unified
-approach for motion and force control of robot manipulators"), so that the posture accelerates the end effector no more
-than it displaces it: not at all.
+v is the velocity of an equilibrium on a planned motion, otherwise zero. The rules for D and tau_0 are those of
+franka_ros's CartesianImpedanceExampleController. N is the dynamically consistent projector (Khatib 1987, "A unified
+approach for motion and force control of robot manipulators"): the posture torque does not accelerate the end effector.
 """
 
 import math
@@ -26,14 +24,16 @@ from hric_control.geometry import poses
 FloatArray = npt.NDArray[np.float64]
 
 SINGULAR = 1e-6
-"""Added to J (M+B)^-1 J^T, so that it can be inverted in singular poses, where N lets the end effector move along what
-it cannot control [1/kg]."""
+"""Regularisation of J (M+B)^-1 J^T, so that it can be inverted in singular poses [1/kg].
+
+N then lets the end effector move in the directions that it cannot control.
+"""
 _SINGULAR = SINGULAR * np.eye(6)
 
 
 @dataclass(frozen=True)
 class Compliance:
-    """Live gains.
+    """Stiffnesses and damping ratios, adjustable while the controller runs.
 
     Attributes:
         translational_stiffness: [N/m].
@@ -49,7 +49,7 @@ class Compliance:
     nullspace_stiffness: float
 
     def towards(self, goal: "Compliance", share: float) -> "Compliance":
-        """The part `share` (0 to 1) of the way to other gains."""
+        """Return the gains at the fraction `share` (0 to 1) between these and `goal`."""
         return Compliance(
             _between(self.translational_stiffness, goal.translational_stiffness, share),
             _between(self.rotational_stiffness, goal.rotational_stiffness, share),
@@ -59,15 +59,15 @@ class Compliance:
         )
 
     def softened(self, stiffness: float) -> "Compliance":
-        """These, with a translational stiffness of at most `stiffness` [N/m]."""
+        """Return these gains with a translational stiffness of at most `stiffness` [N/m]."""
         return replace(self, translational_stiffness=min(self.translational_stiffness, stiffness))
 
     def stiffness(self) -> FloatArray:
-        """Diagonal of K, shape (6,) [N/m], [N m/rad]."""
+        """Return the diagonal of K, shape (6,) [N/m], [N m/rad]."""
         return np.repeat((self.translational_stiffness, self.rotational_stiffness), 3)
 
     def damping(self) -> FloatArray:
-        """Diagonal of D, shape (6,) [N s/m], [N m s/rad]."""
+        """Return the diagonal of D, shape (6,) [N s/m], [N m s/rad]."""
         ratios = np.repeat((self.translational_damping_ratio, self.rotational_damping_ratio), 3)
         damping: FloatArray = 2.0 * ratios * np.sqrt(self.stiffness())
         return damping
@@ -79,13 +79,13 @@ def _between(start: float, goal: float, share: float) -> float:
 
 @dataclass(frozen=True)
 class Arm:
-    """What the arm measures and its model says, in one cycle.
+    """Measured joint state and dynamic model of the arm in one cycle.
 
     Attributes:
-        q, dq: 7 floats [rad], [rad/s].
-        jacobian: of the end effector in the base, linear above angular, shape (6, 7).
-        mass: rotor inertia included, shape (7, 7) [kg m^2].
-        coriolis: the vector C dq, shape (7,) [N m].
+        q, dq: joint positions and velocities, 7 floats each [rad], [rad/s].
+        jacobian: end-effector Jacobian in the base, linear above angular, shape (6, 7).
+        mass: mass matrix with rotor inertia, shape (7, 7) [kg m^2].
+        coriolis: Coriolis torque C dq, shape (7,) [N m].
     """
 
     q: Sequence[float]
@@ -96,32 +96,31 @@ class Arm:
 
 
 class CartesianLaw:
-    """State of the law: the equilibrium and the gains in force, and those they go to.
+    """Impedance law with its state: the present equilibrium and gains, and their targets.
 
     Args:
         compliance: gains at the start.
         filter_time: time constant with which pose and gains approach their targets [s]; 0: at once.
 
     Attributes:
-        pose, target: equilibrium in force, and where it goes.
-        force_limit: of the translational spring [N].
-        compliance, target_compliance: gains in force, and where they go.
-        twist: v, shape (6,) [m/s], [rad/s]; zero unless somebody sets it.
+        pose, target: present equilibrium, and the pose that it moves to.
+        force_limit: maximum force of the translational spring [N].
+        compliance, target_compliance: present gains, and the gains that they approach.
+        twist: velocity v of the equilibrium, shape (6,) [m/s], [rad/s]; zero unless the caller sets it.
         wrench: F of the last cycle, shape (6,) [N], [N m].
     """
 
     def __init__(self, compliance: Compliance, filter_time: float) -> None:
         self.compliance = self.target_compliance = compliance
         self._filter_time = filter_time
-        self._share = (0.0, 1.0)  # (period, part of the way in one such period)
+        self._share = (0.0, 1.0)  # (period, filter coefficient for that period)
         self.pose = self.target = poses.Pose()
         self.posture = np.zeros(7)
         self.twist, self.wrench, self.force_limit = np.zeros(6), np.zeros(6), math.inf
         self._take_gains()
 
     def start(self, pose: poses.Pose, posture: Sequence[float]) -> None:
-        """The equilibrium is `pose`, the null space goes to `posture`, 7 floats [rad]; gains on their way are in
-        force."""
+        """Set equilibrium and null-space posture (7 floats [rad]), and apply pending gains at once."""
         self.pose = self.target = pose
         self.twist = np.zeros(6)
         self.posture = np.array(posture)
@@ -132,7 +131,7 @@ class CartesianLaw:
         self._stiffness, self._damping = self.compliance.stiffness(), self.compliance.damping()
 
     def advance(self, period: float, scale: float = 1.0) -> None:
-        """Lead equilibrium and gains on by one period [s], the equilibrium at `scale` (0 to 1) of its speed."""
+        """Advance equilibrium and gains by one period [s], the equilibrium at `scale` (0 to 1) of its speed."""
         if self.pose is self.target and self.compliance is self.target_compliance:
             return
         if self._share[0] != period:
@@ -150,7 +149,7 @@ class CartesianLaw:
             self._take_gains()
 
     def torque(self, measured: poses.Pose, arm: Arm) -> FloatArray:
-        """Torque without gravity, shape (7,) [N m]."""
+        """Return the joint torques without gravity, shape (7,) [N m]."""
         J = arm.jacobian
         dq = np.array(arm.dq)
         spring = -self._stiffness * poses.difference(measured, self.pose)
@@ -166,8 +165,10 @@ class CartesianLaw:
 
 
 def null_space(J: FloatArray, mass: FloatArray, tau_0: FloatArray) -> FloatArray:
-    """N tau_0, shape (7,) [N m]; J: shape (6, 7), mass: with rotor inertia, shape (7, 7) [kg m^2], tau_0: shape (7,) [N
-    m]."""
+    """Return N tau_0, shape (7,) [N m]: the part of a joint torque that does not accelerate the end effector.
+
+    J: shape (6, 7); mass: with rotor inertia, shape (7, 7) [kg m^2]; tau_0: shape (7,) [N m].
+    """
     inverse_times_J = np.linalg.solve(mass, J.T)  # (M+B)^-1 J^T
     force = np.linalg.solve(J @ inverse_times_J + _SINGULAR, inverse_times_J.T @ tau_0)
     return tau_0 - J.T @ force

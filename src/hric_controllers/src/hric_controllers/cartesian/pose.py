@@ -1,4 +1,4 @@
-"""Cartesian poses by the arm's own motion generator: following a marker (thesis ch. 3.3), or going to poses."""
+"""Cartesian pose controllers: follow a marker (thesis ch. 3.3) or move to commanded poses."""
 
 from collections.abc import Sequence
 
@@ -15,10 +15,10 @@ from hric_controllers.parameters import ArmSettings
 
 
 class CartesianPoseController(Controller):
-    """Commands the poses of `PoseTracking`; parameters and topics: INTERFACE.md."""
+    """Controller that sends the poses of `PoseTracking` to the arm; parameters and topics: INTERFACE.md."""
 
     def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
-        """Read everything first, then advertise, so that a refusal leaves nothing behind."""
+        """Read all parameters and interfaces before advertising, so that an error leaves nothing behind."""
         node = controller_node
         arm_id = ArmSettings.read(node).arm_id
         self._arm = robot_hw.get(FrankaPoseCartesianInterface).handle(f"{arm_id}_robot")
@@ -27,32 +27,31 @@ class CartesianPoseController(Controller):
         self._registrations = self._tracking.open()
 
     def starting(self, time: float) -> None:
-        """The motion begins at the pose that the arm was commanded last."""
+        """Start the motion at the last commanded pose of the arm."""
         self._tracking.start(self._arm.robot_state.O_T_EE_c)
 
     def update(self, time: float, period: float) -> None:
-        """One millisecond of the motion."""
+        """Advance the motion by one cycle and command its pose."""
         tracking = self._tracking
         tracking.update(time, period)
         self._arm.set_command(tracking.transform())
         tracking.publish(time, self._arm.robot_state.O_T_EE)
 
     def stopping(self, time: float) -> None:
-        """From here on commands are refused."""
+        """Refuse commands from now on."""
         self._tracking.stop()
 
     def shutdown(self) -> None:
-        """Take back the topics."""
+        """Unregister the topics."""
         for registration in self._registrations:
             registration.unregister()
 
 
 class CartesianPoseImpedanceController(CartesianImpedanceController):
-    """The law of `cartesian_law` on efforts, its equilibrium led by `PoseTracking`; parameters and topics:
-    INTERFACE.md."""
+    """Impedance controller on efforts whose equilibrium follows `PoseTracking`; parameters and topics: INTERFACE.md."""
 
     def _obeys(self, filter_time: float) -> bool:
-        """The motion is slowed down, not the filter, which only gains pass."""
+        """Return True: the scale slows the motion down; the filter acts on gains only."""
         return True
 
     def _read_input(self) -> None:
@@ -62,11 +61,11 @@ class CartesianPoseImpedanceController(CartesianImpedanceController):
         return self._tracking.open()
 
     def _start_input(self) -> None:
-        """The equilibrium begins where the end effector is, so that nothing pulls."""
+        """Start the equilibrium at the end effector's pose, so that the spring force is zero."""
         self._tracking.start(self._robot.O_T_EE)
 
     def _lead(self, time: float, period: float) -> None:
-        """The motion is smooth already: no filter, and the damper knows its velocity."""
+        """Set the equilibrium to the tracked pose, unfiltered since it is smooth, and its twist for the damper."""
         tracking, law = self._tracking, self._law
         tracking.update(time, period)
         law.pose = law.target = tracking.pose
@@ -74,6 +73,6 @@ class CartesianPoseImpedanceController(CartesianImpedanceController):
         tracking.publish(time, self._robot.O_T_EE)
 
     def stopping(self, time: float) -> None:
-        """From here on poses are refused."""
+        """Refuse poses from now on."""
         super().stopping(time)
         self._tracking.stop()

@@ -1,5 +1,4 @@
-"""Where the end effector may go, how another frame lies to the robot's base, and checking equilibrium poses before they
-reach the loop. No ROS."""
+"""Workspace of the end effector, rotation of a marker's frame, and checks of equilibrium poses. No ROS."""
 
 import math
 from collections.abc import Sequence
@@ -14,27 +13,27 @@ from hric_control.parameters import Settings, number, numbers, refused
 
 Rows = tuple[Vector, Vector, Vector]
 ORTHONORMAL = 1e-6
-"""How far a rotation matrix may be from orthonormal: rounding in a YAML."""
+"""Tolerance for the orthonormality of a rotation matrix: rounding in a YAML."""
 
 
 @dataclass(frozen=True)
 class Box(Settings):
-    """Workspace of the end effector in the base: lower and upper corner."""
+    """Workspace of the end effector in the base frame: lower and upper corner."""
 
     lower: Vector = numbers(3, unit="m")
     upper: Vector = numbers(3, unit="m")
 
     def check(self, where: str) -> None:
-        """Refuse a corner that is not below the other."""
+        """Refuse an upper corner that is not above the lower one on each axis."""
         if not all(low < high for low, high in zip(self.lower, self.upper, strict=True)):
             raise refused(f"{where}upper", self.upper, f"above lower, {self.lower}, on each axis [m]")
 
     def contains(self, p: Sequence[float]) -> bool:
-        """Whether a point is inside or on the border."""
+        """Return True if a point is inside or on the border."""
         return all(low <= x <= high for x, low, high in zip(p, self.lower, self.upper, strict=True))
 
     def nearest(self, p: Sequence[float]) -> Vector:
-        """The point of the box that is nearest to a point."""
+        """Return the point of the box that is nearest to `p` [m]."""
         x, y, z = (min(max(value, low), high) for value, low, high in zip(p, self.lower, self.upper, strict=True))
         return x, y, z
 
@@ -49,13 +48,13 @@ class Box(Settings):
 
 @dataclass(frozen=True)
 class FrameRotation:
-    """R_base_marker: rotates vectors of a marker's frame into the base.
+    """Rotation R_base_marker of vectors in a marker's frame into the base frame.
 
     Attributes:
         rows: three rows of three numbers.
 
     Raises:
-        HricError: it is no rotation.
+        HricError: the matrix is not a rotation.
     """
 
     rows: Rows
@@ -68,7 +67,7 @@ class FrameRotation:
             )
 
     def rotated(self, v: Sequence[float]) -> Vector:
-        """R v."""
+        """Return R v."""
         x, y, z = self.rows
         return _dot(x, v), _dot(y, v), _dot(z, v)
 
@@ -79,7 +78,7 @@ def _dot(a: Sequence[float], b: Sequence[float]) -> float:
 
 @dataclass(frozen=True)
 class JumpSettings(Settings):
-    """How far a new equilibrium may be away."""
+    """Limits for the distance between a new equilibrium and the present one."""
 
     largest_step: float = number(
         0.3, above=0.0, unit="m", text="largest distance of a new equilibrium from the one in force"
@@ -88,16 +87,16 @@ class JumpSettings(Settings):
 
 
 def check_equilibrium(message: Any, base: str, present: Pose, limit: JumpSettings | None = None) -> Pose:
-    """The pose of a geometry_msgs/PoseStamped.
+    """Return the pose of a geometry_msgs/PoseStamped, checked.
 
     Args:
-        message: in the frame `base`; an empty frame name means it.
+        message: pose in the frame `base`; an empty frame name means this frame.
         base: name of the base frame.
-        present: equilibrium in force.
-        limit: how far from that it may be; None: anywhere.
+        present: present equilibrium.
+        limit: maximum distance from the present equilibrium; None: no limit.
 
     Raises:
-        CommandError: another frame, not finite, no unit quaternion, or too far; says what would be valid.
+        CommandError: wrong frame, not finite, not a unit quaternion, or too far; the text gives valid values.
     """
     frame = message.header.frame_id.lstrip("/")
     if frame not in ("", base):

@@ -1,4 +1,4 @@
-"""Joint-space PD control with gravity compensation: thesis, eq. 3, with the rate of torque limited."""
+"""Joint-space PD control with gravity compensation (thesis, eq. 3) and a limited torque rate."""
 
 import re
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ from hric_controllers.state.messages import build_state
 from hric_controllers.trajectory.trapezoid import TrapezoidProfile
 
 LARGEST_GAIN = 1e5
-"""Upper end of the range that dynamic_reconfigure shows for a gain; far above anything an arm can use."""
+"""Upper end of the range that dynamic_reconfigure shows for a gain; far above useful values."""
 
 
 @dataclass(frozen=True)
@@ -35,13 +35,12 @@ class PdGains:
 
 
 class LiveGains:
-    """The gains as live parameters: `kp_<joint>`, `kd_<joint>`, and `kp_all`, `kd_all`, which set every joint and show
-    the largest.
+    """Gains as live parameters: `kp_<joint>` and `kd_<joint>`; `kp_all` and `kd_all` set all joints, show the maximum.
 
     Args:
         node: the controller's namespace.
-        joints: in the order of the gains.
-        gains: at the start.
+        joints: names, in the order of the gains.
+        gains: gains at the start.
     """
 
     def __init__(self, node: Node, joints: Sequence[str], gains: PdGains) -> None:
@@ -51,7 +50,7 @@ class LiveGains:
         }
 
     def parameters(self) -> list[LiveParameter]:
-        """What to offer, with the present gains as defaults."""
+        """Return the live parameters to offer, with the present gains as defaults."""
         values = self.values()
         unit = {"kp": "stiffness [N m/rad]", "kd": "damping [N m s/rad]"}
         return [
@@ -66,7 +65,7 @@ class LiveGains:
         ]
 
     def values(self) -> dict[str, float]:
-        """All live values as they are in force."""
+        """Return the present values of all live parameters."""
         result: dict[str, float] = {}
         for kind, gains in (("kp", self.gains.kp), ("kd", self.gains.kd)):
             result[f"{kind}_all"] = max(gains)
@@ -74,7 +73,7 @@ class LiveGains:
         return result
 
     def requested(self, values: dict[str, Any]) -> PdGains:
-        """The gains of these live values, already checked; nothing is changed yet."""
+        """Return the gains of these live values, which are already checked, without applying them."""
         before = self.values()
         return PdGains(self._gains("kp", before, values), self._gains("kd", before, values))
 
@@ -85,11 +84,11 @@ class LiveGains:
         return tuple(float(values.get(name, before[name])) for name in self._names[kind])
 
     def publish_start(self) -> None:
-        """Put the gains of `kp` and `kd` on the parameter server under their live names: what an earlier run left there
-        must not win.
+        """Write the gains of the YAML to the parameter server under their live names, so that values of an earlier run do
+        not apply.
 
         Raises:
-            ParameterError: only some of the names are there: no run left them, and they would do nothing.
+            ParameterError: only some of the live names exist: no run left them, and they would have no effect.
         """
         values = self.values()
         there = [name for name in values if self._node.has_param(name)]
@@ -104,7 +103,7 @@ class LiveGains:
 
 @dataclass(frozen=True)
 class ProfileSettings(Settings):
-    """Of the trapezoid."""
+    """Parameters of the trapezoidal velocity profile."""
 
     enabled: bool = flag(True, text="lead setpoints through a trapezoid; false: take them raw")
     velocity: tuple[float, ...] = per_joint(number(above=0.0, unit="rad/s"), 1.0)
@@ -129,10 +128,10 @@ class PdSettings(parameters.LawSettings):
 
 
 class JointPDController(Controller):
-    """tau = Kp (q_d - q) - Kd dq [+ g(q)]; parameters and topics: INTERFACE.md."""
+    """PD controller tau = Kp (q_d - q) - Kd dq [+ g(q)]; parameters and topics: INTERFACE.md."""
 
     def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
-        """Read everything first, then advertise, so that a refusal leaves nothing behind."""
+        """Read all parameters and interfaces before advertising, so that an error leaves nothing behind."""
         node = self._node = controller_node
         settings = PdSettings.read(node)
         self.joints = list(settings.joints)
@@ -144,7 +143,7 @@ class JointPDController(Controller):
         self._check_kd(settings.kd)
         self._profile = TrapezoidProfile(settings.profile.velocity, settings.profile.acceleration)
         self._go = self._profile.plan if settings.profile.enabled else self._profile.hold
-        # Only a profile can be slowed down: raw setpoints do not obey, and do not say so.
+        # Only a profile can be slowed down: raw setpoints ignore the speed scale, without a message.
         scale = robot_hw.get(SpeedScaleInterface).handle() if settings.profile.enabled else SpeedScale()
         self._along = ScaledTime(scale)
         self._ranges = parameters.position_ranges(root_node, self.joints)
@@ -168,7 +167,7 @@ class JointPDController(Controller):
         ]
 
     def _on_command(self, message: Any) -> None:
-        """A refusal is logged with the topic's name."""
+        """Pass the setpoint to the loop; the node logs a CommandError with the topic's name."""
         if not self._running:
             raise CommandError("the controller is not running, the setpoint is ignored; start it first")
         try:
@@ -177,7 +176,7 @@ class JointPDController(Controller):
             raise CommandError(f"setpoint refused, the one before stays: {error}") from None
 
     def _on_gains(self, values: dict[str, Any]) -> dict[str, Any]:
-        """Live parameters changed: all values are taken, or a HricError refuses them all."""
+        """Apply changed live parameters: all of them, or none if a HricError is raised."""
         requested = self._live.requested(values)
         if requested != self._live.gains:
             self._check_kd(requested.kd)
@@ -186,9 +185,9 @@ class JointPDController(Controller):
         return dict(self._live.values())
 
     def starting(self, time: float) -> None:
-        """Hold where the arm is, or go to the parameter `setpoint`."""
+        """Hold the present position, or move to the parameter `setpoint`."""
         q = self._group.positions()
-        # The arm that compensates gravity feels 0 before; one that does not must be carried from the first cycle on.
+        # An arm that compensates gravity starts from zero torque; any other needs g(q) from the first cycle on.
         self._law.start(self._gravity(q) if self._gravity else [0.0] * len(q))
         self._setpoint.take_new()
         self._along.restart(time)
@@ -199,7 +198,7 @@ class JointPDController(Controller):
         self._running = True
 
     def update(self, time: float, period: float) -> None:
-        """One millisecond of eq. 3, on plain floats."""
+        """Compute and command the torques of one cycle: eq. 3 on plain floats."""
         along = self._along.along(time, period)
         setpoint = self._setpoint.take_new()
         if setpoint is not None:
@@ -223,10 +222,10 @@ class JointPDController(Controller):
         )
 
     def stopping(self, time: float) -> None:
-        """From here on setpoints are refused."""
+        """Refuse setpoints from now on."""
         self._running = False
 
     def shutdown(self) -> None:
-        """Take back topics and live parameters."""
+        """Unregister topics and live parameters."""
         for registration in self._registrations:
             registration.unregister()

@@ -1,4 +1,4 @@
-"""Joint PD law with a ramp for the gains and a limit on the rate of torque; no ROS, plain floats.
+"""Joint PD law with ramped gains and a limited torque rate; no ROS, plain floats.
 
 tau = Kp (q_d - q) - Kd dq  [+ g(q), added by the caller's function]      thesis, eq. 3
 """
@@ -8,17 +8,17 @@ from collections.abc import Callable, Sequence
 from hric_control.native.vectors import spring_damper
 
 Gravity = Callable[[list[float]], list[float]]
-"""q (n floats) [rad] -> gravity torque (n floats) [N m]."""
+"""Function that maps joint positions q (n floats [rad]) to gravity torques (n floats [N m])."""
 
 
 class PdLaw:
-    """State of the law: gains in force, gains to come, last torque.
+    """PD law with its state: present gains, target gains, last torque.
 
     Args:
         kp: n stiffnesses [N m/rad].
         kd: n dampings [N m s/rad].
-        rotatum_limit: largest rate of the torque [N m/s]; 0 means no limit.
-        ramp: time in which new gains take over [s].
+        rotatum_limit: maximum torque rate [N m/s]; 0 means no limit.
+        ramp: duration of the transition to new gains [s].
     """
 
     def __init__(self, kp: Sequence[float], kd: Sequence[float], rotatum_limit: float, ramp: float) -> None:
@@ -30,13 +30,12 @@ class PdLaw:
         self.last = [0.0] * len(self.kp)
 
     def start(self, torque: Sequence[float]) -> None:
-        """Forget the past: the rate of torque is limited from `torque` (n floats) [N m] on, gains that were on their
-        way are in force."""
+        """Reset: the torque rate counts from `torque` (n floats [N m]), pending gains apply at once."""
         self.last = list(torque)
         (self.kp, self.kd), self._ramp_start = self._to, None
 
     def change_gains(self, time: float, kp: Sequence[float], kd: Sequence[float]) -> None:
-        """Lead the gains linearly from those in force to these, beginning at `time` [s]."""
+        """Ramp the gains linearly from the present ones to these, starting at `time` [s]."""
         self._from, self._to = (self.kp, self.kd), (list(kp), list(kd))
         self._ramp_start = time
 
@@ -52,15 +51,15 @@ class PdLaw:
     def torque(
         self, time: float, period: float, q: list[float], dq: list[float], q_d: list[float], gravity: Gravity | None
     ) -> list[float]:
-        """Torque to command, n floats [N m].
+        """Return the torques to command, n floats [N m].
 
         Args:
             time: robot time [s].
-            period: since the last torque [s].
-            q: measured position, n floats [rad].
-            dq: measured velocity, n floats [rad/s].
-            q_d: desired position, n floats [rad].
-            gravity: added if given.
+            period: time since the last call [s].
+            q: measured positions, n floats [rad].
+            dq: measured velocities, n floats [rad/s].
+            q_d: desired positions, n floats [rad].
+            gravity: function for the added gravity torque; None: nothing is added.
         """
         if self._ramp_start is not None:
             self._advance(time, self._ramp_start)

@@ -2,7 +2,7 @@
 
     u = p e + clamp(i * integral of e, -i_clamp, i_clamp) + d de/dt
 
-The integral itself is kept within what the clamp lets through, so that it does not wind up.
+The integral itself is limited to what the clamp allows (anti-windup).
 """
 
 from collections.abc import Sequence
@@ -26,23 +26,23 @@ class PidGains(Settings):
 
 
 class Pid:
-    """One PID per joint; `update` is made for the control loop."""
+    """Set of PID controllers, one per joint; `update` is made for the control loop."""
 
     def __init__(self, gains: Sequence[PidGains]) -> None:
         self._gains = [(g.p, g.i, g.d, g.i_clamp) for g in gains]
         self._integral = [0.0] * len(self._gains)
 
     def reset(self) -> None:
-        """Forget the integrals."""
+        """Reset the integrals to zero."""
         self._integral = [0.0] * len(self._gains)
 
     def update(self, errors: Sequence[float], error_rates: Sequence[float], period: float) -> list[float]:
-        """Efforts, n floats.
+        """Return the efforts, n floats.
 
         Args:
             errors: desired minus measured position, n floats.
             error_rates: desired minus measured velocity, n floats.
-            period: [s].
+            period: period of the loop [s].
         """
         result = []
         for index, ((p, i, d, clamp), error, rate) in enumerate(zip(self._gains, errors, error_rates, strict=True)):

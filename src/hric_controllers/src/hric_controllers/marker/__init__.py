@@ -1,1 +1,1 @@
-"""Following a marker: samples, filters, targets of the end effector."""
+"""Marker tracking: samples, filters and targets of the end effector."""

@@ -1,14 +1,13 @@
-"""From a marker's samples to targets of the end effector: anchors, frames, the workspace, and what happens when the
-marker is lost. No ROS.
+"""Targets of the end effector from marker samples: origins, frames, workspace, loss of the marker. No ROS.
 
-With the marker's origin m_0 and the end effector's p_0, both taken at the first valid sample, the target of a marker at
-m is (thesis ch. 3.3)
+With the marker's origin m_0 and the end effector's p_0, both taken at the first valid sample, the target for a marker
+at m is (thesis ch. 3.3)
 
     p = p_0 + R (m - m_0)                        R = R_base_marker
-    r = log(exp(R log(a a_0^-1)) exp(r_0))       where its attitude a is followed
+    r = log(exp(R log(a a_0^-1)) exp(r_0))       if its attitude a is followed
 
-The rotation vector r counts from the orientation at the start. Nothing moves here: a motion (`motion`) takes the
-targets.
+The rotation vector r counts from the orientation at the start. This module moves nothing: a motion (`motion`) takes
+the targets.
 """
 
 import math
@@ -22,7 +21,7 @@ from hric_controllers.marker.sample import Marker, SampleValidator
 
 
 class Tracking(Enum):
-    """What the follower does."""
+    """States of the follower."""
 
     WAITING = "waiting"
     FOLLOWING = "following"
@@ -31,7 +30,7 @@ class Tracking(Enum):
 
 
 class Event(Enum):
-    """What changes that."""
+    """Events that change the state of the follower."""
 
     VALID = "a valid marker came"
     GONE = "none came for too long"
@@ -50,22 +49,23 @@ NEXT: dict[tuple[Tracking, Event], Tracking] = {
     (Tracking.COMMANDED, Event.COMMAND): Tracking.COMMANDED,
     (Tracking.COMMANDED, Event.ARRIVED): Tracking.WAITING,
 }
-"""The whole state machine; an event that has no entry changes nothing."""
+"""Transitions of the state machine; an event without an entry changes nothing."""
 
 
 @dataclass(frozen=True)
 class FollowerConfig:
-    """How a marker is followed.
+    """Settings of the follower.
 
     Attributes:
-        rotation: for markers that are not given in the base already.
-        workspace: targets are brought back into it.
-        validator: of samples.
+        rotation: rotation of markers that are not given in the base frame.
+        workspace: box to which target positions are limited.
+        validator: check of samples.
         lost_after: time without a valid sample after which the marker is lost [s].
-        catch_up: on its return the marker is met where it is by then, with the anchors as they were; else both are
-            anchored again.
-        follow_attitude: whether the end effector turns with the marker.
-        largest_turn: a sample whose target is further from the orientation at the start is refused; below pi [rad].
+        catch_up: True: the end effector moves to a marker that returns, origins unchanged; False: both origins are set
+            again.
+        follow_attitude: True if the end effector rotates with the marker.
+        largest_turn: maximum rotation of a target from the orientation at the start, below pi [rad]; a sample beyond
+            it is refused.
     """
 
     rotation: FrameRotation
@@ -79,8 +79,7 @@ class FollowerConfig:
 
 @dataclass(frozen=True)
 class PoseOffset:
-    """Of the end effector: position in the base [m], and rotation vector from the orientation at the start, axes of the
-    base [rad]."""
+    """Position of the end effector in the base [m], and rotation vector from the start orientation, base axes [rad]."""
 
     position: Vector
     rotation: Vector = (0.0, 0.0, 0.0)
@@ -88,7 +87,7 @@ class PoseOffset:
 
 @dataclass
 class Counts:
-    """Since the start: losses, targets brought back into the workspace, refused samples by reason."""
+    """Numbers of losses, of targets limited to the workspace, and of refused samples by reason, since the start."""
 
     losses: int = 0
     clamped: int = 0
@@ -96,15 +95,15 @@ class Counts:
 
 
 class MarkerFollower:
-    """Follows one marker.
+    """Follower of one marker.
 
     Args:
-        config: how.
-        report: takes a line for the user: True for a warning; called in the loop.
+        config: settings.
+        report: function that takes True for a warning and a line for the user; called in the loop.
 
     Attributes:
-        tracking: what it does.
-        counts: what happened.
+        tracking: present state.
+        counts: counters since the start.
     """
 
     def __init__(self, config: FollowerConfig, report: Callable[[bool, str], None]) -> None:
@@ -112,14 +111,14 @@ class MarkerFollower:
         self.start()
 
     def start(self) -> None:
-        """Wait for a first marker; the counts begin again."""
+        """Wait for a first marker and reset the counters."""
         self.tracking, self.counts = Tracking.WAITING, Counts()
         self._marker_origin, self._here_origin = Marker((0.0, 0.0, 0.0)), PoseOffset((0.0, 0.0, 0.0))
         self._last: Marker | None = None
         self._last_time = -math.inf
 
     def _enter(self, event: Event) -> bool:
-        """Whether the event counts now."""
+        """Apply an event to the state machine and return True if it has a transition in the present state."""
         following = NEXT.get((self.tracking, event))
         if following is None:
             return False
@@ -127,15 +126,12 @@ class MarkerFollower:
         return True
 
     def take(self, marker: Marker, time: float, here: PoseOffset) -> PoseOffset | None:
-        """A sample.
+        """Take a sample and return the target that follows from it, None if there is none.
 
         Args:
-            marker: as it came.
+            marker: sample as received.
             time: robot time [s].
-            here: where the end effector is, or comes to rest: its new origin, where one is needed.
-
-        Returns:
-            Its target; None: nothing follows from this sample.
+            here: present or next rest pose of the end effector, used as new origin if one is needed.
         """
         if not marker.valid or (self.tracking, Event.VALID) not in NEXT:
             return None
@@ -193,7 +189,7 @@ class MarkerFollower:
         return quaternions.rotation_vector(quaternions.product(quaternions.from_rotation_vector(in_base), start))
 
     def lost(self, time: float) -> bool:
-        """Whether the marker is lost as of this call; then the motion is to be stopped."""
+        """Return True if the marker is lost as of this call; the caller then stops the motion."""
         silent = time - self._last_time
         if self.tracking is not Tracking.FOLLOWING or silent <= self._config.lost_after or not self._enter(Event.GONE):
             return False
@@ -202,10 +198,10 @@ class MarkerFollower:
         return True
 
     def command(self) -> None:
-        """A pose is commanded: markers count no more until it is reached."""
+        """Ignore markers until the commanded pose is reached."""
         self._enter(Event.COMMAND)
 
     def arrived(self) -> None:
-        """It is reached: the next marker is a first one."""
+        """Accept markers again; the next one is a first marker."""
         if self._enter(Event.ARRIVED):
             self._last = None

@@ -1,10 +1,9 @@
-"""Evens out when samples arrive: each counts at one delay after its measurement, as in the jitter buffers of
-telephony. No ROS.
+"""Jitter buffer: each sample takes effect at a constant delay after its measurement, as in telephony. No ROS.
 
-A network and a busy machine bring samples some milliseconds early or late. Taken as they come, that is an error of
-speed times jitter, 0.8 mm at 0.16 m/s and 5 ms, and it shakes the arm. So a sample that was measured at t_m counts at
-t_m + d + margin, where d is the least delay (arrival less measurement) seen lately; between two samples the target goes
-along a straight line. d contains the offset of the two clocks: they need not agree.
+A network and a busy machine deliver samples some milliseconds early or late. Without a buffer this is a position error
+of speed times jitter, 0.8 mm at 0.16 m/s and 5 ms, and it shakes the arm. So a sample that was measured at t_m takes
+effect at t_m + d + margin, where d is the minimum recent delay (arrival minus measurement); between two samples the
+target is interpolated linearly. d contains the offset of the two clocks: they need not agree.
 """
 
 from collections import deque
@@ -12,39 +11,38 @@ from collections import deque
 from hric_controllers.marker.follower import PoseOffset
 
 WINDOW = 5.0
-"""Over which the least delay is taken [s] (project default, unconfirmed)."""
+"""Time window of the minimum delay [s] (project default, unconfirmed)."""
 MAX_WAITING = 64
-"""Samples that wait at most; of more, the oldest go."""
+"""Maximum number of waiting samples; the oldest are dropped."""
 
 
 class JitterBuffer:
-    """Targets on their way.
+    """Buffer of targets that have not taken effect yet.
 
     Args:
-        margin: on top of the least delay [s]; adds as much lag, and a sample may come so much later, less a period of
-            the samples, without effect.
-            0: each counts when it comes.
+        margin: time added to the minimum delay [s]; adds as much lag. A sample that is late by up to the margin minus
+            one sample period does no harm. 0: each sample takes effect on arrival.
     """
 
     def __init__(self, margin: float) -> None:
         self._margin = margin
-        # (arrival, delay), both rising: the first is the least of the window
+        # (arrival, delay), both rising: the first has the minimum delay of the window
         self._delays: deque[tuple[float, float]] = deque()
         self._waiting: deque[tuple[float, PoseOffset]] = deque(maxlen=MAX_WAITING)
         self._last: PoseOffset | None = None
 
     def clear(self) -> None:
-        """Forget the targets; what is known of the delay stays."""
+        """Remove the targets but keep the estimate of the delay."""
         self._waiting.clear()
         self._last = None
 
     def add(self, time: float, stamp: float | None, target: PoseOffset) -> None:
-        """A target.
+        """Add a target.
 
         Args:
-            time: at which it came [s].
-            stamp: of its measurement, rising, by any clock of the same pace [s]; None: not known, it counts at once.
-            target: the sample's.
+            time: time of arrival [s].
+            stamp: rising time of measurement, by any clock of the same rate [s]; None: unknown, takes effect at once.
+            target: target of the sample.
         """
         if stamp is None or self._margin == 0.0:
             self._waiting.clear()
@@ -62,7 +60,7 @@ class JitterBuffer:
         self._waiting.append((stamp, target))
 
     def due(self, time: float) -> PoseOffset | None:
-        """The target of this moment [s]; None where it has not changed, or none counts yet."""
+        """Return the target at `time` [s], None if it has not changed or none is due yet."""
         waiting = self._waiting
         if not waiting:
             return None
@@ -79,7 +77,7 @@ class JitterBuffer:
 
 
 def between(a: PoseOffset, b: PoseOffset, share: float) -> PoseOffset:
-    """The pose offset at `share` of the straight line from a (0) to b (1)."""
+    """Return the pose offset at the fraction `share` of the straight line from a (0) to b (1)."""
     (px, py, pz), (qx, qy, qz) = a.position, b.position
     position = px + share * (qx - px), py + share * (qy - py), pz + share * (qz - pz)
     if a.rotation == b.rotation:

@@ -1,11 +1,10 @@
-"""Motions of n axes towards a target: by an online trajectory generator, whose target may change at any time, or on
-straight lines. No ROS.
+"""Motions of n axes to a target: an online trajectory generator with changing targets, or straight lines. No ROS.
 
 The generator respects limits of velocity, acceleration and jerk. Each change starts the time-optimal motion from the
 present state to rest at the new target (Berscheid and Kroeger 2021, "Jerk-limited real-time trajectory generation with
-arbitrary target states", in its library ruckig), so position, velocity and acceleration have no jump. The axes arrive
-together; an axis with a short distance then moves slowly, and noise across the motion shakes the arm less. The target
-passes a first-order filter, for what is left of the noise.
+arbitrary target states", in its library ruckig), so position, velocity and acceleration are continuous. The axes arrive
+together; an axis with a short distance then moves slowly, and noise across the motion shakes the arm less. A
+first-order filter of the target removes the rest of the noise.
 """
 
 import math
@@ -19,36 +18,36 @@ from hric_control.parameters import Settings, number
 from hric_controllers.trajectory.trapezoid import TrapezoidProfile
 
 SETTLED = 1e-9
-"""Distance from the target at which the filter of the target ends [m or rad]."""
+"""Distance from the target below which the filter of the target ends [m or rad]."""
 
 
 @dataclass(frozen=True)
 class MotionLimits(Settings):
-    """Of one axis, or of several together (Euclidean norms)."""
+    """Motion limits of one axis, or of the Euclidean norm of several axes."""
 
     velocity: float = number(above=0.0, unit="m/s or rad/s")
     acceleration: float = number(above=0.0, unit="m/s^2 or rad/s^2")
     jerk: float = number(above=0.0, unit="m/s^3 or rad/s^3")
 
     def each_of(self, axes: int) -> "MotionLimits":
-        """Limits of each of so many axes that keep all of them together within these."""
+        """Return limits for each of `axes` axes whose combination stays within these limits."""
         share = 1.0 / math.sqrt(axes)
         return MotionLimits(share * self.velocity, share * self.acceleration, share * self.jerk)
 
 
 class OnlineTrajectoryGenerator:
-    """Motion of n axes; made for the control loop.
+    """Online motion of n axes; made for the control loop.
 
     Args:
-        limits: of each axis.
-        smoothing_time: time constant of the filter of the target [s]; 0: none.
-        axes: n.
-        time_step: of `advance` [s].
+        limits: limits of each axis.
+        smoothing_time: time constant of the filter of the target [s]; 0: no filter.
+        axes: number of axes n.
+        time_step: time step of `advance` [s].
 
     Attributes:
-        position, velocity, acceleration: of the motion, n floats each [m or rad and s]. Not to be written.
-        rest: where the motion ends if no target follows, n floats.
-        moving: whether it moves.
+        position, velocity, acceleration: present state, n floats each [m or rad, and s]. Read-only.
+        rest: rest position that the motion ends in without a new target, n floats.
+        moving: True if the axes move.
     """
 
     def __init__(
@@ -79,7 +78,7 @@ class OnlineTrajectoryGenerator:
         self._follow()
 
     def go(self, target: Sequence[float]) -> bool:
-        """Head for rest at a target, from the present state. True: it is always taken."""
+        """Move from the present state to rest at a target. Always returns True: any target is accepted."""
         if self._input.control_interface is not ControlInterface.Position:
             self._smooth = self.position
             self._follow()
@@ -94,16 +93,16 @@ class OnlineTrajectoryGenerator:
         """Come to rest as soon as the limits allow."""
         if not self.moving or self._input.control_interface is ControlInterface.Velocity:
             return
-        # Each axis by itself: none shall wait for another.
+        # Each axis by itself: none has to wait for another.
         self._input.control_interface, self._input.synchronization = ControlInterface.Velocity, Synchronization.No
         stopping = Trajectory(self._n)
         self._generator.calculate(self._input, stopping)
         self.rest = self._goal = self._smooth = stopping.at_time(stopping.duration)[0]
 
     def advance(self, period: float, scale: float = 1.0) -> None:
-        """Lead the motion on by `period` [s], a multiple of the time step, at `scale` (0 to 1) of its speed.
+        """Advance the motion by `period` [s], a multiple of the time step, at `scale` (0 to 1) of its speed.
 
-        Its time passes at the scale: velocity and acceleration are those of that time.
+        The motion's time is scaled: velocity and acceleration refer to that time.
         """
         if scale != self._scale:
             self._set_scale(scale)
@@ -133,14 +132,14 @@ class OnlineTrajectoryGenerator:
             self._settle()
 
     def _settle(self) -> None:
-        """The end: the target itself, without what rounding left."""
+        """End the motion exactly at the target, without rounding error."""
         self.position = self.rest = self._input.current_position = self._goal
         self.moving = False
         self.velocity = self.acceleration = [0.0] * self._n
         self._follow()
 
     def _update(self) -> Result:
-        """One step of the motion; where the axes have no common duration, each moves by itself."""
+        """Compute one step of the motion; without a common duration, each axis moves by itself."""
         result: Result = self._generator.update(self._input, self._output)
         if result in (Result.Working, Result.Finished):
             return result
@@ -156,18 +155,19 @@ class OnlineTrajectoryGenerator:
 
 
 class LineMotion:
-    """The thesis's motion (ch. 3.3): n axes on a straight line with a trapezoidal velocity profile, and no new target
-    before its end; the methods are those of `OnlineTrajectoryGenerator`.
+    """Motion on straight lines with a trapezoidal velocity profile (thesis ch. 3.3), in n axes.
+
+    It accepts no new target before its end. The methods are those of `OnlineTrajectoryGenerator`.
 
     Args:
-        velocity: along the line [m/s] or [rad/s].
-        acceleration: along the line [m/s^2] or [rad/s^2].
-        axes: n.
+        velocity: maximum speed along the line [m/s] or [rad/s].
+        acceleration: acceleration along the line [m/s^2] or [rad/s^2].
+        axes: number of axes n.
 
     Attributes:
-        position, velocity: of the motion, n floats each. Not to be written.
-        rest: where the line ends, n floats.
-        moving: whether it moves.
+        position, velocity: present state, n floats each. Read-only.
+        rest: end of the line, n floats.
+        moving: True if the axes move.
     """
 
     def __init__(self, velocity: float, acceleration: float, axes: int = 3) -> None:
@@ -181,7 +181,7 @@ class LineMotion:
         self._time, self._braking, self.moving = 0.0, False, False
 
     def go(self, target: Sequence[float]) -> bool:
-        """Head for a target; false if the motion before has not ended: the target is then ignored."""
+        """Move to a target and return True, or ignore it and return False while another motion runs."""
         if self.moving:
             return False
         offset = [end - begin for begin, end in zip(self.position, target, strict=True)]
@@ -204,7 +204,7 @@ class LineMotion:
         self.rest, self._braking = self._at(end), True
 
     def advance(self, period: float, scale: float = 1.0) -> None:
-        """Lead the motion on by `period` [s] at `scale` (0 to 1) of its speed."""
+        """Advance the motion by `period` [s] at `scale` (0 to 1) of its speed."""
         if not self.moving:
             return
         self._time += scale * period

@@ -11,14 +11,14 @@ from hric_controllers.marker.sample import SampleValidator
 from hric_controllers.parameters import state_rate
 
 SOURCES = {"mocap": "hric/perception/mocap", "point": "mocap/marker", "none": ""}
-"""source -> topic of the markers in the robot's namespace, unless another is given."""
+"""Default topic of the markers in the robot's namespace, by source."""
 THESIS_ROTATION = ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
-"""R_base_marker of thesis ch. 3.3: a stream with y up, its x along the robot's."""
+"""R_base_marker of thesis ch. 3.3: a stream with y up and its x along the robot's x."""
 
 
 @dataclass(frozen=True)
 class Translation(MotionLimits):
-    """Limits of the three axes together."""
+    """Limits of the combined motion of the three translational axes."""
 
     velocity: float = number(
         0.7, above=0.0, unit="m/s", text="limit of the three axes together; at most what the arm takes"
@@ -29,7 +29,7 @@ class Translation(MotionLimits):
 
 @dataclass(frozen=True)
 class Rotation(MotionLimits):
-    """The same of the rotation vector."""
+    """Limits of the rotation vector's motion."""
 
     velocity: float = number(0.5, above=0.0, unit="rad/s", text="likewise, of the rotation vector")
     acceleration: float = number(4.0, above=0.0, unit="rad/s^2")
@@ -38,7 +38,10 @@ class Rotation(MotionLimits):
 
 @dataclass(frozen=True)
 class Workspace(Box):
-    """Project default, unconfirmed: the arm's reach of 0.855 m (data sheet), and a table at the height of its base."""
+    """Workspace of the end effector.
+
+    Project default, unconfirmed: the arm's reach of 0.855 m (data sheet), and a table at the height of its base.
+    """
 
     lower: tuple[float, float, float] = numbers(
         3, (-0.85, -0.85, 0.02), unit="m", text="corner of the end effector's workspace, in `<arm_id>_link0`"
@@ -48,7 +51,7 @@ class Workspace(Box):
 
 @dataclass(frozen=True)
 class TrackingSettings(Settings):
-    """What a tracking controller reads."""
+    """Parameters of a tracking controller."""
 
     source: str = choice(*SOURCES, text="`mocap`: MocapData, `point`: Point, `none`: commanded poses only")
     target_marker: str = text(
@@ -107,7 +110,7 @@ class TrackingSettings(Settings):
     state_publish_rate: float = state_rate(100.0)
 
     def check(self, where: str) -> None:
-        """Refuse to follow the attitude of a point, and limits beyond what the arm takes."""
+        """Refuse to follow the attitude of a point, and limits above those of the arm."""
         if self.follow == "pose" and self.source == "point":
             raise refused(f"{where}follow", self.follow, "position with source point: a point has no attitude")
         arm = franka_limits().with_margins()
@@ -124,17 +127,17 @@ class TrackingSettings(Settings):
 
     @property
     def topic(self) -> str:
-        """Of the markers."""
+        """Topic of the markers."""
         return self.target_marker or SOURCES[self.source]
 
     @property
     def thesis(self) -> bool:
-        """Whether the motion is that of the thesis; else that of an online trajectory generator."""
+        """True if the motion is that of the thesis, False for the online trajectory generator."""
         return self.mode == "thesis"
 
     @property
     def follower(self) -> FollowerConfig:
-        """How the marker is followed."""
+        """Settings of the marker follower."""
         attitude = self.follow == "pose"
         return FollowerConfig(
             rotation=self.frame_rotation,

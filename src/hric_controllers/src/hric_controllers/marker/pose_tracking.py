@@ -1,4 +1,4 @@
-"""From topics to the pose of this millisecond: what the controllers share that follow a marker or go to poses."""
+"""Desired pose per cycle from markers or commanded poses, shared by the controllers that follow them."""
 
 import math
 from collections import deque
@@ -25,15 +25,15 @@ from hric_msgs.msg import MarkerTrackingState
 
 
 class PoseTracking:
-    """The desired pose, cycle by cycle.
+    """Desired pose of the end effector, cycle by cycle.
 
     Args:
-        node: of the controller; everything is read here, and nothing advertised before `open`.
+        node: namespace of the controller; parameters are read here, nothing is advertised before `open`.
         base: name of the base frame.
-        scale: of the speed; markers count as before, and the motion towards them is slower.
+        scale: speed scale; slows the motion, not the markers.
 
     Attributes:
-        pose: desired in this cycle.
+        pose: desired pose of this cycle.
         twist: its velocity, 6 floats [m/s], [rad/s].
     """
 
@@ -59,7 +59,7 @@ class PoseTracking:
         return OnlineTrajectoryGenerator(limits.each_of(3), self._settings.smoothing_time)
 
     def open(self) -> list[Registration]:
-        """Subscribe and advertise; what is to be taken back at the end."""
+        """Subscribe and advertise; return the registrations to undo at the end."""
         settings, node = self._settings, self._node
         self._state = realtime.publisher(node, "state", MarkerTrackingState)
         markers = subscribe_markers(
@@ -68,15 +68,15 @@ class PoseTracking:
         return [node.subscribe("command", PoseStamped, self._on_command, queue_size=1), *markers, self._state]
 
     def _log(self, warn: bool, line: str) -> None:
-        """Out of the loop."""
+        """Log a line outside the loop."""
         realtime.defer(self._node, lambda: (self._node.log_warn if warn else self._node.log_info)(line), "log")
 
     def _on_command(self, message: Any) -> None:
-        """A refusal is logged with the topic's name."""
+        """Pass the pose to the loop; the node logs a CommandError with the topic's name."""
         if not self._running:
             raise CommandError("the controller is not running, the pose is ignored; start it first")
         follower = self._settings.follower
-        # It may be far away: the motion leads there within its limits.
+        # The pose may be far away: the motion leads there within its limits.
         requested = check_equilibrium(message, self._base, self._start)
         if not follower.workspace.contains(requested.position):
             raise CommandError(
@@ -94,7 +94,7 @@ class PoseTracking:
         """Rest at a pose, 16 column-major floats, and wait for a marker.
 
         Raises:
-            HricError: it is outside of the workspace, where the first target would draw it in at once.
+            HricError: the pose is outside of the workspace; the first target would pull it in at once.
         """
         start, box = to_pose(O_T_EE), self._settings.workspace
         if not box.contains(start.position):
@@ -115,15 +115,15 @@ class PoseTracking:
         self._running = True
 
     def stop(self) -> None:
-        """From here on commands are refused."""
+        """Refuse commands from now on."""
         self._running = False
 
     def update(self, time: float, period: float) -> None:
-        """Take what came, and lead the pose on by one period.
+        """Process new commands and markers, and advance the pose by one period.
 
         Args:
             time: robot time [s].
-            period: since the last cycle [s].
+            period: time since the last cycle [s].
         """
         self._take_command()
         while self._markers:
@@ -167,7 +167,7 @@ class PoseTracking:
         return PoseOffset(_vector(self._translation.rest), _vector(self._rotation.rest))
 
     def _head_for(self, target: PoseOffset) -> bool:
-        """Whether the motions take the target: in the thesis's mode only while both rest."""
+        """Send the target to the motions and return True; the thesis's mode accepts it only while both rest."""
         if self._settings.thesis and self._moving:
             return False
         for motion, goal in ((self._translation, target.position), (self._rotation, target.rotation)):
@@ -192,11 +192,11 @@ class PoseTracking:
         self.twist = twist if scale == 1.0 else [scale * value for value in twist]
 
     def _rotated(self, rotation: quaternions.Vector) -> quaternions.Quaternion:
-        """The orientation at the start, rotated [rad]."""
+        """Return the orientation at the start, rotated by a rotation vector [rad]."""
         return quaternions.product(quaternions.from_rotation_vector(rotation), self._start.orientation)
 
     def transform(self) -> list[float]:
-        """The desired pose as 16 column-major floats; without a rotation it keeps the bits of the start."""
+        """Return the desired pose as 16 column-major floats; unrotated, it has exactly the start's orientation."""
         columns, rotation = self._columns, self._rotation.position
         if any(rotation):
             q = quaternions.from_rotation_vector(rotation)
@@ -204,7 +204,7 @@ class PoseTracking:
         return [*columns[0], 0.0, *columns[1], 0.0, *columns[2], 0.0, *self.pose.position, 1.0]
 
     def publish(self, time: float, O_T_EE: Sequence[float]) -> None:
-        """The state, at its rate; O_T_EE: measured pose, 16 column-major floats."""
+        """Publish the state at its rate; O_T_EE: measured pose, 16 column-major floats."""
         if not self._state_time.due(time):
             return
         here, counts = self._here(), self._follower.counts
@@ -233,8 +233,10 @@ def tracking_state(
     measured: Pose,
     counts: tuple[int, int, int, dict[str, int]],
 ) -> MarkerTrackingState:
-    """hric_msgs/MarkerTrackingState of plain values; the arguments are its fields in their order, counts: losses,
-    ignored, clamped, refused by reason."""
+    """Build a hric_msgs/MarkerTrackingState from plain values, in the order of its fields.
+
+    counts: losses, ignored, clamped, refused by reason.
+    """
     message = MarkerTrackingState()
     message.header.stamp, message.header.frame_id = stamp, frame
     message.tracking = tracking

@@ -1,7 +1,7 @@
-"""A marker's sample: as it comes on topics, and whether it is valid.
+"""Marker samples: subscription and validity check.
 
-About half of what a damaged datagram still decodes to is wrong, so validity is checked a second time, before a sample
-becomes a target.
+About half of the damaged datagrams that can still be decoded have wrong values, so validity is checked a second time
+before a sample becomes a target.
 """
 
 import math
@@ -16,19 +16,19 @@ from hric_control.node import Node, Registration
 from hric_msgs.msg import MocapData
 
 UNIT = 0.01
-"""How far the norm of a quaternion may be from 1."""
+"""Tolerance for the norm of a unit quaternion."""
 
 
 @dataclass(frozen=True)
 class Marker:
-    """One sample as it came.
+    """Marker sample as received.
 
     Attributes:
-        position: in its own frame [m].
-        valid: whether the cameras see the marker.
-        attitude: quaternion in that frame; None: it has none.
-        in_base: whether its frame is the robot's base.
-        stamp: time of measurement [s]; None: not known.
+        position: position in its frame [m].
+        valid: True if the cameras see the marker.
+        attitude: quaternion in its frame; None: the source has no attitude.
+        in_base: True if its frame is the robot's base.
+        stamp: time of measurement [s]; None: unknown.
     """
 
     position: Vector
@@ -40,12 +40,12 @@ class Marker:
 
 @dataclass(frozen=True)
 class SampleValidator:
-    """What a sample must fulfil.
+    """Conditions that a sample must fulfil.
 
     Attributes:
-        largest_distance: from the origin of its frame [m].
-        largest_step: from the sample before [m].
-        attitude: whether it needs one.
+        largest_distance: maximum distance from the origin of its frame [m].
+        largest_step: maximum distance from the previous sample [m].
+        attitude: True if a sample needs an attitude.
     """
 
     largest_distance: float
@@ -53,7 +53,7 @@ class SampleValidator:
     attitude: bool = False
 
     def objection(self, marker: Marker, last: Marker | None) -> str:
-        """Why the sample is refused; empty if it is not. `last`: the one before, None while nothing is followed."""
+        """Return the reason to refuse a sample, empty if valid. `last`: previous sample, None while not following."""
         if not all(map(math.isfinite, marker.position)):
             return "position not finite"
         if math.hypot(*marker.position) > self.largest_distance:
@@ -81,13 +81,15 @@ def _is_unit(q: Sequence[float] | None) -> bool:
 def subscribe_markers(
     node: Node, source: str, topic: str, body: str, base: str, take: Callable[[Marker], None]
 ) -> list[Registration]:
-    """Call `take` with each marker, in the subscriber's thread.
+    """Call `take` with each marker, in the subscriber's thread; return the subscriptions.
 
     Args:
+        node: namespace of the controller.
         source: mocap (hric_msgs/MocapData), point (geometry_msgs/Point) or none.
-        topic: its name, in the robot's namespace, which the controller's is in.
-        body: of the rigid body; empty: the first of each frame.
+        topic: topic name, relative to the robot's namespace, which contains the controller's.
+        body: name of the rigid body; empty: the first of each frame.
         base: name of the robot's base frame.
+        take: callback for each marker.
     """
     if source == "none":
         return []
@@ -100,14 +102,16 @@ def subscribe_markers(
 
 
 class MocapReader:
-    """Picks one rigid body out of each frame. Without it in the frame the marker is invalid; a warning says so once and
-    lists the bodies of the frame."""
+    """Callback that selects one rigid body from each frame.
+
+    A frame without the body gives an invalid marker; the first time, a warning lists the bodies of the frame.
+    """
 
     def __init__(self, node: Node, topic: str, body: str, base: str, take: Callable[[Marker], None]) -> None:
         self._node, self._topic, self._body, self._base, self._take, self._warned = node, topic, body, base, take, False
 
     def __call__(self, message: Any) -> None:
-        """One MocapData."""
+        """Pass the marker of one MocapData to the callback."""
         found = next((one for one in message.rigid_bodies if not self._body or one.name == self._body), None)
         stamp = message.header.stamp.to_sec() or None
         in_base = message.header.frame_id.lstrip("/") == self._base

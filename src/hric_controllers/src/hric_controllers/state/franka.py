@@ -1,4 +1,4 @@
-"""Publishes the state of the Franka arm on the topics of franka_ros."""
+"""Controller that publishes the state of the Franka arm on the topics of franka_ros."""
 
 from dataclasses import dataclass
 
@@ -26,11 +26,10 @@ class FrankaStateSettings(ArmSettings):
 
 
 class FrankaStateController(Controller):
-    """`franka_states`, `joint_states`, `joint_states_desired`, `F_ext` below the controller, and the end-effector
-    frames on /tf."""
+    """Publisher of `franka_states`, `joint_states`, `joint_states_desired` and `F_ext`, and of the EE frames on /tf."""
 
     def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
-        """Parameters: `arm_id`, `joint_names` (7), `publish_rate` (30 Hz by default)."""
+        """Read the parameters `arm_id`, `joint_names` (7) and `publish_rate` (30 Hz by default), and advertise."""
         node = self._node = controller_node
         settings = FrankaStateSettings.read(node)
         self._arm_id, self._joints = settings.arm_id, list(settings.joint_names)

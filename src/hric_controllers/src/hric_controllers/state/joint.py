@@ -1,4 +1,4 @@
-"""Publishes the state of all joints on `joint_states`, as ros_control's joint_state_controller does."""
+"""Controller that publishes all joints on `joint_states`, like ros_control's joint_state_controller."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ from hric_controllers.state.messages import joint_state
 
 @dataclass(frozen=True)
 class ExtraJoint(Settings):
-    """A joint that the robot does not measure, with constant values."""
+    """Joint that the robot does not measure, with constant values."""
 
     name: str = text(empty=False)
     position: float = number(0.0, unit="rad")
@@ -38,10 +38,10 @@ class JointStateSettings(Settings):
 
 
 class JointStateController(Controller):
-    """sensor_msgs/JointState of every joint of the robot, on `joint_states` of the robot's namespace."""
+    """Publisher of sensor_msgs/JointState for every joint, on `joint_states` in the robot's namespace."""
 
     def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
-        """Parameters: `publish_rate` (required) and `extra_joints`."""
+        """Read the parameters `publish_rate` (required) and `extra_joints`, and advertise."""
         self._node = controller_node
         self._group = robot_hw.get(JointStateInterface).group()
         settings = JointStateSettings.read(controller_node)

@@ -1,5 +1,8 @@
-"""States as messages: of joints (JointState, JointTrajectoryControllerState and the action's feedback, which has the
-same fields), and of the arm (FrankaState, wrench, the transforms of the end-effector frames)."""
+"""Conversion of joint and arm states to messages.
+
+Joints: JointState, JointTrajectoryControllerState and the action's feedback, which has the same fields. Arm:
+FrankaState, wrench, transforms of the end-effector frames.
+"""
 
 from collections.abc import Sequence
 from typing import Any
@@ -16,11 +19,11 @@ from hric_control.geometry import Pose, quaternions
 _PLAIN = tuple(name for name in FIELD_NAMES if name not in ("current_errors", "last_motion_errors", "robot_mode"))
 
 Point = tuple[Sequence[float], Sequence[float], Sequence[float], Sequence[float]]
-"""Positions [rad or m], velocities, accelerations, efforts [N m or N]; empty where there is nothing to say."""
+"""Positions [rad or m], velocities, accelerations, efforts [N m or N]; empty if not available."""
 
 
 def franka_state(state: RobotState, stamp: Any) -> FrankaState:
-    """franka_msgs/FrankaState; state: a snapshot, stamp: genpy.Time."""
+    """Return a franka_msgs/FrankaState; state: a snapshot, stamp: genpy.Time."""
     message = FrankaState(header=Header(stamp=stamp), robot_mode=int(state.robot_mode))
     for name in _PLAIN:
         setattr(message, name, getattr(state, name))
@@ -30,7 +33,7 @@ def franka_state(state: RobotState, stamp: Any) -> FrankaState:
 
 
 def external_wrench(K_F_ext_hat_K: Sequence[float], arm_id: str, stamp: Any) -> WrenchStamped:
-    """Estimated external wrench on the stiffness frame, expressed in it, 6 floats [N], [N m]."""
+    """Return the estimated external wrench on the stiffness frame, expressed in it, 6 floats [N], [N m]."""
     force, torque = K_F_ext_hat_K[:3], K_F_ext_hat_K[3:]
     return WrenchStamped(Header(stamp=stamp, frame_id=f"{arm_id}_K"), Wrench(Vector3(*force), Vector3(*torque)))
 
@@ -38,8 +41,7 @@ def external_wrench(K_F_ext_hat_K: Sequence[float], arm_id: str, stamp: Any) -> 
 def end_effector_frames(
     F_T_NE: Sequence[float], NE_T_EE: Sequence[float], EE_T_K: Sequence[float], arm_id: str, stamp: Any
 ) -> TFMessage:
-    """Flange to nominal end effector, that to the end effector, that to the stiffness frame; each 16 floats,
-    column-major."""
+    """Return the transforms flange to NE to EE to stiffness frame; arguments: 16 column-major floats each."""
     chain = (("link8", "NE", F_T_NE), ("NE", "EE", NE_T_EE), ("EE", "K", EE_T_K))
     return TFMessage(
         [
@@ -50,26 +52,25 @@ def end_effector_frames(
 
 
 def to_transform(T: Sequence[float]) -> Transform:
-    """A column-major transform, 16 floats, as a message."""
+    """Return a column-major transform, 16 floats, as a message."""
     return Transform(Vector3(T[12], T[13], T[14]), Quaternion(*to_quaternion(T)))
 
 
 def to_quaternion(T: Sequence[float]) -> quaternions.Quaternion:
-    """Unit quaternion (x, y, z, w) of a column-major transform's rotation, 16 floats; its largest component is
-    positive."""
+    """Return the unit quaternion (x, y, z, w) of 16 column-major floats; its largest component is positive."""
     r00, r10, r20, _, r01, r11, r21, _, r02, r12, r22 = T[:11]
     return quaternions.from_elements(r00, r01, r02, r10, r11, r12, r20, r21, r22)
 
 
 def to_pose(T: Sequence[float]) -> Pose:
-    """A column-major transform, 16 floats, as a pose."""
+    """Return a column-major transform, 16 floats, as a pose."""
     return Pose((T[12], T[13], T[14]), to_quaternion(T))
 
 
 def joint_state(
     stamp: Any, names: list[str], position: list[float], velocity: list[float], effort: list[float]
 ) -> JointState:
-    """sensor_msgs/JointState; stamp: genpy.Time, the rest as in the message."""
+    """Return a sensor_msgs/JointState; stamp: genpy.Time, other arguments as in the message."""
     message = JointState()
     message.header.stamp, message.name = stamp, names
     message.position, message.velocity, message.effort = position, velocity, effort
@@ -77,15 +78,16 @@ def joint_state(
 
 
 def build_state(message_type: Any, stamp: Any, joints: Sequence[str], desired: Point, actual: Point) -> Any:
-    """The message; error = desired - actual in position and velocity.
+    """Return the state message; error = desired - actual in position and velocity.
 
     Args:
         message_type: JointTrajectoryControllerState or FollowJointTrajectoryFeedback.
         stamp: time of measurement (genpy.Time).
-        joints: names.
-        desired, actual: n values in each part that is not empty.
+        joints: joint names.
+        desired: n values in each part that is not empty.
+        actual: likewise.
     """
-    # Fields are set one by one: constructors with arguments check them all and cost four times as much.
+    # Fields are set one by one: constructors with arguments check all of them and take four times as long.
     message = message_type()
     message.header.stamp = stamp
     message.joint_names = list(joints)

@@ -1,5 +1,4 @@
-"""Joint trajectory controllers with the interface and the YAML of ros_controllers: action, command topic, state topic,
-query service."""
+"""Joint trajectory controllers with the topics, action, service and YAML of ros_controllers."""
 
 import threading
 from dataclasses import replace
@@ -28,12 +27,12 @@ from hric_controllers.trajectory.settings import EffortTrajectorySettings, Traje
 
 
 class JointTrajectoryController(Controller):
-    """What the effort and the position version share: orders from ROS, and the follower in the loop."""
+    """Common part of the effort and position versions: orders from ROS, and the follower in the loop."""
 
     interface: ClassVar[type[JointCommandInterface]]
 
     def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
-        """Read everything first, then advertise, so that a refusal leaves nothing behind."""
+        """Read all parameters and interfaces before advertising, so that an error leaves nothing behind."""
         node, self._robot = controller_node, robot_hw
         self._node = node
         settings = TrajectorySettings.read(node)
@@ -66,23 +65,22 @@ class JointTrajectoryController(Controller):
         ]
 
     def _read_law(self, robot_hw: RobotHW, root_node: Node) -> None:
-        """Read what the law needs."""
+        """Read the parameters of the control law."""
 
     def _start_law(self, q: list[float]) -> None:
-        """The joints are held at q, n floats [rad], from this cycle on."""
+        """Reset the law to hold the joints at q, n floats [rad], from this cycle on."""
 
     def _command(self, q: list[float], period: float) -> list[float]:
-        """Command of this cycle from the follower's desired state and errors, n floats; q: measured position, n floats
-        [rad]."""
+        """Return the command of this cycle, n floats, from the follower's state and errors; q: measured [rad]."""
         raise NotImplementedError
 
-    # From ROS, outside the loop.
+    # Called by ROS, outside the loop.
 
     def _order(self, trajectory: Any, goal: RunningGoal | None, message: Any = None) -> Order:
-        """Turn a trajectory into an order.
+        """Convert a trajectory to an order.
 
         Raises:
-            TrajectoryError: it cannot be followed.
+            TrajectoryError: the trajectory cannot be followed.
         """
         if not self._running:
             raise TrajectoryError(INVALID_GOAL, f"{self._node.namespace} is not running; start it first")
@@ -94,7 +92,7 @@ class JointTrajectoryController(Controller):
         return Order(waypoints, start, goal, self._goal_tolerances(message, waypoints) if message is not None else None)
 
     def _start(self, trajectory: Any) -> float | None:
-        """Robot time of the start [s]; None for a stamp of zero: as soon as possible."""
+        """Return the robot time of the start [s], None (as soon as possible) for a stamp of zero."""
         stamp = trajectory.header.stamp
         return None if stamp.is_zero() else self._time + (stamp - self._node.now()).to_sec()
 
@@ -131,7 +129,7 @@ class JointTrajectoryController(Controller):
             if order.waypoints is None:
                 goal.finish(trajectories.SUCCESSFUL, "empty trajectory: the joints come to rest")
                 self._goal = None
-            if not self._running:  # it stopped while this goal was read
+            if not self._running:  # the controller stopped while this goal was read
                 self._replace(None, "the controller was stopped")
 
     def _on_cancel(self, handle: GoalHandle) -> None:
@@ -162,10 +160,10 @@ class JointTrajectoryController(Controller):
         position, velocity, acceleration = self._follower.look(time - self._along.lag)
         return QueryTrajectoryStateResponse(self.joints, position, velocity, acceleration)
 
-    # In the loop.
+    # Called in the loop.
 
     def starting(self, time: float) -> None:
-        """Hold where the joints are."""
+        """Hold the present joint positions."""
         q = self._group.positions()
         self._orders.take_new()
         self._along.restart(time)
@@ -177,18 +175,18 @@ class JointTrajectoryController(Controller):
         self._time, self._running = time, True
 
     def update(self, time: float, period: float) -> None:
-        """Follow."""
+        """Follow the trajectory for one cycle: sample, command, check tolerances, publish."""
         self._time = time
         along, scale = self._along.along(time, period), self._along.scale.value
         order = self._orders.take_new()
         if order is not None and not (isinstance(order.goal, RunningGoal) and order.goal.ended):
             lag = self._along.lag
-            # A start is given in robot time, which ran ahead of that of the motion by the lag.
+            # A start is given in robot time, which is ahead of the motion's time by the lag.
             self._follower.order(replace(order, start=order.start - lag) if lag and order.start is not None else order)
         group, follower = self._group, self._follower
         q, dq = group.positions(), group.velocities()
         outcome = follower.update(along, q, dq, scale)
-        if self._robot.error:  # before a tolerance reports what is its consequence
+        if self._robot.error:  # checked first: a tolerance violation would be its consequence
             outcome = follower.fail(along, f"the robot stopped: {self._robot.error}") or outcome
         group.set_command(self._command(q, period))
         if outcome is not None:
@@ -229,7 +227,7 @@ class JointTrajectoryController(Controller):
         )
 
     def stopping(self, time: float) -> None:
-        """The running goal, if any, is given up."""
+        """Cancel the running goal, if any."""
         self._running = False
         self._give_up("the controller was stopped")
 
@@ -239,13 +237,13 @@ class JointTrajectoryController(Controller):
             realtime.defer(self._node, lambda: goal.cancel(text))
 
     def shutdown(self) -> None:
-        """Take back topics, service and action."""
+        """Unregister topics, service and action."""
         for registration in self._registrations:
             registration.unregister()
 
 
 class EffortJointTrajectoryController(JointTrajectoryController):
-    """effort = PID(desired - measured) + velocity_ff * desired velocity [+ g(q)]"""
+    """Controller with effort = PID(desired - measured) + velocity_ff * desired velocity [+ g(q)]."""
 
     interface = EffortJointInterface
 
@@ -271,7 +269,7 @@ class EffortJointTrajectoryController(JointTrajectoryController):
 
 
 class PositionJointTrajectoryController(JointTrajectoryController):
-    """The desired position is the command."""
+    """Controller that commands the desired position."""
 
     interface = PositionJointInterface
 

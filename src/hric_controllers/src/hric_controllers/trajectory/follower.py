@@ -1,5 +1,4 @@
-"""Following trajectories in the control loop: when a new one takes over, where the joints should be now, and whether
-they are within the goal's tolerances. No ROS."""
+"""Trajectory following in the control loop: takeover of new trajectories, desired state, tolerances. No ROS."""
 
 import math
 from collections.abc import Sequence
@@ -12,7 +11,7 @@ from hric_controllers.trajectory.spline import Track, follow, hold, stop
 
 
 class JointToleranceLike(Protocol):
-    """The fields of control_msgs/JointTolerance."""
+    """Fields of control_msgs/JointTolerance."""
 
     name: str
     position: float
@@ -22,7 +21,7 @@ class JointToleranceLike(Protocol):
 
 @dataclass(frozen=True)
 class Tolerance:
-    """Largest allowed error of one joint; zero means no limit.
+    """Maximum allowed error of one joint; zero means no limit.
 
     Attributes:
         position: [rad or m].
@@ -33,7 +32,7 @@ class Tolerance:
     velocity: float = 0.0
 
     def violation(self, position_error: float, velocity_error: float) -> str:
-        """What is wrong with these errors, with its value and limit; empty if nothing is."""
+        """Return the violated limit with value and limit as a text, empty if there is none."""
         if self.position > 0.0 and abs(position_error) > self.position:
             return f"position error {position_error:.6g} exceeds {self.position:.6g}"
         if self.velocity > 0.0 and abs(velocity_error) > self.velocity:
@@ -43,12 +42,12 @@ class Tolerance:
 
 @dataclass(frozen=True)
 class GoalTolerances:
-    """All tolerances of one goal.
+    """Tolerances of one goal.
 
     Attributes:
-        path: per joint, checked on the way.
-        goal: per joint, checked from the end of the trajectory on.
-        goal_time: how long after its end the goal may still be reached [s]; negative means no limit.
+        path: per joint, checked during the motion.
+        goal: per joint, checked after the end of the trajectory.
+        goal_time: time after the end in which the goal may still be reached [s]; negative means no limit.
     """
 
     path: tuple[Tolerance, ...]
@@ -62,7 +61,7 @@ class GoalTolerances:
         goal: Sequence[JointToleranceLike],
         goal_time: float,
     ) -> "GoalTolerances":
-        """These, with what a goal message says: 0 keeps the default, a negative value removes the limit.
+        """Return these tolerances with those of a goal message: 0 keeps the default, negative removes the limit.
 
         Raises:
             CommandError: a tolerance for a joint that the controller does not have.
@@ -74,7 +73,7 @@ class GoalTolerances:
         )
 
     def only(self, named: Sequence[bool]) -> "GoalTolerances":
-        """These, without limits for the joints that a goal does not name."""
+        """Return these tolerances, without limits for the joints that a goal does not name."""
         path, goal = (
             tuple(item if is_named else Tolerance() for item, is_named in zip(items, named, strict=True))
             for items in (self.path, self.goal)
@@ -107,7 +106,7 @@ def first_violation(
     position_errors: Sequence[float],
     velocity_errors: Sequence[float],
 ) -> str:
-    """The first joint outside its tolerance and by how much, as text; empty if all are inside."""
+    """Return the first joint outside its tolerance and the violated limit as a text, empty if all are inside."""
     for joint, tolerance, position, velocity in zip(joints, tolerances, position_errors, velocity_errors, strict=True):
         text = tolerance.violation(position, velocity)
         if text:
@@ -117,13 +116,13 @@ def first_violation(
 
 @dataclass(frozen=True)
 class Order:
-    """What the joints are to do next.
+    """Next motion of the joints.
 
     Attributes:
-        waypoints: per joint; None: stop.
-        start: robot time of the trajectory's start [s]; None: when it is taken over.
-        goal: whose trajectory it is, reported back when it ends; None for the command topic.
-        tolerances: of the goal, None if it has none to keep.
+        waypoints: waypoints per joint; None: stop.
+        start: robot time of the trajectory's start [s]; None: as soon as the loop takes it.
+        goal: goal to which the outcome is reported; None for the command topic.
+        tolerances: tolerances of the goal; None: none are checked.
     """
 
     waypoints: Waypoints | None
@@ -134,7 +133,7 @@ class Order:
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a goal ended: error code of FollowJointTrajectoryResult and text for the client."""
+    """Outcome of a goal: error code of FollowJointTrajectoryResult and text for the client."""
 
     goal: object
     code: int
@@ -142,15 +141,15 @@ class Outcome:
 
 
 class Follower:
-    """The desired state of n joints over time; used by the loop alone, except `look`.
+    """Desired state of n joints over time; used by the loop alone, except `look`.
 
     Args:
-        joints: names.
+        joints: joint names.
         stop_duration: time in which an order to stop brings the joints to rest [s].
-        continuous: per joint, whether it rotates without end: goals then mean the nearest revolution.
+        continuous: True for each joint that rotates without end; its goals mean the nearest revolution.
 
     Attributes:
-        position, velocity, acceleration: desired, n floats each, of the last `update`.
+        position, velocity, acceleration: desired state of the last `update`, n floats each.
         position_error, velocity_error: desired minus measured, n floats each.
     """
 
@@ -158,7 +157,7 @@ class Follower:
         self._joints, self._stop_duration = list(joints), stop_duration
         self._continuous = list(continuous) if continuous is not None else [False] * len(self._joints)
         self._tracks: list[Track] = []
-        self._settled = False  # every track has ended: the desired state does not change any more
+        self._settled = False  # every track has ended: the desired state no longer changes
         self._pending: Order | None = None
         self._goal: object | None = None
         self._goal_end = 0.0
@@ -167,29 +166,28 @@ class Follower:
         self.position = self.velocity = self.acceleration = self.position_error = self.velocity_error = zero
 
     def rest(self, time: float, position: Sequence[float]) -> None:
-        """Forget everything and rest at `position` [rad] from `time` [s] on."""
+        """Drop all orders and rest at `position` [rad] from `time` [s] on."""
         self._take([hold(time, value) for value in position])
         self._pending = self._goal = self._tolerances = None
 
     def order(self, order: Order) -> None:
-        """Take an order; it replaces one that has not started yet. The joints go on as before until it starts."""
+        """Set the next order in place of one that has not started. The joints continue as before until it starts."""
         self._pending = order
         self._goal = self._tolerances = None
 
     def look(self, time: float) -> tuple[list[float], list[float], list[float]]:
-        """Desired position, velocity and acceleration at any robot time [s]; from any thread."""
+        """Return desired position, velocity and acceleration at any robot time [s]; from any thread."""
         p, v, a = zip(*(track.look(time) for track in tuple(self._tracks)), strict=True)
         return list(p), list(v), list(a)
 
     def update(self, time: float, q: Sequence[float], dq: Sequence[float], scale: float = 1.0) -> Outcome | None:
-        """Advance to `time` [s], which may pass more slowly than robot time.
+        """Advance to `time` [s], which may be slower than robot time, and return the outcome of a goal that ended.
 
         Args:
-            scale: at which it passes now, 0 to 1.
-            q, dq: measured position [rad] and velocity [rad/s], n floats each.
-
-        Returns:
-            the outcome of a goal that ended in this cycle.
+            time: time of the motion [s].
+            q: measured positions, n floats [rad].
+            dq: measured velocities, n floats [rad/s].
+            scale: present rate of this time relative to robot time, 0 to 1.
         """
         pending = self._pending
         if pending is not None and (pending.start is None or time >= pending.start):
@@ -201,8 +199,7 @@ class Follower:
         return self._judge(time, scale, self._tolerances) if self._tolerances is not None else None
 
     def fail(self, time: float, reason: str) -> Outcome | None:
-        """End the goal because the robot does not follow any more; the joints come to rest. Returns its outcome, None
-        without a goal."""
+        """Bring the joints to rest since the robot has stopped; return the outcome of the goal, None without a goal."""
         if self._goal is None:
             return None
         self._stop(time)

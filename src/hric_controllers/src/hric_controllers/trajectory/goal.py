@@ -1,4 +1,4 @@
-"""A goal of FollowJointTrajectory while it runs: it ends once, from whichever thread comes first."""
+"""Running goal of FollowJointTrajectory; it ends once, by the first thread that ends it."""
 
 import threading
 from typing import Any
@@ -9,19 +9,19 @@ from hric_controllers.trajectory.message import SUCCESSFUL
 
 
 def result(code: int, text: str) -> FollowJointTrajectoryResult:
-    """Result message; code: of FollowJointTrajectoryResult."""
+    """Return a result message; code: an error code of FollowJointTrajectoryResult."""
     return FollowJointTrajectoryResult(error_code=code, error_string=text)
 
 
 class RunningGoal:
-    """An accepted goal.
+    """Accepted goal.
 
     Args:
-        handle: of the action server.
+        handle: goal handle of the action server.
 
     Attributes:
         goal_id: unique id of the goal.
-        ended: whether it has ended, for whatever reason.
+        ended: True if the goal has ended, for any reason.
     """
 
     def __init__(self, handle: GoalHandle) -> None:
@@ -30,7 +30,7 @@ class RunningGoal:
         self.goal_id, self.ended = handle.goal_id, False
 
     def finish(self, code: int, text: str) -> None:
-        """Succeed or abort, by the code. Not in the loop."""
+        """Succeed or abort, depending on the code. Not in the loop."""
         if self._ends_now():
             outcome = result(code, text)
             if code == SUCCESSFUL:
@@ -39,17 +39,17 @@ class RunningGoal:
                 self._handle.abort(outcome, text)
 
     def cancel(self, text: str) -> None:
-        """Cancelled by the client, or replaced. Not in the loop."""
+        """Cancel the goal on request of the client, or since it is replaced. Not in the loop."""
         if self._ends_now():
             self._handle.cancel(result(SUCCESSFUL, text), text)
 
     def feedback(self, message: Any) -> None:
-        """Send the client where the joints are. Not in the loop."""
+        """Send the joint states to the client as feedback. Not in the loop."""
         if not self.ended:
             self._handle.publish_feedback(message)
 
     def _ends_now(self) -> bool:
-        # The handle is called outside the lock: what it publishes may come back here.
+        # The handle is called outside the lock: what it publishes may call back.
         with self._lock:
             first, self.ended = not self.ended, True
         return first

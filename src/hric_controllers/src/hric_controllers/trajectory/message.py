@@ -1,5 +1,4 @@
-"""Reading trajectory_msgs/JointTrajectory: checked, sorted into the controller's order of joints, as waypoints relative
-to the start. No ROS."""
+"""Conversion of trajectory_msgs/JointTrajectory to checked waypoints, in the controller's order of joints. No ROS."""
 
 import math
 from collections.abc import Sequence
@@ -17,11 +16,11 @@ GOAL_TOLERANCE_VIOLATED = -5
 
 
 class TrajectoryError(CommandError):
-    """A trajectory that cannot be followed.
+    """Error of a trajectory that cannot be followed.
 
     Args:
         code: error code of control_msgs/FollowJointTrajectoryResult.
-        text: what is wrong and what would be valid.
+        text: the problem and valid values.
     """
 
     def __init__(self, code: int, text: str) -> None:
@@ -30,17 +29,16 @@ class TrajectoryError(CommandError):
 
 
 Waypoints = tuple[tuple[Waypoint, ...] | None, ...]
-"""Per joint of the controller: its waypoints, times relative to the start [s]; None for a joint that the trajectory
-does not name."""
+"""Waypoints per joint of the controller, times relative to the start [s]; None for a joint that is not named."""
 
 
 def read_waypoints(trajectory: Any, joints: Sequence[str], allow_partial: bool) -> Waypoints:
-    """The waypoints of a trajectory with at least one point.
+    """Return the waypoints of a trajectory with at least one point.
 
     Args:
-        trajectory: trajectory_msgs/JointTrajectory, or anything with its fields.
-        joints: of the controller.
-        allow_partial: whether it may leave joints out.
+        trajectory: trajectory_msgs/JointTrajectory, or any object with its fields.
+        joints: joints of the controller.
+        allow_partial: True if the trajectory may omit joints.
 
     Raises:
         TrajectoryError: wrong joints, times that do not increase, lengths that differ, values that are not finite.
@@ -95,6 +93,6 @@ def _check_point(number: int, point: Any, names: list[str]) -> None:
 
 def _waypoint(time: float, point: Any, column: int) -> Waypoint:
     velocity = float(point.velocities[column]) if point.velocities else None
-    # Without velocities, accelerations cannot be met either.
+    # Without velocities, accelerations cannot be matched either.
     acceleration = float(point.accelerations[column]) if point.accelerations and velocity is not None else None
     return Waypoint(time, float(point.positions[column]), velocity, acceleration)

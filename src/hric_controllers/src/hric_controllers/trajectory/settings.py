@@ -14,7 +14,7 @@ from hric_controllers.trajectory.follower import GoalTolerances, Tolerance
 
 @dataclass(frozen=True)
 class Constraints(Settings):
-    """Tolerances of all joints together, below `constraints`."""
+    """Tolerances common to all joints, below `constraints`."""
 
     goal_time: float = number(0.0, minimum=0.0, unit="s", text="how long after its end a goal may still be reached")
     stopped_velocity_tolerance: float = number(
@@ -24,7 +24,7 @@ class Constraints(Settings):
 
 @dataclass(frozen=True)
 class JointConstraints(Settings):
-    """Those of one joint, below `constraints/<joint>`."""
+    """Tolerances of one joint, below `constraints/<joint>`."""
 
     trajectory: float = number(0.0, minimum=0.0, unit="rad", text="largest position error on the way; 0: no limit")
     goal: float = number(0.0, minimum=0.0, unit="rad", text="largest position error at the goal; 0: no limit")
@@ -52,7 +52,7 @@ class TrajectorySettings(Settings):
     )
 
     def tolerances(self, where: str) -> GoalTolerances:
-        """Those of the parameter `constraints`; where: its full name. Raises ParameterError."""
+        """Return the tolerances of the parameter `constraints`; where: its full name. Raises ParameterError."""
         given, general = self.constraints, ("goal_time", "stopped_velocity_tolerance")
         shared = {name: value for name, value in given.items() if name not in self.joints}
         for name in shared:
@@ -67,19 +67,19 @@ class TrajectorySettings(Settings):
 
 @dataclass(frozen=True)
 class EffortTrajectorySettings(LawSettings):
-    """Those of the effort version beside them."""
+    """Additional parameters of the effort version."""
 
     gains: tuple[PidGains, ...] = per_joint(section(PidGains))
     velocity_ff: tuple[float, ...] = per_joint(number(unit="N m s/rad"), 0.0, text="times the desired velocity")
     strict_gains: bool = STRICT_GAINS
 
     def idle_integrals(self, joints: Sequence[str]) -> list[str]:
-        """The joints whose integral gain has no effect."""
+        """Return the joints whose integral gain has no effect since i_clamp is zero."""
         return [joint for joint, one in zip(joints, self.gains, strict=True) if one.i > 0.0 and one.i_clamp == 0.0]
 
 
 def continuous_joints(root_node: Node, joints: Sequence[str]) -> list[bool]:
-    """Which joints the description calls continuous; none without a description."""
+    """Return True for each joint that the description calls continuous; False without a description."""
     urdf_xml = root_node.search_param("robot_description", "")
     described = read(urdf_xml).joints if urdf_xml else {}
     return [joint in described and described[joint].type == "continuous" for joint in joints]

@@ -1,9 +1,10 @@
-"""Spline segments of one joint: linear, cubic or quintic, by what its two waypoints say; and tracks of segments in
-time.
+"""Linear, cubic or quintic spline segments of one joint, depending on its waypoints, and tracks of segments in time.
 
 Quintic (position, velocity and acceleration at both ends), with T the duration and s in [0, T]:
+
     p(s) = c0 + c1 s + c2 s^2 + c3 s^3 + c4 s^4 + c5 s^5
-Cubic leaves c4 = c5 = 0 and meets positions and velocities; linear meets positions only. Plain Python floats.
+
+Cubic has c4 = c5 = 0 and matches positions and velocities; linear matches positions only. Plain Python floats.
 """
 
 from collections.abc import Sequence
@@ -12,13 +13,13 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Waypoint:
-    """The requested state of one joint at one instant.
+    """Requested state of one joint at one instant.
 
     Attributes:
         time: [s].
         position: [rad or m].
-        velocity: [rad/s or m/s], None if not said.
-        acceleration: [rad/s^2 or m/s^2], None if not said.
+        velocity: [rad/s or m/s], None if not specified.
+        acceleration: [rad/s^2 or m/s^2], None if not specified.
     """
 
     time: float
@@ -27,12 +28,12 @@ class Waypoint:
     acceleration: float | None = None
 
     def shifted(self, time: float, position: float = 0.0) -> "Waypoint":
-        """The same, later by `time` [s] and farther by `position` [rad or m]."""
+        """Return the waypoint, later by `time` [s] and farther by `position` [rad or m]."""
         return Waypoint(self.time + time, self.position + position, self.velocity, self.acceleration)
 
 
 class Segment:
-    """A polynomial between two instants; at rest at its ends' positions before and after."""
+    """Polynomial between two instants; before and after, the joint rests at the end positions."""
 
     __slots__ = ("c0", "c1", "c2", "c3", "c4", "c5", "end", "end_position", "start")
 
@@ -42,7 +43,7 @@ class Segment:
         self.c0, self.c1, self.c2, self.c3, self.c4, self.c5 = _coefficients(first, last, duration)
 
     def sample(self, time: float) -> tuple[float, float, float]:
-        """Position, velocity and acceleration at `time` [s]."""
+        """Return position, velocity and acceleration at `time` [s]."""
         if time >= self.end:
             return self.end_position, 0.0, 0.0
         s = time - self.start
@@ -77,8 +78,9 @@ def _coefficients(first: Waypoint, last: Waypoint, duration: float) -> tuple[flo
 
 
 class Track:
-    """One joint's segments, one after the other; rests at the last position afterwards. `sample` expects times that do
-    not go back.
+    """Consecutive segments of one joint; the joint rests at the last position afterwards.
+
+    `sample` expects times that do not decrease.
 
     Args:
         segments: at least one, in order of time.
@@ -92,11 +94,11 @@ class Track:
 
     @property
     def end(self) -> float:
-        """When the last segment ends [s]."""
+        """End of the last segment [s]."""
         return self.segments[-1].end
 
     def sample(self, time: float) -> tuple[float, float, float]:
-        """Position, velocity and acceleration at `time` [s]."""
+        """Return position, velocity and acceleration at `time` [s]."""
         segment = self.segments[self._index]
         while time >= segment.end and self._index + 1 < len(self.segments):
             self._index += 1
@@ -104,7 +106,7 @@ class Track:
         return segment.sample(time)
 
     def look(self, time: float) -> tuple[float, float, float]:
-        """As `sample`, for any time and any thread: leaves the track as it is."""
+        """Return the same as `sample`, for any time and from any thread, without changing the track."""
         for segment in self.segments:
             if time < segment.end:
                 return segment.sample(time)
@@ -112,22 +114,24 @@ class Track:
 
 
 def hold(time: float, position: float) -> Track:
-    """Rest at `position` from `time` [s] on."""
+    """Return a track at rest at `position` from `time` [s] on."""
     return Track([Segment(Waypoint(time, position), Waypoint(time, position))])
 
 
 def stop(time: float, position: float, velocity: float, duration: float) -> Track:
-    """Come to rest within `duration` [s] at constant deceleration; at once, where the joint is, when it is zero."""
+    """Return a track to rest within `duration` [s] at constant deceleration; zero: rest at once at the position."""
     end = position + 0.5 * velocity * duration
     return Track([Segment(Waypoint(time, position, velocity), Waypoint(time + duration, end, 0.0))])
 
 
 def follow(time: float, state: tuple[float, float, float], waypoints: Sequence[Waypoint]) -> Track:
-    """Leave `state` (position, velocity, acceleration) at `time` [s] and pass the waypoints that are still to come.
+    """Return a track from `state` (position, velocity, acceleration) at `time` [s] through the remaining waypoints.
 
     Args:
-        waypoints: in order of time; at least one later than `time` or at it. Continuity follows from what the first
-            says: with a velocity also in velocity, with an acceleration also in acceleration.
+        time: start of the track [s].
+        state: present position, velocity, acceleration.
+        waypoints: in order of time. Velocity is continuous if the first remaining one has a velocity, acceleration if
+            it has an acceleration.
     """
     ahead = [point for point in waypoints if point.time > time]
     if not ahead:

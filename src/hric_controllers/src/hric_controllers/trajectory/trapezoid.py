@@ -1,14 +1,13 @@
-"""Synchronised trapezoidal velocity profiles: every joint leaves its present position and velocity and arrives at rest
-at the same instant.
+"""Synchronised trapezoidal velocity profiles: all joints arrive at rest at the same instant.
 
-Per joint the velocity goes from w to a cruise velocity c at constant acceleration, stays there, and returns to zero.
-With x the distance to go, counted in the direction of travel (so that x is at least the distance w|w|/(2a) on which the joint
-stops), and T the common duration:
+Per joint the velocity goes from w to a cruise velocity c at constant acceleration a, stays there, and returns to zero.
+With T the common duration and x the distance to go, counted in the direction of travel (so that x is at least the
+stopping distance w|w|/(2a)):
 
-    x(c) = (c|c| - w|w|) / (2a) + c (T - |c - w|/a - c/a) + c^2 / (2a)   grows with c, so c follows from x in closed form.
+    x(c) = (c|c| - w|w|) / (2a) + c (T - |c - w|/a - c/a) + c^2 / (2a)
 
-Everything is plain Python floats.
-"""  # noqa: E501
+This grows with c, so c follows from x in closed form. Everything is plain Python floats.
+"""
 
 import math
 from collections.abc import Sequence
@@ -17,7 +16,7 @@ from hric_control.errors import HricError
 
 
 def direction(distance: float, velocity: float, acceleration: float) -> float:
-    """+1 or -1: the side of the goal on which braking at once would leave the joint.
+    """Return +1 or -1: the side of the goal on which braking at once would leave the joint.
 
     Args:
         distance: goal minus present position [rad].
@@ -28,7 +27,7 @@ def direction(distance: float, velocity: float, acceleration: float) -> float:
 
 
 def shortest_duration(distance: float, velocity: float, max_velocity: float, acceleration: float) -> float:
-    """Minimum time from `velocity` to rest at `distance` [s].
+    """Return the minimum time from `velocity` to rest at `distance` [s].
 
     Args:
         distance: goal minus present position [rad].
@@ -47,7 +46,7 @@ def shortest_duration(distance: float, velocity: float, max_velocity: float, acc
 
 
 def cruise_velocity(distance: float, velocity: float, acceleration: float, duration: float) -> float:
-    """Cruise velocity, signed, with which `distance` takes exactly `duration` (at least the shortest one) [rad/s]."""
+    """Return the signed cruise velocity [rad/s] with which `distance` takes `duration`, at least the shortest one."""
     sign = direction(distance, velocity, acceleration)
     x, w, a = sign * distance, sign * velocity, acceleration
     stop = 0.5 * w * w / a
@@ -59,7 +58,7 @@ def cruise_velocity(distance: float, velocity: float, acceleration: float, durat
 
 
 class TrapezoidProfile:
-    """Profile of n joints, from a present state to a goal at rest; `sample` is made for the control loop.
+    """Profile of n joints from a present state to rest at a goal; `sample` is made for the control loop.
 
     Args:
         max_velocity: n limits [rad/s].
@@ -88,16 +87,16 @@ class TrapezoidProfile:
 
     @property
     def goal(self) -> list[float]:
-        """Where the profile ends, n floats [rad]."""
+        """Goal position of the profile, n floats [rad]."""
         return self._goal[:]
 
     @property
     def end(self) -> float:
-        """When it ends [s]."""
+        """End time of the profile [s]."""
         return self._start + self.duration
 
     def plan(self, time: float, goal: Sequence[float]) -> None:
-        """Go to `goal` [rad], leaving the profile's own state at `time` [s]: position and velocity stay continuous."""
+        """Go to `goal` [rad] from the profile's state at `time` [s]: position and velocity stay continuous."""
         position, velocity = self.sample(time)
         self.plan_from(time, position, velocity, goal)
 
@@ -116,11 +115,10 @@ class TrapezoidProfile:
         self._phases = [_phases(begin, *motion, self.duration) for begin, motion in zip(position, motions, strict=True)]
 
     def _from_rest(self, distances: Sequence[float]) -> list[tuple[float, float, float]]:
-        """Start velocity, acceleration and cruise velocity of each joint: they share the phases of the slowest, on a
-        straight line.
+        """Return start velocity, acceleration and cruise velocity of each joint, synchronised on a straight line.
 
-        The cruise velocity does not come from the duration, which would cost it half of its digits where it is not
-        held.
+        All joints share the phases of the slowest one. The cruise velocity is not computed from the duration: without a
+        cruise phase that would lose half of its digits.
         """
         rate_v = min(v / abs(x) for x, v in zip(distances, self._v, strict=True) if x)
         rate_a = min(a / abs(x) for x, a in zip(distances, self._a, strict=True) if x)
@@ -129,8 +127,7 @@ class TrapezoidProfile:
         return [(0.0, rate_a * abs(x) if x else a, peak * x) for x, a in zip(distances, self._a, strict=True)]
 
     def sample(self, time: float) -> tuple[list[float], list[float]]:
-        """Position [rad] and velocity [rad/s] at `time` [s], n floats each; the lists may be shared: do not write into
-        them."""
+        """Return positions [rad] and velocities [rad/s] at `time` [s], n floats each; do not modify these lists."""
         t = time - self._start
         if t >= self.duration:
             return self._goal, self._zero
