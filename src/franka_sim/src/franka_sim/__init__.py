@@ -1,1 +1,1 @@
-"""The simulated Franka arm as a RobotHW on any physics plant."""
+"""Simulated Franka arm as a RobotHW on any physics plant."""

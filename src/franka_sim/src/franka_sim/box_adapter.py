@@ -1,4 +1,4 @@
-"""The control box as the services of franka_control see it."""
+"""Adapter from the control box to the services of franka_control."""
 
 from collections.abc import Callable, Sequence
 
@@ -10,12 +10,12 @@ from hric_control.sim.sim_loop import SimLoop
 
 
 class BoxAdapter:
-    """Passes requests on to the box; a refusal becomes a CommandError with the box's words.
+    """Adapter that passes requests to the box; a refusal raises a CommandError with the box's text.
 
     Args:
-        loop: whose cycles the requests come between.
+        loop: simulation loop; requests run between its cycles.
         box: the control box.
-        recover: ends the error state.
+        recover: function that ends the error state.
     """
 
     def __init__(self, loop: SimLoop, box: ControlBox, recover: Callable[[], None]) -> None:
@@ -36,25 +36,25 @@ class BoxAdapter:
             raise CommandError(reasons[-1] if reasons else outcome.value)
 
     def set_load(self, mass: float, com: Sequence[float], inertia: Sequence[float]) -> None:
-        """Payload of the arm's model."""
+        """Set the payload of the arm's model."""
         self._send(lambda: self._box.set_load(mass, com, inertia))
 
     def set_EE_frame(self, NE_T_EE: Sequence[float]) -> None:
-        """End effector in the nominal end-effector frame."""
+        """Set the end effector in the nominal end-effector frame."""
         self._send(lambda: self._box.set_NE_T_EE(NE_T_EE))
 
     def set_K_frame(self, EE_T_K: Sequence[float]) -> None:
-        """Stiffness frame in the end-effector frame."""
+        """Set the stiffness frame in the end-effector frame."""
         self._send(lambda: self._box.set_EE_T_K(EE_T_K))
 
     def set_joint_impedance(self, stiffness: Sequence[float]) -> None:
-        """Stiffness of the internal joint impedance."""
+        """Set the stiffness of the internal joint impedance."""
         self._send(lambda: self._box.set_joint_impedance(stiffness))
 
     def set_cartesian_impedance(self, stiffness: Sequence[float]) -> None:
-        """Stiffness of the internal Cartesian impedance."""
+        """Set the stiffness of the internal Cartesian impedance."""
         self._send(lambda: self._box.set_cartesian_impedance(stiffness))
 
     def set_collision_behavior(self, thresholds: CollisionThresholds) -> None:
-        """Contact and collision thresholds."""
+        """Set the contact and collision thresholds."""
         self._send(lambda: self._box.set_collision_behavior(*thresholds.lists()))

@@ -1,4 +1,4 @@
-"""The simulated Franka arm as a RobotHW: any plant, and the emulated control box."""
+"""Simulated Franka arm as a RobotHW: any plant, and the emulated control box."""
 
 from collections.abc import Sequence
 
@@ -30,31 +30,33 @@ _GENERATORS = {
 
 
 def _move_request(mode: Mode) -> MoveRequest:
-    """The motion of the box that carries a mode, as libfranka's control loops request it: torques from outside, or the
-    internal joint impedance behind a motion generator, or a generator beside torques from outside."""
+    """Return the box's motion for a mode, as libfranka's control loops request it.
+
+    The controller is external torque, or the internal joint impedance; a motion generator can be combined with both.
+    """
     controller = ControllerMode.EXTERNAL if mode.torque else ControllerMode.JOINT_IMPEDANCE
     return MoveRequest(controller, _GENERATORS[mode.generator])
 
 
 class FrankaHWSim(SimulatedRobot, CommandedArm):
-    """Seven joints on a plant behind the control box that `env:=real` finds behind the network, with the same modes,
-    reflexes and recovery.
+    """Seven joints on a plant behind the emulated control box.
 
-    The arm compensates gravity of itself and of the load it was set, and friction as far as it knows it. The physical
-    payload is the plant's; where it differs from what was set, the arm sags as the real one does.
+    With `env:=real` the same box is behind the network, with the same modes, reflexes and recovery. The arm compensates
+    its own gravity, that of the configured load, and friction as far as it is known. The physical payload belongs to
+    the plant; if it differs from the configured load, the arm sags as the real one does.
 
-    A switch to another kind of command goes as on the arm: the motion ends, the arm holds itself, the next motion
-    begins in the following cycle.
+    A switch to another kind of command works as on the arm: the motion ends, the arm holds its position, the next
+    motion starts in the following cycle.
 
     Parameters, services and actions: INTERFACE.md.
 
-    Attributes, beside those of `SimulatedRobot` and `CommandedArm`:
-        box: the firmware.
-        model: what the arm knows of itself.
+    Attributes, in addition to those of `SimulatedRobot` and `CommandedArm`:
+        box: the emulated firmware.
+        model: the arm's model of itself.
     """
 
     def init(self, root_node: Node, robot_hw_node: Node) -> None:
-        """Read the parameters, build plant, model and box, put the arm at its start pose."""
+        """Read the parameters, build plant, model and box, and put the arm at its start pose."""
         node = self._node = robot_hw_node
         self.description = root_node.search_param("robot_description")
         given, realism = settings.read(node, settings.ArmSettings)
@@ -79,7 +81,7 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
             self._services = ArmServices(BoxAdapter(self.loop, self.box, self.recover), root_node)
 
     def _report(self, text: str) -> None:
-        """A report of the box, from the loop: the log line is written outside of it."""
+        """Log a report of the box, outside of the loop."""
         realtime.defer(self._node, lambda: self._node.log_warn(text), "log")
 
     @property
@@ -89,8 +91,10 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
     # -- the cycle -----------------------------------------------------------------------------------------------------
 
     def run(self, on_cycle: OnCycle) -> None:
-        """Read, controllers, write, step. The result of `on_cycle` does not matter: the mode changes within the
-        cycle."""
+        """Run the loop of read, controllers, write, step.
+
+        The result of `on_cycle` is ignored: the mode changes within the cycle.
+        """
 
         def begin_and_go_on(time: float, period: float, reset_controllers: bool) -> bool:
             if self.mode is HOLD and self._requested.commanded and not self.error:
@@ -100,13 +104,13 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
         super().run(begin_and_go_on)
 
     def read(self, time: float, period: float) -> None:
-        """State of the plant at the measuring instant as the sensors report it, and what the box makes of it."""
+        """Read the plant through the sensors, and update the box."""
         states = self.states
         self._read_state(states.position, states.velocity, states.effort)
         self.box.read(states.position, states.velocity, states.effort, time)
 
     def _begin(self) -> bool:
-        """The requested motion; returns whether controllers that run already have to restart."""
+        """Start the requested motion; return True if running controllers have to restart."""
         outcome = self.box.move(_move_request(self._requested))
         if outcome is not Outcome.STARTED:
             self._fail(f"a motion by {self._requested} is refused: {outcome.value}")
@@ -117,7 +121,7 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
         return restart
 
     def write(self, time: float, period: float) -> None:
-        """The command of the mode within its limits to the box, its torques to the plant."""
+        """Send the limited command of the mode to the box, and its torques to the plant."""
         mode, box = self.mode, self.box
         if mode is HOLD:
             self.plant.apply(box.write(None))
@@ -129,7 +133,7 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
             self._end()
 
     def _end(self) -> None:
-        """The motion is over, as requested or not."""
+        """End the mode's motion, and report an error unless it ended as requested."""
         self.mode = HOLD
         self._commands.enter(HOLD)
         if self.box.take_finished() is not Outcome.SUCCESS:
@@ -137,8 +141,7 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
             self._fail(f"the motion was aborted: {names}")
 
     def recover(self) -> None:
-        """Automatic error recovery, in the loop. The motion that was ended begins again, and its controllers
-        restart."""
+        """Run automatic error recovery, in the loop; the aborted motion starts again, and its controllers restart."""
         if self.mode.commanded:
             raise HricError("the arm is moving: there is nothing to recover from")
         outcome = self.box.recover()
@@ -155,6 +158,6 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
         self._commands.check_start()
 
     def shutdown(self) -> None:
-        """Take the services back and close the plant."""
+        """Unregister the services and close the plant."""
         self._services.unregister()
         super().shutdown()

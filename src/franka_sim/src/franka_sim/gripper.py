@@ -1,5 +1,4 @@
-"""The emulated Franka hand: two fingers that travel at constant speed, and what may lie between them. No ROS, no
-engine."""
+"""Emulated Franka hand: two fingers at constant speed, and an object between them. No ROS, no physics engine."""
 
 import math
 from collections.abc import Callable
@@ -17,7 +16,7 @@ __all__ = ["Gripper", "HandConfig", "HandMotion", "HandOutcome", "defaults"]
 
 @dataclass(frozen=True)
 class HandConfig(Settings):
-    """Values of config/hand.yaml."""
+    """Parameters of config/hand.yaml."""
 
     max_width: float = number(above=0.0, unit="m")
     max_speed: float = number(above=0.0, unit="m/s")
@@ -28,27 +27,27 @@ class HandConfig(Settings):
 
 @dataclass(slots=True)
 class _Task:
-    """A motion under way: legs of (opening to go to [m], speed [m/s]), and what to say at the end, "" being success."""
+    """Running motion: segments of (target opening [m], speed [m/s]), and a function for the reason of failure."""
 
     motion: HandMotion
     legs: list[tuple[float, float]]
-    judge: Callable[[bool], str]  # gets whether an object stopped the fingers
+    judge: Callable[[bool], str]  # argument: True if an object stopped the fingers
 
 
 class Gripper:
-    """The hand. Requests return at once with a `HandMotion`, which `step` carries out; a new request aborts the one
-    that runs.
+    """Emulated hand.
 
-    Speeds are rates of the opening. A move stops at an object; a grasp travels towards the expected width and on until
-    something stops the fingers: an object, each other, or the end of their way. While it holds, the fingers go on
-    pressing: where the object is taken away they close, and `is_grasped` falls. One instance serves one thread.
+    Requests return at once with a `HandMotion`, which `step` executes; a new request aborts the running one. Speeds are
+    rates of the opening. A move stops at an object; a grasp moves towards the expected width and on until the fingers
+    are stopped by an object, by each other, or at the end of their range. While it holds, the fingers continue to
+    press: if the object is removed, they close and `is_grasped` becomes False. One instance serves one thread.
 
     Args:
         config: config/hand.yaml by default.
 
     Attributes:
         width: opening between the fingers [m]; fully open at the start.
-        is_grasped: whether an object of the expected width is held.
+        is_grasped: True while an object of the expected width is held.
         force: force with which the fingers press [N], 0 when they do not hold.
     """
 
@@ -61,12 +60,12 @@ class Gripper:
         self._time: float | None = None
         self._task: _Task | None = None
         self._hold: tuple[float, float, float, float] | None = (
-            None  # (opening pressed towards, speed, narrowest, widest object)
+            None  # (target opening, speed, minimum and maximum object width)
         )
 
     @property
     def max_width(self) -> float:
-        """Largest opening [m]."""
+        """Maximum opening [m]."""
         return self.config.max_width
 
     @property
@@ -76,12 +75,12 @@ class Gripper:
 
     @property
     def is_moving(self) -> bool:
-        """Whether a request is being carried out."""
+        """True while a request is executed."""
         return self._task is not None
 
     @property
     def object_width(self) -> float | None:
-        """Width of the object between the fingers [m], None: nothing there.
+        """Width of the object between the fingers [m], None without an object.
 
         Raises:
             CommandError: set to a width that does not fit between the fully open fingers.
@@ -97,24 +96,25 @@ class Gripper:
         self._object = width
 
     def homing(self) -> HandMotion:
-        """Close, then open fully; unsuccessful if an object keeps the fingers from closing."""
+        """Close, then open fully; unsuccessful if an object prevents the fingers from closing."""
         speed = self.config.homing_speed
         return self._begin("homing", "", [(0.0, speed), (self.max_width, speed)], self._unblocked)
 
     def move(self, width: float, speed: float) -> HandMotion:
-        """Go to an opening [m] at a speed [m/s]; unsuccessful if an object is in the way."""
+        """Move to an opening [m] at a speed [m/s]; unsuccessful if an object is in the way."""
         return self._begin("move", self._wrong(width, speed), [(width, speed)], self._unblocked)
 
     def grasp(self, width: float, epsilon_inner: float, epsilon_outer: float, speed: float, force: float) -> HandMotion:
         """Grasp an object of an expected width.
 
         Success if at rest `width - epsilon_inner < opening < width + epsilon_outer` (libfranka, Gripper::grasp); the
-        fingers then go on pressing.
+        fingers then continue to press.
 
         Args:
-            width: expected [m].
-            epsilon_inner, epsilon_outer: how much narrower and wider it may be [m].
-            speed: of the opening [m/s].
+            width: expected width [m].
+            epsilon_inner: tolerance for a narrower object [m].
+            epsilon_outer: tolerance for a wider object [m].
+            speed: speed of the opening [m/s].
             force: [N], up to `config.max_force`.
         """
         wrong = self._wrong(width, speed) or _wrong_tolerance(epsilon_inner, epsilon_outer) or self._wrong_force(force)
@@ -131,7 +131,7 @@ class Gripper:
         return self._begin("grasp", wrong, [(target, speed)], judge)
 
     def stop(self) -> HandMotion:
-        """End what runs or holds; the fingers are at rest without force."""
+        """End any motion or grasp; the fingers are at rest without force."""
         motion = self._begin("stop", "", [], self._unblocked)
         self._task = None
         motion.end(HandOutcome.SUCCESS)
@@ -147,7 +147,7 @@ class Gripper:
             self.is_grasped = narrowest < self.width < widest
 
     def advance(self, time: float) -> None:
-        """Step on to robot time `time` [s]; the first call only sets the clock, and so does a time that goes back."""
+        """Advance to robot time `time` [s]; the first call, or a time that goes back, only sets the clock."""
         before, self._time = self._time, time
         if before is not None and time > before:
             self.step(time - before)
@@ -155,7 +155,7 @@ class Gripper:
     def _begin(
         self, name: str, wrong: str, legs: list[tuple[float, float]], judge: Callable[[bool], str]
     ) -> HandMotion:
-        """Take a request; a wrong one changes nothing."""
+        """Start a request and return its motion; an invalid request changes nothing."""
         motion = HandMotion(name)
         if wrong:
             motion.end(HandOutcome.FAIL, wrong)
@@ -177,7 +177,7 @@ class Gripper:
             task.motion.end(HandOutcome.UNSUCCESSFUL if reason else HandOutcome.SUCCESS, reason)
 
     def _approach(self, target: float, distance: float) -> bool:
-        """Travel towards an opening; True if an object is in the way."""
+        """Move towards an opening; return True if an object is in the way."""
         if target >= self.width:
             self.width = min(target, self.width + distance)
             return False
@@ -189,7 +189,7 @@ class Gripper:
         return f"an object stopped the fingers at {self.width:.4f} m" if blocked else ""
 
     def _wrong(self, width: float, speed: float) -> str:
-        if not 0.0 <= width <= self.max_width:  # not a number fails as well
+        if not 0.0 <= width <= self.max_width:  # NaN fails as well
             return f"width {width} m; valid: 0 to {self.max_width:g} m"
         if not (speed > 0.0 and math.isfinite(speed)):
             return f"speed {speed} m/s; valid: above 0"
@@ -208,12 +208,12 @@ def _wrong_tolerance(inner: float, outer: float) -> str:
 
 @cache
 def defaults() -> HandConfig:
-    """What config/hand.yaml says."""
+    """Return the contents of config/hand.yaml."""
     return HandConfig.of(package_yaml(__file__, "hand"), "franka_sim/config/hand.yaml:")
 
 
 def emulated_hand(node: Node) -> tuple[Gripper, Callable[[], None]]:
-    """A hand with the live parameter `object_width` on the node, and what takes that back."""
+    """Return a hand with the live parameter `object_width` on the node, and a function that unregisters it."""
     hand = Gripper()
     parameter = LiveParameter(
         "object_width", 0.0, 0.0, hand.max_width, "width of what lies between the fingers [m]; 0: nothing"

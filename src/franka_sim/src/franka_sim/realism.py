@@ -1,5 +1,4 @@
-"""How far the simulated arm is from what its control box believes: noise of the sensors, another body, friction that
-the box does not know."""
+"""Differences between the simulated arm and its box's model: sensor noise, inertial errors, unknown friction."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -18,15 +17,15 @@ from hric_control.urdf import elements
 
 JOINTS = 7
 MAX_MASS_ERROR = 0.3
-"""Standard deviation as a share of the mass; three of them leave a tenth of the link."""
+"""Maximum standard deviation as a fraction of the mass; three of them leave a tenth of the link."""
 CUT_OFF = 3.0
-"""Largest draw of mass and centre of mass [standard deviations]."""
+"""Maximum deviation of mass and centre of mass [standard deviations]."""
 IDEAL = "ideal"
 
 
 @dataclass(frozen=True)
 class Realism(Settings):
-    """The keys of a preset in config/realism.yaml, which explains them; numbers per joint as 7 floats."""
+    """Keys of a preset in config/realism.yaml, which explains them; values per joint are 7 floats."""
 
     q_noise: Vector = per_joint(number(minimum=0.0, unit="rad"))
     dq_noise: Vector = per_joint(number(minimum=0.0, unit="rad/s"))
@@ -41,14 +40,14 @@ class Realism(Settings):
 
     @property
     def noisy(self) -> bool:
-        """Whether any sensor or estimate has noise."""
+        """True if any sensor or estimate has noise."""
         return any((*self.q_noise, *self.dq_noise, *self.tau_J_noise, *self.wrench_noise))
 
     def body(self, urdf_xml: str, arm_id: str) -> str:
-        """The description of the arm that the plant gets; the very same text where the body has no errors.
+        """Return the description of the arm for the plant; the same text if there are no inertial errors.
 
         Args:
-            urdf_xml: what the box knows of the arm.
+            urdf_xml: the box's description of the arm.
             arm_id: prefix of its links.
         """
         if not any((*self.mass_error, *self.com_error)):
@@ -66,11 +65,12 @@ class Realism(Settings):
         return ElementTree.tostring(root, encoding="unicode")
 
     def with_friction(self, plant: Mapping[str, Any], arm_id: str) -> dict[str, Any]:
-        """Parameters of the plant with the friction of this arm where they name none; "identified" gets the published
-        values if none are given, and the breakaway of this arm if none is.
+        """Return the plant's parameters, completed with the friction of this arm.
+
+        "identified" friction without values gets the published ones, and without breakaway the one of this arm.
 
         Args:
-            plant: its parameters.
+            plant: parameters of the plant.
             arm_id: prefix of the joints.
         """
         config = dict(plant)
@@ -83,7 +83,7 @@ class Realism(Settings):
         return config
 
     def _held(self, parameters: Any, arm_id: str) -> dict[str, Any]:
-        """Friction parameters with the breakaway of this arm where they name none."""
+        """Return friction parameters with this arm's breakaway torque where they have none."""
         held = dict(zip((f"{arm_id}_joint{i}" for i in range(1, JOINTS + 1)), self.breakaway, strict=True))
         if not held.keys() & parameters.keys():
             return {BREAKAWAY: list(self.breakaway), **parameters}
@@ -95,12 +95,11 @@ class Realism(Settings):
     def known_friction(
         self, plant: Mapping[str, Any], joint_names: Sequence[str]
     ) -> Mapping[str, Mapping[str, float]] | None:
-        """Return what the box knows of the plant's sigmoid, phi1 [N m], phi2 [s/rad], phi3 [rad/s] by joint; None: it
-        knows nothing.
+        """Return the friction that the box knows, phi1 [N m], phi2 [s/rad], phi3 [rad/s] by joint; None: none.
 
         Args:
-            plant: its parameters, after `with_friction`.
-            joint_names: the joints in order.
+            plant: parameters of the plant, after `with_friction`.
+            joint_names: joints in order.
         """
         if plant.get("friction") != "identified" or not any(self.friction_known):
             return None
@@ -115,7 +114,7 @@ class Realism(Settings):
 
 
 def _change(inertial: ElementTree.Element, factor: float, offset: Sequence[float]) -> None:
-    """Mass and inertia of a link times a factor, its centre of mass moved [m]."""
+    """Multiply mass and inertia of a link by a factor, and move its centre of mass [m]."""
     origin = inertial.find("origin")
     if origin is None:
         origin = ElementTree.SubElement(inertial, "origin")
@@ -127,19 +126,19 @@ def _change(inertial: ElementTree.Element, factor: float, offset: Sequence[float
 
 
 def presets() -> tuple[str, ...]:
-    """Names of the presets."""
+    """Return the names of the presets."""
     return tuple(read_config("realism"))
 
 
 def parse(value: Any, where: str) -> Realism:
-    """The realism of a parameter.
+    """Return the realism of a parameter.
 
     Args:
         value: name of a preset, or a mapping of `preset` (ideal if absent) and the values that differ from it.
         where: full name of the parameter, for errors.
 
     Raises:
-        HricError: no such preset or key, or a value that is none; lists the valid ones.
+        HricError: an unknown preset or key, or an invalid value; lists the valid ones.
     """
     given = dict(value) if isinstance(value, Mapping) else {"preset": value}
     name = given.pop("preset", IDEAL)

@@ -1,4 +1,4 @@
-"""What the arm's sensors report of the plant: the only way by which the control box, and all behind it, see the arm."""
+"""Sensors of the arm: the only source from which the control box, and everything behind it, sees the plant."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -12,16 +12,16 @@ from hric_control.native.vectors import add
 from hric_control.plant import Plant
 
 ReadState = Callable[[list[float], list[float], list[float]], None]
-"""See `Plant.read_state`."""
+"""Function like `Plant.read_state`."""
 Row = tuple[list[float], list[float], list[float], list[float]]
 BLOCK = 32
-"""Cycles whose noise is drawn at once: short enough that no cycle takes long, long enough that a draw costs little."""
+"""Number of cycles whose noise is drawn together: no cycle takes long, and a draw costs little."""
 CUT_OFF = 5.0
-"""Largest noise [standard deviations]."""
+"""Maximum noise [standard deviations]."""
 
 
 def _noise(rng: np.random.Generator, scale: npt.NDArray[np.float64]) -> Iterator[Row]:
-    """Noise of q, dq, tau_J and the wrench, cycle by cycle; scale: standard deviations, shape (27,)."""
+    """Yield the noise of q, dq, tau_J and the wrench for each cycle; scale: standard deviations, shape (27,)."""
     while True:
         noise = rng.standard_normal((BLOCK, len(scale)))
         np.clip(noise, -CUT_OFF, CUT_OFF, out=noise)
@@ -31,12 +31,12 @@ def _noise(rng: np.random.Generator, scale: npt.NDArray[np.float64]) -> Iterator
 
 
 class Sensors:
-    """The state of the plant with noise.
+    """State of the plant with noise.
 
     Args:
-        plant: the physics.
+        plant: physics engine.
         realism: standard deviations.
-        seed: of the run.
+        seed: seed of the run.
 
     Attributes:
         wrench: noise of the external wrench in this cycle, 3 forces [N] and 3 moments [N m]; always the same list.
@@ -49,7 +49,7 @@ class Sensors:
         self.wrench = [0.0] * 6
 
     def read(self, q: list[float], dq: list[float], tau: list[float]) -> None:
-        """As `Plant.read_state`; once per cycle, for each call draws new noise."""
+        """Read the plant like `Plant.read_state`; each call draws new noise, so call it once per cycle."""
         self._read(q, dq, tau)
         q_noise, dq_noise, tau_noise, wrench_noise = next(self._rows)
         q[:], dq[:], tau[:] = add(q, q_noise), add(dq, dq_noise), add(tau, tau_noise)
@@ -57,13 +57,13 @@ class Sensors:
 
 
 def attach(plant: Plant, box: ControlBox, realism: Realism, seed: int) -> ReadState:
-    """How the box is to read the plant: `plant.read_state` itself where nothing is noisy.
+    """Return the function with which the box reads the plant: `plant.read_state` itself without noise.
 
     Args:
-        plant: the physics.
-        box: estimates the external wrench, whose noise it is given.
-        realism: of the arm.
-        seed: of the run.
+        plant: physics engine.
+        box: control box; gets the noise of its estimate of the external wrench.
+        realism: standard deviations of the arm.
+        seed: seed of the run.
     """
     if not realism.noisy:
         return plant.read_state

@@ -21,12 +21,12 @@ from hric_control.plants import GRAVITY, rotor_inertia
 from hric_control.sim.sim_loop import REAL_TIME_FACTOR
 
 Q_START = (0.0, -math.pi / 4, 0.0, -3 * math.pi / 4, 0.0, math.pi / 2, math.pi / 4)
-"""Franka's usual ready pose [rad]."""
+"""Joint positions of Franka's usual ready pose [rad]."""
 
 
 @dataclass(frozen=True)
 class InternalImpedance(Settings):
-    """Of the joints, while the arm follows positions or velocities, or holds."""
+    """Stiffness of the joints while the arm follows positions or velocities, or holds."""
 
     stiffness: tuple[float, ...] = numbers(
         7, unit="N m/rad", text="stiffness of the internal joint impedance; the damping goes with its root"
@@ -34,13 +34,13 @@ class InternalImpedance(Settings):
 
     @classmethod
     def defaults(cls) -> Mapping[str, Any]:
-        """Those of the YAML."""
+        """Return the values of the YAML."""
         return defaults()
 
 
 @dataclass(frozen=True)
 class BoxSettings(Settings):
-    """Parameters of plant and control box, whoever commands them."""
+    """Parameters of plant and control box, for any source of commands."""
 
     arm_id: str = ARM_ID
     plant_type: str = text("pybullet_ros_control/PyBulletPlant", text="plugin of base `hric_control::Plant`")
@@ -71,8 +71,7 @@ class BoxSettings(Settings):
     def box(
         self, plant: Mapping[str, Any], joint_names: Sequence[str], time_step: float, realism: Realism
     ) -> BoxConfig:
-        """Parameters of the control box. It knows the plant's rotor inertia, and its friction as far as `realism`
-        says."""
+        """Return the parameters of the control box, with the plant's rotor inertia and the friction that it knows."""
         return BoxConfig(
             friction=realism.known_friction(plant, joint_names),
             rotor_inertia=rotor_inertia(plant, joint_names),
@@ -101,8 +100,7 @@ class ArmSettings(BoxSettings):
 
     @property
     def rate_limits(self) -> RateLimits | None:
-        """To which libfranka's control loops would keep joint positions and velocities, unless `rate_limiting` is
-        false."""
+        """Limits of libfranka's control loops for joint positions and velocities; None if `rate_limiting` is false."""
         limits = franka_limits().with_margins()
         rates = RateLimits(limits.effort_rate, limits.velocity, limits.acceleration, limits.jerk)
         return rates if self.rate_limiting else None
@@ -110,20 +108,20 @@ class ArmSettings(BoxSettings):
     def box(
         self, plant: Mapping[str, Any], joint_names: Sequence[str], time_step: float, realism: Realism
     ) -> BoxConfig:
-        """As of all arms, with what the simulated one alone takes."""
+        """Return the parameters of the control box, with those that only the simulated arm has."""
         config, given = super().box(plant, joint_names, time_step, realism), self.collision_config
         config = replace(config, settings_while_moving=self.settings_while_moving)
         return config if given is None else replace(config, collision_behavior=CollisionBehavior(*astuple(given)))
 
 
 def read(node: Node, kind: type[AnyBoxSettings]) -> tuple[AnyBoxSettings, Realism]:
-    """The parameters, and how far the arm is from what its box believes. Raises ParameterError."""
+    """Return the parameters, and the differences between the arm and the box's model. Raises ParameterError."""
     settings = kind.read(node, [f"{read_arm_id(node)}_joint{i}" for i in range(1, 8)])
     return settings, parse(settings.realism, node.resolve("realism"))
 
 
 def make_model(node: Node, urdf_xml: str, arm_id: str, plant: Mapping[str, Any]) -> KdlFrankaModel:
-    """What the arm knows of itself; it senses the direction of the plant's gravity, as a real one its mounting."""
+    """Return the arm's model of itself; it senses the direction of the plant's gravity, as a real arm does."""
     gravity = GRAVITY.checked(plant.get("gravity", GRAVITY), node.resolve("plant/gravity"))
     try:
         model = KdlFrankaModel(urdf_xml, arm_id, gravity_world=gravity)
@@ -138,8 +136,7 @@ def make_model(node: Node, urdf_xml: str, arm_id: str, plant: Mapping[str, Any])
 
 
 def set_internal_impedance(node: Node, stiffness: Sequence[float], law: JointImpedanceLaw) -> None:
-    """Give the internal joint impedance its stiffness [N m/rad]; gains lowered to what the loop carries are said in the
-    log."""
+    """Set the stiffness of the internal joint impedance [N m/rad]; log gains lowered for stability."""
     requested = list(stiffness)
     try:
         law.set_stiffness(requested)

@@ -1,1 +1,1 @@
-"""The emulated control box of the arm: no ROS, no engine."""
+"""Emulated control box of the arm: no ROS, no physics engine."""

@@ -1,4 +1,4 @@
-"""Dynamics of the arm by compiled code: gravity, inverse dynamics, and the estimate of the external torque."""
+"""Compiled dynamics of the arm: gravity, inverse dynamics, estimate of the external torque."""
 
 from array import array
 from collections.abc import Callable, Sequence
@@ -15,7 +15,7 @@ _STILL = (0.0,) * 7
 
 
 class CompiledArm:
-    """Inverse dynamics of the arm, and `fields`.
+    """Inverse dynamics and kinematic fields of the arm.
 
     Args:
         urdf_xml: robot description.
@@ -26,7 +26,7 @@ class CompiledArm:
         fields: kinematics of the state.
 
     Raises:
-        DescriptionError, UnknownNameError: the URDF does not hold such an arm.
+        DescriptionError, UnknownNameError: the URDF has no such arm.
     """
 
     def __init__(self, urdf_xml: str, arm_id: str, min_singular_value: float) -> None:
@@ -34,30 +34,29 @@ class CompiledArm:
         self.fields = CompiledFields(self._arm, min_singular_value)
 
     def take_model(self, model: KdlFrankaModel) -> None:
-        """What the arm carries, and how it is mounted."""
+        """Copy payload and mounting of the arm from the model."""
         total = model.total_inertial
         self._mounting = array("d", [*model.gravity_base, *total.inertia.ravel(), total.mass, *total.com])
 
     def inverse_dynamics(self, q: Vector, dq: Vector, ddq: Vector) -> list[float]:
-        """M(q) ddq + C(q, dq) dq + g(q), 7 floats [N m]; q, dq, ddq: 7 floats [rad], [rad/s], [rad/s^2]. After
-        `take_model`."""
+        """Return M(q) ddq + C(q, dq) dq + g(q) [N m]; 7 floats each [rad], [rad/s], [rad/s^2]. After `take_model`."""
         return _inverse_dynamics(self._arm, self._mounting, q, dq, ddq)
 
     def gravity(self, q: Vector) -> list[float]:
-        """g(q), 7 floats [N m]; q: 7 floats [rad]. After `take_model`."""
+        """Return g(q), 7 floats [N m]; q: 7 floats [rad]. After `take_model`."""
         return self.inverse_dynamics(q, _STILL, _STILL)
 
     def external_torque(
         self, q: Vector, constants: tuple[float, float], *cycle: Vector
     ) -> tuple[list[float], list[float]]:
-        """One cycle of `estimates.ExternalTorque`. After `take_model`.
+        """Compute one cycle of `estimates.ExternalTorque`. After `take_model`.
 
         Args:
-            q: at the beginning of the cycle, 7 floats [rad].
-            constants: cycles per second [1/s], and the share of the low-pass filter per cycle [1].
-            cycle: value of the cycle before, dq, q_now, dq_now, tau, friction, see there; 7 floats each.
+            q: position at the start of the cycle, 7 floats [rad].
+            constants: cycles per second [1/s], and coefficient of the low-pass filter per cycle [1].
+            cycle: previous value, dq, q_now, dq_now, tau, friction, see there; 7 floats each.
 
         Returns:
-            (the new value, g(q_now)), 7 floats each [N m].
+            (new value, g(q_now)), 7 floats each [N m].
         """
         return _external_torque(self._arm, self._mounting, q, constants, *cycle)

@@ -1,8 +1,7 @@
-"""The kinematic fields of the state by compiled code, all at once: into the state, or straight into the numbers of a
-datagram.
+"""Compiled kinematic fields of the state, computed together for the state or for a datagram.
 
-The state computes them by itself, one by one, when somebody reads them. A client on the network is sent all of them in
-every state, which that way would take longer than all the rest of the cycle.
+The state itself computes them one by one on demand. A client on the network gets all of them in every state, which
+that way would take longer than the rest of the cycle.
 """
 
 import struct
@@ -34,15 +33,15 @@ _COMPUTED: _Sizes = {
     **{"dtau_J": 7, "elbow": 2},
 }
 _DESIRED: _Sizes = {"O_T_EE_d": 16, "O_T_EE_c": 16, "O_dP_EE_d": 6, "elbow_d": 2, "elbow_c": 2}
-"""Computed, where no Cartesian generator writes them."""
+"""Computed unless a Cartesian generator writes them."""
 _COMMANDED: _Sizes = {"O_dP_EE_c": 6, "O_ddP_EE_c": 6, "delbow_c": 2, "ddelbow_c": 2}
-"""Zero, where no Cartesian generator writes them."""
+"""Zero unless a Cartesian generator writes them."""
 _NOISE: _Sizes = {"wrench_noise": 6}
-"""Zero, where nothing is noisy."""
+"""Zero without sensor noise."""
 _LAYOUT: _Sizes = {**_EACH_CYCLE, **_CONFIGURED, **_COMPUTED, **_DESIRED, **_COMMANDED, **_NOISE}
 _SAME = {"theta": "q", "dtheta": "dq"}
 _OFFSETS = {name: end - size for (name, size), end in zip(_LAYOUT.items(), accumulate(_LAYOUT.values()), strict=True)}
-"""Where each member begins in the doubles of the C struct Fields."""
+"""Offset of each member in the doubles of the C struct Fields."""
 
 
 def _block(sizes: _Sizes) -> struct.Struct:
@@ -62,12 +61,12 @@ _SLICES = {
 
 
 class CompiledFields:
-    """O_T_EE, the desired pose and twist, the elbows, the external wrench, the contacts and dtau_J of a state.
+    """Compiled O_T_EE, desired pose and twist, elbows, external wrench, contacts and dtau_J of a state.
 
     Args:
-        arm: its parameters (`model_library.parameters`).
-        min_singular_value: of the Jacobian of the stiffness frame, below which the wrench is zero (as the box has
-            it).
+        arm: arm parameters (`model_library.parameters`).
+        min_singular_value: singular value of the stiffness frame's Jacobian below which the wrench is zero, as in
+            the real box.
     """
 
     def __init__(self, arm: bytes, min_singular_value: float) -> None:
@@ -77,7 +76,7 @@ class CompiledFields:
         self._configuration: tuple[object, ...] = (None, None)
 
     def _computed(self, state: BoxState) -> tuple[float, ...]:
-        """Values of _RESULTS, one after the other."""
+        """Return the values of _RESULTS, concatenated."""
         self._take(state)
         _fields(self._arm, self._values)
         return _RESULT_BLOCK.unpack_from(self._values, _RESULT_AT)
@@ -90,16 +89,16 @@ class CompiledFields:
             setattr(state, name, [*values[_SLICES[name]]])
 
     def wrench(self, state: RobotState) -> tuple[list[float], list[float]]:
-        """O_F_ext_hat_K and K_F_ext_hat_K: 3 forces [N] and 3 moments [N m] each; the state is a BoxState."""
+        """Return O_F_ext_hat_K and K_F_ext_hat_K: 3 forces [N] and 3 moments [N m] each; the state is a BoxState."""
         assert isinstance(state, BoxState)
         values = self._computed(state)
         return [*values[_SLICES["O_F_ext_hat_K"]]], [*values[_SLICES["K_F_ext_hat_K"]]]
 
     def packer(self, names: Sequence[str], real: str) -> Callable[[BoxState], bytes]:
-        """A function that gives the numbers of a state as a datagram has them.
+        """Return a function that packs the numbers of a state for a datagram.
 
         Args:
-            names: the fields in their order.
+            names: fields in their order.
             real: struct's letter of a number, "d" or "f".
         """
         members = [_SAME.get(name, name) for name in names]
@@ -117,10 +116,9 @@ class CompiledFields:
         return pack
 
     def _take(self, state: BoxState) -> None:
-        """What the fields are computed from.
+        """Copy the input values of the fields.
 
-        Those of the configuration are lists and objects that are replaced as a whole, so that identity shows whether
-        they are new.
+        Configuration values are lists and objects that are replaced as a whole, so identity shows if they are new.
         """
         if self._configuration[0] is not state.F_T_EE or self._configuration[1] is not state.thresholds:
             self._take_configuration(state)

@@ -1,4 +1,4 @@
-"""Parameters of the control box and of its motion generators; their values are in config/."""
+"""Parameters of the control box and its motion generators; the values are in config/."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -12,7 +12,7 @@ Vector = tuple[float, ...]
 
 
 def read_config(name: str) -> dict[str, Any]:
-    """What config/<name>.yaml of this package says."""
+    """Return the contents of config/<name>.yaml of this package."""
     return package_yaml(__file__, name)
 
 
@@ -21,9 +21,9 @@ class CollisionBehavior(Settings):
     """Thresholds of contact (lower) and collision (upper), in the order of libfranka's setCollisionBehavior.
 
     Attributes:
-        *_torque_*: of the external joint torque, 7 floats [N m].
-        *_force_*: of the external wrench on the stiffness frame, 3 forces [N] and 3 moments [N m].
-        *_acceleration: while the desired motion accelerates; *_nominal: else.
+        *_torque_*: external joint torque, 7 floats [N m].
+        *_force_*: external wrench on the stiffness frame, 3 forces [N] and 3 moments [N m].
+        *_acceleration: while the desired motion accelerates; *_nominal: otherwise.
     """
 
     lower_torque_acceleration: Vector = numbers(7, minimum=0.0, unit="N m")
@@ -38,18 +38,17 @@ class CollisionBehavior(Settings):
 
 @dataclass(frozen=True)
 class BoxConfig(Settings):
-    """Parameters of the control box; config/control_box.yaml explains those that it has.
+    """Parameters of the control box; config/control_box.yaml explains its parameters.
 
     Attributes:
-        limits: of joints and end effector.
+        limits: limits of joints and end effector.
         friction: phi1 [N m], phi2 [s/rad], phi3 [rad/s] by joint name, as `panda_description.friction_parameters()`
-            gives them: what the box compensates and expects; None: no friction.
+            returns them: the friction that the box compensates and expects; None: no friction.
         rotor_inertia: 7 floats [kg m^2].
-        time_step: [s].
-        reflexes: whether the arm protects itself; without them commands are limited where they can be, and nothing ends
-            a motion but NaN.
-        max_lost_packets: in a row, or None: as many as come.
-        settings_while_moving: whether load, frames and impedances may be set while a motion runs; the Franka Control
+        time_step: control period [s].
+        reflexes: True: the arm protects itself; False: commands are limited if possible, and only NaN ends a motion.
+        max_lost_packets: maximum number of consecutive lost packets; None: no limit.
+        settings_while_moving: True if load, frames and impedances may be set during a motion; the Franka Control
             Interface refuses it.
         The others: see the YAML.
     """
@@ -74,22 +73,22 @@ class BoxConfig(Settings):
 
     @classmethod
     def defaults(cls) -> Mapping[str, Any]:
-        """Those of the YAML."""
+        """Return the values of the YAML."""
         return read_config("control_box")
 
 
 @dataclass(frozen=True)
 class MotionParameters(Settings):
-    """The numbers of config/motion_generators.yaml, which gives their reasons.
+    """Parameters of config/motion_generators.yaml, which gives their reasons.
 
     Attributes:
         velocity_tolerance, acceleration_tolerance, jerk_tolerance: factors on the limits.
         position_tolerance: [rad].
-        orthonormal_tolerance: of a commanded rotation matrix.
+        orthonormal_tolerance: tolerance of a commanded rotation matrix.
         singular_value: minimum singular value of the Jacobian at the start of a Cartesian motion.
         ik_tolerance: remaining error of the inverse kinematics [m, rad].
-        ik_steps: Newton steps per millisecond at most.
-        elbow_return_rate: [1/s]; elbow_min, elbow_damping: of the elbow that is not commanded.
+        ik_steps: maximum number of Newton steps per millisecond.
+        elbow_return_rate [1/s], elbow_min, elbow_damping: parameters for an elbow that is not commanded.
     """
 
     velocity_tolerance: float = number()
@@ -107,9 +106,9 @@ class MotionParameters(Settings):
 
 @cache
 def motion_parameters() -> MotionParameters:
-    """The parameters.
+    """Return the parameters.
 
     Raises:
-        ParameterError: the file does not hold exactly these parameters.
+        ParameterError: the file does not have exactly these parameters.
     """
     return MotionParameters.of(read_config("motion_generators"), "franka_sim/config/motion_generators.yaml:")

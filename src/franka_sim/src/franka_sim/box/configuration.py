@@ -19,23 +19,23 @@ from hric_control.plants import sigmoid_parameters
 
 Floats = Sequence[float]
 HIGHEST_CUTOFF = 1000.0
-"""A filter of this cut-off frequency is off (libfranka, setFilters) [Hz]."""
+"""Cut-off frequency at which a filter is off (libfranka, setFilters) [Hz]."""
 FILTERS = ("joint position", "joint velocity", "Cartesian position", "Cartesian velocity", "controller")
 
 
 FrictionLaw = Callable[[Floats], list[float]]
-"""dq (7 floats) [rad/s] -> friction torque that the motor must overcome, 7 floats [N m]."""
+"""Function that maps dq (7 floats [rad/s]) to the friction torque that the motor must overcome, 7 floats [N m]."""
 
 
 def friction_law(parameters: Mapping[str, Mapping[str, float]], joint_names: Sequence[str]) -> FrictionLaw:
-    """The sigmoid of Gaz et al. (IEEE RA-L 2019, supplement, Table I), zero at rest.
+    """Return the sigmoid friction law of Gaz et al. (IEEE RA-L 2019, supplement, Table I), zero at rest.
 
-    tau_f = phi1 / (1 + exp(-phi2 (dq + phi3))) - phi1 / (1 + exp(-phi2 phi3)) = phi1/2 (tanh(phi2 (dq + phi3) / 2) -
-    tanh(phi2 phi3 / 2))
+    tau_f = phi1 / (1 + exp(-phi2 (dq + phi3))) - phi1 / (1 + exp(-phi2 phi3))
+          = phi1/2 (tanh(phi2 (dq + phi3) / 2) - tanh(phi2 phi3 / 2))
 
     Args:
         parameters: phi1 [N m], phi2 [s/rad], phi3 [rad/s] by joint name.
-        joint_names: the joints in order.
+        joint_names: joints in order.
 
     Raises:
         ParameterError: a joint or a value is missing, or not finite.
@@ -50,21 +50,21 @@ def friction_law(parameters: Mapping[str, Mapping[str, float]], joint_names: Seq
 
 
 class ConfiguredBox:
-    """State, model, laws and estimates of the box, and the requests that change them.
+    """State, model, control laws and estimates of the box, and the requests that change them.
 
-    Each request returns SUCCESS, INVALID_ARGUMENT (the reason is reported; the values before stay) or NOT_POSSIBLE
+    Each request returns SUCCESS, INVALID_ARGUMENT (with a report of the reason; the old values remain), or NOT_POSSIBLE
     in a mode that forbids it.
 
     Args:
-        model: what the box knows of the arm.
-        compiled: dynamics of the same arm.
+        model: the box's model of the arm.
+        compiled: compiled dynamics of the same arm.
         config: parameters.
-        report: called with one line for people whenever something is refused or the arm protects itself.
+        report: callback for one line of text when a request is refused or the arm protects itself.
 
     Attributes:
-        guiding_axes: which axes a hand may move: x, y, z, R, P, Y; guiding_elbow: and the elbow. (The arm is guided
-            freely in all.)
-        cutoffs: of FILTERS [Hz].
+        guiding_axes: True for each axis x, y, z, R, P, Y that may be guided by hand; guiding_elbow: the same for the
+            elbow. (The simulated arm can be guided in all of them.)
+        cutoffs: cut-off frequencies of FILTERS [Hz].
     """
 
     def __init__(
@@ -89,19 +89,18 @@ class ConfiguredBox:
         self._reflexes = Reflexes(config, SelfCollision(model, config))
 
     def take_wrench_noise(self, noise: list[float], peak: float) -> None:
-        """Let the estimate of the external wrench have noise, from now on.
+        """Add noise to the estimate of the external wrench from now on.
 
         Args:
-            noise: 3 forces [N] and 3 moments [N m], base axes; whoever measures changes it in place each cycle.
-            peak: none of its numbers will be larger, nor will they in other axes [N], [N m].
+            noise: 3 forces [N] and 3 moments [N m], base axes; the sensor changes them in place each cycle.
+            peak: upper bound of its values, in these and other axes [N], [N m].
         """
         self.state.wrench_noise = noise
         self._reflexes.take_wrench_noise(peak)
 
     @property
     def cartesian_impedance(self) -> CartesianImpedanceLaw:
-        """The internal Cartesian impedance; its gains cost some time at the first call and after a change of the
-        frames."""
+        """Internal Cartesian impedance; the first access, and one after a change of frames, computes its gains."""
         law = self._cartesian_impedance
         if law is None:
             config = self.config
@@ -114,7 +113,7 @@ class ConfiguredBox:
         return law
 
     def impedance(self, controller: ControllerMode) -> ImpedanceLaw | None:
-        """The internal impedance that makes the torques; None: they come from outside."""
+        """Return the internal impedance law of a controller mode; None: torques are commanded externally."""
         if controller is ControllerMode.JOINT_IMPEDANCE:
             return self.joint_impedance
         return self.cartesian_impedance if controller is ControllerMode.CARTESIAN_IMPEDANCE else None
@@ -131,7 +130,7 @@ class ConfiguredBox:
         return Outcome.SUCCESS
 
     def _take_model(self) -> None:
-        """Compute with the model as it is now."""
+        """Use the present values of the model."""
         self._compiled.take_model(self.model)
         self._gravity_torque: list[float] | None = None
 
@@ -144,29 +143,29 @@ class ConfiguredBox:
         return self._set(what, all_of_it)
 
     def set_load(self, mass: float, com: Floats, inertia: Floats) -> Outcome:
-        """Payload [kg], its centre of mass in the flange [m], its inertia about that, 9 floats [kg m^2]."""
+        """Set the payload: mass [kg], centre of mass in the flange [m], inertia about it, 9 floats [kg m^2]."""
         return self._set_model("set_load", lambda: self.model.set_load(mass, com, inertia))
 
     def set_NE_T_EE(self, NE_T_EE: Floats) -> Outcome:
-        """End effector in the nominal one, 16 floats, column-major."""
+        """Set the end effector in the nominal end-effector frame, 16 floats, column-major."""
         return self._set_model(
             "set_NE_T_EE", lambda: self.model.set_ee(self.model.F_T_NE @ check_transform(NE_T_EE, "NE_T_EE"))
         )
 
     def set_EE_T_K(self, EE_T_K: Floats) -> Outcome:
-        """Stiffness frame in the end effector, 16 floats, column-major."""
+        """Set the stiffness frame in the end-effector frame, 16 floats, column-major."""
         return self._set_model("set_EE_T_K", lambda: self.model.set_stiffness_frame(check_transform(EE_T_K, "EE_T_K")))
 
     def set_joint_impedance(self, K_theta: Floats) -> Outcome:
-        """Stiffness of the internal joint impedance, 7 floats [N m/rad]."""
+        """Set the stiffness of the internal joint impedance, 7 floats [N m/rad]."""
         return self._set("set_joint_impedance", lambda: self.joint_impedance.set_stiffness(K_theta))
 
     def set_cartesian_impedance(self, K_x: Floats) -> Outcome:
-        """Stiffness of the internal Cartesian impedance, 3 [N/m] and 3 [N m/rad], axes of the stiffness frame."""
+        """Set the stiffness of the internal Cartesian impedance, 3 [N/m] and 3 [N m/rad], stiffness-frame axes."""
         return self._set("set_cartesian_impedance", lambda: self.cartesian_impedance.set_stiffness(K_x))
 
     def set_collision_behavior(self, *thresholds: Floats) -> Outcome:
-        """Eight lists in the order of `CollisionBehavior`; torques [N m], forces [N], moments [N m]."""
+        """Set eight lists in the order of `CollisionBehavior`; torques [N m], forces [N], moments [N m]."""
 
         def change() -> None:
             if len(thresholds) != 8:
@@ -177,7 +176,7 @@ class ConfiguredBox:
         return self._set("set_collision_behavior", change)
 
     def set_guiding_mode(self, axes: Sequence[bool], elbow: bool) -> Outcome:
-        """Which of the six axes, and the elbow, a hand may move; kept, and not acted upon."""
+        """Store which of the six axes, and if the elbow, may be guided by hand; without effect on the simulated arm."""
 
         def change() -> None:
             if len(axes) != 6:
@@ -187,8 +186,7 @@ class ConfiguredBox:
         return self._set("set_guiding_mode", change)
 
     def set_filters(self, cutoffs: Floats) -> Outcome:
-        """Cut-off frequencies of FILTERS, 1 to 1000 Hz, 1000: off. The controller's one acts on torque commands; the
-        others have no effect."""
+        """Set the cut-off frequencies of FILTERS, 1 to 1000 Hz (off); only the controller's filter has an effect."""
 
         def change() -> None:
             if len(cutoffs) != len(FILTERS) or not all(isfinite(f) and 1.0 <= f <= HIGHEST_CUTOFF for f in cutoffs):
@@ -201,6 +199,6 @@ class ConfiguredBox:
         return self._set("set_filters", change)
 
     def torque_filter_gain(self) -> float:
-        """What one cycle of the controller's low-pass takes of a new torque, 0 to 1."""
+        """Return the coefficient of a new torque in one cycle of the controller's low-pass filter, 0 to 1."""
         cutoff = self.cutoffs[-1]
         return 1.0 if cutoff >= HIGHEST_CUTOFF else 1.0 - exp(-2.0 * pi * cutoff * self.config.time_step)

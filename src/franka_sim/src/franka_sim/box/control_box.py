@@ -1,4 +1,4 @@
-"""The emulated control box: what the arm's firmware does each millisecond. No ROS, no engine."""
+"""Emulated control box: the tasks of the arm's firmware in each millisecond. No ROS, no physics engine."""
 
 from collections.abc import Callable, Sequence
 
@@ -25,24 +25,24 @@ _OUTCOMES = {
 }
 _COLLISIONS = frozenset(("joint_reflex", "cartesian_reflex"))
 _WATCHED = (RobotMode.MOVE, RobotMode.GUIDING)
-"""Modes in which the measured state can be a reflex."""
+"""Modes in which the measured state can trigger a reflex."""
 _LOST: Errors = frozenset(("communication_constraints_violation",))
 _UNSTABLE: Errors = frozenset(("instability_detected",))
 
 
 class ControlBox(ConfiguredBox):
-    """The arm's control box. One thread: requests come between two cycles.
+    """Control box of the arm. Single thread: requests come between two cycles.
 
-    A millisecond: `read` the arm's state at the measuring instant, then `write` for the torques until the next one.
-    The modes and their transitions are in `state_machine.TRANSITIONS`. Without a motion the arm holds itself with its
-    internal joint impedance; gravity, and friction as far as it is known, are compensated in every mode.
+    In each millisecond `read` takes the arm's state at the measuring instant, then `write` returns the torques until
+    the next one. The modes and their transitions are in `state_machine.TRANSITIONS`. Without a motion, the internal
+    joint impedance holds the arm; gravity, and friction as far as it is known, are compensated in every mode.
 
     Args:
         model, compiled, config, report: see `ConfiguredBox`.
 
     Attributes:
         state: BoxState, always the same object.
-        finished: how the last motion ended; None while one runs, and after `take_finished`.
+        finished: outcome of the last motion; None while one runs, and after `take_finished`.
     """
 
     def __init__(
@@ -62,21 +62,21 @@ class ControlBox(ConfiguredBox):
 
     @property
     def mode(self) -> RobotMode:
-        """What the arm is doing."""
+        """Present mode of the arm."""
         return self.state.robot_mode
 
     def take_finished(self) -> Outcome | None:
-        """How a motion ended since the last call, or None."""
+        """Return the outcome of a motion that ended since the last call, or None."""
         finished, self.finished = self.finished, None
         return finished
 
     # -- requests ------------------------------------------------------------------------------------------------------
 
     def move(self, request: MoveRequest) -> Outcome:
-        """Begin a motion: STARTED, or why not.
+        """Start a motion and return STARTED, or the reason of the refusal.
 
-        A start that a motion generator does not allow returns STARTED and ends with the first command, so that
-        its name reaches the client.
+        If the motion generator does not allow the start, this returns STARTED and the first command ends the motion, so
+        that the name of the error reaches the client.
         """
         if next_mode(self.mode, Event.MOVE) is None:
             return Outcome.NOT_POSSIBLE
@@ -101,16 +101,15 @@ class ControlBox(ConfiguredBox):
         return Outcome.STARTED
 
     def stop_move(self) -> Outcome:
-        """End the motion, which is then preempted; at idle there is nothing to do."""
+        """End the motion as preempted; without effect in idle mode."""
         return self._change(Event.STOP)
 
     def connection_lost(self) -> None:
-        """The client has gone: its motion, if one runs, is aborted."""
+        """Abort the client's motion, if any, since the connection is lost."""
         self._change(Event.CONNECTION_LOST)
 
     def recover(self) -> Outcome:
-        """Automatic error recovery: clears the errors and the collisions of a reflex; what ended the last motion stays
-        known."""
+        """Run automatic error recovery: clear errors and collisions; the errors of the last motion stay readable."""
         outcome = self._change(Event.RECOVER)
         if self.mode is RobotMode.AUTOMATIC_ERROR_RECOVERY:
             self._clear_errors()
@@ -119,7 +118,7 @@ class ControlBox(ConfiguredBox):
         return outcome
 
     def set_user_stop(self, pressed: bool) -> Outcome:
-        """Press or release the user stop; a press while it is pressed changes nothing."""
+        """Press or release the user stop; a second press changes nothing."""
         if pressed == (self.mode is RobotMode.USER_STOPPED):
             return Outcome.SUCCESS
         outcome = self._change(Event.USER_STOP_PRESSED if pressed else Event.USER_STOP_RELEASED)
@@ -130,7 +129,7 @@ class ControlBox(ConfiguredBox):
         return outcome
 
     def set_guiding(self, on: bool) -> Outcome:
-        """Press or release the guiding buttons: the arm is then free, gravity and friction compensated."""
+        """Press or release the guiding buttons: the arm is then free, with gravity and friction compensated."""
         if on == (self.mode is RobotMode.GUIDING):
             return Outcome.SUCCESS
         outcome = self._change(Event.GUIDING_ON if on else Event.GUIDING_OFF)
@@ -139,8 +138,7 @@ class ControlBox(ConfiguredBox):
         return outcome
 
     def reset(self, q: Sequence[float]) -> None:
-        """The arm was put to q at rest (simulation only): idle, errors cleared, a running motion aborted. q: 7 floats
-        [rad]."""
+        """Adopt q (7 floats [rad]) at rest, set by the simulation: idle mode, no errors, any motion aborted."""
         if len(q) != 7:
             raise CommandError(f"a pose is 7 numbers [rad]; got {len(q)}")
         self._end_motion(Outcome.ABORTED, NO_ERRORS)
@@ -149,8 +147,7 @@ class ControlBox(ConfiguredBox):
         self.state.robot_mode = RobotMode.IDLE
 
     def break_down(self, q: Sequence[float]) -> None:
-        """The plant broke down and was put to q at rest (simulation only): a reflex, where the mode has any. q: 7
-        floats [rad]."""
+        """Adopt q (7 floats [rad]) at rest after the simulation became unstable: a reflex in modes that have it."""
         self._put(q)
         if next_mode(self.mode, Event.REFLEX) is not None:
             self._protect(_UNSTABLE)
@@ -174,7 +171,7 @@ class ControlBox(ConfiguredBox):
     # -----------------------------------------------------------------------------------------------------
 
     def _change(self, event: Event, why: Errors = NO_ERRORS) -> Outcome:
-        """Make the transition, if there is one: SUCCESS, or NOT_POSSIBLE."""
+        """Apply the transition of an event and return SUCCESS, or NOT_POSSIBLE if there is none."""
         before, after = self.mode, next_mode(self.mode, event)
         if after is None:
             return Outcome.NOT_POSSIBLE
@@ -195,19 +192,19 @@ class ControlBox(ConfiguredBox):
             getattr(state, name)[:] = _ZEROS[:6]
         state.delbow_c[:], state.ddelbow_c[:] = _ZEROS[:2], _ZEROS[:2]
         state.desired_changed()
-        if outcome is not Outcome.REFLEX_ABORTED:  # then the client wants to know how many commands came
+        if outcome is not Outcome.REFLEX_ABORTED:  # the client of an aborted motion reads how many commands arrived
             state.control_command_success_rate = 0.0
         state.last_motion_errors, self.finished = why, outcome
 
     def _protect(self, names: Errors) -> None:
-        """The arm protects itself."""
+        """Enter the reflex mode with these errors."""
         self.state.current_errors = names
         if self.mode is RobotMode.GUIDING:
             self.state.last_motion_errors = names
         self._change(Event.REFLEX, errors(names))
 
     def _reflex(self, names: Errors, reason: str = "") -> None:
-        """The arm protects itself, and says why; reason: what there is to add to the names."""
+        """Enter the reflex mode and report the cause; reason: text in addition to the errors' names."""
         self._protect(names)
         self.report(
             f"{self.model.arm_id}: motion aborted by reflex: {describe(names, self.state, self.config, reason)}"
@@ -216,11 +213,12 @@ class ControlBox(ConfiguredBox):
     # -- the millisecond -----------------------------------------------------------------------------------------------
 
     def read(self, q: Sequence[float], dq: Sequence[float], tau_J: Sequence[float], time: float) -> None:
-        """The arm at the measuring instant.
+        """Take the arm's state at the measuring instant.
 
         Args:
-            q, dq: joint position and velocity, 7 floats [rad], [rad/s].
-            tau_J: torque during the last cycle, gravity included, 7 floats [N m].
+            q: joint positions, 7 floats [rad].
+            dq: joint velocities, 7 floats [rad/s].
+            tau_J: joint torques during the last cycle, gravity included, 7 floats [N m].
             time: robot time [s].
         """
         state = self.state
@@ -243,11 +241,12 @@ class ControlBox(ConfiguredBox):
             self.state.q_d[:] = q
 
     def write(self, command: MotionCommand | None) -> list[float]:
-        """Torques for the arm until the next cycle, 7 floats [N m]: command or hold, plus gravity and friction
-        compensation.
+        """Return the torques until the next cycle, 7 floats [N m]: command or hold, plus compensation.
+
+        Gravity and friction are compensated.
 
         Args:
-            command: of the running motion, or None: no packet came. Without a motion it is not looked at.
+            command: command of the running motion; None: no packet came. Ignored without a motion.
         """
         state, mode = self.state, self.state.robot_mode
         if mode is RobotMode.MOVE:

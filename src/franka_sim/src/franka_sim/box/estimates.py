@@ -1,4 +1,4 @@
-"""What acts on the arm from outside, estimated from joint positions, velocities and torques."""
+"""Estimate of the external torque on the arm from joint positions, velocities and torques."""
 
 import math
 from collections.abc import Sequence
@@ -11,17 +11,17 @@ _NONE = (0.0,) * 7
 
 
 class ExternalTorque:
-    """tau_ext_hat_filtered: the part of the measured torque that the model does not explain, low-pass filtered.
+    """Estimator of tau_ext_hat_filtered: measured torque minus model torque, low-pass filtered.
 
     r' = w (tau_J - M(q) ddq - C(q, dq) dq - g(q) - tau_f(dq) - r),   w = 2 pi cut-off
 
     In continuous time this is the momentum observer of De Luca et al. (IROS 2006), r = w (integral of (tau_J + C^T dq -
-    g - tau_f - r) dt - p): both give the external torque behind one first-order low-pass. Here the acceleration is the
-    difference of two measured velocities, the mean over the cycle, so that the observer's transpose of C is not needed.
-    tau_f: friction as far as the box knows it. The rotors are not in it: tau_J is measured on the link's side of them.
+    g - tau_f - r) dt - p): both give the external torque after one first-order low-pass. Here the acceleration is the
+    difference of two measured velocities, the mean over the cycle, so the observer's transpose of C is not needed.
+    tau_f: friction as far as the box knows it. Rotor inertia is excluded: tau_J is measured on the link side.
 
     Sign as in libfranka, whose RobotState calls it the error between tau_J and the torques that the model expects: a
-    torque that the arm exerts on its environment is positive, and a force F that pushes the arm shows as -J^T F.
+    torque that the arm exerts on its environment is positive, and a force F that pushes the arm appears as -J^T F.
 
     Attributes:
         value: 7 floats [N m].
@@ -36,22 +36,24 @@ class ExternalTorque:
         self.value = [0.0] * 7
 
     def reset(self) -> None:
-        """Forget the past."""
+        """Reset the estimate to zero."""
         self.value[:] = [0.0] * 7
 
     def update(
         self, q: Vector, dq: Vector, q_now: Vector, dq_now: Vector, tau: Vector, friction: Vector | None
     ) -> list[float]:
-        """One cycle.
+        """Update the estimate for one cycle.
 
         Args:
-            q, dq: position and velocity at the beginning of the cycle, 7 floats [rad], [rad/s].
-            q_now, dq_now: at its end.
-            tau: torque during the cycle, 7 floats [N m].
-            friction: at dq, 7 floats [N m], or None: nothing known.
+            q: joint positions at the start of the cycle, 7 floats [rad].
+            dq: joint velocities at the start of the cycle, 7 floats [rad/s].
+            q_now: joint positions at the end of the cycle, 7 floats [rad].
+            dq_now: joint velocities at the end of the cycle, 7 floats [rad/s].
+            tau: joint torques during the cycle, 7 floats [N m].
+            friction: friction torques at dq, 7 floats [N m]; None: unknown.
 
         Returns:
-            g(q_now), 7 floats [N m]: the next thing that the box needs of the same model.
+            g(q_now), 7 floats [N m]: a by-product that the box needs next.
         """
         self.value[:], gravity = self._arm.external_torque(
             q, self._constants, self.value, dq, q_now, dq_now, tau, friction or _NONE

@@ -1,11 +1,11 @@
-"""The arm holds itself: internal joint impedance around a desired position that comes to rest."""
+"""Deceleration of the desired joint position to rest, around which the internal joint impedance holds the arm."""
 
 from franka_sim.box.config import BoxConfig
 from franka_sim.box.state import BoxState
 
 
 class Braking:
-    """Brings the desired joint motion to rest with the acceleration limits, as after a motion that ended on its way.
+    """Deceleration of the desired joint motion with the acceleration limits, e.g. after an aborted motion.
 
     q_d' = q_d + dt dq_d, dq_d' = dq_d reduced by at most dt * deceleration * limit; ddq_d is the change of dq_d per
     time.
@@ -18,11 +18,11 @@ class Braking:
         self._zeros = [0.0] * 7
 
     def start(self, state: BoxState) -> None:
-        """From where the arm is, as fast as it is."""
+        """Start at the present position and velocity of the arm."""
         state.q_d[:], state.dq_d[:] = state.q, state.dq
 
     def advance(self, state: BoxState) -> None:
-        """One cycle: writes q_d, dq_d and ddq_d, in place."""
+        """Write q_d, dq_d and ddq_d of one cycle, in place."""
         if any(state.dq_d):
             before = state.dq_d
             after = [
@@ -36,7 +36,7 @@ class Braking:
     def _move(self, state: BoxState, before: list[float], after: list[float]) -> None:
         dt = self._dt
         state.ddq_d[:] = [(b - a) / dt for a, b in zip(before, after, strict=True)]
-        # Where the range ends so does the braking; a desired position that stood beyond it may stay there.
+        # The braking motion ends at the position limit; a desired position already beyond it may stay there.
         rows = zip(state.q_d, after, self._range, strict=True)
         state.q_d[:] = [min(max(q + dt * v, min(q, low)), max(q, high)) for q, v, (low, high) in rows]
         state.dq_d[:] = after

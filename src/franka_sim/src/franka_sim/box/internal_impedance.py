@@ -1,6 +1,6 @@
-"""The arm's internal impedances: torques, gravity aside, that make the arm follow its desired joint motion.
+"""Internal impedance laws: torques without gravity with which the arm follows its desired joint motion.
 
-Gains are lowered to what a loop of this time step can carry, see config/internal_impedance.yaml.
+Gains are lowered to values that are stable with this time step, see config/internal_impedance.yaml.
 """
 
 import math
@@ -20,12 +20,12 @@ from hric_control.geometry import FloatArray
 
 
 def defaults() -> dict[str, Any]:
-    """What config/internal_impedance.yaml says."""
+    """Return the contents of config/internal_impedance.yaml."""
     return read_config("internal_impedance")
 
 
 def _legal_poses(limits: FrankaLimits) -> FloatArray:
-    """The same random poses within the position limits each time, shape (poses, 7) [rad]."""
+    """Return random poses within the position limits, always the same, shape (poses, 7) [rad]."""
     return np.random.default_rng(0).uniform(limits.lower, limits.upper, (defaults()["poses"], 7))
 
 
@@ -39,7 +39,7 @@ def _checked(values: Sequence[float], range_name: str, what: str) -> list[float]
 
 @dataclass(frozen=True)
 class JointImpedance:
-    """tau = K (q_d - q) + D (dq_d - dq), each torque within its limit.
+    """Joint impedance law tau = K (q_d - q) + D (dq_d - dq), each torque within its limit.
 
     Attributes:
         stiffness: K, n floats [N m/rad].
@@ -54,16 +54,16 @@ class JointImpedance:
     def torque(
         self, q_d: Sequence[float], dq_d: Sequence[float], q: Sequence[float], dq: Sequence[float]
     ) -> list[float]:
-        """Torque without gravity, n floats [N m]; positions [rad], velocities [rad/s]."""
+        """Return the torques without gravity, n floats [N m]; positions [rad], velocities [rad/s]."""
         rows = zip(self.stiffness, self.damping, self.max_torque, q_d, dq_d, q, dq, strict=True)
         return [min(max(k * (x_d - x) + d * (v_d - v), -limit), limit) for k, d, limit, x_d, v_d, x, v in rows]
 
 
 def joint_inertia(mass_matrices: FloatArray, rotor_inertia: Sequence[float]) -> FloatArray:
-    """Minimum of 1/((M+B)^-1)_ii of each joint over the poses, shape (n,) [kg m^2]: what a joint moves when all others
-    are free.
+    """Return the minimum of 1/((M+B)^-1)_ii of each joint over the poses, shape (n,) [kg m^2].
 
-    mass_matrices: shape (poses, n, n) [kg m^2]; rotor_inertia: diagonal of B, n floats [kg m^2].
+    This is the inertia at a joint if all others are free. mass_matrices: shape (poses, n, n) [kg m^2]; rotor_inertia:
+    diagonal of B, n floats [kg m^2].
     """
     inverse = np.linalg.inv(mass_matrices + np.diag(rotor_inertia))
     inertia: FloatArray = 1.0 / np.diagonal(inverse, axis1=1, axis2=2).max(axis=0)
@@ -71,18 +71,18 @@ def joint_inertia(mass_matrices: FloatArray, rotor_inertia: Sequence[float]) -> 
 
 
 class JointImpedanceLaw:
-    """tau = K (q_d - q) + D (dq_d - dq), each torque within its limit.
+    """Joint impedance with adjustable stiffness: tau = K (q_d - q) + D (dq_d - dq), within torque limits.
 
-    A stiffness other than the default keeps the default's damping ratio: D = D0 sqrt(K / K0).
+    The damping ratio is that of the default stiffness K0: D = D0 sqrt(K / K0).
 
     Attributes:
-        stiffness, damping: in force, 7 floats [N m/rad], [N m s/rad].
+        stiffness, damping: present gains, 7 floats each [N m/rad], [N m s/rad].
 
     Args:
-        model: of the arm.
-        limits: of the arm.
+        model: model of the arm.
+        limits: limits of the arm.
         rotor_inertia: 7 floats [kg m^2].
-        time_step: [s].
+        time_step: control period [s].
     """
 
     def __init__(
@@ -93,10 +93,10 @@ class JointImpedanceLaw:
         self.set_stiffness(defaults()["stiffness"])
 
     def set_stiffness(self, stiffness: Sequence[float]) -> None:
-        """K_theta of libfranka's setJointImpedance, 7 floats [N m/rad].
+        """Set K_theta of libfranka's setJointImpedance, 7 floats [N m/rad].
 
         Raises:
-            CommandError: out of libfranka's range; the stiffness before stays.
+            CommandError: out of libfranka's range; the old stiffness remains.
         """
         requested, rule = _checked(stiffness, "joint_stiffness_range", "joint stiffness [N m/rad]"), defaults()
         if len(requested) != 7:
@@ -109,23 +109,23 @@ class JointImpedanceLaw:
         self._law = JointImpedance(tuple(self.stiffness), tuple(self.damping), self._effort)
 
     def torque(self, state: RobotState) -> list[float]:
-        """Torque without gravity, 7 floats [N m]."""
+        """Return the torques without gravity, 7 floats [N m]."""
         return self._law.torque(state.q_d, state.dq_d, state.q, state.dq)
 
 
 @dataclass(frozen=True, slots=True)
 class Inertia:
-    """What the arm weighs along a kind of motion, all else free: minimum and median over poses [kg] or [kg m^2]."""
+    """Effective inertia along a direction with all others free: minimum and median over poses [kg] or [kg m^2]."""
 
     minimum: float
     median: float
 
     def damping(self, stiffness: float) -> float:
-        """Damping for a stiffness by the damping ratio, 2 ratio sqrt(K m)."""
+        """Return the damping for a stiffness from the damping ratio, 2 ratio sqrt(K m)."""
         return float(2.0 * defaults()["damping_ratio"] * (stiffness * self.median) ** 0.5)
 
     def sustained(self, stiffness: float, time_step: float) -> tuple[float, float]:
-        """The stiffness and its damping, lowered to what the time step can carry."""
+        """Return the stiffness and its damping, lowered to values that are stable with the time step."""
         rule = defaults()
         k = min(stiffness, (rule["cartesian_frequency_limit"] / time_step) ** 2 * self.minimum)
         return k, min(self.damping(k), rule["cartesian_damping_limit"] * self.minimum / time_step)
@@ -134,11 +134,10 @@ class Inertia:
 def space_inertia(
     model: KdlFrankaModel, kinematics: ArmKinematics, poses: FloatArray, rotor_inertia: Sequence[float]
 ) -> tuple[Inertia, ...]:
-    """Inertia of translation, rotation of the stiffness frame, and of the self-motion, each in the direction of its
-    minimum.
+    """Return the inertia of translation, rotation (stiffness frame) and self-motion, in the direction of its minimum.
 
-    For a Jacobian A: 1 / (largest eigenvalue of A (M+B)^-1 A'); for the unit null vector n of the whole Jacobian A =
-    n'.
+    For a Jacobian A: 1 / (largest eigenvalue of A (M+B)^-1 A'); for the self-motion A = n', with n the unit null vector
+    of the whole Jacobian.
     """
     found = []
     for q in poses:
@@ -151,20 +150,20 @@ def space_inertia(
 
 
 class CartesianImpedanceLaw:
-    """A spring and a damper between the desired and the measured stiffness frame, and one along the arm's self-motion.
+    """Cartesian impedance: spring and damper from measured to desired stiffness frame, and along the self-motion.
 
     In the axes of the measured stiffness frame: F = K e + D J (dq_d - dq), e the position and rotation vector from the
-    measured to the desired frame. tau = J' F + n (k_n n'(q_d - q) + d_n n'(dq_d - dq)), n the unit null vector of J: it
-    moves nothing at the end effector.
+    measured to the desired frame. tau = J' F + n (k_n n'(q_d - q) + d_n n'(dq_d - dq)), n the unit null vector of J,
+    which does not move the end effector.
 
     Attributes:
-        stiffness, damping: in force, 6 floats, [N/m], [N s/m] and [N m/rad], [N m s/rad].
+        stiffness, damping: present gains, 6 floats each, [N/m], [N s/m] and [N m/rad], [N m s/rad].
 
     Args:
-        model: of the arm.
-        limits: of the arm.
+        model: model of the arm.
+        limits: limits of the arm.
         rotor_inertia: 7 floats [kg m^2].
-        time_step: [s].
+        time_step: control period [s].
     """
 
     def __init__(
@@ -178,17 +177,16 @@ class CartesianImpedanceLaw:
         self.update_frames()
 
     def update_frames(self) -> None:
-        """Take the model's end effector and stiffness frame; the gains are set again for them (some milliseconds)."""
+        """Take the model's end effector and stiffness frame, and recompute the gains (some milliseconds)."""
         self._kinematics.update()
         self._inertia = space_inertia(self._model, self._kinematics, _legal_poses(self._limits), self._rotor_inertia)
         self.set_stiffness(self._requested)
 
     def set_stiffness(self, stiffness: Sequence[float]) -> None:
-        """K_x of libfranka's setCartesianImpedance, translation [N/m], rotation [N m/rad], 6 floats, axes of the
-        stiffness frame.
+        """Set K_x of libfranka's setCartesianImpedance, 6 floats, axes of the stiffness frame [N/m], [N m/rad].
 
         Raises:
-            CommandError: out of libfranka's range; the stiffness before stays.
+            CommandError: out of libfranka's range; the old stiffness remains.
         """
         if len(stiffness) != 6:
             raise CommandError(f"Cartesian stiffness has {len(stiffness)} values; it needs 6")
@@ -204,13 +202,13 @@ class CartesianImpedanceLaw:
         self._k_null, self._d_null = self_motion.sustained(defaults()["self_motion_stiffness"], self._dt)
 
     def torque(self, state: RobotState) -> list[float]:
-        """Torque without gravity, 7 floats [N m]."""
+        """Return the torques without gravity, 7 floats [N m]."""
         measured = self._kinematics.stiffness_frame(state.q)
         desired = self._kinematics.stiffness_frame(state.q_d)
         J = measured.jacobian()
         null = self._null_vector(J)
         dq_error = np.subtract(state.dq_d, state.dq)
-        # Rows: translation and rotation; R: from the axes of the stiffness frame to the base's.
+        # Rows: translation and rotation; R: from the axes of the stiffness frame to those of the base.
         R = np.array([measured.T[0:3], measured.T[4:7], measured.T[8:11]]).T
         error = np.array(twist_between(measured.T, desired.T, 1.0)).reshape(2, 3) @ R
         speed = (J @ dq_error).reshape(2, 3) @ R
@@ -220,8 +218,7 @@ class CartesianImpedanceLaw:
         return [min(max(x, -limit), limit) for x, limit in zip(tau, self._effort, strict=True)]
 
     def _null_vector(self, J: FloatArray) -> FloatArray:
-        """Unit null vector of J, shape (7,), turned from the last one; where that fails, again as the last right
-        singular vector."""
+        """Return the unit null vector of J, shape (7,), updated from the last one, or by an SVD if that fails."""
         self._matrix[:6], self._matrix[6] = J, self._null
         try:
             null = np.linalg.solve(self._matrix, _LAST)
@@ -234,6 +231,6 @@ class CartesianImpedanceLaw:
 
 _LAST = np.array([0.0] * 6 + [1.0])
 _TURNED = 1e3
-"""If the null vector's component along the last one is below one in so many, it is computed again."""
+"""Maximum ratio of the null vector's length to its component along the last one; beyond it an SVD is computed."""
 
 ImpedanceLaw = JointImpedanceLaw | CartesianImpedanceLaw

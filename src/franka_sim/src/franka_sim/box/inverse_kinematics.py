@@ -1,5 +1,4 @@
-"""Inverse kinematics of the arm by Newton's method: a pose of the end effector and the position of joint 3, which is
-libfranka's elbow, give all seven joints."""
+"""Inverse kinematics of the arm by Newton's method, from the end-effector pose and libfranka's elbow (joint 3)."""
 
 from collections.abc import Callable, Sequence
 
@@ -17,16 +16,16 @@ ELBOW_JOINT = 2
 """Index of the joint that libfranka reports as the elbow's position."""
 ELBOW_ROW = [0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0]
 _LARGEST_STEP = 0.5
-"""A step that turns a joint by more leaves the branch it began on: there is no solution near [rad]."""
+"""Maximum step of a joint [rad]; a larger step leaves the branch of the start: there is no solution nearby."""
 
 
 class Newton:
-    """Seven equations: position, rotation, and a row that the six of the Jacobian leave free.
+    """Newton's method for seven equations: position, rotation, and a row for the redundant degree of freedom.
 
     Args:
-        kinematics: of the arm.
+        kinematics: kinematics of the arm.
         tolerance: remaining error (m and rad mixed).
-        steps: at most so many.
+        steps: maximum number of steps.
     """
 
     def __init__(self, kinematics: ArmKinematics, tolerance: float, steps: int) -> None:
@@ -37,16 +36,16 @@ class Newton:
     def solve(
         self, T: Sequence[float], row: Sequence[float], q3: float | None, guess: Sequence[float]
     ) -> list[float] | None:
-        """Steps until the pose and, where it is given, the elbow are met.
+        """Return the joint positions for the pose, and for the elbow if it is specified.
 
         Args:
             T: O_T_EE, 16 floats, column-major.
-            row: the seventh row, 7 floats; the elbow's where q3 is given.
-            q3: position of joint 3 [rad], or None: whatever it is.
-            guess: 7 floats [rad].
+            row: seventh row, 7 floats; that of the elbow if q3 is specified.
+            q3: position of joint 3 [rad]; None: free.
+            guess: start of the iteration, 7 floats [rad].
 
         Returns:
-            7 floats [rad], or None: out of reach, singular, or not near.
+            7 floats [rad], or None: out of reach, singular, or no solution nearby.
         """
         options, elbow = (self._free, 0.0) if q3 is None else (self._held, q3)
         return _solve_pose(self._kinematics.arm, T, row, elbow, options, guess)
@@ -54,27 +53,32 @@ class Newton:
     def first_step(
         self, T: Sequence[float], row: Sequence[float], guess: Sequence[float]
     ) -> tuple[list[float], list[float]] | None:
-        """One step that the row does not feel.
+        """Compute one step whose product with the row is zero.
+
+        Args:
+            T: O_T_EE, 16 floats, column-major.
+            row: seventh row, 7 floats.
+            guess: start of the step, 7 floats [rad].
 
         Returns:
-            (q after it, unit vector x with J x = 0 and a positive product with the row), 7 floats each, or None as
-            `solve`.
+            (q after the step, unit vector x with J x = 0 and a positive product with the row), 7 floats each; None as
+            in `solve`.
         """
         return _first_step(self._kinematics.arm, T, row, self._free, guess)
 
 
 def elbow_side(q: Sequence[float]) -> float:
-    """Side of joint 4, -1 or 1, as libfranka's RobotState::elbow[1] gives it."""
+    """Return the side of joint 4, -1 or 1, as in libfranka's RobotState::elbow[1]."""
     return 1.0 if q[3] > ELBOW_FLIP else -1.0
 
 
 class ElbowInverseKinematics:
-    """Newton's method from a guess nearby. Which of the several solutions is found is the guess's branch.
+    """Newton's method from a guess nearby, which selects the branch of the solution.
 
     Args:
-        model: of the arm; `begin` takes a changed end effector.
-        parameters: remaining error, number of steps, and how an elbow that is not commanded is held.
-        time_step: [s].
+        model: model of the arm; `begin` reads a changed end effector.
+        parameters: remaining error, number of steps, and parameters of an elbow that is not commanded.
+        time_step: control period [s].
     """
 
     def __init__(self, model: KdlFrankaModel, parameters: MotionParameters, time_step: float = 0.001) -> None:
@@ -84,40 +88,39 @@ class ElbowInverseKinematics:
         self._null = ELBOW_ROW
 
     def begin(self, q: Sequence[float]) -> float:
-        """Begin a motion at q, 7 floats [rad]. Returns the minimum singular value of the end effector's Jacobian (m and
-        rad mixed)."""
+        """Start a motion at q, 7 floats [rad]; return the minimum singular value of the Jacobian (m and rad mixed)."""
         self.kinematics.update()
         _, singular_values, rows = np.linalg.svd(self.kinematics.end_effector(q).jacobian())
         self._null = rows[-1].tolist()
         return float(singular_values[-1])
 
     def solve(self, T: Sequence[float], q3: float, guess: Sequence[float]) -> list[float] | None:
-        """The joint positions near the guess, 7 floats [rad], or None if there are none (out of reach, singular).
+        """Return the joint positions near the guess, 7 floats [rad], None if there are none (out of reach, singular).
 
-        Seven equations, position, rotation and elbow. Per millisecond the guess is within about 1e-6 rad: one step is
-        enough.
+        Seven equations: position, rotation and elbow. Per millisecond the guess is within about 1e-6 rad, so one step
+        is enough.
 
         Args:
             T: O_T_EE, 16 floats, column-major.
             q3: elbow, position of joint 3 [rad].
-            guess: 7 floats [rad].
+            guess: start of the iteration, 7 floats [rad].
         """
         return self._newton.solve(T, ELBOW_ROW, q3, guess)
 
     def follow(
         self, T: Sequence[float], hold: float, q_d: Sequence[float], guess: Sequence[float]
     ) -> list[float] | None:
-        """The same without a commanded elbow: joint 3 is held as far as that needs no fast motion of the other joints.
+        """Return the joint positions without a commanded elbow: joint 3 is held if that needs no fast joint motion.
 
-        The unit null vector n of the Jacobian, kept from step to step, is the seventh row; [J; n'] x = (0, 1) turns it
+        The unit null vector n of the Jacobian, updated in each step, is the seventh row; [J; n'] x = (0, 1) rotates it
         to this pose. The first step adds the self-motion n beta that would move joint 3 from q_d by return_rate dt
         (hold - q3), damped where n3 is small: beta = n3 (desired - found) / (n3^2 + lambda^2).
 
         Args:
             T: O_T_EE, 16 floats, column-major.
-            hold: where joint 3 belongs [rad].
-            q_d: of the step before, 7 floats [rad].
-            guess: 7 floats [rad].
+            hold: desired position of joint 3 [rad].
+            q_d: joint positions of the previous step, 7 floats [rad].
+            guess: start of the iteration, 7 floats [rad].
         """
         step = self._newton.first_step(T, self._null, guess)
         if step is None:
@@ -128,8 +131,7 @@ class ElbowInverseKinematics:
         return self._newton.solve(T, null, None, [x + n * beta for x, n in zip(q, null, strict=True)])
 
     def _self_motion(self, n3: float, found: float, hold: float, last: float) -> float:
-        """How far to go along the null vector, whose element for joint 3 is n3; found, hold, last: position of joint 3
-        [rad]."""
+        """Return the step along the null vector, with element n3 for joint 3; found, hold, last: its position [rad]."""
         parameters = self._parameters
         damping = parameters.elbow_damping**2 * max(0.0, 1.0 - (n3 / parameters.elbow_min) ** 2)
         desired = last + parameters.elbow_return_rate * self._dt * (hold - last)

@@ -1,5 +1,7 @@
-"""Forward kinematics of the arm: pose and Jacobian at once, in less time than KDL's containers take to be read; and
-steps from pose to pose as twists."""
+"""Compiled forward kinematics of the arm (pose and Jacobian together), and twists between poses.
+
+The containers of KDL alone would take longer to read.
+"""
 
 import math
 from array import array
@@ -19,30 +21,29 @@ _placement: Callable[..., tuple[list[float], list[float]]] = load("hric_kinemati
 
 @dataclass(frozen=True, slots=True)
 class Placement:
-    """Where a frame of the arm is, in the base frame.
+    """Pose and Jacobian of a frame of the arm, in the base frame.
 
     Attributes:
-        T: its pose, 16 floats, column-major.
-        columns: of the Jacobian of its origin, linear above angular, 7 x 6 floats.
+        T: pose, 16 floats, column-major.
+        columns: columns of the Jacobian of its origin, linear above angular, 7 x 6 floats.
     """
 
     T: list[float]
     columns: list[float]
 
     def jacobian(self) -> FloatArray:
-        """Jacobian of the frame's origin in the base frame, linear above angular, shape (6, 7): axis x (p - origin)
-        above axis, per joint."""
+        """Return the Jacobian of the frame's origin in the base frame, shape (6, 7): axis x (p - origin) above axis."""
         return np.array(self.columns).reshape(7, 6).T
 
 
 class ArmKinematics:
-    """Kinematics of the model's arm; the end effector is the one that the model knows when `update` is called.
+    """Kinematics of the model's arm, with the model's end effector at the last call of `update`.
 
     Attributes:
-        arm: the frames of the joints and the end effector, as kinematics.c takes them.
+        arm: frames of the joints and the end effector, in the layout of kinematics.c.
 
     Raises:
-        DescriptionError: a joint does not turn about the z axis of its frame.
+        DescriptionError: a joint does not rotate about the z axis of its frame.
     """
 
     def __init__(self, model: KdlFrankaModel) -> None:
@@ -64,35 +65,34 @@ class ArmKinematics:
         return array("d", [x for frame in (*self._joints, _numbers(T_last_tip)) for x in frame])
 
     def pose(self, q: Sequence[float]) -> list[float]:
-        """Pose of the end effector, 16 floats, column-major; q: 7 floats [rad]."""
+        """Return the pose of the end effector, 16 floats, column-major; q: 7 floats [rad]."""
         return _end_effector(self.arm, q)
 
     def end_effector(self, q: Sequence[float]) -> Placement:
-        """Pose and Jacobian of the end effector; q: 7 floats [rad]."""
+        """Return pose and Jacobian of the end effector; q: 7 floats [rad]."""
         return Placement(*_placement(self.arm, q))
 
     def stiffness_frame(self, q: Sequence[float]) -> Placement:
-        """Pose and Jacobian of the stiffness frame; q: 7 floats [rad]."""
+        """Return pose and Jacobian of the stiffness frame; q: 7 floats [rad]."""
         return Placement(*_placement(self._stiffness, q))
 
 
 def _numbers(T: FloatArray) -> tuple[float, ...]:
-    """The three columns of the rotation, then the translation: 12 floats."""
+    """Return the three columns of the rotation, then the translation: 12 floats."""
     return tuple(np.asarray(T, dtype=float)[:3, :].T.ravel().tolist())
 
 
 twist_between: Callable[[Sequence[float], Sequence[float], float], list[float]] = load("hric_kinematics").twist_between
-"""(T_from, T_to, time_step), both poses 16 floats, column-major: constant twist that leads from one pose to the other
-in one step, 6 floats, linear then angular in the base frame [m/s], [rad/s].
+"""Constant twist from one pose to the other in one step, 6 floats, linear then angular in the base [m/s], [rad/s].
 
-The rotation vector of R = R_to R_from': sin(angle) axis is half the sum of the cross products of the columns,
-1 + 2 cos(angle) its trace. Turns by more than 90 degrees, which no step of a motion makes, get the right angle but the
-axis x.
+Arguments: (T_from, T_to, time_step), both poses 16 floats, column-major. The rotation vector is that of
+R = R_to R_from': sin(angle) axis is half the sum of the cross products of the columns, 1 + 2 cos(angle) its trace.
+Rotations above 90 degrees, which no step of a motion makes, get the correct angle but the axis x.
 """
 
 
 def moved(T: Sequence[float], twist: Sequence[float], time_step: float) -> list[float]:
-    """The pose one step of a constant twist later, 16 floats (Rodrigues' formula on each column)."""
+    """Return the pose after one step of a constant twist, 16 floats (Rodrigues' formula on each column)."""
     rx, ry, rz = twist[3] * time_step, twist[4] * time_step, twist[5] * time_step
     angle = math.sqrt(rx * rx + ry * ry + rz * rz)
     first = math.sin(angle) / angle if angle > 1e-12 else 1.0

@@ -1,16 +1,16 @@
 """Limits and discontinuities of a commanded motion, by libfranka's names.
 
-Derivatives are backward differences over one time step, as in libfranka's rate limiter (rate_limiting.h): what that
-limiter lets pass, passes here.
+Derivatives are backward differences over one time step, as in libfranka's rate limiter (rate_limiting.h): commands
+that the limiter accepts are accepted here.
 
-Lost packets: while the box bridges them with constant acceleration, the velocity can pass the one below which the
-limiter keeps (limit less 3 ms times the acceleration limit). The limiter's next command then brakes at once, by up to
-twice the acceleration limit in one step. So the jerk of the first command after a loss counts only where it speeds the
+Lost packets: while the box bridges them with constant acceleration, the velocity can exceed the one that the limiter
+allows (limit minus 3 ms times the acceleration limit). The limiter's next command then brakes at once, by up to
+twice the acceleration limit in one step. So the jerk of the first command after a loss counts only if it speeds the
 motion up.
 
-Not followed: libfranka's Cartesian limiter takes the root of a negative number when the last twist is a rounding above
-its highest speed and the next one turns sideways. It then lets the acceleration grow without bound (seen with libfranka
-0.9.2), which no box could take.
+Not reproduced: libfranka's Cartesian limiter takes the root of a negative number if the last twist is a rounding error
+above its maximum speed and the next one has another direction. It then lets the acceleration grow without bound (seen
+with libfranka 0.9.2), which no box could accept.
 """
 
 import math
@@ -25,7 +25,7 @@ from panda_description import CartesianLimit
 
 @dataclass(frozen=True, slots=True)
 class RateErrors:
-    """libfranka's names for a position, velocity, acceleration or jerk outside of its limit."""
+    """Names of libfranka for a position, velocity, acceleration or jerk outside of its limit."""
 
     position: str
     velocity: str
@@ -34,7 +34,7 @@ class RateErrors:
 
     @classmethod
     def of(cls, generator: str) -> "RateErrors":
-        """The names that begin with `<generator>_`."""
+        """Return the names that begin with `<generator>_`."""
         kinds = (
             "position_limits_violation",
             "velocity_limits_violation",
@@ -44,7 +44,7 @@ class RateErrors:
         return cls(*(f"{generator}_{kind}" for kind in kinds))
 
     def named(self, position: bool, velocity: bool, acceleration: bool, jerk: bool) -> Errors:
-        """The names of what is violated."""
+        """Return the names of the violated limits."""
         flags = (
             (position, self.position),
             (velocity, self.velocity),
@@ -60,34 +60,34 @@ CARTESIAN_JOINT_ERRORS = RateErrors.of("cartesian_motion_generator_joint")
 
 
 _Row = tuple[Sequence[float], Sequence[float], str, float]
-"""Values, their limits, the unit, and the factor on the limits up to which a value is taken."""
+"""Values, their limits, the unit, and the tolerance factor on the limits."""
 
 
 def _passed(what: str, value: float, limit: float, unit: str, tolerance: float = 1.0) -> str:
-    """What passed which limit, in words; tolerance: factor on the limit up to which a value is taken."""
+    """Return a text with the value and the limit that it exceeds; tolerance: factor on the limit."""
     more = f" and {100.0 * (tolerance - 1.0):.0f} % more" if tolerance > 1.0 else ""
     return f"{what} at {value:.5g} {unit}, limit {limit:g} {unit}{more}"
 
 
 def _worst(shares: Sequence[float]) -> int:
-    """Index of the largest, one that is not finite before all others."""
+    """Return the index of the largest value; a value that is not finite counts as the largest."""
     return max(range(len(shares)), key=lambda i: shares[i] if math.isfinite(shares[i]) else math.inf)
 
 
 class JointRates:
-    """Checks a desired joint motion. Values that are not finite violate what they enter.
+    """Check of a desired joint motion. Values that are not finite violate every limit that they enter.
 
     Attributes:
-        reason: joints, values and limits behind the last violations, in words.
+        reason: joints, values and limits of the last violations, as a text.
 
     Args:
-        limits: of the arm.
-        joint_names: of the arm.
+        limits: limits of the arm.
+        joint_names: joint names of the arm.
         errors: names to report.
         parameters: tolerances.
-        time_step: [s].
-        with_jerk: whether the jerk is limited; it is not where the joint motion comes from inverse kinematics (Franka's
-            documentation lists position, velocity and acceleration there).
+        time_step: control period [s].
+        with_jerk: True if the jerk is limited; False for joint motion from inverse kinematics (Franka's documentation
+            lists position, velocity and acceleration there).
     """
 
     def __init__(
@@ -111,32 +111,34 @@ class JointRates:
         self._position_step = [x * time_step for x in self.velocity]
 
     def start_anywhere(self, q: Sequence[float]) -> None:
-        """A motion that begins at q may be out of the limits as far as q is, and no further; 7 floats [rad]."""
+        """Allow a motion from q (7 floats [rad]) that is outside of the limits, but not farther than q itself."""
         lower, upper = self._range
         self.lower = [min(low, x) for low, x in zip(lower, q, strict=True)]
         self.upper = [max(high, x) for high, x in zip(upper, q, strict=True)]
 
     def in_range(self, q: Sequence[float]) -> bool:
-        """Whether the joint positions are within their limits; 7 floats [rad]."""
+        """Return True if the joint positions, 7 floats [rad], are within their limits."""
         return all(low <= x <= high for low, x, high in zip(self.lower, q, self.upper, strict=True))
 
     def reachable(self, q: Sequence[float], q_d: Sequence[float]) -> bool:
-        """Whether no joint must pass its velocity limit to get from q_d to q in one step [rad]."""
+        """Return True if every joint can move from q_d to q [rad] in one step within its velocity limit."""
         return all(abs(x - x_d) <= step for x, x_d, step in zip(q, q_d, self._position_step, strict=True))
 
     def can_stop(self, dq: Sequence[float]) -> bool:
-        """Whether the acceleration limits allow to be at rest one step later; 7 floats [rad/s]."""
+        """Return True if the acceleration limits allow rest one step after dq, 7 floats [rad/s]."""
         return all(abs(v) <= step for v, step in zip(dq, self._velocity_step, strict=True))
 
     def violations(
         self, q: Sequence[float], dq: Sequence[float], ddq: Sequence[float], last_ddq: Sequence[float], after_loss: bool
     ) -> Errors:
-        """What the motion violates.
+        """Return the limits that the motion violates.
 
         Args:
-            q, dq, ddq: of this step, 7 floats [rad], [rad/s], [rad/s^2].
-            last_ddq: acceleration of the step before, 7 floats [rad/s^2].
-            after_loss: the step before bridged a lost packet.
+            q: positions of this step, 7 floats [rad].
+            dq: velocities of this step, 7 floats [rad/s].
+            ddq: accelerations of this step, 7 floats [rad/s^2].
+            last_ddq: accelerations of the previous step, 7 floats [rad/s^2].
+            after_loss: True if the previous step bridged a lost packet.
         """
         position = velocity = acceleration = jerk = False
         limits = self.lower, self.upper, self.velocity, self.acceleration, self._acceleration_step
@@ -166,7 +168,7 @@ class JointRates:
     def _too_large(
         self, violated: Sequence[bool], dq: Sequence[float], ddq: Sequence[float], last_ddq: Sequence[float]
     ) -> list[str]:
-        """The joint that is farthest beyond its limit of velocity, acceleration and jerk, where one is."""
+        """Return a text on the joint farthest beyond each violated limit of velocity, acceleration and jerk."""
         limits, tolerances = self._limits, self._parameters
         jerk = [(a - b) / self._dt for a, b in zip(ddq, last_ddq, strict=True)]
         rows: tuple[_Row, ...] = (
@@ -183,15 +185,14 @@ class JointRates:
 
 
 class SpaceRates:
-    """Checks the velocity of one quantity with its own limits by Euclidean norms: translation, rotation (3 floats) or
-    elbow (1 float).
+    """Check of Euclidean norms of one quantity: translation, rotation (3 floats each) or elbow (1 float).
 
     Args:
         what: its name.
-        unit: of its position.
+        unit: unit of its position.
         limit: velocity, acceleration, jerk.
         parameters: tolerances.
-        time_step: [s].
+        time_step: control period [s].
     """
 
     def __init__(
@@ -204,17 +205,17 @@ class SpaceRates:
         self._velocity_step = self.acceleration * time_step
 
     def reachable(self, v: Sequence[float]) -> bool:
-        """Whether this velocity is within its limit; a motion that begins with more begins elsewhere."""
+        """Return True if this velocity is within its limit; a first command beyond it does not fit the start."""
         return math.hypot(*v) <= self.velocity
 
     def can_stop(self, v: Sequence[float]) -> bool:
-        """Whether the acceleration limit allows to be at rest one step later."""
+        """Return True if the acceleration limit allows rest one step later."""
         return math.hypot(*v) <= self._velocity_step
 
     def violated(
         self, v: Sequence[float], a: Sequence[float], last_a: Sequence[float], after_loss: bool
     ) -> tuple[bool, bool, bool]:
-        """Whether velocity, acceleration and jerk are violated; arguments as in `JointRates.violations`."""
+        """Return True for each violated limit: velocity, acceleration, jerk; see `JointRates.violations`."""
         change = [x - x_last for x, x_last in zip(a, last_a, strict=True)]
         jerk = not math.hypot(*change) <= self._acceleration_step
         if jerk and after_loss and sum(j * x for j, x in zip(change, v, strict=True)) < 0.0:
@@ -224,7 +225,7 @@ class SpaceRates:
     def reasons(
         self, violated: Sequence[bool], v: Sequence[float], a: Sequence[float], last_a: Sequence[float]
     ) -> list[str]:
-        """What `violated` returned, in words, one text for each limit that was passed."""
+        """Return the result of `violated` as texts, one per exceeded limit."""
         jerk = [(x - x_last) / self._dt for x, x_last in zip(a, last_a, strict=True)]
         limit, tolerances, unit = self._limit, self._parameters, self._unit
         rows: tuple[_Row, ...] = (

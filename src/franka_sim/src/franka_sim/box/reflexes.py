@@ -1,4 +1,4 @@
-"""The measured state's limits, at which the arm protects itself each cycle, and the text of a reflex."""
+"""Limits of the measured state, checked each cycle, that trigger a reflex, and the text of a reflex."""
 
 import math
 from array import array
@@ -26,8 +26,8 @@ _quiet_speed: "Callable[[array[float], Vector, Vector, Vector], float]" = load("
 class Reflexes:
     """Checks of the measured state while the arm moves.
 
-    What is expensive (self-collision, speed of the end effector, wrench) is screened by a bound that costs little and
-    is never too small, so that each cycle is checked all the same.
+    Expensive checks (self-collision, end-effector speed, wrench) are screened by a cheap, conservative bound, so that
+    every cycle is checked.
 
     Args:
         config: thresholds.
@@ -48,12 +48,12 @@ class Reflexes:
         self._pack()
 
     def _pack(self) -> None:
-        """The bounds as the compiled screen takes them."""
+        """Pack the bounds for the compiled screening."""
         rows = self._velocity, self._lower, self._upper, self._bodies.reach, (self._gate,)
         self._packed = array("d", [x for row in rows for x in row])
 
     def start(self, state: BoxState) -> None:
-        """A motion begins: what is beyond a limit now may come back, but not go further."""
+        """Start a motion: values beyond a limit may return, but not move farther out."""
         far = self._config.start_tolerance
         self._lower[:] = [min(low, q - far) for low, q in zip(self._range[0], state.q, strict=True)]
         self._upper[:] = [max(high, q + far) for high, q in zip(self._range[1], state.q, strict=True)]
@@ -61,11 +61,11 @@ class Reflexes:
         self.take_thresholds(state)
 
     def take_wrench_noise(self, peak: float) -> None:
-        """No force or moment of the wrench's noise will be larger than `peak` [N], [N m]; before `start`."""
+        """Set the upper bound of the noise in forces and moments of the wrench [N], [N m]; before `start`."""
         self._wrench_noise = peak
 
     def take_thresholds(self, state: BoxState) -> None:
-        """The collision behaviour was set."""
+        """Take changed thresholds of the collision behaviour."""
         t = state.thresholds
         lowest = min(*t.upper_force_acceleration, *t.upper_force_nominal)
         force = self._config.min_singular_value * max(lowest - self._wrench_noise, 0.0)
@@ -73,14 +73,14 @@ class Reflexes:
         self._pack()
 
     def errors(self, state: BoxState) -> Errors:
-        """What is wrong with the measured state, by libfranka's names; marks the collisions in it."""
+        """Return the errors of the measured state, by libfranka's names, and mark collisions in it."""
         speed = _quiet_speed(self._packed, state.q, state.dq, state.tau_ext_hat_filtered)
         return self._moving_parts(state, speed) if speed >= 0.0 else self._look(state)
 
     def _look(self, state: BoxState) -> Errors:
-        """At each value: something is beyond its bound."""
+        """Check each value: at least one is beyond its bound."""
         q, tau = state.q, state.tau_ext_hat_filtered
-        if not smaller(state.dq, self._velocity):  # NaN is smaller than nothing
+        if not smaller(state.dq, self._velocity):  # comparisons with NaN are False
             return JOINT_VELOCITY
         if not within(q, self._lower, self._upper):
             return JOINT_POSITION
@@ -118,7 +118,7 @@ def _worst(values: Sequence[float], limits: Sequence[float], names: Sequence[str
 
 
 def describe(names: Errors, state: BoxState, config: BoxConfig, reason: str = "") -> str:
-    """Errors by name, and the worst value behind them where it is known; reason: what the motion generator says."""
+    """Return the errors' names with the worst value behind them if known; reason: text of the motion generator."""
     joints, limits, text = state.model.joint_names, config.limits, ", ".join(sorted(names))
     if "joint_velocity_violation" in names:
         return f"{text} ({_worst(state.dq, limits.velocity, joints, ['rad/s'] * 7)})"

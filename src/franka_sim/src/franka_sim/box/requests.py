@@ -1,4 +1,4 @@
-"""Requests to the control box and their outcomes; names of libfranka, free of any protocol's numbers."""
+"""Requests to the control box and their outcomes, with libfranka's names, independent of a protocol's numbers."""
 
 from dataclasses import dataclass
 from enum import Enum, IntEnum
@@ -7,7 +7,7 @@ from franka_hw_interface.command_set import ArmCommand
 
 
 class ControllerMode(IntEnum):
-    """Who makes the torques; values of the state message."""
+    """Source of the torques; values of the state message."""
 
     JOINT_IMPEDANCE = 0
     CARTESIAN_IMPEDANCE = 1
@@ -16,7 +16,7 @@ class ControllerMode(IntEnum):
 
 
 class GeneratorMode(IntEnum):
-    """What is commanded beside the torques; values of the state message."""
+    """Commanded quantity in addition to torques; values of the state message."""
 
     IDLE = 0
     JOINT_POSITION = 1
@@ -28,7 +28,7 @@ class GeneratorMode(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class MoveRequest:
-    """Begin a motion.
+    """Request to start a motion.
 
     Attributes:
         controller, generator: modes.
@@ -42,7 +42,7 @@ class MoveRequest:
 
 
 class Outcome(Enum):
-    """Response to a request, and how a motion ended. A protocol without a number for it uses its nearest one."""
+    """Response to a request, and end of a motion. A protocol without a number for it uses its nearest one."""
 
     SUCCESS = "success"
     STARTED = "motion started"
@@ -58,4 +58,4 @@ class Outcome(Enum):
 
 
 MotionCommand = ArmCommand
-"""What a client commands in one millisecond; only the fields of the active modes are looked at."""
+"""Command of a client in one millisecond; only the fields of the active modes are used."""

@@ -1,5 +1,4 @@
-"""Distance between the links of the arm, each covered by capsules, and a rule that says when it must be computed
-again."""
+"""Distance between the links of the arm, modelled by capsules, and a bound that avoids needless computation."""
 
 from collections.abc import Sequence
 
@@ -14,17 +13,16 @@ from panda_description.parameters import config as description_file
 
 _Rows = list[dict[str, list[float]]]
 _FINGERS = {"from": [0.0, -0.0525, 0.1034], "to": [0.0, 0.0525, 0.1034], "radius": 0.0125}
-"""All that the finger tips reach between closed and open, in the hand's frame [m]; from the finger's capsule and its
-range."""
+"""Capsule around the fingertips in all positions, in the hand's frame [m]; from the finger's capsule and its range."""
 _R_FLANGE_HAND = np.array([[1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [0.0, 0.0, 2.0**0.5]]) / 2.0**0.5
-"""The hand is mounted at -45 degrees about z on the flange (panda_description, hand.xacro)."""
+"""Rotation of the hand, mounted at -45 degrees about z on the flange (panda_description, hand.xacro)."""
 
 
 def segment_distances(a: FloatArray, u: FloatArray, b: FloatArray, v: FloatArray) -> FloatArray:
-    """Distance between the segments a + s u and b + t v, s and t in 0..1; all of shape (n, 3), result (n,) [m].
+    """Return the distances between segments a + s u and b + t v, s and t in 0..1; shapes (n, 3), result (n,) [m].
 
     Least squares over the square by projection: the free optimum of s, then t for it clamped, then s for that t clamped
-    (Ericson, Real-Time Collision Detection, 5.1.9). Segments without length are points.
+    (Ericson, Real-Time Collision Detection, 5.1.9). Segments of zero length are points.
     """
     tiny = 1e-12
     r = a - b
@@ -39,14 +37,14 @@ def segment_distances(a: FloatArray, u: FloatArray, b: FloatArray, v: FloatArray
 
 
 class SelfCollision:
-    """Clearance between the links, computed as seldom as is safe.
+    """Clearance between the links, computed only when it could have fallen below the margin.
 
-    No point of the arm moves faster than sum |dq_i| reach_i. Once the clearance d is known, it cannot fall below the
-    margin before the arm has moved d - margin along that bound; until then there is nothing to compute. (Two links come
-    nearer only by the joints between them, so the bound holds for their relative motion.)
+    No point of the arm moves faster than sum |dq_i| reach_i. After the clearance d was computed, it cannot fall below
+    the margin before the arm has moved d - margin by that bound. (Only the joints between two links change their
+    distance, so the bound holds for their relative motion.)
 
     Args:
-        model: of the arm; the hand's shape counts where the model has a hand.
+        model: model of the arm; includes the shape of the hand if the model has one.
         config: margin [m] and reach [m].
     """
 
@@ -65,11 +63,11 @@ class SelfCollision:
         self._min_clearance, self._free = self._margin, 0.0
 
     def clearance(self, q: Sequence[float]) -> float:
-        """Minimum distance [m] between two links that do not share a joint, negative inside; q: 7 floats [rad]."""
+        """Return the minimum distance [m] of two links without a common joint, negative inside; q: 7 floats [rad]."""
         return float(self._distances(q).min())
 
     def nearest(self, q: Sequence[float]) -> tuple[str, str]:
-        """The two links that are nearest to each other."""
+        """Return the two links that are nearest to each other."""
         k = int(self._distances(q).argmin())
         return self._names[self._first[k]], self._names[self._second[k]]
 
@@ -85,13 +83,13 @@ class SelfCollision:
         return distances
 
     def start(self, q: Sequence[float]) -> None:
-        """A motion begins: links that are too near already may part, but not come nearer."""
+        """Start a motion: links that are too near already may separate, but not approach."""
         clearance = self.clearance(q)
         self._min_clearance = min(self._margin, clearance - self._tolerance)
         self._free = clearance - self._min_clearance
 
     def too_near(self, q: Sequence[float], moved: float) -> bool:
-        """Whether the links are too near; moved: bound of what any point moved since the last call [m]."""
+        """Return True if the links are too near; moved: bound of any point's motion since the last call [m]."""
         self._free -= moved
         if self._free > 0.0:
             return False
@@ -100,7 +98,7 @@ class SelfCollision:
 
 
 def _shapes(hand: bool) -> dict[str, tuple[Frame | None, _Rows]]:
-    """Frame and capsules of each link, all in frames of the model."""
+    """Return frame and capsules of each link, in frames of the model."""
     rows = description_file("collision")["links"]
     shapes: dict[str, tuple[Frame | None, _Rows]] = {"link0": (None, rows["link0"])}
     for i in range(1, 8):
@@ -119,9 +117,9 @@ def _shapes(hand: bool) -> dict[str, tuple[Frame | None, _Rows]]:
 
 
 def _pairs(owners: Sequence[str]) -> list[tuple[int, int]]:
-    """Capsules to compare: of different links that neither share a joint nor are masked in the description.
+    """Return the capsules to compare: of links that neither share a joint nor are masked in the description.
 
-    Link 6 and the hand are 5 cm apart at any position of joint 7: nothing to watch.
+    Link 6 and the hand are 5 cm apart at any position of joint 7 and are left out.
     """
     order = ["link0", *(f"link{i}" for i in range(1, 8)), "hand"]
     masked = {frozenset(("link6", "hand"))} | {

@@ -1,4 +1,4 @@
-"""The control box's state: what a cycle needs is written, the rest is computed when somebody reads it."""
+"""State of the control box: fields of the cycle are written, all others are computed on demand."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _DESIRED = ("O_T_EE_d", "O_T_EE_c", "O_dP_EE_d", "elbow_d", "elbow_c")
 
 
 def elbow(q: list[float]) -> list[float]:
-    """Position of joint 3 [rad] and side of joint 4, -1 or 1."""
+    """Return the position of joint 3 [rad] and the side of joint 4, -1 or 1."""
     return [q[2], 1.0 if q[3] > ELBOW_FLIP else -1.0]
 
 
@@ -44,7 +44,7 @@ def _desired_twist(state: BoxState) -> list[float]:
 
 
 def _written_by_generator(name: str, otherwise: Callable[[BoxState], list[float]]) -> Any:
-    """A field that a Cartesian generator writes and keeps; beside such motions computed when read."""
+    """Return a field that a Cartesian generator writes; without one it is computed on demand."""
     slot = RobotState.__dict__[name]
 
     def compute(state: BoxState) -> list[float]:
@@ -62,15 +62,13 @@ class BoxState(RobotState):
     """State of the arm as the control box sends it. theta and dtheta are q and dq: the joints are rigid.
 
     Attributes:
-        controller_mode, generator_mode: of the running motion; OTHER and IDLE without one.
-        model: of the arm, with the load and frames that were set.
-        kinematics: of the arm with the end effector that was set.
-        fields: estimates the external wrench when it is read, and computes all lazy fields at once, in less time than
-            each by itself takes.
-        thresholds: of contact and collision.
-        wrench_noise: added to the estimate of the external wrench, 3 forces [N] and 3 moments [N m], base axes; None:
-            nothing.
-        last_motion_errors: the errors that ended the last motion (on the wire: reflex_reason).
+        controller_mode, generator_mode: modes of the running motion; OTHER and IDLE without one.
+        model: model of the arm, with the load and frames that were set.
+        kinematics: kinematics of the arm with the end effector that was set.
+        fields: estimator of the external wrench; computes all lazy fields together, faster than one by one.
+        thresholds: thresholds of contact and collision.
+        wrench_noise: noise of the estimated external wrench, 3 forces [N] and 3 moments [N m], base axes; None: none.
+        last_motion_errors: errors that ended the last motion (on the wire: reflex_reason).
 
     Lazy (computed when read, at most once per tick): poses, elbows, desired twist, dtau_J, external wrench, contacts.
     """
@@ -118,7 +116,7 @@ class BoxState(RobotState):
         self.take_configuration()
 
     def snapshot(self) -> RobotState:
-        """A copy that later cycles do not change."""
+        """Return a copy that later cycles do not change."""
         self.fields.fill(self)
         return super().snapshot()
 
@@ -137,23 +135,23 @@ class BoxState(RobotState):
 
     @property
     def accelerating(self) -> bool:
-        """Whether the desired motion accelerates, so that the thresholds of that phase hold."""
+        """True if the desired motion accelerates, so that the thresholds of acceleration apply."""
         return any(self.ddq_d)
 
     def lower(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """(7 torques [N m], 3 forces [N] and 3 moments [N m]) from which there is contact."""
+        """Return the contact thresholds: (7 torques [N m], 3 forces [N] and 3 moments [N m])."""
         t = self.thresholds
         accelerating = (t.lower_torque_acceleration, t.lower_force_acceleration)
         return accelerating if self.accelerating else (t.lower_torque_nominal, t.lower_force_nominal)
 
     def upper(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """The same for collision."""
+        """Return the collision thresholds: (7 torques [N m], 3 forces [N] and 3 moments [N m])."""
         t = self.thresholds
         accelerating = (t.upper_torque_acceleration, t.upper_force_acceleration)
         return accelerating if self.accelerating else (t.upper_torque_nominal, t.upper_force_nominal)
 
     def desired_changed(self) -> None:
-        """The desired joint motion was written: forget what was computed from the one before."""
+        """Invalidate the fields that were computed from the previous desired joint motion."""
         if self.computed_at:
             for name in _DESIRED:
                 self.computed_at.pop(name, None)

@@ -1,4 +1,4 @@
-"""State machine of the control box: its modes, the events, and the transitions."""
+"""State machine of the control box: modes, events and transitions."""
 
 from collections.abc import Mapping
 from enum import Enum
@@ -7,7 +7,7 @@ from franka_hw_interface.robot_state import RobotMode
 
 
 class Event(Enum):
-    """What can happen to the box."""
+    """Events of the box."""
 
     START = "the first state of the arm arrives"
     MOVE = "a motion is requested"
@@ -59,14 +59,14 @@ TRANSITIONS: Mapping[RobotMode, Mapping[Event, RobotMode]] = {
         Event.USER_STOP_RELEASED: RobotMode.IDLE,
     },
 }
-"""(mode, event) -> mode. Where a transition is missing, the event changes nothing and a request is refused.
+"""Mapping (mode, event) -> mode. Without a transition, the event changes nothing and a request is refused.
 
-libfranka documents the modes and which of them refuse a motion; what it leaves open is project default, unconfirmed:
-recovery and stop at idle succeed and do nothing; releasing the user stop leads to idle also from a
-reflex before it; while idle the arm has no reflexes and holds itself.
+libfranka documents the modes and which of them refuse a motion; the rest is a project default, unconfirmed: recovery
+and stop in idle mode succeed without effect; releasing the user stop leads to idle, also after a reflex; in idle mode
+the arm has no reflexes and holds its position.
 """
 
 
 def next_mode(mode: RobotMode, event: Event) -> RobotMode | None:
-    """The mode that the event leads to; None: there is no such transition."""
+    """Return the mode that the event leads to, None if there is no such transition."""
     return TRANSITIONS[mode].get(event)

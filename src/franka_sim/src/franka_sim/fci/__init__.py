@@ -1,2 +1,1 @@
-"""The control box on the network: the Franka Control Interface, protocols 5 (Panda) and 10 (FR3), to which an
-unmodified libfranka connects."""
+"""Franka Control Interface of the control box, protocols 5 (Panda) and 10 (FR3), for an unmodified libfranka."""

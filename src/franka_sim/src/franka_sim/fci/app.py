@@ -1,4 +1,4 @@
-"""The command `control_box`: the server that its arguments describe."""
+"""Command `control_box`: runs the server that its arguments describe."""
 
 import argparse
 import gc
@@ -41,7 +41,7 @@ def _take_priority(priority: int) -> None:
 
 
 def make_device(options: argparse.Namespace, robot: Robot) -> tuple[Device, Callable[[], None]]:
-    """The robot, and what releases it. Raises HricError."""
+    """Return the robot, and a function that releases it. Raises HricError."""
     if options.constant:
         return ConstantDevice(robot.served_urdf(), None if options.no_hand else Gripper()), lambda: None
     from franka_sim.fci.arm_device import make_arm  # engine and models are slow to import, and --help needs neither
@@ -73,7 +73,7 @@ def serve(options: argparse.Namespace) -> None:
             _attach_console(server, device)
         _take_priority(options.priority)
         gc.collect()
-        gc.freeze()  # what exists now stays; the cycle makes little that the collector must look for
+        gc.freeze()  # existing objects are permanent; the cycle creates little garbage
         LOG.info("%s at %s, protocol %d, %s clock", options.robot, options.ip, robot.version, options.clock)
         server.run()
     finally:
@@ -82,7 +82,7 @@ def serve(options: argparse.Namespace) -> None:
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """The command. Returns its exit code."""
+    """Run the command and return its exit code."""
     options = parser().parse_args(words)
     logging.basicConfig(level=logging.INFO, format="[%(levelname)s] %(message)s")
     return run_server("control_box", lambda: serve(options))

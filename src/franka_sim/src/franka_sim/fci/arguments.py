@@ -12,11 +12,11 @@ from hric_control.errors import ParameterError
 
 DEFAULT_PLANT = "pybullet_ros_control/PyBulletPlant"
 MAX_LOST_PACKETS = 20
-"""Commands lost in a row that end a motion of the arm."""
+"""Number of consecutive lost commands that ends a motion of the arm."""
 
 
 def yaml_value(text: str) -> Any:
-    """A word of the command line as YAML."""
+    """Return a word of the command line, parsed as YAML."""
     try:
         return yaml_text.parse(text, repr(text))
     except ParameterError as error:
@@ -24,7 +24,7 @@ def yaml_value(text: str) -> Any:
 
 
 def parser() -> argparse.ArgumentParser:
-    """The command's arguments."""
+    """Return the parser of the command's arguments."""
     made = argparse.ArgumentParser(
         prog="rosrun franka_sim control_box",
         description="An emulated Panda or FR3: arm, control box and hand, to which an unmodified libfranka connects. "

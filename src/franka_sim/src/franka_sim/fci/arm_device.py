@@ -1,4 +1,4 @@
-"""The emulated arm behind the server: a plant, who acts in it, and the control box."""
+"""Emulated arm of the server: a plant, its participants, and the control box."""
 
 import argparse
 from collections.abc import Callable, Sequence
@@ -29,27 +29,29 @@ from hric_control.plant import Plant
 from hric_control.sim.participants import Participants
 
 MAX_LOAD, MAX_LOAD_DISTANCE, MAX_LOAD_INERTIA = 20.0, 1.0, 20.0
-"""Of a payload that a client sets [kg], [m from the flange], [kg m^2]: project default, unconfirmed, far beyond the 3
-kg that the arm carries."""
+"""Maximum payload of a client [kg], [m from the flange], [kg m^2]: project default, unconfirmed.
+
+The values are far above the arm's payload of 3 kg.
+"""
 
 
 class ArmDevice:
-    """Plant and control box, one millisecond at a time.
+    """Plant and control box, advanced one millisecond at a time.
 
     Args:
-        plant: the physics.
-        participants: who else acts in it.
-        box: the control box.
-        urdf: makes the arm's description as clients get it.
-        model_library: the compiled model of protocol 5.
-        q: pose of the start and of `reset`, 7 floats [rad].
-        hand: at the flange, or None.
-        read_state: how the sensors report the plant; None: as it is.
+        plant: physics engine.
+        participants: other participants of the plant.
+        box: control box.
+        urdf: function that returns the arm's description for clients.
+        model_library: compiled model of protocol 5.
+        q: pose at the start and after `reset`, 7 floats [rad].
+        hand: hand at the flange, or None.
+        read_state: function that reads the plant through the sensors; None: without noise.
 
     Attributes:
-        state: of the box.
-        plant, participants, box, hand: as given.
-        on_cycle: called at the end of each cycle with robot time, before the state is sent.
+        state: state of the box.
+        plant, participants, box, hand: as in Args.
+        on_cycle: callback at the end of each cycle, with robot time, before the state is sent.
     """
 
     def __init__(
@@ -71,7 +73,7 @@ class ArmDevice:
         self._q_start = list(q)
         self._q, self._dq, self._tau = [0.0] * 7, [0.0] * 7, [0.0] * 7
         self._period, self._cycles, self._time = plant.time_step, 0, 0.0
-        # Requests of clients go to the box as they are.
+        # Requests of clients go to the box unchanged.
         self.move: Callable[[MoveRequest], Outcome] = box.move
         self.stop_move, self.recover, self.take_finished = box.stop_move, box.recover, box.take_finished
         self.connection_lost = box.connection_lost
@@ -83,7 +85,7 @@ class ArmDevice:
         self.reset()
 
     def reset(self) -> None:
-        """The arm at its start pose at rest, the world as at the start; time goes on."""
+        """Put the arm at its start pose at rest and the world in its start state; time goes on."""
         self._reset_plant()
         self.box.reset(self._q_start)
         self._read()
@@ -93,10 +95,10 @@ class ArmDevice:
         self.participants.reset()
 
     def cycle(self, command: MotionCommand | None) -> None:
-        """The torque for the command, one step of the plant, and what the box makes of the arm then.
+        """Apply the command's torques, step the plant, and update the box.
 
-        Where the plant breaks down (diverges, or an effort no engine can stand), the motion ends in a reflex whose
-        name the client gets, and the arm is put back to its start: a server goes on.
+        If the plant becomes unstable (it diverges, or gets an effort beyond the engine's limits), the motion ends in a
+        reflex that the client can read, and the arm returns to its start pose: the server continues.
         """
         try:
             self.plant.apply(self.box.write(command))
@@ -112,7 +114,7 @@ class ArmDevice:
             self.on_cycle(self._time)
 
     def set_load(self, mass: float, com: Sequence[float], inertia: Sequence[float]) -> Outcome:
-        """Payload of the box, within bounds that keep its torques finite."""
+        """Set the payload of the box, within bounds that keep its torques finite."""
         if mass > MAX_LOAD or max(map(abs, com)) > MAX_LOAD_DISTANCE or max(map(abs, inertia)) > MAX_LOAD_INERTIA:
             bounds = f"{MAX_LOAD:g} kg, {MAX_LOAD_DISTANCE:g} m, {MAX_LOAD_INERTIA:g} kg m^2"
             raise CommandError(
@@ -125,17 +127,17 @@ class ArmDevice:
         self.box.read(self._q, self._dq, self._tau, self._time)
 
     def encode(self, codec: StateCodec, message_id: int) -> bytes:
-        """The state as a datagram."""
+        """Return the state as a datagram."""
         if codec is not self._codec:
             self._codec, self._pack = codec, self.state.fields.packer(codec.names, codec.real)
         return codec.join(message_id, self._pack(self.state), self.state)
 
     def push(self, link: str, force: Sequence[float], duration: float) -> None:
-        """Act on a link's origin: force in the world frame [N], for a time [s]."""
+        """Apply a force in the world frame [N] to a link's origin for a duration [s]."""
         self.plant.apply_wrench(link, force, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), duration)
 
     def close(self) -> None:
-        """Release the plant, and who acts in it."""
+        """Release the plant and its participants."""
         self.participants.close()
         self.plant.close()
 
@@ -148,15 +150,15 @@ def build_arm(
     node: Node,
     max_lost_packets: int | None = MAX_LOST_PACKETS,
 ) -> ArmDevice:
-    """Plant, who acts in it, box, and hand where the description has one.
+    """Build the plant, its participants, the box, and the hand if the description has one.
 
     Args:
         given: parameters.
-        realism: how far the arm is from what its box believes.
-        robot: which arm.
-        urdf_xml: the description.
-        node: of the robot's private names, for who acts in the plant.
-        max_lost_packets: in a row, that end a motion; None: any number.
+        realism: differences between the arm and the box's model of it.
+        robot: kind of arm.
+        urdf_xml: robot description.
+        node: robot's private namespace, for the participants of the plant.
+        max_lost_packets: number of consecutive lost packets that ends a motion; None: no limit.
 
     Raises:
         HricError: a parameter, a name or the description cannot be used.
@@ -191,7 +193,7 @@ def _has_hand(urdf_xml: str, arm_id: str) -> bool:
 
 
 def make_arm(options: argparse.Namespace, robot: Robot) -> ArmDevice:
-    """Of the command's arguments. Raises HricError."""
+    """Build the arm from the command's arguments. Raises HricError."""
     given = {name: getattr(options, name) for name in ("world", "gui", "friction") if getattr(options, name)}
     plant_config: dict[str, Any] = {"rotor_inertia": options.rotor_inertia, "seed": options.seed, **given}
     if options.no_collision:

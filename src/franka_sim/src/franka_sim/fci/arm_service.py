@@ -1,4 +1,4 @@
-"""The arm on the network: requests to the control box, states to the client, commands from it."""
+"""Network service of the arm: requests, states to the client, commands to the control box."""
 
 import math
 import platform
@@ -31,21 +31,21 @@ _MESSAGE_ID = struct.Struct("<Q")
 
 
 class ArmService(Service):
-    """The arm's port.
+    """Service at the arm's port.
 
-    A command counts if it is for the last state sent; what comes later, or twice, is dropped (libfranka, "the command
-    is dropped if it is late").
+    A command is valid for the last state sent; later or repeated ones are dropped (libfranka, "the command is dropped
+    if it is late").
 
     Args:
-        selector: of the server.
-        protocol: version.
+        selector: selector of the server.
+        protocol: protocol version.
         device: the robot.
-        ip: address.
-        faults: of the UDP link.
+        ip: address to listen on.
+        faults: faults of the UDP link.
 
     Attributes:
         message_id: milliseconds of robot time.
-        late: commands dropped since the start.
+        late: number of commands dropped since the start.
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class ArmService(Service):
 
     @property
     def phase(self) -> Phase:
-        """What the clock waits for."""
+        """Event that the clock waits for."""
         if self._moving is None:
             return Phase.IDLE
         if self._command is not None:
@@ -94,14 +94,14 @@ class ArmService(Service):
         return Phase.AWAITING if self._started else Phase.STARTING
 
     def size_of(self, command: int) -> int | None:
-        """Payload size of a command [bytes], None for one that does not exist."""
+        """Return the payload size of a command [bytes], None if it does not exist."""
         row = self._protocol.requests.get(command)
         return None if row is None else row.payload.size
 
     # -- the millisecond -----------------------------------------------------------------------------------------------
 
     def on_datagrams(self) -> None:
-        """Keep the command for the last state."""
+        """Store the command for the last state."""
         if self.client is None:
             return
         codec = self._protocol.command
@@ -114,7 +114,7 @@ class ArmService(Service):
                 self.late += 1
 
     def tick(self) -> None:
-        """One cycle of the robot, with the command that has come, and its state to the client."""
+        """Run one cycle of the robot with the received command, and send its state to the client."""
         command, self._command = self._command, None
         self._started = self._moving is not None and (self._started or command is not None)
         self._device.cycle(command)
@@ -124,7 +124,7 @@ class ArmService(Service):
         self._report()
 
     def _report(self) -> None:
-        """Respond to what has come to its end."""
+        """Respond to requests that have ended."""
         outcome = self._device.take_finished()
         if outcome is not None and self._moving is not None:
             message, self._moving, self._command = self._moving, None, None
@@ -137,14 +137,14 @@ class ArmService(Service):
     # -- requests ------------------------------------------------------------------------------------------------------
 
     def handle(self, message: Message) -> None:
-        """Carry out a request between two cycles; wrong values are refused by status, with the reason in the log."""
+        """Execute a request between two cycles; wrong values get an error status, with the reason in the log."""
         row = self._protocol.requests[message.command]
         vectors = row.decode(message.payload)
         try:
             if not all(math.isfinite(x) for vector in vectors for x in vector):
                 raise HricError("a number is not finite")
             outcome = self._handlers[row.request](message, vectors)
-        except (HricError, ArithmeticError, ValueError) as error:  # so large that the arithmetic ends: wrong as well
+        except (HricError, ArithmeticError, ValueError) as error:  # beyond the range of the arithmetic: wrong as well
             self.complaints.warn(row.request.value, f"{row.request.value} refused: {error}")
             outcome = Outcome.INVALID_ARGUMENT
         if outcome is not None:
@@ -162,7 +162,7 @@ class ArmService(Service):
 
     def _move(self, message: Message, vectors: Vectors) -> Outcome:
         try:
-            # The request counts generators from 0, the state from 1 (0 being idle).
+            # The request counts generators from 0, the state from 1 (0 is idle).
             controller, generator = ControllerMode(int(vectors[0][0])), GeneratorMode(int(vectors[1][0]) + 1)
         except ValueError:
             raise HricError(f"there is no controller {vectors[0][0]} with motion generator {vectors[1][0]}") from None
@@ -179,7 +179,7 @@ class ArmService(Service):
         return outcome
 
     def _when_done(self, waiting: list[Message], message: Message, outcome: Outcome) -> Outcome | None:
-        """Respond to a request that was accepted when it has come to its end; the response to Move goes before it."""
+        """Delay the response to an accepted request until it has ended; the response to Move precedes it."""
         if outcome is not Outcome.SUCCESS:
             return outcome
         waiting.append(message)
@@ -205,10 +205,10 @@ class ArmService(Service):
     # -- clients -------------------------------------------------------------------------------------------------------
 
     def on_client(self) -> None:
-        """States begin with the next cycle."""
+        """Do nothing: states start with the next cycle."""
 
     def on_client_lost(self) -> None:
-        """End what it had begun."""
+        """End the client's motion and drop its pending requests."""
         for messages in (self._stopping, self._recovering):
             messages.clear()
         self._moving = self._command = None

@@ -1,4 +1,4 @@
-"""When the next millisecond of the robot begins: in lock-step with the client, or by the wall clock."""
+"""Clock of the robot's cycles: in lock-step with the client, or by wall time."""
 
 from abc import ABC, abstractmethod
 from enum import Enum
@@ -7,28 +7,28 @@ from hric_control.errors import UnknownNameError
 from hric_control.parameters import number
 
 PERIOD = 1e-3
-"""A cycle of the robot [s]."""
+"""Cycle time of the robot [s]."""
 PATIENCE = 0.5
-"""How long a command may keep the lock-step clock waiting before it counts as lost [s]: longer than a busy machine
-keeps a process from running, shorter than libfranka waits for a state (1 s)."""
-TIME_OUT = 0.05
-"""The same after a command that was lost, and on a network that loses them [s]: project default, unconfirmed, 20 lost
-ones make 1 s."""
-FIRST_WAIT = 0.05
-"""Before the first command of a motion, after the two states that the client needs: pause to the next state, doubled up
-to PATIENCE [s].
+"""Maximum wait of the lock-step clock for a command, then it is lost [s].
 
-A client that computes its first command sends it for the newest state then, and the motion begins the same way each
-time.
+It is longer than a busy machine suspends a process, and shorter than libfranka waits for a state (1 s).
+"""
+TIME_OUT = 0.05
+"""Maximum wait after a lost command, and on a lossy network [s]: project default, unconfirmed, 1 s for 20 losses."""
+FIRST_WAIT = 0.05
+"""Pause to the next state before the first command of a motion, doubled each time up to PATIENCE [s].
+
+The pause follows the two states that the client needs. A client that computes its first command sends it for the
+newest state, and so each motion starts in the same way.
 """
 STATES_BEFORE_FIRST = 2
-"""libfranka reads until the modes are those it requested, and one state more, before it computes its first command."""
+"""States that libfranka reads before it computes its first command: up to the requested modes, and one more."""
 CATCH_UP = 0.02
 """Delay that a paced lock-step clock makes up for afterwards [s]."""
 
 
 class Phase(Enum):
-    """What the robot waits for."""
+    """Phases of a motion, by the command that the robot waits for."""
 
     IDLE = "no motion"
     STARTING = "no command of this motion has come yet"
@@ -37,20 +37,21 @@ class Phase(Enum):
 
 
 class Clock(ABC):
-    """Says how long to wait before the next cycle."""
+    """Interface that determines the wait before the next cycle."""
 
     @abstractmethod
     def left(self, now: float, phase: Phase) -> float:
-        """Time to wait before the next cycle [s]; not above 0: now. now: time.monotonic [s]."""
+        """Return the time to wait before the next cycle [s], not above 0 if it is due. now: time.monotonic [s]."""
 
     @abstractmethod
     def ticked(self, now: float, phase: Phase) -> None:
-        """A cycle begins now."""
+        """Register that a cycle starts now."""
 
 
 class WallClock(Clock):
-    """One state per period, whatever the client does. Its own delays make no burst of states: robot time does not
-    advance meanwhile.
+    """Clock with one state per period, independent of the client.
+
+    After a delay of its process there is no burst of states: robot time does not advance during the delay.
 
     Args:
         real_time_factor: robot time per wall time, above 0.
@@ -61,21 +62,22 @@ class WallClock(Clock):
         self._period, self._next = PERIOD / factor, 0.0
 
     def left(self, now: float, phase: Phase) -> float:
-        """To the next deadline."""
+        """Return the time to the next deadline [s]."""
         return self._next - now
 
     def ticked(self, now: float, phase: Phase) -> None:
-        """Next deadline."""
+        """Set the next deadline."""
         self._next = self._next + self._period if now < self._next + 0.5 * self._period else now + self._period
 
 
 class LockStepClock(Clock):
-    """In a motion, each state waits for the command for the one before; what does not come within PATIENCE, or
-    within TIME_OUT after one that was lost, counts as lost.
+    """Clock that waits in a motion for the command for the last state.
+
+    A command that does not come within PATIENCE, or within TIME_OUT after a lost one, is lost.
 
     Args:
-        real_time_factor: robot time per wall time at most; 0: as fast as the client sends (at idle: real time).
-        lossy: on a network that loses datagrams, where TIME_OUT holds for all.
+        real_time_factor: maximum robot time per wall time; 0: as fast as the client sends (in idle mode: real time).
+        lossy: True on a network that loses datagrams: TIME_OUT applies to all commands.
     """
 
     def __init__(self, real_time_factor: float = 1.0, lossy: bool = False) -> None:
@@ -86,7 +88,7 @@ class LockStepClock(Clock):
         self._lossy, self._lost = lossy, False
 
     def left(self, now: float, phase: Phase) -> float:
-        """To the command, or to the deadline of the paced clock."""
+        """Return the time to the command's timeout, or to the deadline of the paced clock [s]."""
         if phase is Phase.AWAITING:
             return self._last + (TIME_OUT if self._lossy or self._lost else PATIENCE) - now
         if phase is Phase.STARTING and self._starting >= STATES_BEFORE_FIRST:
@@ -97,7 +99,7 @@ class LockStepClock(Clock):
         return self._next - now
 
     def ticked(self, now: float, phase: Phase) -> None:
-        """Next deadline."""
+        """Set the next deadline."""
         self._starting = self._starting + 1 if phase is Phase.STARTING else 0
         self._lost = phase is Phase.AWAITING
         self._last = now
@@ -105,8 +107,7 @@ class LockStepClock(Clock):
 
 
 def make_clock(name: str, real_time_factor: float, lossy: bool = False) -> Clock:
-    """The clock "lock_step" (on a network that loses datagrams if `lossy`) or "wall". Raises UnknownNameError,
-    ParameterError."""
+    """Return the clock "lock_step" or "wall"; lossy: on a lossy network. Raises UnknownNameError, ParameterError."""
     if name == "lock_step":
         return LockStepClock(real_time_factor, lossy)
     if name == "wall":

@@ -1,4 +1,4 @@
-"""A log that a flood of bad input cannot flood."""
+"""Rate-limited log for bad input."""
 
 import logging
 import math
@@ -7,20 +7,20 @@ from collections.abc import Callable
 
 LOG = logging.getLogger("hric.franka_sim.fci")
 QUIET = 1.0
-"""Shortest time between two lines of the same kind [s] (project default, unconfirmed)."""
+"""Minimum time between two lines of the same kind [s] (project default, unconfirmed)."""
 PEER_QUIET = 10.0
-"""Quiet time of an address after which its next attack is written again [s] (project default, unconfirmed)."""
+"""Quiet time of an address after which its next attack is logged again [s] (project default, unconfirmed)."""
 MAX_PEERS = 256
-"""Addresses remembered; what more of them do at the same time is one kind (project default, unconfirmed)."""
+"""Maximum number of tracked addresses; more of them are logged as one kind (project default, unconfirmed)."""
 
 
 class Complaints:
-    """Warnings of which the first is written at once, and those that follow are counted; the count comes with the next.
+    """Log of warnings: the first is logged at once, repetitions are counted and reported with the next line.
 
-    Those of a kind are written once in QUIET, those about an address once for as long as it goes on.
+    A kind of warning is logged once in QUIET, an address once for as long as it continues.
 
     Args:
-        who: before each text.
+        who: prefix of each text.
         clock: monotonic time [s].
     """
 
@@ -30,11 +30,11 @@ class Complaints:
         self._peers: dict[str, tuple[float, int]] = {}
 
     def warn(self, kind: str, text: str) -> None:
-        """Complain.
+        """Log a warning.
 
         Args:
-            kind: what is counted together, one of a few.
-            text: what is written.
+            kind: category for counting, one of a few.
+            text: text to log.
         """
         now = self._clock()
         written, held = self._kinds.get(kind, (-QUIET, 0))
@@ -45,16 +45,16 @@ class Complaints:
         self._write(text, held)
 
     def counts(self, host: str) -> bool:
-        """True if what comes of an address now is counted, not written."""
+        """Return True if messages about an address are counted at present, and not written."""
         return self._clock() - self._peers.get(host, (-math.inf, 0))[0] < PEER_QUIET
 
     def warn_of(self, host: str, text: str, level: int = logging.WARNING) -> None:
-        """Complain about a peer.
+        """Log a message about a peer.
 
         Args:
-            host: its address, whatever its port.
-            text: what is written.
-            level: of the log.
+            host: its address, without port.
+            text: text to log.
+            level: level of the message.
         """
         now = self._clock()
         last, held = self._peers.pop(host, (-PEER_QUIET, 0))
@@ -67,7 +67,7 @@ class Complaints:
             self.warn("many addresses", f"{text}; there are too many addresses to write each")
 
     def _has_room(self, now: float) -> bool:
-        """Forget who has gone, the longest gone first; True if one more address can be remembered."""
+        """Drop addresses that have been quiet, the longest first; return True if there is room for one more."""
         while len(self._peers) >= MAX_PEERS:
             host = next(iter(self._peers))
             if now - self._peers[host][0] < PEER_QUIET:

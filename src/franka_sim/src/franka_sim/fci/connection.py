@@ -1,4 +1,4 @@
-"""One TCP connection of a service: whole messages in, responses out, never waiting."""
+"""Non-blocking TCP connection of a service: complete messages in, responses out."""
 
 import socket
 from collections.abc import Callable
@@ -7,26 +7,30 @@ from dataclasses import dataclass
 from franka_sim.fci.wire import Framing
 
 RECEIVE = 4096
-"""Bytes taken from a connection at a time, so that no client keeps the others and the robot waiting."""
+"""Bytes read from a connection at a time, so that no client delays the others or the robot."""
 MAX_UNSENT = 1 << 20
-"""Bytes of responses that a client may leave unread before it is let go: project default, unconfirmed, thirty times the
-largest response."""
+"""Maximum number of unread response bytes of a client before it is disconnected.
+
+Project default, unconfirmed: thirty times the largest response.
+"""
 KEEP_ALIVE = ((socket.TCP_KEEPIDLE, 1), (socket.TCP_KEEPINTVL, 1), (socket.TCP_KEEPCNT, 3))
-"""As libfranka sets them on its side: a machine that vanished is noticed after about 4 s."""
+"""Keep-alive options as in libfranka: a machine that vanished is noticed after about 4 s."""
 
 
 class BadMessageError(Exception):
-    """What came is no message of this protocol, or the client does not read; the connection is closed, the text says
-    why."""
+    """Error of a client: not a message of this protocol, or unread responses.
+
+    The connection is closed; the text gives the reason.
+    """
 
 
 class ConnectionLostError(Exception):
-    """The other side has gone."""
+    """Error of a connection that the other side has closed."""
 
 
 @dataclass(frozen=True)
 class Message:
-    """A request: id of the command, the client's number of it, payload of the right size."""
+    """Request: id of the command, the client's sequence number, payload of the correct size."""
 
     command: int
     command_id: int
@@ -39,7 +43,7 @@ class Connection:
     Args:
         connected: the socket; made non-blocking.
         framing: header and status.
-        size_of: payload size of a command [bytes], None for a command that does not exist.
+        size_of: function that returns the payload size of a command [bytes], None if it does not exist.
     """
 
     def __init__(self, connected: socket.socket, framing: Framing, size_of: Callable[[int], int | None]) -> None:
@@ -53,11 +57,11 @@ class Connection:
 
     @property
     def unsent(self) -> bool:
-        """Whether responses wait for the socket to take them."""
+        """True if responses wait to be sent."""
         return bool(self._out)
 
     def receive(self) -> list[Message]:
-        """The whole messages among what has come.
+        """Return the complete messages that have been received.
 
         Raises:
             BadMessageError: an unknown command or a wrong size.
@@ -94,11 +98,11 @@ class Connection:
         return Message(command, command_id, payload)
 
     def respond(self, command: int, command_id: int, status: int, tail: bytes = b"") -> None:
-        """Queue and send a response; what the socket does not take stays for `flush`.
+        """Queue and send a response; unsent bytes wait for `flush`.
 
         Raises:
             BadMessageError: the client leaves too much unread.
-            ConnectionLostError: it has gone.
+            ConnectionLostError: the client has closed the connection.
         """
         self._out += self._framing.frame(command, command_id, self._framing.status.pack(status) + tail)
         if len(self._out) > MAX_UNSENT:
@@ -106,7 +110,7 @@ class Connection:
         self.flush()
 
     def flush(self) -> None:
-        """Send what waits. Raises ConnectionLostError."""
+        """Send the waiting bytes. Raises ConnectionLostError."""
         try:
             while self._out:
                 del self._out[: self.socket.send(self._out)]
@@ -116,5 +120,5 @@ class Connection:
             raise ConnectionLostError(str(error)) from None
 
     def close(self) -> None:
-        """End the connection; what the client still sends is refused by the system."""
+        """Close the connection; the system rejects further data of the client."""
         self.socket.close()

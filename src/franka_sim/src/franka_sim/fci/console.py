@@ -1,4 +1,4 @@
-"""The buttons beside the arm, as lines of text: user stop, guiding, a push, an object for the hand."""
+"""Text console for the arm's physical controls: user stop, guiding, a push, an object for the hand."""
 
 import os
 from collections.abc import Callable
@@ -11,7 +11,7 @@ from hric_control.errors import CommandError, HricError, UnknownNameError
 from hric_control.parameters import as_number
 
 MAX_LINE = 4096
-"""Characters of a line."""
+"""Maximum number of characters in a line."""
 HELP = """user_stop on|off             press or release the user stop
 guiding on|off               press or release the guiding buttons
 push LINK FX FY FZ SECONDS   act on a link, force in the world frame [N]
@@ -21,12 +21,12 @@ help"""
 
 
 class Console:
-    """Reads lines from a file descriptor and acts on the arm between two cycles.
+    """Console that reads lines from a file descriptor and acts on the arm between two cycles.
 
     Args:
         device: the arm.
-        file: descriptor, e.g. that of the standard input.
-        on_end: called when the other side has closed it.
+        file: file descriptor, e.g. that of the standard input.
+        on_end: callback for the end of the file.
     """
 
     def __init__(self, device: Device, file: int, on_end: Callable[[], None]) -> None:
@@ -42,7 +42,7 @@ class Console:
         }
 
     def on_input(self, _: int) -> None:
-        """There is something to read."""
+        """Read and execute the available lines."""
         received = os.read(self._file, MAX_LINE)
         if not received:
             self._on_end()

@@ -1,4 +1,4 @@
-"""What the server needs of a robot, and the simplest one: a robot whose state never changes."""
+"""Interface of a robot to the server, and the simplest robot: one with a constant state."""
 
 from collections.abc import Sequence
 from typing import Protocol
@@ -13,7 +13,7 @@ Floats = Sequence[float]
 
 
 class DeviceState(RobotState):
-    """The state of the arm with its two modes, as it goes over the wire."""
+    """State of the arm with its two modes, as sent to the client."""
 
     __slots__ = ("controller_mode", "generator_mode")
 
@@ -27,39 +27,39 @@ class Device(Protocol):
 
     @property
     def state(self) -> RobotState:
-        """After the last cycle, always the same object: a RobotState with `controller_mode` and `generator_mode`."""
+        """State after the last cycle, always the same RobotState, with `controller_mode` and `generator_mode`."""
 
     @property
     def hand(self) -> Hand | None:
-        """The hand at the flange."""
+        """Hand at the flange, None without one."""
 
     def cycle(self, command: MotionCommand | None) -> None:
-        """One millisecond: act on the command (None: lost), then `state` is the new one."""
+        """Run one millisecond with the command (None: lost); afterwards `state` is the new one."""
 
     def encode(self, codec: StateCodec, message_id: int) -> bytes:
-        """The state as a datagram."""
+        """Return the state as a datagram."""
 
     def take_finished(self) -> Outcome | None:
-        """How a motion ended since the last call."""
+        """Return the outcome of a motion that ended since the last call, or None."""
 
     def connection_lost(self) -> None:
-        """The client has gone: end its motion."""
+        """End the motion of a client that has disconnected."""
 
     def urdf(self) -> str:
-        """The arm as URDF, without the hand (whose mass is part of the state)."""
+        """Return the arm as URDF, without the hand (whose mass is part of the state)."""
 
     @property
     def model_library(self) -> bytes | None:
-        """Compiled model of protocol 5; None: there is none."""
+        """Compiled model of protocol 5; None: not available."""
 
     def move(self, request: MoveRequest) -> Outcome:
-        """Begin a motion: STARTED, or why not."""
+        """Start a motion and return STARTED, or the reason of the refusal."""
 
     def stop_move(self) -> Outcome:
-        """End the motion, which is then preempted."""
+        """End the motion as preempted."""
 
     def recover(self) -> Outcome:
-        """Automatic error recovery."""
+        """Run automatic error recovery."""
 
     def set_user_stop(self, pressed: bool) -> Outcome:
         """Press or release the user stop."""
@@ -68,35 +68,34 @@ class Device(Protocol):
         """Press or release the guiding buttons."""
 
     def reset(self) -> None:
-        """The arm at its start pose, at rest; time goes on."""
+        """Put the arm at its start pose, at rest; time goes on."""
 
     def push(self, link: str, force: Floats, duration: float) -> None:
-        """Act on a link's origin: force in the world frame [N], for a time [s]."""
+        """Apply a force in the world frame [N] to a link's origin for a duration [s]."""
 
     def set_collision_behavior(self, *thresholds: Floats) -> Outcome:
-        """Lower and upper torque thresholds, acceleration phase then nominal [N m], and force thresholds likewise
-        [N]."""
+        """Set lower and upper thresholds of torque [N m] and force [N], each for acceleration, then nominal."""
 
     def set_joint_impedance(self, K_theta: Floats) -> Outcome:
-        """7 floats [N m/rad]."""
+        """Set the stiffness of the internal joint impedance, 7 floats [N m/rad]."""
 
     def set_cartesian_impedance(self, K_x: Floats) -> Outcome:
-        """6 floats [N/m], [N m/rad]."""
+        """Set the stiffness of the internal Cartesian impedance, 6 floats [N/m], [N m/rad]."""
 
     def set_guiding_mode(self, axes: Sequence[bool], elbow: bool) -> Outcome:
-        """Which axes a hand can move: x, y, z, R, P, Y, and the elbow."""
+        """Set the axes x, y, z, R, P, Y, and if the elbow, may be guided by hand."""
 
     def set_EE_T_K(self, EE_T_K: Floats) -> Outcome:
-        """Stiffness frame in the end effector, column-major."""
+        """Set the stiffness frame in the end effector, column-major."""
 
     def set_NE_T_EE(self, NE_T_EE: Floats) -> Outcome:
-        """End effector in the nominal one, column-major."""
+        """Set the end effector in the nominal end-effector frame, column-major."""
 
     def set_load(self, mass: float, com: Floats, inertia: Floats) -> Outcome:
-        """Payload [kg], its centre of mass in the flange [m], inertia about it, column-major [kg m^2]."""
+        """Set the payload: mass [kg], centre of mass in the flange [m], inertia about it, column-major [kg m^2]."""
 
     def set_filters(self, cutoff: Floats) -> Outcome:
-        """Cut-off frequencies of joint position and velocity, Cartesian position and velocity, controller [Hz]."""
+        """Set cut-off frequencies [Hz]: joint position and velocity, Cartesian position and velocity, controller."""
 
 
 def _accept(*_: object) -> Outcome:
@@ -104,7 +103,7 @@ def _accept(*_: object) -> Outcome:
 
 
 class ConstantDevice:
-    """A robot that responds as one should and never moves: for the cost of a bare server.
+    """Robot that responds correctly and never moves, to measure the cost of the server alone.
 
     Args:
         urdf_xml: response to a client that requests the model.
@@ -131,32 +130,32 @@ class ConstantDevice:
         state.control_command_success_rate = 0.0
 
     def cycle(self, command: MotionCommand | None) -> None:
-        """Time goes on; a motion ends when the client says so."""
+        """Advance time; a motion ends with the client's last command."""
         self.state.time += 1e-3
         if command is not None and command.finished and self.state.robot_mode is RobotMode.MOVE:
             self._end()
             self._finished = Outcome.SUCCESS
 
     def encode(self, codec: StateCodec, message_id: int) -> bytes:
-        """As any state is."""
+        """Return the state as a datagram."""
         return codec.encode(message_id, self.state)
 
     def take_finished(self) -> Outcome | None:
-        """How a motion ended since the last call."""
+        """Return the outcome of a motion that ended since the last call, or None."""
         finished, self._finished = self._finished, None
         return finished
 
     def connection_lost(self) -> None:
-        """Idle."""
+        """Return to idle mode."""
         self._end()
         self._finished = None
 
     def urdf(self) -> str:
-        """What was given."""
+        """Return the description from the constructor."""
         return self._urdf
 
     def move(self, request: MoveRequest) -> Outcome:
-        """Begin."""
+        """Start a motion."""
         state = self.state
         if state.robot_mode is not RobotMode.IDLE:
             return Outcome.NOT_POSSIBLE
@@ -169,21 +168,21 @@ class ConstantDevice:
         return Outcome.STARTED
 
     def stop_move(self) -> Outcome:
-        """End."""
+        """End the motion."""
         if self.state.robot_mode is RobotMode.MOVE:
             self._end()
             self._finished = Outcome.PREEMPTED
         return Outcome.SUCCESS
 
     def recover(self) -> Outcome:
-        """Nothing to recover from."""
+        """Return SUCCESS: there are no errors to recover from."""
         return Outcome.SUCCESS
 
     def reset(self) -> None:
-        """It has not moved."""
+        """Do nothing: the robot never moves."""
 
     def push(self, link: str, force: Floats, duration: float) -> None:
-        """It cannot be moved."""
+        """Raise a CommandError: the robot never moves."""
         raise CommandError("a constant robot cannot be pushed")
 
     set_user_stop = set_guiding = staticmethod(_accept)

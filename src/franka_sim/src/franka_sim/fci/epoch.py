@@ -1,15 +1,15 @@
-"""Where an emulated arm's own time lies in the time of the run, which its driver gives."""
+"""Offset between an emulated arm's time and the time of the run, from its driver's clock pairs."""
 
 from bisect import bisect_right
 from collections import deque
 from time import monotonic_ns
 
 CYCLES = 2000
-"""Cycles that are remembered: more than a pair is under way. Project defaults, unconfirmed, all of them."""
+"""Number of stored cycles, more than a pair's delay. All values here: project defaults, unconfirmed."""
 WINDOW = 1_000_000_000
-"""A driver that was behind for so long has another time by now [ns]."""
+"""Time window of the pairs [ns]; a driver that was late for longer has another offset."""
 SAME = 1e-5
-"""Epochs so near are one, but for the rounding of stamps, so that stamps keep the spacing of the cycles [s]."""
+"""Tolerance for equal epochs, so that the rounding of stamps does not change the spacing of cycles [s]."""
 
 
 def _sent(cycle: tuple[int, float]) -> int:
@@ -17,17 +17,17 @@ def _sent(cycle: tuple[int, float]) -> int:
 
 
 class Epoch:
-    """The time of the run at which an arm's own time was 0, from the pairs of clocks on `hric/clock`.
+    """Time of the run at which the arm's time was 0, from the pairs of clocks on `hric/clock`.
 
-    A driver stamps the states of its arm evenly, and sends with a pair the stamp of the state that it has then: the
-    newest one that was sent, while a motion waits for each command, or an earlier one where the driver is behind. So
-    the largest that the pairs of the last second say is right to the rounding of stamps, however late they come.
+    A driver stamps the states of its arm evenly, and sends with a pair the stamp of its present state: the newest one
+    sent while a motion waits for each command, or an earlier one if the driver is late. So the largest epoch in the
+    pairs of the last second is exact up to the rounding of stamps, however late they come.
 
     Args:
-        value: as long as there is no pair [s].
+        value: epoch until the first pair [s].
 
     Attributes:
-        value: [s].
+        value: present epoch [s].
     """
 
     def __init__(self, value: float) -> None:
@@ -36,16 +36,15 @@ class Epoch:
         self._found: deque[tuple[int, float]] = deque()
 
     def on_cycle(self, time: float) -> None:
-        """A state of this time of the arm [s] is sent next. In the arm's loop; `on_pair` may come from another
-        thread."""
+        """Register the arm time [s] of the state sent next. In the arm's loop; `on_pair` may use another thread."""
         self._cycles.append((monotonic_ns(), time))
 
     def on_pair(self, monotonic: int, run: float) -> bool:
-        """A pair of clocks came; returns whether it changes the value.
+        """Add a pair of clocks and return True if the epoch has changed.
 
         Args:
-            monotonic: [ns].
-            run: time of the run then [s].
+            monotonic: monotonic clock [ns].
+            run: time of the run at that moment [s].
         """
         cycles = list(self._cycles)
         newest = bisect_right(cycles, monotonic, key=_sent)

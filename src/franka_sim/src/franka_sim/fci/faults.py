@@ -1,4 +1,4 @@
-"""The UDP link to a client, sound or with injected latency, jitter and loss."""
+"""UDP link to a client, fault-free or with injected latency, jitter and loss."""
 
 import heapq
 import random
@@ -9,16 +9,16 @@ from dataclasses import dataclass
 from hric_control.parameters import Settings, number, whole
 
 MAX_DATAGRAM = 512
-"""Bytes looked at; whatever is larger than a command is none."""
+"""Bytes read of a datagram; anything larger than a command is invalid."""
 MAX_READ = 64
-"""Datagrams taken at a time, so that a flood does not hold the robot."""
+"""Maximum number of datagrams read at a time, so that a flood does not delay the robot."""
 MAX_UNDERWAY = 10000
-"""Datagrams kept in the emulated network in each direction; beyond that it loses them."""
+"""Capacity of the emulated network per direction in datagrams; further ones are lost."""
 
 
 @dataclass(frozen=True)
 class Faults(Settings):
-    """Of the emulated network, in each direction."""
+    """Faults of the emulated network, in each direction."""
 
     latency: float = number(0.0, minimum=0.0, unit="s")
     jitter: float = number(
@@ -32,12 +32,12 @@ class Faults(Settings):
 
     @property
     def any(self) -> bool:
-        """Whether there is anything to inject."""
+        """True if there is any fault to inject."""
         return self.latency > 0.0 or self.jitter > 0.0 or self.loss > 0.0
 
 
 class Link:
-    """Datagrams between the server and one client. Bound and connected, so that the system drops what others send.
+    """Datagrams between server and one client, on a connected socket: the system drops those of other senders.
 
     Args:
         ip: the server's address.
@@ -55,40 +55,39 @@ class Link:
             raise
 
     def send(self, datagram: bytes) -> None:
-        """Send; what the system cannot take is lost, as on any network. A client that is gone is noticed by its TCP
-        connection."""
+        """Send a datagram; errors count as loss. A client that is gone is noticed by its TCP connection."""
         try:
             self.socket.send(datagram)
         except OSError:
             return
 
     def receive(self) -> list[bytes]:
-        """What has come, oldest first."""
+        """Return the received datagrams, oldest first."""
         received: list[bytes] = []
         for _ in range(MAX_READ):
             try:
                 received.append(self.socket.recv(MAX_DATAGRAM))
-            except ConnectionRefusedError:  # an earlier state found no socket
+            except ConnectionRefusedError:  # an earlier state met a closed socket
                 continue
             except OSError:
                 break
         return received
 
     def next_due(self) -> float | None:
-        """When something moves by itself (time.monotonic) [s]."""
+        """Return the time of the next event of an emulated network (time.monotonic) [s], None without one."""
         return None
 
     def move(self) -> bool:
-        """Let what is due go on its way; True if something has come for the server."""
+        """Forward datagrams that are due; return True if one has arrived at the server."""
         return False
 
     def close(self) -> None:
-        """End."""
+        """Close the socket."""
         self.socket.close()
 
 
 class _Network:
-    """One direction: datagrams on their way, by the time at which they arrive."""
+    """One direction of the network: datagrams in transit, by their time of arrival."""
 
     def __init__(self, faults: Faults, seed: str) -> None:
         self._faults, self._random = faults, random.Random(seed)
@@ -110,11 +109,12 @@ class _Network:
 
 
 class FaultyLink(Link):
-    """A link over a bad network; the same seed loses the same datagrams.
+    """Link over a network with faults; the same seed loses the same datagrams.
 
     Args:
-        ip, client: as of Link.
-        faults: what is injected.
+        ip: the server's address.
+        client: the client's (address, port).
+        faults: faults to inject.
     """
 
     def __init__(self, ip: str, client: tuple[str, int], faults: Faults) -> None:
@@ -122,27 +122,27 @@ class FaultyLink(Link):
         self._out, self._in = _Network(faults, f"{faults.seed} states"), _Network(faults, f"{faults.seed} commands")
 
     def send(self, datagram: bytes) -> None:
-        """Put it on its way."""
+        """Put a datagram into the emulated network."""
         self._out.take(datagram)
         self.move()
 
     def receive(self) -> list[bytes]:
-        """What has arrived through the bad network."""
+        """Return the datagrams that have arrived through the emulated network."""
         for datagram in super().receive():
             self._in.take(datagram)
         return self._in.due()
 
     def next_due(self) -> float | None:
-        """When the next datagram arrives at either end."""
+        """Return the time at which the next datagram arrives at either end, None without one."""
         return min((network.underway[0][0] for network in (self._out, self._in) if network.underway), default=None)
 
     def move(self) -> bool:
-        """Hand over the states that are due; True if a command is."""
+        """Send the states that are due; return True if a command is due."""
         for datagram in self._out.due():
             super().send(datagram)
         return bool(self._in.underway) and self._in.underway[0][0] <= time.monotonic()
 
 
 def make_link(ip: str, client: tuple[str, int], faults: Faults) -> Link:
-    """A link as good or bad as `faults` says. Raises OSError."""
+    """Return a link with these faults. Raises OSError."""
     return FaultyLink(ip, client, faults) if faults.any else Link(ip, client)

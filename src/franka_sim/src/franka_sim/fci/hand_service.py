@@ -1,4 +1,4 @@
-"""The hand on the network: version 3, the same for both protocols of the arm."""
+"""Network service of the hand: version 3, the same for both protocols of the arm."""
 
 import math
 import selectors
@@ -24,38 +24,38 @@ PAYLOADS = {
 }
 STATUS = {HandOutcome.SUCCESS: 0, HandOutcome.FAIL: 1, HandOutcome.UNSUCCESSFUL: 2, HandOutcome.ABORTED: 3}
 STATE = struct.Struct("<IddBH")
-"""message_id, width [m], max_width [m], is_grasped, temperature [degrees Celsius]."""
+"""State datagram: message_id, width [m], max_width [m], is_grasped, temperature [degrees Celsius]."""
 STATE_PERIOD = 0.05
-"""Wall time between two states [s]; users report 10 to 20 Hz of the real hand."""
+"""Wall time between two states [s]; users report 10 to 20 Hz for the real hand."""
 STEP = 0.01
 """Robot time between two steps of the hand [s]: project default, unconfirmed, ten cycles of the arm."""
 
 
 class Hand(HandRequests, Protocol):
-    """A hand behind the service, which advances it by steps of robot time.
+    """Hand of the service, which advances it by steps of robot time.
 
     Attributes:
-        is_grasped: whether an object is held.
+        is_grasped: True while an object is held.
     """
 
     is_grasped: bool
 
     @property
     def temperature(self) -> int:
-        """[degrees Celsius]."""
+        """Temperature [degrees Celsius]."""
 
     def step(self, dt: float) -> None:
-        """Go on for dt [s]."""
+        """Advance by dt [s]."""
 
 
 class HandService(Service):
-    """The hand's port.
+    """Service at the hand's port.
 
     Args:
-        selector: of the server.
-        hand: what is served.
-        ip: address.
-        faults: of the UDP link.
+        selector: selector of the server.
+        hand: the hand.
+        ip: address to listen on.
+        faults: faults of the UDP link.
     """
 
     def __init__(self, selector: selectors.BaseSelector, hand: Hand, ip: str, faults: Faults) -> None:
@@ -66,12 +66,12 @@ class HandService(Service):
         super().__init__(selector, "hand", HAND_FRAMING, VERSION, (ip, PORT), faults)
 
     def size_of(self, command: int) -> int | None:
-        """Payload size of a command [bytes], None for one that does not exist."""
+        """Return the payload size of a command [bytes], None if it does not exist."""
         payload = PAYLOADS.get(command)
         return None if payload is None else payload.size
 
     def handle(self, message: Message) -> None:
-        """Begin a motion; the response to the one before, which is aborted, goes first."""
+        """Start a motion; the response to the previous one, which is aborted, goes first."""
         values = PAYLOADS[message.command].unpack(message.payload)
         if not all(map(math.isfinite, values)):
             self.complaints.warn("not finite", f"request {message.command} refused: not finite {values}")
@@ -92,20 +92,20 @@ class HandService(Service):
         return self._hand.grasp(*values)
 
     def on_client(self) -> None:
-        """States begin at once."""
+        """Start to send states at once."""
         self._next_state = 0.0
 
     def on_client_lost(self) -> None:
-        """What moves goes on to its end, as nobody stopped it."""
+        """Drop pending responses; a running motion continues, since nobody has stopped it."""
         self._pending.clear()
 
     def on_datagrams(self) -> None:
-        """A client of the hand sends none."""
+        """Report datagrams as wrong: a client of the hand sends none."""
         if self.client is not None and self.client.link.receive():
             self.complaints.warn("datagram", "a datagram came to the hand, which takes none")
 
     def tick(self, now: float, dt: float) -> None:
-        """The hand goes on; states are due by wall time.
+        """Advance the hand by robot time, and send its state at the rate of wall time.
 
         Args:
             now: time.monotonic [s].

@@ -1,4 +1,4 @@
-"""The node `emulated_arm`: an arm, its control box and its hand on the network, with who else acts in its plant."""
+"""Node `emulated_arm`: arm, control box and hand on the network, with all participants of the plant."""
 
 import gc
 import ipaddress
@@ -21,14 +21,14 @@ from hric_control.ros.process import NodeApp
 from hric_msgs.msg import ClockPair
 
 PERIOD = 0.2
-"""Between two looks whether the server still runs [s of wall time]."""
+"""Period of the check that the server still runs [s of wall time]."""
 PATIENCE = 2.0
-"""How long its last cycle may take [s of wall time]."""
+"""Maximum duration of the server's last cycle [s of wall time]."""
 
 
 @dataclass(frozen=True)
 class EmulatedArmSettings(BoxSettings):
-    """Parameters of the node; those of plant and box have the names that they have at the simulated arm's."""
+    """Parameters of the node; plant and box have the parameter names of the simulated arm."""
 
     ip: str = text(
         "127.0.0.1",
@@ -40,8 +40,9 @@ class EmulatedArmSettings(BoxSettings):
 
 
 class EmulatedArm(NodeApp):
-    """Serves from its construction on, in lock-step with its client at real time, with a hand where the description has
-    one. What is published from its plant has the stamps of the client's robot.
+    """Emulated arm that serves from its construction on, in lock-step with its client at real time.
+
+    It has a hand if the description has one. Messages from its plant have the stamps of the client's robot.
 
     Raises:
         HricError: a parameter, a name, the description or a port cannot be used.
@@ -77,7 +78,7 @@ class EmulatedArm(NodeApp):
         try:
             with quiet_collector():
                 self._server.run()
-        except BaseException as error:  # the main thread raises it
+        except BaseException as error:  # raised again by the main thread
             self._failure = error
 
     def _on_pair(self, message: Any) -> None:
@@ -85,12 +86,12 @@ class EmulatedArm(NodeApp):
             self._arm.participants.set_epoch(self._epoch.value)
 
     def tick(self) -> None:
-        """Raises what ended the server."""
+        """Raise the error that ended the server, if any."""
         if self._failure is not None:
             raise self._failure
 
     def close(self) -> None:
-        """End."""
+        """Stop the server and release the arm."""
         self._pairs.unregister()
         self._server.stop()
         self._thread.join(PATIENCE)
@@ -99,6 +100,6 @@ class EmulatedArm(NodeApp):
 
 
 def main(text_of_help: str) -> int:
-    """Run the node; the exit code."""
-    of_simulated_arm = (ArmSettings, RobotSettings, *COMMON_PARAMETERS)  # one file of parameters serves both
+    """Run the node and return its exit code."""
+    of_simulated_arm = (ArmSettings, RobotSettings, *COMMON_PARAMETERS)  # one parameter file serves both
     return run("emulated_arm", text_of_help, EmulatedArm, EmulatedArmSettings, *of_simulated_arm)

@@ -1,4 +1,4 @@
-"""The versions of the arm's protocol: their requests, the numbers of outcomes, and the two datagrams."""
+"""Versions of the arm's protocol: requests, status numbers of outcomes, and the two datagrams."""
 
 import struct
 from collections.abc import Mapping
@@ -35,8 +35,8 @@ class RequestFormat:
 
     Attributes:
         request: its meaning.
-        layout: of the payload.
-        parts: lengths of the vectors that the payload's numbers are cut into; a length of 1 gives a vector of one.
+        layout: struct format of the payload.
+        parts: lengths of the vectors in the payload; a length of 1 gives a vector of one element.
     """
 
     request: Request
@@ -48,7 +48,7 @@ class RequestFormat:
         object.__setattr__(self, "payload", struct.Struct("<" + self.layout))
 
     def decode(self, payload: bytes) -> list[tuple[float, ...]]:
-        """The vectors of the payload, which has the right size."""
+        """Return the vectors of a payload of the correct size."""
         values, vectors, at = self.payload.unpack(payload), [], 0
         for length in self.parts:
             vectors.append(values[at : at + length])
@@ -61,12 +61,12 @@ Statuses = Mapping[Outcome, int]
 
 @dataclass(frozen=True)
 class Protocol:
-    """A version of the arm's protocol.
+    """Version of the arm's protocol.
 
     Attributes:
         version: number in Connect.
-        requests: rows by id.
-        statuses: numbers of outcomes per request.
+        requests: request formats by id.
+        statuses: status numbers of outcomes, per request.
         state, command: datagrams.
     """
 
@@ -77,8 +77,7 @@ class Protocol:
     command: CommandCodec
 
     def status(self, request: Request, outcome: Outcome) -> int:
-        """Number of an outcome in the response to a request; without one, the request's last number, its plainest
-        failure."""
+        """Return the status number of an outcome; without one, the request's last number, its most general failure."""
         numbers = self.statuses[request]
         return numbers.get(outcome, max(numbers.values()))
 
@@ -92,7 +91,7 @@ SETTERS = (
     Request.SET_NE_TO_EE,
     Request.SET_LOAD,
 )
-"""Requests to which both versions respond alike."""
+"""Requests with the same responses in both versions."""
 
 COLLISION_BEHAVIOR = RequestFormat(Request.SET_COLLISION_BEHAVIOR, "52d", (7, 7, 7, 7, 6, 6, 6, 6))
 JOINT_IMPEDANCE = RequestFormat(Request.SET_JOINT_IMPEDANCE, "7d", (7,))

@@ -1,4 +1,4 @@
-"""The robots that the server can be: their descriptions, limits and versions of the protocol."""
+"""Robots that the server can emulate: descriptions, limits, protocol versions."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -16,15 +16,15 @@ JOINTS = 7
 
 @dataclass(frozen=True)
 class Robot:
-    """One kind of robot.
+    """Kind of robot.
 
     Attributes:
         arm_id: prefix of joints and links.
-        version: of the protocol that its control box speaks.
-        urdf: the whole robot (argument: with hand, with collision shapes), for the plant and the box.
-        limited: a description of the Panda (and the prefix of its links) with the limits of this robot.
-        served_urdf: the arm without a hand, as clients get it.
-        limits: of the arm.
+        version: protocol version of its control box.
+        urdf: function that returns the robot's URDF (arguments: with hand, with collision shapes), for plant and box.
+        limited: function that returns a description of the Panda, with its link prefix, with this robot's limits.
+        served_urdf: function that returns the arm without a hand, for clients.
+        limits: function that returns the limits of the arm.
     """
 
     arm_id: str
@@ -36,7 +36,7 @@ class Robot:
 
 
 def fr3_limits() -> FrankaLimits:
-    """The FR3's limits."""
+    """Return the FR3's limits."""
     values = read_config("fr3")
     names = ("lower", "upper", "velocity", "acceleration", "jerk", "effort", "effort_rate")
     joint: dict[str, Any] = {name: tuple(values[name]) for name in names}
@@ -52,10 +52,10 @@ def _joint(root: ElementTree.Element, name: str) -> ElementTree.Element:
 
 
 def fr3_limited(urdf_xml: str, arm_id: str) -> str:
-    """A description of the Panda with the limits of the FR3.
+    """Return a description of the Panda with the limits of the FR3.
 
     Args:
-        urdf_xml: the description.
+        urdf_xml: robot description.
         arm_id: prefix of its joints.
     """
     root = ElementTree.fromstring(urdf_xml)
@@ -71,15 +71,17 @@ def fr3_limited(urdf_xml: str, arm_id: str) -> str:
 
 
 def fr3_urdf(hand: bool = True, collision: bool = True) -> str:
-    """The whole FR3 as pure URDF."""
+    """Return the complete FR3 as pure URDF."""
     urdf_xml = panda_description.load(arm_id="fr3", hand=hand, meshes=False, collision=collision)
     return fr3_limited(urdf_xml, "fr3")
 
 
 def fr3_served_urdf() -> str:
-    """What a client of protocol 10 needs: joints `joint1` to `joint7` with limits of the velocity that depend on the
-    position, the flange `link8`, inertial parameters; no hand, as its mass comes with the state and its finger joints
-    would be taken for joints of the arm."""
+    """Return the URDF for a client of protocol 10.
+
+    It has the joints `joint1` to `joint7` with position-dependent velocity limits, the flange `link8` and inertial
+    parameters, but no hand: its mass is part of the state, and its finger joints would be taken for joints of the arm.
+    """
     root = ElementTree.fromstring(fr3_urdf(hand=False, collision=False))
     values = read_config("fr3")
     for i in range(JOINTS):
@@ -108,4 +110,4 @@ ROBOTS: Mapping[str, Robot] = {
     ),
     "fr3": Robot("fr3", 10, fr3_urdf, fr3_limited, fr3_served_urdf, fr3_limits),
 }
-"""By name."""
+"""Robots by name."""

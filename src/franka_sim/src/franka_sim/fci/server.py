@@ -1,4 +1,4 @@
-"""The server: one thread, one selector, one robot; clients never make it wait."""
+"""Server of one robot: one thread, one selector; clients never block it."""
 
 import selectors
 import time
@@ -14,23 +14,23 @@ from franka_sim.fci.session import Service
 from hric_control.errors import UnknownNameError
 
 LONGEST_WAIT = 0.05
-"""A signal takes effect within this time [s]."""
+"""Maximum time until a signal takes effect [s]."""
 CYCLES_PER_STEP = round(STEP / PERIOD)
 
 
 class FciServer:
-    """A control box on the network.
+    """Control box on the network.
 
     Args:
         device: the robot.
         ip: address to listen on; the ports are libfranka's (1337, with a hand 1338).
-        version: of the protocol, 5 or 10.
+        version: protocol version, 5 or 10.
         clock: "lock_step" or "wall".
         pace: real-time factor; 0 (lock-step only): as fast as the client.
-        faults: of the network.
+        faults: faults of the network.
 
     Raises:
-        HricError: a port cannot be had, or an argument is wrong.
+        HricError: a port is not available, or an argument is wrong.
     """
 
     def __init__(
@@ -61,32 +61,32 @@ class FciServer:
             raise
 
     def watch(self, file: int, callback: Callable[[int], None]) -> None:
-        """Call `callback(events)` when there is something to read from a file descriptor."""
+        """Call `callback(events)` when a file descriptor is readable."""
         self._selector.register(file, selectors.EVENT_READ, callback)
 
     def unwatch(self, file: int) -> None:
-        """No longer."""
+        """Stop watching a file descriptor."""
         self._selector.unregister(file)
 
     def run(self) -> None:
-        """Serve until `stop`."""
+        """Serve until `stop` is called."""
         while not self._stop:
             self._wait()
             self._tick()
 
     def stop(self) -> None:
-        """Let `run` return within LONGEST_WAIT; from any thread or a signal handler."""
+        """Make `run` return within LONGEST_WAIT; from any thread or a signal handler."""
         self._stop = True
 
     def close(self) -> None:
-        """Let all clients go and free the ports."""
+        """Disconnect all clients and free the ports."""
         for service in self._services:
             service.close()
         self._services.clear()
         self._selector.close()
 
     def _wait(self) -> None:
-        """Serve the sockets until the next cycle is due, once at least."""
+        """Serve the sockets until the next cycle is due, at least once."""
         select, clock, arm = self._selector.select, self._clock, self.arm
         first = True
         while not self._stop:
@@ -99,7 +99,7 @@ class FciServer:
             self._move_links()
 
     def _until_link(self) -> float:
-        """Longest wait, in view of what moves in an emulated network [s]."""
+        """Return the maximum wait until the next event of an emulated network [s]."""
         left = LONGEST_WAIT
         for service in self._services:
             due = service.client.link.next_due() if service.client is not None else None

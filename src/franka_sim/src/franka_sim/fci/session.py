@@ -1,5 +1,7 @@
-"""A service of the control box: listens on one TCP port, shakes hands, serves one client, and survives whatever else
-comes."""
+"""Service of the control box: listens on one TCP port, does the handshake, and serves one client.
+
+It survives any other connections and data.
+"""
 
 import logging
 import selectors
@@ -18,12 +20,14 @@ from franka_sim.fci.wire import CONNECT, CONNECT_PAYLOAD, VERSION, Framing
 from hric_control.errors import FailureError
 
 HANDSHAKE_TIME = 1.0
-"""A connection that does not say what it is within this time is closed [s]: project default, unconfirmed."""
+"""Time after which a connection without a handshake is closed [s]: project default, unconfirmed."""
 MAX_WAITING = 64
-"""Connections that may be shaking hands at the same time; one more, and the oldest of the address that has most of them
-goes (project default, unconfirmed)."""
+"""Maximum number of connections in the handshake (project default, unconfirmed).
+
+Beyond it, the oldest connection of the address with the most connections is closed.
+"""
 ACCEPTED = 16
-"""Connections that are accepted between two looks at the others and at the clock (project default, unconfirmed)."""
+"""Maximum number of connections accepted before the others and the clock are served (project default, unconfirmed)."""
 INCOMPATIBLE = 1
 """Status of Connect for a client of another version."""
 
@@ -32,7 +36,7 @@ READ, WRITE = selectors.EVENT_READ, selectors.EVENT_WRITE
 
 @dataclass
 class Client:
-    """The client that is served; since: time.monotonic at its handshake [s]."""
+    """Client that is served; `since` is time.monotonic at its handshake [s]."""
 
     connection: Connection
     link: Link
@@ -41,18 +45,18 @@ class Client:
 
 
 class Service(ABC):
-    """One port of the box.
+    """Service at one port of the box.
 
     Args:
-        selector: of the server; its keys carry a callable that takes the events.
-        name: for the log, e.g. "arm".
-        framing: of its messages.
-        version: of its protocol.
-        address: (ip, port) it listens on.
-        faults: of the UDP link.
+        selector: selector of the server; the data of its keys is a callable that takes the events.
+        name: name for the log, e.g. "arm".
+        framing: framing of its messages.
+        version: protocol version.
+        address: (ip, port) to listen on.
+        faults: faults of the UDP link.
 
     Raises:
-        HricError: the address cannot be listened on.
+        HricError: the address is not available.
     """
 
     def __init__(
@@ -81,39 +85,39 @@ class Service(ABC):
 
     @abstractmethod
     def size_of(self, command: int) -> int | None:
-        """Payload size of a command [bytes], None for one that does not exist."""
+        """Return the payload size of a command [bytes], None if it does not exist."""
 
     @abstractmethod
     def handle(self, message: Message) -> None:
-        """A request of the client that is served."""
+        """Handle a request of the client that is served."""
 
     @abstractmethod
     def on_client(self) -> None:
-        """A client has connected."""
+        """Handle a new client."""
 
     @abstractmethod
     def on_client_lost(self) -> None:
-        """The client has gone, or was let go."""
+        """Handle the end of a client's connection."""
 
     @abstractmethod
     def on_datagrams(self) -> None:
-        """Datagrams of the client wait in its link."""
+        """Read the client's datagrams that wait in its link."""
 
     def respond(self, message: Message, status: int, tail: bytes = b"") -> None:
-        """Respond to the client that is served; without one, or if it is lost by this, nothing."""
+        """Respond to the client that is served, if any."""
         if self.client is not None:
             connection = self.client.connection
             self._guarded(connection, lambda: connection.respond(message.command, message.command_id, status, tail))
             self._watch(connection)
 
     def housekeeping(self, now: float) -> None:
-        """Close the connections that do not say what they are. now: time.monotonic [s]."""
+        """Close connections without a handshake in time. now: time.monotonic [s]."""
         for connection, (peer, since) in list(self._waiting.items()):
             if now - since > HANDSHAKE_TIME:
                 self._drop(connection, f"{peer} said nothing for {HANDSHAKE_TIME:g} s")
 
     def close(self) -> None:
-        """Let everyone go."""
+        """Close all connections and the port."""
         for connection in list(self._waiting):
             self._drop(connection, "")
         if self.client is not None:
@@ -133,7 +137,7 @@ class Service(ABC):
 
     def _greet(self, connected: socket.socket, peer: str) -> None:
         if self.client is not None:
-            self._on_connection(self.client.connection, READ)  # perhaps it has just gone
+            self._on_connection(self.client.connection, READ)  # it may just have disconnected
         if self.client is not None:
             self.complaints.warn_of(_host(peer), f"{peer} is turned away: {self.client.name} is connected")
             connected.close()
@@ -146,11 +150,11 @@ class Service(ABC):
             self._make_room()
 
     def _make_room(self) -> None:
-        """Let the oldest connection go that shakes hands, of the address that has most of them."""
+        """Close the oldest connection in the handshake, of the address with the most of them."""
         hosts = {connection: _host(peer) for connection, (peer, _) in self._waiting.items()}
         crowd = Counter(hosts.values()).most_common(1)[0][0]
         oldest = next(connection for connection, host in hosts.items() if host == crowd)
-        self._on_connection(oldest, READ)  # perhaps it has just said what it is
+        self._on_connection(oldest, READ)  # its handshake may just have arrived
         if oldest in self._waiting:
             self._drop(oldest, f"{self._waiting[oldest][0]} is turned away: too many connections are shaking hands")
 
@@ -210,7 +214,7 @@ class Service(ABC):
                 self._drop(connection, f"{self._waiting[connection][0]} is turned away: {error}" if bad else "")
 
     def _watch(self, connection: Connection) -> None:
-        with suppress(KeyError, ValueError):  # closed meanwhile
+        with suppress(KeyError, ValueError):  # closed in the meantime
             key = self._selector.get_key(connection.socket)
             events = READ | WRITE if connection.unsent else READ
             if key.events != events:
@@ -242,10 +246,10 @@ def _host(peer: str) -> str:
 
 
 def listen(address: tuple[str, int], name: str) -> socket.socket:
-    """A listening, non-blocking socket.
+    """Return a listening, non-blocking socket.
 
     Raises:
-        HricError: the address is none of this machine, or taken.
+        HricError: the address does not belong to this machine, or is in use.
     """
     listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     try:

@@ -1,7 +1,7 @@
-"""Bytes of the Franka Control Interface: framing of requests, the state datagram, the command datagram. Little endian,
-packed, column-major.
+"""Byte layout of the Franka Control Interface: framing of requests, state datagram, command datagram.
 
-The layouts are those of libfranka's public headers (libfranka-common e6aa0fc for protocol 5, d96c221 for protocol 10).
+Little endian, packed, column-major. The layouts are those of libfranka's public headers (libfranka-common e6aa0fc for
+protocol 5, d96c221 for protocol 10).
 """
 
 import struct
@@ -58,7 +58,7 @@ WIRE_ERRORS: tuple[str, ...] = (
     "base_acceleration_initialization_timeout",
     "base_acceleration_invalid_reading",
 )
-"""The 41 errors in the order of their bytes on the wire (not that of franka_msgs/Errors)."""
+"""Names of the 41 errors in the order of their bytes on the wire (not that of franka_msgs/Errors)."""
 
 _BEFORE_EE = ("O_T_EE", "O_T_EE_d", "F_T_EE", "EE_T_K", "F_T_NE", "NE_T_EE")
 _EE = ("I_ee", "F_x_Cee")
@@ -69,28 +69,27 @@ _AFTER_LOAD = (
     *("elbow_c", "delbow_c", "ddelbow_c", "O_T_EE_c", "O_dP_EE_c", "O_ddP_EE_c", "theta", "dtheta"),
 )
 FLOATS = 284
-"""Numbers before the modes, accelerometers aside: the two masses, and the fields above."""
+"""Count of numbers before the modes, without accelerometers: the two masses, and the fields above."""
 ACCELEROMETERS = 36
-"""Accelerometers at the top and at the bottom of protocol 10, 6 times 3 each [m/s^2]; the emulated arm has none and
-sends zeros."""
+"""Count of accelerometer values in protocol 10, top and bottom, 6 times 3 each [m/s^2]; always zero here."""
 
 
 def error_bytes(names: Iterable[str]) -> bytes:
-    """One byte per error, 41 bytes."""
+    """Return one byte per error, 41 bytes."""
     given = frozenset(names)
     return bytes(name in given for name in WIRE_ERRORS)
 
 
 class StateCodec:
-    """The state datagram: 2373 bytes in protocol 5 (64-bit numbers), 1377 in protocol 10 (32-bit).
+    """Codec of the state datagram: 2373 bytes in protocol 5 (64-bit numbers), 1377 in protocol 10 (32-bit).
 
     Args:
         real: struct's letter of a number, "d" or "f".
-        accelerometers: whether their two blocks follow.
+        accelerometers: True if the two accelerometer blocks follow.
 
     Attributes:
-        names: the fields that are numbers, in their order.
-        size: of the datagram [bytes].
+        names: numeric fields in their order.
+        size: size of the datagram [bytes].
     """
 
     names = (*_BEFORE_EE, "m_ee", *_EE, "m_load", *_AFTER_LOAD)
@@ -110,7 +109,7 @@ class StateCodec:
         self._errors: dict[frozenset[str], bytes] = {}
 
     def encode(self, message_id: int, state: Any) -> bytes:
-        """The datagram.
+        """Return the datagram.
 
         Args:
             message_id: milliseconds of robot time.
@@ -127,17 +126,16 @@ class StateCodec:
         tail = self._modes(state)
         try:
             return self._struct.pack(message_id, *numbers, *self._extra, *tail)
-        except OverflowError:  # an arm that has blown up does not take the server with it
+        except OverflowError:  # an unstable arm must not stop the server
             numbers = [min(max(number, -MAX_FLOAT32), MAX_FLOAT32) for number in numbers]
             return self._struct.pack(message_id, *numbers, *self._extra, *tail)
 
     def join(self, message_id: int, numbers: bytes, state: Any) -> bytes:
-        """The same datagram from numbers that were packed elsewhere: the fields of `names` one after the other, little
-        endian."""
+        """Return the same datagram from packed numbers: the fields of `names` in order, little endian."""
         return self._head.pack(message_id) + numbers + self._no_accelerations + self._tail.pack(*self._modes(state))
 
     def _modes(self, state: Any) -> tuple[int, int, bytes, bytes, int, float]:
-        """What follows the numbers."""
+        """Return the values that follow the numbers."""
         return (
             state.generator_mode,
             state.controller_mode,
@@ -155,8 +153,10 @@ class StateCodec:
 
 
 class CommandCodec:
-    """The command datagram, 370 bytes, with the flag of finished torques (protocol 7 and later) 371; always 64-bit
-    numbers."""
+    """Codec of the command datagram: 370 bytes, 371 with the flag of finished torques (protocol 7 and later).
+
+    Numbers always have 64 bits.
+    """
 
     def __init__(self, torque_flag: bool) -> None:
         self._struct = struct.Struct("<Q38dBB7dB" if torque_flag else "<Q38dBB7d")
@@ -164,7 +164,7 @@ class CommandCodec:
         self._torque_flag = torque_flag
 
     def decode(self, datagram: bytes) -> tuple[int, MotionCommand]:
-        """(message_id of the state that it is for, command). The datagram has the right size."""
+        """Return (message_id of the state that it responds to, command) of a datagram of the correct size."""
         values = self._struct.unpack(datagram)
         elbow = (values[37], values[38]) if values[39] else None
         finished = bool(values[40]) or (self._torque_flag and bool(values[48]))
@@ -172,7 +172,7 @@ class CommandCodec:
         return values[0], MotionCommand(q, dq, pose, twist, elbow, list(values[41:48]), finished)
 
     def encode(self, message_id: int, command: MotionCommand) -> bytes:
-        """What a client sends."""
+        """Return the datagram of a client's command."""
         elbow = command.elbow or (0.0, 0.0)
         numbers = (*command.q, *command.dq, *command.O_T_EE, *command.O_dP_EE, *elbow)
         flags = (command.elbow is not None, command.finished)
@@ -182,10 +182,10 @@ class CommandCodec:
 
 @dataclass(frozen=True)
 class Framing:
-    """How requests and responses are framed on TCP.
+    """Framing of requests and responses on TCP.
 
     Attributes:
-        header: command, command_id, size of the whole message.
+        header: command, command_id, size of the complete message.
         status: first part of every response's payload.
     """
 
@@ -193,7 +193,7 @@ class Framing:
     status: struct.Struct
 
     def frame(self, command: int, command_id: int, payload: bytes) -> bytes:
-        """Header and payload."""
+        """Return header and payload as bytes."""
         return self.header.pack(command, command_id, self.header.size + len(payload)) + payload
 
 
@@ -204,4 +204,4 @@ CONNECT = 0
 CONNECT_PAYLOAD = struct.Struct("<HH")
 """Version of the client, its UDP port."""
 VERSION = struct.Struct("<H")
-"""Follows the status in the response to Connect."""
+"""Version of the server, after the status in the response to Connect."""

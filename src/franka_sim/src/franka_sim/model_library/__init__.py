@@ -1,5 +1,4 @@
-"""The model library that libfranka (protocol 5 to 9) downloads from the control box: our own, with an arm's
-parameters."""
+"""Model library that libfranka (protocol 5 to 9) downloads from the control box, with the arm's parameters."""
 
 import functools
 from pathlib import Path
@@ -8,7 +7,7 @@ from franka_sim.model_library.parameters import arm_parameters
 from hric_control.native import load
 
 MARKER = b"HRIC arm 187 f64"
-"""In the library as it is built, before the parameters (arm.c)."""
+"""Marker before the parameters in the library as built (arm.c)."""
 
 FUNCTIONS: tuple[str, ...] = (
     *(f"O_T_J{i}" for i in range(1, 10)),
@@ -18,14 +17,14 @@ FUNCTIONS: tuple[str, ...] = (
     "c_NE",
     "g_NE",
 )
-"""The 30 symbols that libfranka resolves; one missing symbol fails its `load_model`."""
+"""Names of the 30 symbols that libfranka resolves; its `load_model` fails if one is missing."""
 
 
 @functools.lru_cache(maxsize=16)
 def library_for(urdf_xml: str, arm_id: str = "panda") -> bytes:
-    """The shared library of this arm for this machine: its bytes, as the response to LoadModelLibrary carries them.
+    """Return the shared library of this arm for this machine, as the bytes of the response to LoadModelLibrary.
 
-    What hangs on `<arm_id>_link8` (the hand, and the flange link's own mass) is no part of the library: libfranka
+    The library excludes everything attached to `<arm_id>_link8` (the hand, and the flange link's mass): libfranka
     passes end effector and payload together as I_total, m_total, F_x_Ctotal, and the box reports the former as m_ee.
 
     Args:
@@ -33,7 +32,7 @@ def library_for(urdf_xml: str, arm_id: str = "panda") -> bytes:
         arm_id: prefix of the links.
 
     Raises:
-        DescriptionError, UnknownNameError: the URDF does not hold such an arm.
+        DescriptionError, UnknownNameError: the URDF has no such arm.
         HricError: the library is not built.
     """
     parameters = arm_parameters(urdf_xml, arm_id)

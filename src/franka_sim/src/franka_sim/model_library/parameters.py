@@ -1,4 +1,4 @@
-"""The arm's parameters as the compiled models take them, from the URDF."""
+"""Parameters of the arm for the compiled models, from the URDF."""
 
 from dataclasses import replace
 
@@ -13,10 +13,9 @@ _Z = np.array([0.0, 0.0, 1.0])
 
 
 def arm_without_tool(robot: Robot, arm_id: str) -> Robot:
-    """The description without what hangs on `<arm_id>_link8` and without that link's own mass: what is left is the arm,
-    links 1 to 7.
+    """Return the description of the arm alone, links 1 to 7.
 
-    The counterpart is `KdlFrankaModel.ee_inertial`, exactly what is left out here.
+    It excludes everything attached to `<arm_id>_link8` and that link's mass, which is `KdlFrankaModel.ee_inertial`.
 
     Raises:
         UnknownNameError: no such link.
@@ -32,10 +31,10 @@ def arm_without_tool(robot: Robot, arm_id: str) -> Robot:
 
 
 def arm_chain(urdf_xml: str, arm_id: str) -> SerialChain:
-    """The seven links of the arm, without tool.
+    """Return the seven links of the arm, without tool.
 
     Raises:
-        DescriptionError: not seven joints that turn about their z axes.
+        DescriptionError: there are not seven joints that rotate about their z axes.
     """
     chain = chain_of(arm_without_tool(read(urdf_xml), arm_id), f"{arm_id}_link0", f"{arm_id}_link8")
     if len(chain.segments) != JOINTS:
@@ -54,12 +53,12 @@ def arm_chain(urdf_xml: str, arm_id: str) -> SerialChain:
 
 
 def arm_parameters(urdf_xml: str, arm_id: str) -> bytes:
-    """Kinematics and inertias of the arm in the layout of the struct Arm in arm.h, SI units.
+    """Return kinematics and inertias of the arm in the layout of the struct Arm in arm.h, SI units.
 
     187 doubles; rotations and tensors row-major.
 
     Raises:
-        DescriptionError, UnknownNameError: the URDF does not hold such an arm.
+        DescriptionError, UnknownNameError: the URDF has no such arm.
     """
     chain = arm_chain(urdf_xml, arm_id)
     poses, bodies = (

@@ -1,5 +1,4 @@
-"""Motion generators of the control box: what a client commands each millisecond, checked and turned into a desired
-joint motion."""
+"""Motion generators of the control box: check a client's commands and convert them to a desired joint motion."""
 
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.limits import FrankaLimits
@@ -14,13 +13,13 @@ from hric_control.errors import UnknownNameError
 def make_generator(
     kind: GeneratorMode, model: KdlFrankaModel, limits: FrankaLimits, time_step: float = 0.001
 ) -> MotionGenerator:
-    """A generator; one serves any number of motions, one after the other.
+    """Return a motion generator, which can serve any number of consecutive motions.
 
     Args:
         kind: one of the four modes that generate a motion.
-        model: of the arm; Cartesian generators follow its end effector, the others need its joints' names.
+        model: model of the arm; Cartesian generators use its end effector, the others its joint names.
         limits: nominal limits of the arm, without libfranka's margins.
-        time_step: [s].
+        time_step: control period [s].
 
     Raises:
         UnknownNameError: the mode generates no motion.

@@ -1,5 +1,4 @@
-"""Cartesian pose and Cartesian velocity generators: the commanded motion is checked, then joints follow by inverse
-kinematics with elbow."""
+"""Cartesian pose and velocity generators: check of the command, then inverse kinematics with elbow."""
 
 from abc import abstractmethod
 from collections.abc import Sequence
@@ -21,17 +20,17 @@ INVALID_FRAME = frozenset({"cartesian_position_motion_generator_invalid_frame"})
 START_OUT_OF_RANGE = frozenset({CARTESIAN_JOINT_ERRORS.position})
 NOT_AT_REST = frozenset({CARTESIAN_ERRORS.acceleration})
 NO_JOINT_MOTION = frozenset({CARTESIAN_JOINT_ERRORS.acceleration})
-"""No joint motion follows: at the border of the workspace or a singular pose, where any would be too sudden."""
+"""Error if no joint motion follows: at the workspace border or in a singular pose, where it would be too sudden."""
 
 
 class CartesianGenerator(MotionGenerator):
-    """What pose and twist commands share: a pose, its twist and acceleration, the elbow, and the joints that follow.
+    """Common part of pose and twist commands: pose, twist, acceleration, elbow, and joint motion.
 
     Args:
-        model: of the arm.
-        limits: of the arm.
+        model: model of the arm.
+        limits: limits of the arm.
         parameters: tolerances.
-        time_step: [s].
+        time_step: control period [s].
     """
 
     def __init__(
@@ -50,7 +49,7 @@ class CartesianGenerator(MotionGenerator):
         self._moving = self._lost = False
 
     def start(self, state: RobotState) -> Errors:
-        """Begin at rest at the pose of q_d, which must be within the position limits."""
+        """Start at rest at the pose of q_d, which must be within the position limits."""
         self._state, self._moving, self._lost, self.reason = state, False, False, ""
         state.dq_d[:] = state.ddq_d[:] = [0.0] * 7
         self._ik.begin(state.q_d)
@@ -61,19 +60,19 @@ class CartesianGenerator(MotionGenerator):
         return NO_ERRORS if self._joints.in_range(state.q_d) else self._refused_start()
 
     def is_singular(self, state: RobotState) -> bool:
-        """Whether the end effector's Jacobian has lost a rank at q_d, nearly."""
+        """Return True if the end effector's Jacobian at q_d is nearly rank deficient."""
         return self._ik.begin(state.q_d) < self._parameters.singular_value
 
     @abstractmethod
     def _refused_start(self) -> Errors:
-        """The name of a start outside of the position limits."""
+        """Return the error for a start outside of the position limits."""
 
     @abstractmethod
     def _commanded(self, command: MotionCommand) -> tuple[list[float], list[float], Errors]:
-        """Pose (16 floats) and twist (6 floats) of this step, and what is wrong with them as such."""
+        """Return pose (16 floats) and twist (6 floats) of this step, and the errors in their values."""
 
     def advance(self, command: MotionCommand | None) -> Errors:
-        """One millisecond, see `MotionGenerator`."""
+        """Compute one millisecond, see `MotionGenerator`."""
         if command is None:
             return self._bridge() if self._moving else NO_ERRORS
         T, twist, errors = self._commanded(command)
@@ -93,7 +92,7 @@ class CartesianGenerator(MotionGenerator):
         return errors
 
     def _bridge(self) -> Errors:
-        """A lost packet: the accelerations of pose and elbow stay."""
+        """Bridge a lost packet with constant accelerations of pose and elbow."""
         dt, self._lost = self._dt, True
         twist = [v + a * dt for v, a in zip(self._twist, self._acceleration, strict=True)]
         self._elbow.bridge()
@@ -145,8 +144,7 @@ class CartesianGenerator(MotionGenerator):
         return CARTESIAN_ERRORS.named(False, velocity, sudden, jerk)
 
     def _publish(self) -> None:
-        """Write the Cartesian fields of the state; new lists, for a state may compute these fields when they are
-        read."""
+        """Write the Cartesian fields of the state as new lists: a state may compute these fields on demand."""
         state, elbow = self._state, self._elbow
         state.O_T_EE_d, state.O_T_EE_c = self._T[:], self._T[:]
         state.O_dP_EE_d, state.O_dP_EE_c, state.O_ddP_EE_c = self._twist[:], self._twist[:], self._acceleration[:]
@@ -156,7 +154,7 @@ class CartesianGenerator(MotionGenerator):
 
 
 class CartesianPositionGenerator(CartesianGenerator):
-    """Poses are commanded; the twist is the one that leads from the last to the next, as in libfranka's limiter."""
+    """Generator for commanded poses; the twist is the step from the last pose, as in libfranka's limiter."""
 
     def _refused_start(self) -> Errors:
         return START_POSE_INVALID
@@ -172,7 +170,7 @@ class CartesianPositionGenerator(CartesianGenerator):
 
 
 class CartesianVelocityGenerator(CartesianGenerator):
-    """Twists are commanded; the pose is what they lead to."""
+    """Generator for commanded twists, which it integrates to a pose."""
 
     def _refused_start(self) -> Errors:
         return START_OUT_OF_RANGE

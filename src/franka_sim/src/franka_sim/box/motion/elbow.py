@@ -1,4 +1,4 @@
-"""The elbow of a Cartesian motion: position of joint 3 and side of joint 4, commanded or held."""
+"""Elbow of a Cartesian motion: position of joint 3 and side of joint 4, commanded or held."""
 
 import math
 from collections.abc import Sequence
@@ -17,15 +17,14 @@ class ElbowMotion:
     """Position of joint 3 over time, with its limits.
 
     Attributes:
-        commanded: whether the client commands the elbow; else the joint is held at `desired` as well as the pose
-            allows.
+        commanded: True if the client commands the elbow; otherwise joint 3 is held at `desired` if the pose allows.
         desired: position of joint 3 after this step [rad].
-        reason: what `violations` returned last, in words.
-        position, velocity, acceleration: after the last step taken [rad], [rad/s], [rad/s^2].
+        reason: explanation of the last violations.
+        position, velocity, acceleration: after the last accepted step [rad], [rad/s], [rad/s^2].
 
     Args:
         rates: limits of the elbow.
-        time_step: [s].
+        time_step: control period [s].
     """
 
     def __init__(self, rates: SpaceRates, time_step: float) -> None:
@@ -33,14 +32,14 @@ class ElbowMotion:
         self.start([0.0] * 7)
 
     def start(self, q_d: Sequence[float]) -> None:
-        """Begin at rest at q_d, 7 floats [rad]."""
+        """Start at rest at q_d, 7 floats [rad]."""
         self.position = self.desired = q_d[ELBOW_JOINT]
         self.velocity = self.acceleration = 0.0
         self._next = (0.0, 0.0)
         self._side, self.commanded, self.reason = elbow_side(q_d), False, ""
 
     def refused(self, elbow: tuple[float, float] | None, moving: bool) -> Errors:
-        """What is wrong with a commanded elbow as such; moving: it is not the motion's first command."""
+        """Return the errors in the values of a commanded elbow; moving: False for the motion's first command."""
         if elbow is None:
             return NO_ERRORS
         if not math.isfinite(elbow[0]):
@@ -52,7 +51,7 @@ class ElbowMotion:
         return NO_ERRORS
 
     def command(self, elbow: tuple[float, float] | None) -> None:
-        """Take what is commanded for this step; a client that stops commanding the elbow leaves it where it is."""
+        """Take the command of this step; if the client stops commanding the elbow, it stays at its position."""
         if elbow is None:
             if self.commanded:
                 self.desired = self.position
@@ -63,13 +62,13 @@ class ElbowMotion:
         self._next = velocity, (velocity - self.velocity) / self._dt
 
     def bridge(self) -> None:
-        """A lost packet: a commanded elbow goes on with constant acceleration."""
+        """Bridge a lost packet: a commanded elbow continues with constant acceleration."""
         if self.commanded:
             velocity = self.velocity + self.acceleration * self._dt
             self._next, self.desired = (velocity, self.acceleration), self.position + velocity * self._dt
 
     def violations(self, after_loss: bool) -> Errors:
-        """What a commanded elbow violates in this step; libfranka has one name for velocity, acceleration and jerk."""
+        """Return the violation of a commanded elbow; libfranka has one name for velocity, acceleration and jerk."""
         if not self.commanded:
             return NO_ERRORS
         velocity, acceleration = self._next
@@ -81,11 +80,11 @@ class ElbowMotion:
         return LIMIT_VIOLATION
 
     def side_violated(self, q: Sequence[float]) -> Errors:
-        """Whether the joints end on the other side than commanded; q: 7 floats [rad]."""
+        """Return an error if the joints (7 floats [rad]) end on another side than commanded."""
         return SIGN_INCONSISTENT if self.commanded and elbow_side(q) != self._side else NO_ERRORS
 
     def took(self, q: Sequence[float], dq: Sequence[float], ddq: Sequence[float]) -> None:
-        """The step was taken; 7 floats each [rad], [rad/s], [rad/s^2]."""
+        """Store an accepted step of the joints; 7 floats each [rad], [rad/s], [rad/s^2]."""
         self._side = elbow_side(q)
         if self.commanded:
             self.position, (self.velocity, self.acceleration) = self.desired, self._next

@@ -16,13 +16,13 @@ NOT_AT_REST = frozenset({JOINT_ERRORS.acceleration})
 
 
 class JointGenerator(MotionGenerator):
-    """What position and velocity commands share: differences, bridging, checks, and a motion that ends at rest.
+    """Common part of position and velocity commands: differences, lost packets, checks, end at rest.
 
     Args:
-        limits: of the arm.
-        joint_names: of the arm.
+        limits: limits of the arm.
+        joint_names: joint names of the arm.
         parameters: tolerances.
-        time_step: [s].
+        time_step: control period [s].
     """
 
     def __init__(
@@ -33,17 +33,17 @@ class JointGenerator(MotionGenerator):
         self._moving = self._lost = False
 
     def start(self, state: RobotState) -> Errors:
-        """Begin at rest at q_d."""
+        """Start at rest at q_d."""
         self._state, self._moving, self._lost, self.reason = state, False, False, ""
         state.dq_d[:] = state.ddq_d[:] = REST
         return NO_ERRORS
 
     @abstractmethod
     def _commanded(self, command: MotionCommand) -> tuple[list[float], list[float]]:
-        """Position and velocity of this step, 7 floats each [rad], [rad/s]."""
+        """Return position and velocity of this step, 7 floats each [rad], [rad/s]."""
 
     def advance(self, command: MotionCommand | None) -> Errors:
-        """One millisecond, see `MotionGenerator`."""
+        """Compute one millisecond, see `MotionGenerator`."""
         if command is None:
             return self._bridge() if self._moving else NO_ERRORS
         dt, state = self._dt, self._state
@@ -57,7 +57,7 @@ class JointGenerator(MotionGenerator):
         return errors
 
     def _bridge(self) -> Errors:
-        """A lost packet: the acceleration stays."""
+        """Bridge a lost packet with constant acceleration."""
         dt, state, self._lost = self._dt, self._state, True
         dq = [v + a * dt for v, a in zip(state.dq_d, state.ddq_d, strict=True)]
         q = [x + v * dt for x, v in zip(state.q_d, dq, strict=True)]
@@ -74,10 +74,10 @@ class JointGenerator(MotionGenerator):
 
 
 class JointPositionGenerator(JointGenerator):
-    """Positions are commanded; velocity and acceleration are their differences, as in libfranka's limiter."""
+    """Generator for commanded positions; velocity and acceleration are differences, as in libfranka's limiter."""
 
     def start(self, state: RobotState) -> Errors:
-        """Begin at rest at q_d, which must be within the position limits."""
+        """Start at rest at q_d, which must be within the position limits."""
         return super().start(state) or (NO_ERRORS if self._rates.in_range(state.q_d) else START_POSE_INVALID)
 
     def _commanded(self, command: MotionCommand) -> tuple[list[float], list[float]]:
@@ -85,17 +85,17 @@ class JointPositionGenerator(JointGenerator):
         return command.q, [(x - last) / dt for x, last in zip(command.q, self._state.q_d, strict=True)]
 
     def advance(self, command: MotionCommand | None) -> Errors:
-        """One millisecond; a first command that no joint velocity can reach is not a motion from this pose."""
+        """Compute one millisecond; a first command beyond the reach of the velocity limits gives START_POSE_INVALID."""
         if command is not None and not self._moving and not self._rates.reachable(command.q, self._state.q_d):
             return START_POSE_INVALID
         return super().advance(command)
 
 
 class JointVelocityGenerator(JointGenerator):
-    """Velocities are commanded; q_d is their sum."""
+    """Generator for commanded velocities, which it integrates to q_d."""
 
     def start(self, state: RobotState) -> Errors:
-        """Begin at rest at q_d; where it is out of the position limits, the motion may only lead inwards."""
+        """Start at rest at q_d; from outside the position limits, only inward motion is allowed."""
         self._rates.start_anywhere(state.q_d)
         return super().start(state)
 
@@ -104,8 +104,7 @@ class JointVelocityGenerator(JointGenerator):
         return [x + v * dt for x, v in zip(self._state.q_d, dq, strict=True)], dq
 
     def advance(self, command: MotionCommand | None) -> Errors:
-        """One millisecond. At rest nothing is to be done: torque control of protocol 5 runs beside this generator with
-        zero velocity."""
+        """Compute one millisecond; at rest do nothing: torque control of protocol 5 sends zero velocities here."""
         state = self._state
         if command is not None and command.dq == REST and state.dq_d == REST and state.ddq_d == REST:
             self._moving, self._lost = True, False

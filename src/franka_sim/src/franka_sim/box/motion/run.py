@@ -1,4 +1,4 @@
-"""One motion from its start to its end: generator and controller, as the client requested them, and its packets."""
+"""One motion from start to end: the generator and controller that the client requested, and its packets."""
 
 from collections.abc import Sequence
 from math import acos, dist, isfinite
@@ -15,7 +15,7 @@ from hric_control.native.vectors import near, smaller
 
 
 def invalid(request: MoveRequest) -> str:
-    """What is wrong with a request in itself; an empty text if nothing is."""
+    """Return the error in the values of a request, empty if there is none."""
     if request.controller is ControllerMode.OTHER:
         return "a motion needs a controller"
     if request.generator is GeneratorMode.IDLE:
@@ -28,11 +28,11 @@ def invalid(request: MoveRequest) -> str:
 
 
 class MotionRun:
-    """Turns commands into torques while a motion runs.
+    """Conversion of commands to torques while a motion runs.
 
     Args:
-        state: of the arm; the generators move its desired values.
-        model: what the box knows of the arm.
+        state: state of the arm; the generators write its desired values.
+        model: the box's model of the arm.
         config: parameters of the box.
     """
 
@@ -48,19 +48,19 @@ class MotionRun:
         self._limits: DeviationLimits | None = None
 
     def start(self, request: MoveRequest, law: ImpedanceLaw | None, filter_gain: float) -> bool:
-        """Begin at the state's q_d, at rest; False: the pose is singular for this motion.
+        """Start at rest at the state's q_d; return False if the pose is singular for this motion.
 
         Args:
             request: generator and deviations.
-            law: makes the torques of the desired motion; None: they are commanded.
-            filter_gain: what one cycle takes of a new torque command, 0 to 1.
+            law: law for the torques of the desired motion; None: torques are commanded.
+            filter_gain: filter coefficient of a new torque command per cycle, 0 to 1.
         """
         state = self._state
         self._law, self._gain = law, filter_gain
         self._generator, self._start_errors = self._make(request.generator), NO_ERRORS
         limits = DeviationLimits(request)
         self._limits = limits if limits.path or limits.goal else None
-        # libfranka 0.9 requests a joint velocity generator for torque control alone, and leaves it at zero.
+        # For torque control alone, libfranka 0.9 requests a joint velocity generator and commands zero velocity.
         self._still = law is None and request.generator in (GeneratorMode.NONE, GeneratorMode.JOINT_VELOCITY)
         if self._generator is not None:
             if self._generator.is_singular(state):
@@ -81,13 +81,11 @@ class MotionRun:
 
     @property
     def reason(self) -> str:
-        """What the motion generator refused and which limit was passed, in words; empty where there is nothing to add
-        to the errors' names."""
+        """Explanation of the motion generator's refusal, empty if the errors' names are enough."""
         return "" if self._generator is None else self._generator.reason
 
     def torque(self, command: MotionCommand | None) -> tuple[list[float], Errors]:
-        """(torque without gravity, 7 floats [N m]; what is wrong with the command by libfranka's names) for one
-        cycle."""
+        """Return (torques without gravity, 7 floats [N m]; errors of the command by libfranka's names) of one cycle."""
         wrong = self._generate(command)
         if not wrong and self._limits is not None and self._config.reflexes:
             wrong = self._limits.errors(self._state, command is not None and command.finished)
@@ -110,7 +108,7 @@ class MotionRun:
         return desired[:], NO_ERRORS
 
     def _generate(self, command: MotionCommand | None) -> Errors:
-        """Desired motion of this cycle."""
+        """Advance the desired motion by one cycle."""
         state, generator = self._state, self._generator
         if self._still and self._stays(command):
             state.q_d[:] = state.q
@@ -127,7 +125,7 @@ class MotionRun:
         return wrong
 
     def _stays(self, command: MotionCommand | None) -> bool:
-        """Whether the generator beside torque control is at zero; once it has moved it counts."""
+        """Return True if the generator next to torque control still gets zero commands; after a motion it is active."""
         self._still = self._generator is None or command is None or not any(command.dq)
         if not self._still and self._generator is not None:
             self._start_errors = self._start_errors or self._generator.start(self._state)
@@ -140,8 +138,7 @@ _USUAL = MoveRequest(ControllerMode.EXTERNAL, GeneratorMode.NONE)
 
 
 def deviation(state: BoxState) -> tuple[float, float, float]:
-    """Distance of the measured from the desired end effector: translation [m], rotation [rad], elbow (joint 3)
-    [rad]."""
+    """Return the deviation of the measured end effector: translation [m], rotation [rad], elbow (joint 3) [rad]."""
     a, b = state.O_T_EE, state.O_T_EE_d
     # Trace of R_a' R_b: the sum of the products of equal elements.
     trace = sum(a[i] * b[i] for i in (0, 1, 2, 4, 5, 6, 8, 9, 10))
@@ -153,7 +150,7 @@ def deviation(state: BoxState) -> tuple[float, float, float]:
 
 
 class DeviationLimits:
-    """Limits of path and goal; libfranka's defaults are wider than any pose can be wrong, and cost nothing.
+    """Limits of path and goal deviation; libfranka's defaults are beyond any possible deviation and are not checked.
 
     Attributes:
         path, goal: translation [m], rotation [rad], elbow [rad]; None: no limit.
@@ -165,7 +162,7 @@ class DeviationLimits:
         self.goal = goal if any(a < b for a, b in zip(goal, _USUAL.max_goal_deviation, strict=True)) else None
 
     def errors(self, state: BoxState, finished: bool) -> Errors:
-        """What is violated; finished: the motion ends here, so that the limits of the goal hold too."""
+        """Return the violated limits; finished: the motion ends here, so the goal limits apply, too."""
         limits = [(self.path, PATH)] + ([(self.goal, GOAL)] if finished else [])
         for limit, names in limits:
             if limit is not None and any(x > maximum for x, maximum in zip(deviation(state), limit, strict=True)):
@@ -178,11 +175,11 @@ OUT_OF_RANGE: Errors = frozenset(("tau_j_range_violation",))
 
 
 class TorqueChecks:
-    """Torque and torque-rate limits of a command, with libfranka's numbers.
+    """Check of torque and torque-rate limits of a command, with libfranka's values.
 
-    What is not finite, or changes faster than the limit of the torque rate, is a controller_torque_discontinuity; what
-    is larger than the limit of the torque a tau_j_range_violation. (libfranka names the errors; which of the two a NaN
-    is, is project default, unconfirmed.)
+    A value that is not finite, or changes faster than the torque-rate limit, is a controller_torque_discontinuity; a
+    value above the torque limit is a tau_j_range_violation. (libfranka names the errors; the name for NaN is a project
+    default, unconfirmed.)
     """
 
     def __init__(self, config: BoxConfig) -> None:
@@ -192,35 +189,34 @@ class TorqueChecks:
         self._range = tuple(effort * (1.0 + 1e-9) for effort in limits.effort)
 
     def errors(self, tau: Sequence[float], before: Sequence[float]) -> Errors:
-        """What is wrong with a command; tau: 7 floats [N m], before: the command accepted last.
+        """Return the errors of a command; tau: 7 floats [N m], before: last accepted command.
 
         Raises:
-            CommandError: not seven numbers; a mistake of the caller, not of the client.
+            CommandError: not seven numbers; an error of the caller, not of the client.
         """
         if len(tau) != 7:
             raise CommandError(f"a torque command is 7 numbers [N m]; got {len(tau)}")
-        if not near(tau, before, self._jump):  # NaN is near nothing
+        if not near(tau, before, self._jump):  # comparisons with NaN are False
             return DISCONTINUITY
         return NO_ERRORS if smaller(tau, self._range) else OUT_OF_RANGE
 
     def limited(self, tau: Sequence[float], before: Sequence[float]) -> list[float]:
-        """The nearest torque within the limits, 7 floats [N m]: for a box without reflexes."""
+        """Return the nearest torques within the limits, 7 floats [N m]: for a box without reflexes."""
         rows = zip(tau, before, self._jump, self._range, strict=True)
         return [min(max(a, b - j, -limit), b + j, limit) for a, b, j, limit in rows]
 
 
 class PacketCount:
-    """Counts lost packets in a row and the share of cycles with a command; counting begins with the first command of a
-    motion.
+    """Counter of consecutive lost packets and of the success rate, from the first command of a motion.
 
     Args:
-        window: cycles over which the share is taken.
+        window: number of cycles of the success rate.
 
     Attributes:
-        started: whether the motion's first command has come.
+        started: True after the motion's first command.
         lost_in_a_row: packets lost since the last command.
-        success_rate: share of the last `window` cycles (of those so far, while there are fewer) that had a command, 0
-            to 1; 0 before the first.
+        success_rate: fraction of the last `window` cycles (of all so far, if fewer) that had a command, 0 to 1; 0
+            before the first command.
     """
 
     def __init__(self, window: int) -> None:
@@ -228,18 +224,18 @@ class PacketCount:
         self.reset()
 
     def reset(self) -> None:
-        """A motion begins or ended."""
+        """Reset at the start or end of a motion."""
         self.started, self.lost_in_a_row, self.success_rate = False, 0, 0.0
         self._history, self._cycles, self._all = 0, 0, False
 
     def accept(self) -> None:
-        """A command came in time."""
+        """Count a command that came in time."""
         self.started, self.lost_in_a_row = True, 0
         if not self._all:
             self._count(1)
 
     def lose(self) -> None:
-        """No command came."""
+        """Count a cycle without a command."""
         if self.started:
             self.lost_in_a_row += 1
             self._count(0)
