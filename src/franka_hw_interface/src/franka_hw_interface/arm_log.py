@@ -1,5 +1,4 @@
-"""A log of an arm as arrays, and what makes it unusable: values that are not finite, time that does not increase, units
-that are not SI."""
+"""Arm logs as arrays, and checks of their values: finite, increasing time, SI units."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,18 +12,15 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 FAR = 0.5
-"""A measured position farther outside its joint's range than this is not one in radians; default chosen by this
-project, unconfirmed [rad]."""
+"""Distance outside the joint's range beyond which a position is not in radians [rad]; project default, unconfirmed."""
 MOVED = 0.05
-"""A joint whose position spans less than this says nothing about units; default chosen by this project, unconfirmed
-[rad]."""
+"""Minimum position span of a joint for the check of units [rad]; project default, unconfirmed."""
 SPAN = 20
-"""Samples over which the change of the position is compared with the integral of the velocity: many enough for the
-noise of both."""
+"""Samples over which position change and integrated velocity are compared: enough for the noise of both."""
 SLOPE_TOLERANCE = 0.25
-"""Relative error of that comparison which is accepted; default chosen by this project, unconfirmed [1]."""
+"""Maximum relative error of that comparison; default chosen by this project, unconfirmed [1]."""
 MIN_CORRELATION = 0.5
-"""Below it a velocity has nothing to do with its position; default chosen by this project, unconfirmed [1]."""
+"""Minimum correlation of a velocity with its position; default chosen by this project, unconfirmed [1]."""
 WRONG_UNITS = (
     (1e-3, "the time looks like milliseconds; seconds are needed"),
     (1e-6, "the time looks like microseconds; seconds are needed"),
@@ -32,25 +28,25 @@ WRONG_UNITS = (
     (np.pi / 180.0, "the velocities look like degrees per second; rad/s are needed"),
     (180.0 / np.pi, "the positions look like degrees; radians are needed"),
 )
-"""Change of position per integral of velocity over time, and the mistake that makes it."""
+"""Ratio of position change to integrated velocity over time, and the mistake that causes it."""
 
 
 class LogError(HricError):
-    """A log that cannot be compared with a model; the message says where and why."""
+    """Error of a log that cannot be compared with a model; the message gives place and reason."""
 
 
 @dataclass(frozen=True)
 class ArmLog:
-    """n samples of j joints.
+    """Log of n samples of j joints.
 
     Attributes:
         joint_names: order of the columns.
         time: shape (n,) [s].
         q, dq: position and velocity, shape (n, j) [rad, rad/s].
-        tau: torque that the sensors behind the gears measure, gravity included (tau_J), shape (n, j) [N m].
-        columns: what the log calls time, positions, velocities and torques, 1 + 3 j names.
-        rows: where each sample is in its source, shape (n,), e.g. the lines of a file.
-        row: what is counted by `rows`, e.g. "line".
+        tau: torque measured on the link side of the gears, gravity included (tau_J), shape (n, j) [N m].
+        columns: the log's names of time, positions, velocities and torques, 1 + 3 j names.
+        rows: position of each sample in its source, shape (n,), e.g. the lines of a file.
+        row: unit of `rows`, e.g. "line".
     """
 
     joint_names: tuple[str, ...]
@@ -63,7 +59,7 @@ class ArmLog:
     row: str
 
     def at(self, sample: int) -> str:
-        """Where a sample is in its source."""
+        """Return the position of a sample in its source as a text."""
         return f"{self.row} {self.rows[sample]}"
 
 
@@ -71,8 +67,9 @@ def check_log(log: ArmLog, lower: Sequence[float], upper: Sequence[float]) -> No
     """Refuse a log that cannot be of this arm in SI units.
 
     Args:
-        log: what was recorded.
-        lower, upper: position range of each joint [rad].
+        log: recorded log.
+        lower: lower position limit of each joint [rad].
+        upper: upper position limit of each joint [rad].
 
     Raises:
         LogError: one line with row and column.
@@ -116,7 +113,7 @@ def _check_range(log: ArmLog, lower: FloatArray, upper: FloatArray) -> None:
 
 
 def _check_motion(log: ArmLog) -> None:
-    """The position must change as the velocity says: slope and correlation over short spans, joint by joint."""
+    """Refuse positions that do not match the velocities: slope and correlation over short spans, per joint."""
     steps = np.diff(log.time)[:, None]
     integral = np.vstack([np.zeros(log.q.shape[1]), np.cumsum(0.5 * (log.dq[1:] + log.dq[:-1]) * steps, axis=0)])
     span = min(SPAN, len(log.time) - 1)

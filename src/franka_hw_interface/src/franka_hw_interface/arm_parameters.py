@@ -1,4 +1,4 @@
-"""Parameters that the simulated and the real arm share."""
+"""Parameters shared by the simulated and the real arm."""
 
 import math
 from collections.abc import Sequence
@@ -16,13 +16,13 @@ ARM_ID: Any = text("panda", empty=False, name="arm_id", text="prefix of joints a
 
 
 def _false(value: Any, where: str, joints: Sequence[str]) -> None:
-    """False, or an empty text in its place."""
+    """Accept False, or an empty text instead."""
     if value is not False and value != "":
         raise ValueError
 
 
 def collision_config(default: Any, false_text: str, default_text: str = "") -> Any:
-    """The parameter `collision_config`: eight lists, or false, which is read as None; false_text: what false means."""
+    """Return the parameter `collision_config`: eight lists, or false, read as None; false_text: meaning of false."""
     return either(
         Parameter("bool", "false", _false),
         section(CollisionThresholds),
@@ -35,22 +35,21 @@ def collision_config(default: Any, false_text: str, default_text: str = "") -> A
 
 
 def numbers(value: Any, n: int, where: str) -> list[float]:
-    """A list of n finite numbers. Raises ParameterError: it is not one."""
+    """Return a list of n finite numbers. Raises ParameterError if the value is something else."""
     return list(parameters.numbers(n).checked(value, where))
 
 
 def read_arm_id(node: Node) -> str:
-    """Prefix of joints and links."""
+    """Return the prefix of joints and links."""
     return str(ARM_ID.read(node, "arm_id"))
 
 
 def read_limits(
     urdf_xml: str, root_node: Node, node: Node, arm_id: str, joint_names: Sequence[str]
 ) -> list[JointLimits]:
-    """Limits to enforce: description, over it `joint_limits/<joint>`, and Franka's own torque rate where neither gives
-    one.
+    """Return the limits to enforce, of the kinds in the parameter `enforce_limits` of `node`.
 
-    The parameter `enforce_limits` of `node` says which.
+    They come from the description, overridden by `joint_limits/<joint>`; the default torque rate is Franka's.
     """
     kinds = ENFORCE_LIMITS.read(node, "enforce_limits")
     limits = load_limits(urdf_xml, root_node, joint_names, kinds)

@@ -1,4 +1,4 @@
-"""`franka_control/...`: services and recovery action of franka_ros, alike for the simulated and the real arm."""
+"""Services and recovery action `franka_control/...` of franka_ros, the same for the simulated and the real arm."""
 
 import math
 import threading
@@ -24,8 +24,7 @@ from hric_control.parameters import Settings, numbers
 
 @dataclass(frozen=True)
 class CollisionThresholds(Settings):
-    """From which external torques and wrenches on the arm speaks of contact (lower) and of collision (upper),
-    libfranka's eight lists.
+    """Thresholds of external torques and wrenches for contact (lower) and collision (upper), libfranka's eight lists.
 
     Torques: one per joint. Forces: on the stiffness frame, x y z [N], about them [N m].
     """
@@ -40,45 +39,46 @@ class CollisionThresholds(Settings):
     upper_force_thresholds_nominal: tuple[float, ...] = numbers(6, minimum=0.0, unit="N, N m")
 
     def lists(self) -> list[list[float]]:
-        """The eight lists in the order of libfranka's setCollisionBehavior."""
+        """Return the eight lists in the order of libfranka's setCollisionBehavior."""
         return [list(getattr(self, item.name)) for item in fields(self)]
 
 
 class Arm(Protocol):
-    """What an arm offers to these services. Each method refuses with a HricError that says why; all are called through
-    `request`."""
+    """Arm behind these services.
+
+    Each method refuses with a HricError that gives the reason; all are called through `request`.
+    """
 
     def request(self, function: Callable[[], None]) -> None:
         """Call `function` between two cycles of the control loop and wait for it; its error is raised here."""
 
     def set_load(self, mass: float, com: Sequence[float], inertia: Sequence[float]) -> None:
-        """Payload [kg], centre of mass in the flange frame, 3 floats [m], inertia about it, 9 floats column-major [kg
-        m^2]."""
+        """Set mass [kg], centre of mass in the flange, 3 floats [m], inertia, 9 floats column-major [kg m^2]."""
 
     def set_EE_frame(self, NE_T_EE: Sequence[float]) -> None:
-        """End effector in the nominal end-effector frame, 16 floats column-major."""
+        """Set the end effector in the nominal end-effector frame, 16 floats column-major."""
 
     def set_K_frame(self, EE_T_K: Sequence[float]) -> None:
-        """Stiffness frame in the end-effector frame, 16 floats column-major."""
+        """Set the stiffness frame in the end-effector frame, 16 floats column-major."""
 
     def set_joint_impedance(self, stiffness: Sequence[float]) -> None:
-        """Stiffness of the internal joint impedance, 7 floats [N m/rad]."""
+        """Set the stiffness of the internal joint impedance, 7 floats [N m/rad]."""
 
     def set_cartesian_impedance(self, stiffness: Sequence[float]) -> None:
-        """Stiffness of the internal Cartesian impedance in the stiffness frame, 3 floats [N/m], then 3 [N m/rad]."""
+        """Set the internal Cartesian stiffness in the stiffness frame, 3 floats [N/m], then 3 [N m/rad]."""
 
     def set_collision_behavior(self, thresholds: CollisionThresholds) -> None:
-        """Contact and collision thresholds."""
+        """Set the contact and collision thresholds."""
 
     def recover(self) -> None:
-        """Automatic error recovery; returns when the arm can be commanded again."""
+        """Run automatic error recovery; return when the arm can be commanded again."""
 
 
 def positive(values: Sequence[float], n: int, what: str) -> list[float]:
-    """n finite numbers, none of them negative.
+    """Return n finite numbers, none of them negative.
 
     Raises:
-        CommandError: they are not.
+        CommandError: the values are anything else.
     """
     result = [float(value) for value in values]
     if len(result) != n or not all(math.isfinite(value) and value >= 0.0 for value in result):
@@ -87,8 +87,9 @@ def positive(values: Sequence[float], n: int, what: str) -> list[float]:
 
 
 class ArmServices:
-    """The services and the action `franka_control/error_recovery` on any Node. A refusal is success=False with the
-    reason in `error`; a recovery that fails is an aborted goal with the reason as its text.
+    """Services and the action `franka_control/error_recovery` on any Node.
+
+    A refusal is success=False with the reason in `error`; a failed recovery is an aborted goal with the reason as text.
 
     Args:
         arm: the arm.
@@ -113,7 +114,7 @@ class ArmServices:
         self._open.append(node.action_server("error_recovery", ErrorRecoveryAction, self._on_goal, self._on_cancel))
 
     def unregister(self) -> None:
-        """Take services and action back."""
+        """Unregister services and action."""
         while self._open:
             self._open.pop().unregister()
 
@@ -150,7 +151,7 @@ class ArmServices:
     def _collision(self, request: Any) -> None:
         torques = request.lower_torque_thresholds_nominal, request.upper_torque_thresholds_nominal
         forces = request.lower_force_thresholds_nominal, request.upper_force_thresholds_nominal
-        # The same while accelerating as at steady motion, as in franka_ros.
+        # As in franka_ros, the thresholds are the same while accelerating and at steady motion.
         thresholds = CollisionThresholds(*torques, *torques, *forces, *forces)
         self._arm.request(lambda: self._arm.set_collision_behavior(thresholds))
 
@@ -164,7 +165,7 @@ class ArmServices:
 
     def _on_goal(self, goal: GoalHandle) -> None:
         goal.accept()
-        if self._node.publishes_inline:  # one thread only: now
+        if self._node.publishes_inline:  # one thread only: run here
             self._recover(goal)
         else:  # a recovery takes seconds, and actionlib holds a lock here
             threading.Thread(target=self._recover, args=[goal], name="error_recovery", daemon=True).start()
@@ -179,4 +180,4 @@ class ArmServices:
         goal.succeed(None)
 
     def _on_cancel(self, goal: GoalHandle) -> None:
-        """A recovery that has begun is carried out; libfranka cannot take it back."""
+        """Ignore the request: a recovery that has started is completed, since libfranka cannot cancel it."""

@@ -1,5 +1,4 @@
-"""The commands of all modes: storage for the interfaces, the joint limits over them, and the row for the control
-log."""
+"""Commands of all modes: storage for the interfaces, their joint limits, and the row for the control log."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -21,20 +20,20 @@ from hric_control.limits import EffortLimiter, JointLimits, LimitCounts, Limiter
 from hric_control.robot_hw import LogRow
 
 PERIOD = 1e-3
-"""A command to a real arm is in force for this long, however many states were lost before it [s]."""
+"""Duration for which a real arm applies a command, however many states were lost before it [s]."""
 
 
 @dataclass(slots=True)
 class ArmCommand:
-    """What an arm is commanded in one millisecond; only the fields of the mode are looked at.
+    """Command of an arm for one millisecond; only the fields of the mode are used.
 
     Attributes:
-        q, dq: joint position [rad] and velocity [rad/s], 7 floats.
+        q, dq: joint position [rad] and velocity [rad/s], 7 floats each.
         O_T_EE: pose of the end effector in the base, 16 floats, column-major.
         O_dP_EE: twist of the end effector in the base, linear [m/s] then angular [rad/s], 6 floats.
         elbow: (position of joint 3 [rad], side of joint 4, -1 or 1), or None: the arm's choice.
         tau: joint torque without gravity, 7 floats [N m].
-        finished: the motion shall end with this command.
+        finished: True if the motion ends with this command.
     """
 
     q: list[float] = field(default_factory=lambda: [0.0] * 7)
@@ -47,7 +46,7 @@ class ArmCommand:
 
 
 class _Joints(NamedTuple):
-    """Commands of one joint interface, what limits them, and what smooths them."""
+    """Commands of one joint interface with their limiter and smoother."""
 
     commands: JointCommands
     limiter: Limiter
@@ -62,13 +61,13 @@ class CommandSet:
         states: measured joint states.
         state: the arm's state.
         limits: one per joint.
-        period: of the commands [s].
-        smoothing: limits of rate for joint positions and velocities, for an arm that is commanded without libfranka;
-            None: as they come.
+        period: period of the commands [s].
+        smoothing: rate limits for joint positions and velocities, for an arm that is commanded without libfranka;
+            None: commands are not smoothed.
 
     Attributes:
-        counts: what the limits did.
-        row: command interface per joint, commands before the limits, commands that were sent: of the last cycle.
+        counts: counts of the limiters' interventions.
+        row: command interface per joint, commands before the limits, and commands sent, all of the last cycle.
     """
 
     def __init__(
@@ -101,7 +100,7 @@ class CommandSet:
         self._command = ArmCommand()
 
     def interfaces(self) -> list[HardwareInterface]:
-        """The command interfaces of all modes."""
+        """Return the command interfaces of all modes."""
         return [
             EffortJointInterface(self._effort.commands),
             VelocityJointInterface(self._velocity.commands),
@@ -111,8 +110,10 @@ class CommandSet:
         ]
 
     def enter(self, mode: Mode) -> None:
-        """Begin a mode: nothing changes until somebody commands. Positions and poses stand at the desired ones, torques
-        and velocities at zero."""
+        """Start a mode, without motion until the first command.
+
+        Positions and poses start at the desired ones, torques and velocities at zero.
+        """
         for joints in (self._effort, self._position, self._velocity):
             start = self._state.q_d if joints is self._position else self._zeros
             joints.commands.value[:] = start
@@ -123,11 +124,11 @@ class CommandSet:
         self.row = self._kinds, self._zeros, self._zeros
 
     def check_start(self) -> None:
-        """Say which joints stand outside their ranges, once."""
+        """Report the joints that start outside their ranges, once."""
         self._effort.limiter.check_start()
 
     def limited_command(self, mode: Mode) -> ArmCommand:
-        """The command of this cycle, within the joint limits; the object is the same each time."""
+        """Return the command of this cycle, within the joint limits; the object is always the same."""
         command, generator = self._command, mode.generator
         command.elbow = None
         if generator is Kind.POSITION:

@@ -1,5 +1,4 @@
-"""What the simulated and the real arm have in common as a RobotHW: who commands it, how that changes, and the error
-state."""
+"""Common part of the simulated and the real arm as a RobotHW: modes, their switching, error state."""
 
 from collections.abc import Sequence
 
@@ -17,19 +16,20 @@ from hric_control.robot_hw import ControllerInfo, LogRow, RobotHW
 
 
 class CommandedArm(RobotHW):
-    """Base of the Franka arms. The subclass sets the attributes, calls `_register`, and enters and leaves the
-    `_requested` mode in its `run`.
+    """Base of the Franka arms.
 
-    When the arm ends a motion by itself (a reflex, a command that it refuses), it is in the error state: controllers go
-    on being updated, their commands go nowhere, and none that commands can be started. After its recovery the motion
-    begins again, and the controllers are restarted.
+    The subclass sets the attributes, calls `_register`, and enters and leaves the `_requested` mode in its `run`.
+
+    When the arm ends a motion by itself (a reflex, a refused command), it is in the error state: controllers continue
+    to be updated without effect, and no controller that commands the arm can be started. After its recovery the motion
+    starts again, and the controllers are restarted.
 
     Attributes:
         arm_id: prefix of joints and links.
         states: measured joint states.
         robot_state: the Franka state.
-        mode: what the arm is commanded by now.
-        error: why the last motion ended, until the recovery; empty otherwise.
+        mode: present command mode of the arm.
+        error: reason for the end of the last motion, until the recovery; empty otherwise.
     """
 
     compensates_gravity = True
@@ -45,7 +45,7 @@ class CommandedArm(RobotHW):
 
     @property
     def _running(self) -> bool:
-        """Whether `run` drives the arm."""
+        """True while `run` drives the arm."""
         raise NotImplementedError
 
     def _check_mode(self, mode: Mode) -> None:
@@ -62,12 +62,12 @@ class CommandedArm(RobotHW):
         return claimed_modes(controllers, self.arm_id, self.states.names)
 
     def check_for_conflict(self, controllers: Sequence[ControllerInfo]) -> None:
-        """One commander at a time, and it claims the whole arm."""
+        """Refuse more than one commanding controller at a time, and a claim of a part of the arm."""
         super().check_for_conflict(controllers)
         check_one_commander(controllers, self.arm_id, self.states.names)
 
     def prepare_switch(self, start: Sequence[ControllerInfo], stop: Sequence[ControllerInfo]) -> None:
-        """The same for what is to be started; and the arm must be able to move."""
+        """Refuse the same among the controllers to be started, and any commanding controller in the error state."""
         check_one_commander(start, self.arm_id, self.states.names)
         for mode in self._claimed(start):
             self._check_mode(mode)
@@ -78,16 +78,16 @@ class CommandedArm(RobotHW):
             raise HricError(f"the arm is in the error state, franka_control/error_recovery ends it: {self.error}")
 
     def do_switch(self, start: Sequence[ControllerInfo], stop: Sequence[ControllerInfo]) -> None:
-        """Remember the mode; `run` enters it. Controllers of the same mode follow each other without leaving it."""
+        """Store the mode, which `run` enters. Controllers of the same mode follow each other without leaving it."""
         claimed = self._claimed(start)
         if claimed:
-            if claimed[0] != self._requested:  # else the object stays, so that the loop may compare by identity
+            if claimed[0] != self._requested:  # otherwise keep the object: the loop compares by identity
                 self._requested = claimed[0]
         elif self._claimed(stop):
             self._requested = HOLD
 
     def switch_done(self, start: Sequence[ControllerInfo]) -> bool:
-        """Whether the arm takes the commands of these controllers. Before `run` there is nothing to wait for."""
+        """Return True if the arm takes the commands of these controllers, and always before `run`."""
         claimed = self._claimed(start)
         if not claimed or not self._running:
             return True
@@ -95,15 +95,15 @@ class CommandedArm(RobotHW):
         return self.mode == claimed[0]
 
     def _fail(self, text: str) -> None:
-        """Enter the error state; in the loop, so that the log is written outside of it."""
+        """Enter the error state; called in the loop, so the log is written outside of it."""
         self.error = text
         message = f"{text} -- the arm is in the error state; franka_control/error_recovery ends it"
         realtime.defer(self._node, lambda: self._node.log_error(message), "log")
 
     def limiter_counts(self) -> LimitCounts:
-        """What the joint limits did since the start, over all interfaces."""
+        """Return the counts of the joint limiters since the start, over all interfaces."""
         return self._commands.counts
 
     def log_row(self) -> LogRow:
-        """The commands of the last cycle."""
+        """Return the commands of the last cycle."""
         return self._commands.row

@@ -1,4 +1,4 @@
-"""Files with the friction of an arm's joints: written by a fit, read for a model, a plant or another fit."""
+"""Files with joint friction: written by a fit, read for a model, a plant or another fit."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hric_control.plants import BREAKAWAY, PHI, Phi, breakaways, sigmoid_paramet
 
 if TYPE_CHECKING:
     from franka_hw_interface.friction_fit import (
-        JointFriction,  # scipy takes half a second, which a run without a fit does without
+        JointFriction,  # scipy takes half a second, which is avoided without a fit
     )
 
 JOINTS = tuple(f"joint{i}" for i in range(1, 8))
@@ -25,18 +25,18 @@ _LAW = """\
 
 
 def read_friction(path: Path) -> list[Phi]:
-    """phi1 [N m], phi2 [s/rad], phi3 [rad/s] of joints 1 to 7; see `read_parameters`."""
+    """Return phi1 [N m], phi2 [s/rad], phi3 [rad/s] of joints 1 to 7; see `read_parameters`."""
     return sigmoid_parameters(read_parameters(path), JOINTS)
 
 
 def read_parameters(path: Path) -> dict[str, list[float]]:
-    """phi1 [N m], phi2 [s/rad], phi3 [rad/s] and, where the file has it, breakaway [N m]: 7 values each.
+    """Return phi1 [N m], phi2 [s/rad], phi3 [rad/s] and, if the file has it, breakaway [N m]: 7 values each.
 
-    The joints may have the prefix of any arm (`panda_joint1`) or none; also the form {phi1: [7 values], phi2: [...],
-    phi3: [...]} is read.
+    The joints may have the prefix of any arm (`panda_joint1`) or none; the form {phi1: [7 values], phi2: [...],
+    phi3: [...]} is accepted, too.
 
     Raises:
-        ParameterError: it cannot be read, or does not say this of seven joints.
+        ParameterError: the file cannot be read, or does not have these values of seven joints.
     """
     content = read_yaml(path)
     if not isinstance(content, dict):
@@ -62,7 +62,7 @@ def read_parameters(path: Path) -> dict[str, list[float]]:
 
 
 def friction_text(fits: Sequence[JointFriction], about: Iterable[str]) -> str:
-    """Contents of such a file: a joint a line, with what the fit says of it as a comment; about: lines of its head."""
+    """Return the contents of a friction file: one joint per line with the fit's summary; about: header lines."""
     rows = []
     for one in fits:
         named = zip((*PHI, BREAKAWAY), (*one.phi, one.breakaway), strict=True)

@@ -1,5 +1,4 @@
-"""Joint friction from what a rigid-body model leaves of a log: the sigmoid and the breakaway of each joint by nonlinear
-least squares."""
+"""Joint friction from the residual of a rigid-body model: sigmoid and breakaway by nonlinear least squares."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,18 +11,18 @@ from hric_control.geometry import FloatArray
 from hric_control.plants import Phi, sigmoid_torque
 
 MOVING = 0.1
-"""Speed beyond which a joint shows its friction: 1/phi2 of the published joints is 0.06 to 0.2 rad/s; default chosen by
-this project, unconfirmed [rad/s]."""
+"""Minimum speed at which a joint shows its friction [rad/s]; default chosen by this project, unconfirmed.
+
+1/phi2 of the published joints is 0.06 to 0.2 rad/s.
+"""
 MIN_TIME = 0.5
-"""For how long it must be faster, in each direction; default chosen by this project, unconfirmed [s]."""
+"""Minimum time above that speed in each direction; default chosen by this project, unconfirmed [s]."""
 LOOSE = 0.3
-"""Relative standard deviation beyond which a parameter is called loosely determined; default chosen by this project,
-unconfirmed [1]."""
+"""Relative standard deviation above which a parameter is loosely determined [1]; project default, unconfirmed."""
 BOUNDS = ((0.0, 0.1, -1.0, 0.0), (50.0, 1000.0, 1.0, 50.0))
-"""Limits of phi1 [N m], phi2 [s/rad], phi3 [rad/s] and breakaway [N m]: far beyond what any joint has."""
+"""Limits of phi1 [N m], phi2 [s/rad], phi3 [rad/s] and breakaway [N m]: far beyond those of any joint."""
 STARTS = ((1.0, 5.0, 0.0), (0.5, 30.0, 0.0))
-"""Where the search begins beside the values before: a soft and a steep sigmoid, since a steep one is flat far from its
-bend."""
+"""Additional starts of the search, a soft and a steep sigmoid: a steep one is flat far from its bend."""
 
 
 @dataclass(frozen=True)
@@ -33,11 +32,11 @@ class JointFriction:
     Attributes:
         joint: its name.
         phi: phi1 [N m], phi2 [s/rad], phi3 [rad/s].
-        deviation: standard deviation of each, by the residual and its bandwidth.
-        speeds: lowest and highest velocity of the log [rad/s].
-        rms_before, rms: residual with the values before and with phi [N m].
-        fitted: False: the motion does not determine it, and phi is what it was before.
-        breakaway: of its bristle [N m].
+        deviation: standard deviation of each, from the residual and its bandwidth.
+        speeds: minimum and maximum velocity of the log [rad/s].
+        rms_before, rms: residual with the previous values and with phi [N m].
+        fitted: False if the motion does not determine the friction; phi then has the previous values.
+        breakaway: breakaway torque of its bristle [N m].
     """
 
     joint: str
@@ -50,13 +49,12 @@ class JointFriction:
     breakaway: float = 0.0
 
     def loose(self) -> list[str]:
-        """Parameters that this log determines loosely: phi1 and phi2 by their relative deviation, phi3 by that of the
-        curve's bend, 1/phi2."""
+        """Return the loosely determined parameters: by their relative deviation; phi3 relative to 1/phi2, its bend."""
         scales = (self.phi[0], self.phi[1], 1.0 / self.phi[1])
         return [f"phi{i + 1}" for i in range(3) if self.fitted and not self.deviation[i] <= LOOSE * scales[i]]
 
     def summary(self) -> str:
-        """How it was fitted, for a report or a comment."""
+        """Return a summary of the fit for a report or a comment."""
         low, high = self.speeds
         if not self.fitted:
             return (
@@ -71,13 +69,13 @@ class JointFriction:
 
 
 def fit_friction(check: ModelCheck, before: Sequence[Phi]) -> list[JointFriction]:
-    """Fit sigmoid and breakaway, and nothing else, to what M(q) ddq + C dq + g leaves of the measured torque.
+    """Fit only sigmoid and breakaway to the measured torque minus M(q) ddq + C dq + g.
 
     A joint that was not faster than `MOVING` for `MIN_TIME` in each direction keeps its values.
 
     Args:
-        check: the log; the friction in it does not matter.
-        before: of each joint: phi1 [N m], phi2 [s/rad], phi3 [rad/s], where the search begins.
+        check: comparison of log and model; its friction is ignored.
+        before: phi1 [N m], phi2 [s/rad], phi3 [rad/s] of each joint, where the search starts.
     """
     remaining = (check.signals.tau - check.rigid)[check.signals.kept]
     with_before = remaining - check.signals.low_pass(friction_torque(check.signals.dq, before))[check.signals.kept]
@@ -92,7 +90,7 @@ def fit_friction(check: ModelCheck, before: Sequence[Phi]) -> list[JointFriction
 
 
 def _fitted(check: ModelCheck, j: int, curves: tuple[FloatArray, FloatArray], before: JointFriction) -> JointFriction:
-    """Fit one joint; curves: what the rigid model leaves, and the bristle of 1 N m, shape (k,) each [N m]."""
+    """Fit one joint; curves: residual of the rigid model, and the bristle of 1 N m, shape (k,) each [N m]."""
     signals, (remaining, bent) = check.signals, curves
 
     def residual(values: FloatArray) -> FloatArray:
@@ -106,7 +104,7 @@ def _fitted(check: ModelCheck, j: int, curves: tuple[FloatArray, FloatArray], be
         (least_squares(residual, start, bounds=BOUNDS, x_scale=(1.0, 10.0, 0.1, 0.1)) for start in starts),
         key=lambda result: result.cost,
     )
-    # Neighbouring samples of a filtered residual are correlated: 2 cut-off duration of them are independent.
+    # Neighbouring samples of a filtered residual are correlated: only 2 cut-off duration of them are independent.
     independent = max(2.0 * signals.cutoff * signals.duration, 5.0)
     variance = float(np.mean(best.fun**2)) * independent / (independent - 4.0)
     _, singular, directions = np.linalg.svd(best.jac, full_matrices=False)

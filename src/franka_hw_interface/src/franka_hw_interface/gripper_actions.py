@@ -1,4 +1,4 @@
-"""The actions, joint states and parameters of franka_ros's franka_gripper, on any Node and any hand."""
+"""Actions, joint states and parameters of franka_ros's franka_gripper, for any Node and any hand."""
 
 from collections import deque
 from collections.abc import Callable
@@ -24,7 +24,7 @@ from hric_control.node import GoalHandle, Node, Registration
 from hric_control.parameters import Settings, names, number, text
 
 SAME_WIDTH = 1e-4
-"""gripper_action: an opening so near to the requested one counts as reached (franka_gripper 0.10.1) [m]."""
+"""Distance at which a requested opening counts as reached in gripper_action (franka_gripper 0.10.1) [m]."""
 
 
 @dataclass(frozen=True)
@@ -52,13 +52,13 @@ class GripperSettings(Settings):
 
     @property
     def fingers(self) -> list[str]:
-        """Names of their joints."""
+        """Names of the finger joints."""
         return list(self.joint_names or (f"{self.arm_id}_finger_joint{i}" for i in (1, 2)))
 
 
 @dataclass
 class _Kind:
-    """One action: its types, and how a goal becomes a request to the hand."""
+    """Action with its types, and the conversion of a goal to a request to the hand."""
 
     action: type
     result: Callable[..., Any]
@@ -67,10 +67,10 @@ class _Kind:
 
 @dataclass
 class _Running:
-    """A goal that has not ended.
+    """Goal that has not ended.
 
     Attributes:
-        preempted: why it was cut off by a client, empty if it was not.
+        preempted: reason for a preemption by a client, empty if there was none.
     """
 
     name: str
@@ -80,17 +80,17 @@ class _Running:
 
 
 class GripperActions:
-    """`homing`, `move`, `grasp`, `stop`, `gripper_action` and `joint_states` below a node. Goals and cancels are taken
-    in `update`, one thread.
+    """Actions `homing`, `move`, `grasp`, `stop`, `gripper_action`, and the topic `joint_states`, below a node.
 
-    A goal ends as in franka_ros: carried out, though in vain, it succeeds with `success: false`; refused by the hand,
-    or stopped by the action `stop`, it is aborted; cancelled, or replaced by a goal of any of the actions, it is
-    preempted. A cancel stops the fingers.
+    Goals and cancel requests are processed in `update`, on one thread. A goal ends as in franka_ros: if it is executed
+    without success, it succeeds with `success: false`; if the hand refuses it, or the action `stop` ends it, it is
+    aborted; if it is cancelled, or replaced by a goal of any action, it is preempted. A cancel request stops the
+    fingers.
 
     Args:
         node: the gripper's namespace.
-        hand: what is commanded; used by `update` alone.
-        settings: of the node's parameters.
+        hand: the hand; used by `update` alone.
+        settings: parameters of the node.
     """
 
     def __init__(self, node: Node, hand: Hand, settings: GripperSettings) -> None:
@@ -99,7 +99,7 @@ class GripperActions:
         self._running: list[_Running] = []
         self._next_publish = float("-inf")
         topics = ["joint_states"]
-        if robot := settings.robot_joint_states:  # relative to the namespace that the gripper's own is in
+        if robot := settings.robot_joint_states:  # relative to the parent of the gripper's namespace
             topics.append(robot if robot.startswith("/") else f"{node.namespace.rpartition('/')[0]}/{robot}")
         self._joint_states = [node.advertise(topic, JointState, queue_size=1) for topic in topics]
         self._kinds = {
@@ -121,7 +121,7 @@ class GripperActions:
         return self._node.action_server(name, kind.action, on_goal, on_cancel)
 
     def update(self) -> None:
-        """Take what came in, let the hand go on, finish what ended, publish when due. Never waits."""
+        """Process requests, advance the hand, finish ended goals, publish when due. Never waits."""
         while self._inbox:
             self._inbox.popleft()()
         time = self._node.now().to_sec()
@@ -136,12 +136,12 @@ class GripperActions:
         if self._next_publish - period <= time < self._next_publish:
             return
         self._next_publish += period
-        if not time < self._next_publish <= time + period:  # the first time, a long pause, or time went back
+        if not time < self._next_publish <= time + period:  # the first call, a long pause, or a jump back in time
             self._next_publish = time + period
         self._publish()
 
     def shutdown(self) -> None:
-        """Stop the fingers if they move, and take the topics back; goals that have not ended are cancelled."""
+        """Stop moving fingers, cancel open goals and unregister the topics."""
         if self._running:
             self._hand.stop()
         for running in self._running:
@@ -153,7 +153,7 @@ class GripperActions:
     def _begin(self, name: str, goal: GoalHandle) -> None:
         goal.accept()
         motion = self._kinds[name].begin(goal.goal)
-        if name != "stop" and motion.outcome is None:  # the hand took it, and ends what it did before
+        if name != "stop" and motion.outcome is None:  # the hand has accepted it and ends the previous motion
             for running in self._running:
                 running.preempted = running.preempted or f"replaced by a goal of {name}"
         self._running.append(_Running(name, goal, motion))
@@ -186,8 +186,10 @@ class GripperActions:
         return self._hand.grasp(goal.width, goal.epsilon.inner, goal.epsilon.outer, goal.speed, goal.force)
 
     def _command(self, goal: Any) -> HandMotion:
-        """gripper_action: `position` is that of one finger, half the opening; opening moves, closing grasps
-        (franka_gripper 0.10.1)."""
+        """Return the motion of gripper_action: `position` of one finger is half the opening (franka_gripper 0.10.1).
+
+        Opening moves, closing grasps.
+        """
         width, settings, hand = 2.0 * goal.command.position, self._settings, self._hand
         if not 0.0 <= width <= hand.max_width:
             return HandMotion(
@@ -204,7 +206,7 @@ class GripperActions:
         )
 
     def _command_result(self, success: bool, error: str) -> Any:
-        """`position` is the opening, not that of a finger (franka_gripper 0.10.1)."""
+        """Return the result of gripper_action; `position` is the opening, not one finger's (franka_gripper 0.10.1)."""
         return GripperCommandResult(position=self._hand.width, effort=0.0, stalled=False, reached_goal=success)
 
     def _publish(self) -> None:

@@ -1,4 +1,4 @@
-"""The process `franka_gripper`: a hand behind its actions, until its shutdown is requested."""
+"""Process `franka_gripper`: runs the actions of a hand until its shutdown is requested."""
 
 from collections.abc import Callable
 from functools import partial
@@ -10,11 +10,11 @@ from hric_control.parameters import Settings
 from hric_control.ros.process import NodeApp, run
 
 MakeHand = Callable[[Node], tuple[Hand, Callable[[], None]]]
-"""Private node -> the hand, and what closes it; may raise a HricError."""
+"""Function that maps the private node to the hand and a function that closes it; may raise a HricError."""
 
 
 class GripperApp(NodeApp):
-    """The actions of a hand."""
+    """Application with the actions of a hand."""
 
     period = 0.01
 
@@ -24,21 +24,21 @@ class GripperApp(NodeApp):
         self._actions = GripperActions(node, hand, settings)
 
     def tick(self) -> None:
-        """Follow the hand."""
+        """Update the actions of the hand."""
         self._actions.update()
 
     def close(self) -> None:
-        """Take the actions back and close the hand."""
+        """Unregister the actions and close the hand."""
         self._actions.shutdown()
         self._close_hand()
 
 
 def main(make_hand: MakeHand, text: str, *known: type[Settings] | str) -> int:
-    """Run the node. Returns the exit code.
+    """Run the node and return its exit code.
 
     Args:
-        make_hand: makes the hand.
-        text: for --help.
+        make_hand: function that creates the hand.
+        text: text for --help.
         known: parameters that `make_hand` reads.
     """
     return run("franka_gripper", text, partial(GripperApp, make_hand), GripperSettings, *known)

@@ -1,5 +1,4 @@
-"""The Franka hand as the gripper's actions see it: requests that return at once, and how they ended. Emulated or
-real."""
+"""Interface of a Franka hand, emulated or real, to the gripper's actions: non-blocking requests and outcomes."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -7,25 +6,25 @@ from typing import Protocol
 
 
 class HandOutcome(Enum):
-    """How a request to the hand ended."""
+    """Outcome of a request to the hand."""
 
     SUCCESS = "success"
     UNSUCCESSFUL = "unsuccessful"
-    """It was carried out but missed its aim: libfranka's call returns false."""
+    """Executed without reaching its goal: libfranka's call returns false."""
     FAIL = "command failed"
-    """It was refused: libfranka's call raises."""
+    """Refused: libfranka's call raises."""
     ABORTED = "command aborted"
-    """Another request ended it: libfranka's call raises."""
+    """Ended by another request: libfranka's call raises."""
 
 
 @dataclass(slots=True, eq=False)
 class HandMotion:
-    """One request and how it ended.
+    """Request to the hand and its outcome.
 
     Attributes:
         name: "homing", "move", "grasp" or "stop".
         outcome: None while it runs.
-        reason: why it did not succeed; empty on success.
+        reason: cause of a failure; empty on success.
     """
 
     name: str
@@ -33,13 +32,13 @@ class HandMotion:
     reason: str = ""
 
     def end(self, outcome: HandOutcome, reason: str = "") -> None:
-        """Set the outcome; the reason goes first, so that who sees the one sees the other."""
+        """Set the outcome; the reason is set first, so that a reader of the outcome also sees the reason."""
         self.reason = reason
         self.outcome = outcome
 
 
 class Hand(Protocol):
-    """A hand. A new request ends the one before, which is then aborted. Speeds are rates of the opening [m/s].
+    """Franka hand. A new request aborts the previous one. Speeds are rates of the opening [m/s].
 
     Attributes:
         width: opening between the fingers [m].
@@ -49,19 +48,19 @@ class Hand(Protocol):
 
     @property
     def max_width(self) -> float:
-        """Largest opening [m]."""
+        """Maximum opening [m]."""
 
     def homing(self) -> HandMotion:
-        """Find the largest opening."""
+        """Find the maximum opening."""
 
     def move(self, width: float, speed: float) -> HandMotion:
-        """Go to an opening [m]."""
+        """Move to an opening [m]."""
 
     def grasp(self, width: float, epsilon_inner: float, epsilon_outer: float, speed: float, force: float) -> HandMotion:
-        """Grasp something of a width [m], at most so much narrower and wider [m], with a force [N]."""
+        """Grasp an object of a width [m], within tolerances for a narrower and a wider one [m], with a force [N]."""
 
     def stop(self) -> HandMotion:
-        """End what runs or holds."""
+        """End any motion or grasp."""
 
     def advance(self, time: float) -> None:
-        """Called again and again with robot time [s]: an emulated hand goes on to it, a real one goes by itself."""
+        """Advance an emulated hand to robot time [s]; called repeatedly; a real hand needs no action."""

@@ -1,4 +1,4 @@
-"""Hardware interfaces of the Franka arm: its state, its model, and Cartesian commands."""
+"""Hardware interfaces of the Franka arm: state, model, Cartesian commands."""
 
 import math
 from collections.abc import Sequence
@@ -12,11 +12,11 @@ from hric_control.hardware_interface import HardwareInterface
 
 
 class FrankaStateHandle:
-    """The arm's state, read-only by agreement: the robot writes it in place every cycle.
+    """State of the arm, read-only by convention: the robot writes it in place every cycle.
 
     Attributes:
         name: "<arm_id>_robot".
-        robot_state: valid until the next cycle; `robot_state.snapshot()` keeps.
+        robot_state: valid until the next cycle; `robot_state.snapshot()` returns a permanent copy.
     """
 
     __slots__ = ("name", "robot_state")
@@ -26,7 +26,7 @@ class FrankaStateHandle:
 
 
 class _ArmInterface(HardwareInterface):
-    """One resource, named after the arm."""
+    """Interface with one resource, named after the arm."""
 
     suffix: ClassVar[str] = "robot"
 
@@ -50,18 +50,21 @@ class _ArmInterface(HardwareInterface):
 
 
 class FrankaStateInterface(_ArmInterface):
-    """Offers "<arm_id>_robot"; claims nothing."""
+    """Interface to the state resource "<arm_id>_robot"; claims nothing."""
 
     cpp_name = "franka_hw::FrankaStateInterface"
 
     def handle(self, name: str) -> FrankaStateHandle:
-        """The state handle."""
+        """Return the state handle."""
         self._check_name(name)
         return FrankaStateHandle(name, self.state)
 
 
 class FrankaModelInterface(_ArmInterface):
-    """Offers "<arm_id>_model"; claims nothing. All its users share one handle, and so what is computed in the tick."""
+    """Interface to the model resource "<arm_id>_model"; claims nothing.
+
+    Its users share one handle, and so the results that are computed in a tick.
+    """
 
     cpp_name = "franka_hw::FrankaModelInterface"
     suffix = "model"
@@ -74,7 +77,7 @@ class FrankaModelInterface(_ArmInterface):
         self._handle = FrankaModelHandle(self.resource, model, state)
 
     def handle(self, name: str) -> FrankaModelHandle:
-        """The model handle."""
+        """Return the model handle."""
         self._check_name(name)
         return self._handle
 
@@ -111,7 +114,7 @@ class _CartesianHandle(FrankaStateHandle):
 
     @property
     def command(self) -> tuple[list[float], list[float] | None]:
-        """(O_T_EE_c or O_dP_EE_c, elbow) now in force."""
+        """Present command: (O_T_EE_c or O_dP_EE_c, elbow)."""
         return self._command.value[:], self._command.elbow
 
 
@@ -121,10 +124,10 @@ class FrankaCartesianPoseHandle(_CartesianHandle):
     __slots__ = ()
 
     def set_command(self, O_T_EE: Sequence[float], elbow: Sequence[float] | None = None) -> None:
-        """Command a pose of the end effector in the base frame, 16 column-major floats, with or without the elbow.
+        """Command an end-effector pose in the base frame, 16 column-major floats, and optionally the elbow.
 
         Raises:
-            CommandError: not a pose, not an elbow; the command before stays.
+            CommandError: not a pose, or not an elbow; the old command remains.
         """
         check_pose(O_T_EE, f"pose command of {self.name}")
         checked = None if elbow is None else _check_elbow(elbow)
@@ -137,11 +140,10 @@ class FrankaCartesianVelocityHandle(_CartesianHandle):
     __slots__ = ()
 
     def set_command(self, O_dP_EE: Sequence[float], elbow: Sequence[float] | None = None) -> None:
-        """Command a twist of the end effector in the base frame, linear [m/s] then angular [rad/s], with or without the
-        elbow.
+        """Command an end-effector twist in the base frame, linear [m/s] then angular [rad/s], and optionally the elbow.
 
         Raises:
-            CommandError: not six finite numbers, not an elbow; the command before stays.
+            CommandError: not six finite numbers, or not an elbow; the old command remains.
         """
         if len(O_dP_EE) != 6 or not all(math.isfinite(value) for value in O_dP_EE):
             raise CommandError(f"twist command of {self.name} must be six finite numbers; got {list(O_dP_EE)}")
@@ -150,7 +152,7 @@ class FrankaCartesianVelocityHandle(_CartesianHandle):
 
 
 class _CartesianInterface(_ArmInterface):
-    """Cartesian commands for "<arm_id>_robot"; claims it. `initial`: the command before the first one."""
+    """Cartesian command interface that claims "<arm_id>_robot". `initial`: value before the first command."""
 
     claims_resources = True
     initial: ClassVar[Sequence[float]]
@@ -161,24 +163,24 @@ class _CartesianInterface(_ArmInterface):
 
 
 class FrankaPoseCartesianInterface(_CartesianInterface):
-    """Pose commands for "<arm_id>_robot"; claims it."""
+    """Interface to pose commands for "<arm_id>_robot"; claims it."""
 
     cpp_name = "franka_hw::FrankaPoseCartesianInterface"
     initial = identity16()
 
     def handle(self, name: str) -> FrankaCartesianPoseHandle:
-        """The command handle; claims the arm."""
+        """Return the command handle and claim the arm."""
         self._check_name(name)
         return FrankaCartesianPoseHandle(name, self.state, self.command)
 
 
 class FrankaVelocityCartesianInterface(_CartesianInterface):
-    """Twist commands for "<arm_id>_robot"; claims it."""
+    """Interface to twist commands for "<arm_id>_robot"; claims it."""
 
     cpp_name = "franka_hw::FrankaVelocityCartesianInterface"
     initial = (0.0,) * 6
 
     def handle(self, name: str) -> FrankaCartesianVelocityHandle:
-        """The command handle; claims the arm."""
+        """Return the command handle and claim the arm."""
         self._check_name(name)
         return FrankaCartesianVelocityHandle(name, self.state, self.command)

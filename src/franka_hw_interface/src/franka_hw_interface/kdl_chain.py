@@ -1,8 +1,8 @@
 """Dynamics and kinematics of any serial arm by KDL, from its URDF.
 
-PyKDL has no bridge to numpy: reading and writing its containers element by element is most of the cost, so the
-containers are made once and kept, symmetric matrices are read by their upper half, and the gravity torque on plain
-lists is compiled.
+PyKDL has no bridge to numpy: most of the cost is reading and writing its containers element by element. So the
+containers are created once and reused, symmetric matrices are read by their upper half, and the gravity torque on
+plain lists is compiled.
 """
 
 from collections.abc import Callable, Sequence
@@ -17,17 +17,20 @@ from hric_control.native import load
 
 _kdl = load("hric_kdl")
 GRAVITY = (0.0, 0.0, -9.81)
-"""Standard acceleration of gravity as ROS, KDL and libfranka use it, world frame [m/s^2]."""
+"""Standard acceleration of gravity as in ROS, KDL and libfranka, world frame [m/s^2]."""
 
 
 def to_kdl_frame(T: FloatArray) -> PyKDL.Frame:
-    """KDL frame of a pose, shape (4, 4)."""
+    """Return the KDL frame of a pose, shape (4, 4)."""
     return PyKDL.Frame(PyKDL.Rotation(*T[:3, :3].ravel().tolist()), PyKDL.Vector(*T[:3, 3].tolist()))
 
 
 def _numbers(segment: ChainSegment) -> list[float]:
-    """A segment as `hric_kdl` takes it: whether its joint is revolute, p and R of `T_parent_joint`, the axis in the
-    parent, mass, centre of mass, xx, yy, zz, xy, xz, yz of the tensor."""
+    """Return a segment in the layout of `hric_kdl`.
+
+    1.0 for a revolute joint, p and R of `T_parent_joint`, the axis in the parent, mass, centre of mass, and xx, yy, zz,
+    xy, xz, yz of the tensor.
+    """
     T, body = segment.T_parent_joint, segment.inertial
     tensor = body.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
     arrays = T[:3, 3], T[:3, :3].ravel(), T[:3, :3] @ segment.axis, [body.mass], body.com, tensor
@@ -43,8 +46,7 @@ def _to_kdl_segment(segment: ChainSegment) -> PyKDL.Segment:
 
 
 class _Solvers:
-    """KDL's solvers for one chain, in one object: they refer to the chain, and a change of the load replaces all of
-    them at once."""
+    """KDL solvers of one chain, in one object: they refer to the chain and are replaced together with it."""
 
     def __init__(self, description: SerialChain, gravity_base: FloatArray) -> None:
         self.chain = PyKDL.Chain()
@@ -56,7 +58,7 @@ class _Solvers:
         self._other: tuple[tuple[float, ...], PyKDL.ChainDynParam] | None = None
 
     def under_gravity(self, gravity_base: Sequence[float]) -> PyKDL.ChainDynParam:
-        """Dynamics under another gravity; the last one is kept."""
+        """Return the dynamics under another gravity; the last one is cached."""
         key = tuple(float(value) for value in gravity_base)
         if len(key) != 3 or not np.isfinite(key).all():
             raise CommandError(f"gravity must be three finite numbers; got {list(gravity_base)}")
@@ -68,9 +70,9 @@ class _Solvers:
 class KdlChain:
     """Mass matrix, Coriolis and gravity torque, poses and Jacobians of the chain between two links.
 
-    Links and branches fixed to the chain count in full (see `urdf_chain.parse_chain`); movable joints of branches count
-    as fixed at zero. One instance serves one thread: its containers are reused. `set_load` may be called from another
-    thread; calls that run meanwhile finish with the load before.
+    Links and branches fixed to the chain are included (see `urdf_chain.parse_chain`); movable joints of branches are
+    fixed at zero. One instance serves one thread, since its containers are reused. `set_load` may be called from
+    another thread; calls that run at that time finish with the old load.
 
     Args:
         urdf_xml: robot description (pure URDF).
@@ -94,7 +96,7 @@ class KdlChain:
         """Gravity in the root frame, shape (3,) [m/s^2]."""
         self._q, self._dq, self._tau = PyKDL.JntArray(self.n), PyKDL.JntArray(self.n), PyKDL.JntArray(self.n)
         self.jacobian_indices = [(i, j) for i in range(6) for j in range(self.n)]
-        """Elements of a Jacobian, row by row."""
+        """Indices of a Jacobian's elements, row by row."""
         self._upper = [(i, j) for i in range(self.n) for j in range(i, self.n)]
         self._upper_to_full = [self._upper.index((min(i, j), max(i, j))) for i in range(self.n) for j in range(self.n)]
         self._mass = PyKDL.JntSpaceInertiaMatrix(self.n)
@@ -109,10 +111,10 @@ class KdlChain:
         self.gravity_list: Callable[[Sequence[float]], list[float]] = _kdl.gravity_function(
             segments, self.gravity_base.tolist()
         )
-        """q (n floats) [rad] -> gravity torque g(q), n floats [N m]: the fast path for control loops."""
+        """Function from q (n floats [rad]) to gravity torque g(q), n floats [N m]: fast path for control loops."""
 
     def set_load(self, load: MassProperties) -> None:
-        """Weld a payload to the tip (its frame), in place of the one before; `MassProperties()` takes it off."""
+        """Attach a payload to the tip (in its frame) in place of the old one; `MassProperties()` removes it."""
         self._use(self.description.with_load(load))
 
     def _set(self, target: PyKDL.JntArray, values: Sequence[float] | FloatArray, what: str) -> PyKDL.JntArray:
@@ -127,44 +129,42 @@ class KdlChain:
         return self._set(self._q, q, "joint position")
 
     def mass(self, q: Sequence[float] | FloatArray) -> FloatArray:
-        """Joint-space mass matrix M(q), shape (n, n) [kg m^2]; q: shape (n,) [rad]."""
+        """Return the joint-space mass matrix M(q), shape (n, n) [kg m^2]; q: shape (n,) [rad]."""
         kdl = self._mass
         _done(self._solvers.dynamics.JntToMass(self._position(q), kdl), "mass matrix")
         upper = [kdl[index] for index in self._upper]
         return np.array([upper[k] for k in self._upper_to_full]).reshape(self.n, self.n)
 
     def coriolis(self, q: Sequence[float] | FloatArray, dq: Sequence[float] | FloatArray) -> FloatArray:
-        """Coriolis and centrifugal torque C(q, dq) dq, a vector as in libfranka, shape (n,) [N m]; dq: shape (n,)
-        [rad/s]."""
+        """Return the vector C(q, dq) dq as in libfranka, shape (n,) [N m]; dq: shape (n,) [rad/s]."""
         velocity = self._set(self._dq, dq, "joint velocity")
         _done(self._solvers.dynamics.JntToCoriolis(self._position(q), velocity, self._tau), "Coriolis torque")
         return np.array([self._tau[i] for i in range(self.n)])
 
     def gravity(self, q: Sequence[float] | FloatArray, gravity_base: Sequence[float] | None = None) -> FloatArray:
-        """Torque g(q) that holds the arm against gravity, shape (n,) [N m]; gravity_base: other gravity in the root
-        frame, 3 floats [m/s^2]."""
+        """Return the torque against gravity, shape (n,) [N m]; gravity_base: in the root frame, 3 floats [m/s^2]."""
         solvers = self._solvers
         dynamics = solvers.dynamics if gravity_base is None else solvers.under_gravity(gravity_base)
         _done(dynamics.JntToGravity(self._position(q), self._tau), "gravity torque")
         return np.array([self._tau[i] for i in range(self.n)])
 
     def pose(self, q: Sequence[float] | FloatArray) -> FloatArray:
-        """Pose of the tip in the root frame, shape (4, 4)."""
+        """Return the pose of the tip in the root frame, shape (4, 4)."""
         return from_kdl_frame(self.kdl_pose(q, self.n) * self.T_last_tip)
 
     def kdl_pose(self, q: Sequence[float] | FloatArray, segments: int) -> PyKDL.Frame:
-        """Pose of the link behind the first `segments` joints, as a KDL frame (overwritten by the next call)."""
+        """Return the pose of the link after the first `segments` joints (KDL frame, overwritten by the next call)."""
         _done(self._solvers.forward.JntToCart(self._position(q), self._frame, segments), "pose")
         return self._frame
 
     def kdl_jacobian(self, q: Sequence[float] | FloatArray, segments: int) -> PyKDL.Jacobian:
-        """Jacobian of that link's origin in the root frame, as a KDL container (overwritten by the next call)."""
+        """Return the Jacobian of that link's origin in the root frame (KDL container, overwritten by the next call)."""
         PyKDL.SetToZero(self._jacobian)
         _done(self._solvers.differential.JntToJac(self._position(q), self._jacobian, segments), "Jacobian")
         return self._jacobian
 
     def jacobian(self, q: Sequence[float] | FloatArray) -> FloatArray:
-        """Jacobian of the tip, linear above angular velocity in the root frame, shape (6, n)."""
+        """Return the Jacobian of the tip, linear above angular velocity in the root frame, shape (6, n)."""
         R_root_last = self.kdl_pose(q, self.n).M
         jacobian = self.kdl_jacobian(q, self.n)
         jacobian.changeRefPoint(R_root_last * self.T_last_tip.p)
@@ -176,12 +176,12 @@ _LAST_ROW = [0.0, 0.0, 0.0, 1.0]
 
 
 def from_kdl_frame(frame: PyKDL.Frame) -> FloatArray:
-    """Pose of a KDL frame, shape (4, 4)."""
+    """Return the pose of a KDL frame, shape (4, 4)."""
     return np.array([frame[index] for index in _FRAME_INDICES] + _LAST_ROW).reshape(4, 4)
 
 
 def from_kdl_jacobian(jacobian: PyKDL.Jacobian, indices: Sequence[tuple[int, int]]) -> FloatArray:
-    """Jacobian as an array, linear above angular, shape (6, n); indices: its elements row by row, made once."""
+    """Return a Jacobian as an array, linear above angular, shape (6, n); indices: its elements row by row."""
     return np.array([jacobian[index] for index in indices]).reshape(6, -1)
 
 

@@ -1,4 +1,4 @@
-"""The Franka model by KDL from the URDF."""
+"""Franka model by KDL from the URDF."""
 
 from collections.abc import Callable, Sequence
 
@@ -19,14 +19,14 @@ _JOINT_FRAMES = {Frame(f"joint{i}"): i for i in range(1, JOINTS + 1)}
 
 
 class KdlFrankaModel:
-    """A `FrankaModel` whose kinematics, masses and mounting are those of the URDF.
+    """Implementation of `FrankaModel` with kinematics, masses and mounting from the URDF.
 
-    The hand: libfranka gets the end effector's mass from the robot's own settings; here all that the URDF fixes to
-    `<arm_id>_link8` is part of the model from the start and is reported as `ee_inertial`. The payload of `set_load`
-    comes on top of it. The nominal end effector F_T_NE is the pose of `<arm_id>_hand_tcp` if the URDF has that link,
-    else the flange; F_T_EE starts there.
+    The hand: libfranka reads the end effector's mass from the robot's settings; here everything that the URDF fixes to
+    `<arm_id>_link8` is part of the model from the start and is reported as `ee_inertial`. The payload of `set_load` is
+    added to it. The nominal end effector F_T_NE is the pose of `<arm_id>_hand_tcp` if the URDF has that link, otherwise
+    the flange; F_T_EE starts there.
 
-    Gravity points along `gravity_world` in the URDF's first link, so a tilted mounting turns it in the base frame.
+    Gravity points along `gravity_world` in the URDF's first link, so a tilted mounting rotates it in the base frame.
 
     One instance serves one thread; the setters may be called from another.
 
@@ -37,7 +37,7 @@ class KdlFrankaModel:
         gravity_world: 3 floats [m/s^2].
 
     Raises:
-        DescriptionError, UnknownNameError: the URDF does not hold such an arm.
+        DescriptionError, UnknownNameError: the URDF has no such arm.
     """
 
     def __init__(
@@ -53,9 +53,9 @@ class KdlFrankaModel:
         self.arm_id, self.joint_names = arm_id, self.chain.joint_names
         self.revision = 0
         self.ee_inertial = self.chain.description.tip_inertial
-        """What the URDF fixes to the flange, in the flange frame."""
+        """Mass properties of everything that the URDF fixes to the flange, in the flange frame."""
         self.load = MassProperties()
-        """The payload of `set_load`, in the flange frame."""
+        """Payload of `set_load`, in the flange frame."""
         self.F_T_NE = _tip_pose(urdf_xml, base, flange, tcp)
         """Nominal end effector in the flange frame, shape (4, 4)."""
         self.F_T_EE, self.EE_T_K = self.F_T_NE.copy(), np.eye(4)
@@ -83,7 +83,7 @@ class KdlFrankaModel:
 
     @property
     def total_inertial(self) -> MassProperties:
-        """End effector and payload together, in the flange frame."""
+        """Mass properties of end effector and payload together, in the flange frame."""
         return self.ee_inertial + self.load
 
     def set_load(self, mass: float, com: Vector, inertia: Vector) -> None:
@@ -95,7 +95,7 @@ class KdlFrankaModel:
             inertia: I_load, about the centre of mass, axes of the flange frame, 9 values [kg m^2].
 
         Raises:
-            CommandError: not a payload; the one before stays.
+            CommandError: not a valid payload; the old one remains.
         """
         load = check_load(mass, com, inertia)
         self.chain.set_load(load)
@@ -103,26 +103,25 @@ class KdlFrankaModel:
         self.revision += 1
 
     def set_ee(self, F_T_EE: FloatArray) -> None:
-        """Place the end effector in the flange frame, shape (4, 4). Raises CommandError if it is not a pose."""
+        """Set the end effector in the flange frame, shape (4, 4). Raises CommandError if it is not a pose."""
         self.F_T_EE = check_transform(column_major(np.asarray(F_T_EE)), "F_T_EE")
         self._update_frames()
 
     def set_stiffness_frame(self, EE_T_K: FloatArray) -> None:
-        """Place the stiffness frame in the end-effector frame, shape (4, 4). Raises CommandError if it is not a
-        pose."""
+        """Set the stiffness frame in the end-effector frame, shape (4, 4). Raises CommandError if it is not a pose."""
         self.EE_T_K = check_transform(column_major(np.asarray(EE_T_K)), "EE_T_K")
         self._update_frames()
 
     def mass(self, q: Vector) -> FloatArray:
-        """Mass matrix without rotor inertia, shape (7, 7) [kg m^2]; q: shape (7,) [rad]."""
+        """Return the mass matrix without rotor inertia, shape (7, 7) [kg m^2]; q: shape (7,) [rad]."""
         return self.chain.mass(q)
 
     def coriolis(self, q: Vector, dq: Vector) -> FloatArray:
-        """The vector C(q, dq) dq, shape (7,) [N m]; dq: shape (7,) [rad/s]."""
+        """Return the vector C(q, dq) dq, shape (7,) [N m]; dq: shape (7,) [rad/s]."""
         return self.chain.coriolis(q, dq)
 
     def gravity(self, q: Vector, gravity_base: Sequence[float] | None = None) -> FloatArray:
-        """Torque against gravity, shape (7,) [N m]; gravity_base: other gravity in the base frame, 3 floats [m/s^2]."""
+        """Return the torque against gravity, shape (7,) [N m]; gravity_base: in the base frame, 3 floats [m/s^2]."""
         return self.chain.gravity(q, gravity_base)
 
     def _frame(self, frame: Frame) -> tuple[int, PyKDL.Frame | None]:
@@ -136,7 +135,7 @@ class KdlFrankaModel:
         return pose if offset is None else pose * offset
 
     def pose(self, frame: Frame, q: Vector) -> FloatArray:
-        """T_base_frame, shape (4, 4)."""
+        """Return T_base_frame, shape (4, 4)."""
         return from_kdl_frame(self._kdl_pose(frame, q))
 
     def _kdl_jacobian(self, frame: Frame, q: Vector) -> PyKDL.Jacobian:
@@ -147,18 +146,18 @@ class KdlFrankaModel:
         return jacobian
 
     def zero_jacobian(self, frame: Frame, q: Vector) -> FloatArray:
-        """Jacobian of the frame's origin in the base frame, linear above angular, shape (6, 7)."""
+        """Return the Jacobian of the frame's origin in the base frame, linear above angular, shape (6, 7)."""
         return from_kdl_jacobian(self._kdl_jacobian(frame, q), self.chain.jacobian_indices)
 
     def body_jacobian(self, frame: Frame, q: Vector) -> FloatArray:
-        """The same in the frame itself, shape (6, 7)."""
+        """Return the Jacobian of the frame's origin in the frame itself, linear above angular, shape (6, 7)."""
         jacobian = self._kdl_jacobian(frame, q)
         jacobian.changeBase(self._kdl_pose(frame, q).M.Inverse())
         return from_kdl_jacobian(jacobian, self.chain.jacobian_indices)
 
 
 def _tip_pose(urdf_xml: str, base: str, flange: str, tcp: str) -> FloatArray:
-    """Pose of the link `tcp` in the flange frame, shape (4, 4); the identity if the URDF has no such link."""
+    """Return the pose of the link `tcp` in the flange frame, shape (4, 4); identity if the URDF has no such link."""
     robot = read(urdf_xml)
     if tcp not in robot.links:
         return np.eye(4)

@@ -1,5 +1,4 @@
-"""Franka's joint and Cartesian limits as vectors, read from panda_description, which gives the
-source of each."""
+"""Joint and Cartesian limits of the Franka arm as vectors; panda_description has them with their sources."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -8,9 +7,12 @@ import panda_description
 from panda_description import CartesianLimit
 
 EPSILON = 1e-3
-"""libfranka works with every rate limit less this much (rate_limiting.h)."""
+"""Margin by which libfranka lowers every rate limit (rate_limiting.h)."""
 LOST_PACKETS_TIME = 3e-3
-"""libfranka lowers velocity limits by what three lost packets of 1 ms may add at the acceleration limit [s]."""
+"""Duration of three lost packets of 1 ms [s].
+
+libfranka lowers velocity limits by the change in this time at the acceleration limit.
+"""
 
 Vector = tuple[float, ...]
 
@@ -38,7 +40,7 @@ class FrankaLimits:
     elbow: CartesianLimit
 
     def with_margins(self) -> "FrankaLimits":
-        """The limits with libfranka's margins, which a command must respect to pass its rate limiter unchanged."""
+        """Return the limits with libfranka's margins; a command within them passes its rate limiter unchanged."""
         lowered: dict[str, Any] = {
             name: tuple(value - EPSILON for value in getattr(self, name))
             for name in ("acceleration", "jerk", "effort_rate")
@@ -62,7 +64,7 @@ def _with_margins(limit: CartesianLimit) -> CartesianLimit:
 
 
 def franka_limits() -> FrankaLimits:
-    """The Panda's limits."""
+    """Return the Panda's limits."""
     joints = list(panda_description.joint_limits().values())
     names = ("lower", "upper", "velocity", "acceleration", "jerk", "effort", "effort_rate")
     values: dict[str, Any] = {name: tuple(float(getattr(joint, name)) for joint in joints) for name in names}

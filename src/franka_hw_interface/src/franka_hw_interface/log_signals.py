@@ -1,9 +1,7 @@
-"""Motion and torque of a log as a model takes them: uniform in time, low-pass filtered without phase, with
-acceleration.
+"""Motion and torque of a log as model input: uniform in time, zero-phase low-pass filtered, with acceleration.
 
-Position, velocity and torque of the log go through one filter, and what a model says of the filtered motion goes
-through it once more before it is compared: so friction, which is sharper than the motion, is smoothed alike on both
-sides.
+Position, velocity and torque of the log pass one filter, and the model's output for the filtered motion passes it once
+more before the comparison: so friction, which is sharper than the motion, is smoothed equally on both sides.
 """
 
 from dataclasses import dataclass
@@ -15,34 +13,35 @@ from franka_hw_interface.arm_log import ArmLog, LogError
 from hric_control.geometry import FloatArray
 
 CUTOFF = 10.0
-"""Cut-off of the low-pass; default chosen by this project, unconfirmed [Hz]."""
+"""Cut-off frequency of the low-pass; default chosen by this project, unconfirmed [Hz]."""
 ORDER = 4
-"""Of the Butterworth low-pass, which runs forwards and backwards; default chosen by this project, unconfirmed."""
+"""Order of the Butterworth low-pass, run forwards and backwards; default chosen by this project, unconfirmed."""
 EDGE_PERIODS = 3.0
-"""Periods of the cut-off that are dropped at each end, where the filter has nothing beyond; default chosen by this
-project, unconfirmed."""
+"""Periods of the cut-off dropped at each end, where the filter lacks samples (project default, unconfirmed)."""
 MIN_DURATION = 2.0
-"""What must be left after that; default chosen by this project, unconfirmed [s]."""
+"""Minimum duration after that; default chosen by this project, unconfirmed [s]."""
 MIN_RATE = 5.0
-"""Samples per period of the cut-off that a log must have: its central differences are then right to 7 % at half the
-cut-off [1]."""
+"""Minimum number of samples per period of the cut-off [1].
+
+The error of central differences is then at most 7 % at half the cut-off.
+"""
 KEPT_RATE = 20.0
-"""Samples per period of the cut-off that are kept of what is filtered: a model need not be evaluated more often [1]."""
+"""Filtered samples per period of the cut-off that are used: the model need not be evaluated more often [1]."""
 LONGEST_GAP = 0.5
-"""Periods of the cut-off over which samples may be missing: what is slower is known there by interpolation [1]."""
+"""Maximum gap in periods of the cut-off: interpolation is sufficient for slower motion [1]."""
 
 
 @dataclass(frozen=True)
 class Signals:
-    """m instants of j joints at a uniform rate, filtered.
+    """Filtered signals of j joints at m instants, at a uniform rate.
 
     Attributes:
-        time: on the clock of the log, shape (m,) [s].
+        time: time on the clock of the log, shape (m,) [s].
         q, dq, ddq, tau: shape (m, j) [rad, rad/s, rad/s^2, N m].
-        rate: of what is kept [Hz].
-        log_rate: of the log, at which it was filtered and differentiated [Hz].
+        rate: sampling rate of these signals [Hz].
+        log_rate: sampling rate of the log, at which it was filtered and differentiated [Hz].
         cutoff: [Hz].
-        kept: the instants that count; beyond them the filter has its transients.
+        kept: slice of the valid instants, without the filter's transients.
     """
 
     time: FloatArray
@@ -56,16 +55,16 @@ class Signals:
     kept: slice
 
     def low_pass(self, values: FloatArray) -> FloatArray:
-        """What the log's own signals went through, at the rate of what is kept; values: shape (m, ...)."""
+        """Filter values, shape (m, ...), like the log's signals, at the rate of these signals."""
         return low_pass(values, self.rate, self.cutoff)
 
     @property
     def duration(self) -> float:
-        """Of what counts [s]."""
+        """Duration of the valid instants [s]."""
         return float(np.ptp(self.time[self.kept]))
 
     def summary(self) -> str:
-        """The settings, for a report."""
+        """Return the settings as a text for a report."""
         low_pass = (
             f"zero-phase Butterworth low-pass of order {ORDER}, forwards and backwards, cut-off {self.cutoff:g} Hz"
         )
@@ -77,7 +76,7 @@ class Signals:
 
 
 def low_pass(values: FloatArray, rate: float, cutoff: float) -> FloatArray:
-    """Zero-phase low-pass along the first axis; rate, cutoff: [Hz]."""
+    """Apply a zero-phase low-pass along the first axis; rate, cutoff: [Hz]."""
     filtered: FloatArray = scipy.signal.sosfiltfilt(
         scipy.signal.butter(ORDER, cutoff, fs=rate, output="sos"), values, axis=0
     )
@@ -88,8 +87,8 @@ def condition(log: ArmLog, cutoff: float = CUTOFF) -> Signals:
     """Resample at the log's median rate and filter.
 
     Args:
-        log: checked by `check_log`.
-        cutoff: of the low-pass [Hz].
+        log: log checked by `check_log`.
+        cutoff: cut-off frequency of the low-pass [Hz].
 
     Raises:
         LogError: too few samples per second, a gap, or too short.

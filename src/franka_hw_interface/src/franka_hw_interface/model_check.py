@@ -1,5 +1,4 @@
-"""A model of the arm against a log: the torque that the recorded motion needs by the model, beside the torque that the
-sensors measured."""
+"""Comparison of an arm model with a log: torque that the model needs for the recorded motion, and measured torque."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -13,11 +12,10 @@ from hric_control.geometry import FloatArray
 from hric_control.plants import Phi, bristle_torque, sigmoid_torque
 
 Counting = Callable[[range], Iterable[int]]
-"""Goes through a range, and may show how far it is."""
+"""Function that iterates over a range, and may show the progress."""
 
 VALID_SCALE = (0.2, 5.0)
-"""Measured torque as a multiple of the model's; beyond, it is something else. A forgotten load or another inertial set
-stays within."""
+"""Valid ratios of measured to modelled torque; a forgotten load or another inertial set stays within."""
 
 COARSE = 500
 """Instants of a log on which two models are compared (project default, unconfirmed)."""
@@ -25,7 +23,7 @@ COARSE = 500
 
 @dataclass(frozen=True)
 class ModelCheck:
-    """m instants of j joints, all filtered alike; the transients of the filter are left out of every property.
+    """Comparison at m instants of j joints, all equally filtered; properties exclude the transients of the filter.
 
     Attributes:
         joint_names: order of the columns.
@@ -41,27 +39,27 @@ class ModelCheck:
 
     @property
     def time(self) -> FloatArray:
-        """On the clock of the log, shape (k,) [s]."""
+        """Time on the clock of the log, shape (k,) [s]."""
         return self.signals.time[self.signals.kept]
 
     @property
     def velocity(self) -> FloatArray:
-        """Shape (k, j) [rad/s]."""
+        """Joint velocities, shape (k, j) [rad/s]."""
         return self.signals.dq[self.signals.kept]
 
     @property
     def measured(self) -> FloatArray:
-        """Shape (k, j) [N m]."""
+        """Measured torques, shape (k, j) [N m]."""
         return self.signals.tau[self.signals.kept]
 
     @property
     def modelled(self) -> FloatArray:
-        """Shape (k, j) [N m]."""
+        """Modelled torques, shape (k, j) [N m]."""
         return (self.rigid + self.friction)[self.signals.kept]
 
     @property
     def residual(self) -> FloatArray:
-        """Measured minus modelled, shape (k, j) [N m]."""
+        """Measured minus modelled torques, shape (k, j) [N m]."""
         return self.measured - self.modelled
 
     @property
@@ -71,7 +69,7 @@ class ModelCheck:
 
 
 def root_mean_square(values: FloatArray) -> FloatArray:
-    """Along the first axis."""
+    """Return the root mean square along the first axis."""
     result: FloatArray = np.sqrt(np.mean(values**2, axis=0))
     return result
 
@@ -79,12 +77,14 @@ def root_mean_square(values: FloatArray) -> FloatArray:
 def inverse_dynamics(
     model: FrankaModel, q: FloatArray, dq: FloatArray, ddq: FloatArray, counting: Counting = iter
 ) -> FloatArray:
-    """M(q) ddq + C(q, dq) dq + g(q) of many instants, without friction and rotor inertia: the link side of the gears.
+    """Return M(q) ddq + C(q, dq) dq + g(q) at many instants, without friction and rotor inertia: on the link side.
 
     Args:
-        model: with the load that the arm carried.
-        q, dq, ddq: shape (m, 7) [rad, rad/s, rad/s^2].
-        counting: goes through the instants.
+        model: model with the load of the arm.
+        q: joint positions, shape (m, 7) [rad].
+        dq: joint velocities, shape (m, 7) [rad/s].
+        ddq: joint accelerations, shape (m, 7) [rad/s^2].
+        counting: function that iterates over the instants.
 
     Returns:
         shape (m, 7) [N m].
@@ -96,15 +96,14 @@ def inverse_dynamics(
 
 
 def friction_torque(dq: FloatArray, friction: Sequence[Phi] | None) -> FloatArray:
-    """The sigmoid of each joint at dq, shape (m, j) [N m]; None: no friction."""
+    """Return the sigmoid friction of each joint at dq, shape (m, j) [N m]; None: no friction."""
     if friction is None:
         return np.zeros_like(dq)
     return np.column_stack([sigmoid_torque(column, phi) for column, phi in zip(dq.T, friction, strict=True)])
 
 
 def coarse_rms(model: FrankaModel, signals: Signals, friction: Sequence[Phi] | None) -> float:
-    """Return the sum over the joints of the residual's RMS [N m] on a few hundred instants, for the choice between
-    two models."""
+    """Return the sum of the joints' residual RMS [N m] at a few hundred instants, to choose between two models."""
     kept = signals.tau[signals.kept]
     part = slice(None, None, -(-len(kept) // COARSE))
     q, dq, ddq, tau = (values[signals.kept][part] for values in (signals.q, signals.dq, signals.ddq, signals.tau))
@@ -113,7 +112,7 @@ def coarse_rms(model: FrankaModel, signals: Signals, friction: Sequence[Phi] | N
 
 
 def bristles(signals: Signals) -> FloatArray:
-    """Bristle of each joint along the log with a breakaway of 1 N m, shape (m, j) [N m]."""
+    """Return the bristle torque of each joint along the log, with a breakaway of 1 N m, shape (m, j) [N m]."""
     return np.column_stack([bristle_torque(column, signals.time) for column in signals.dq.T])
 
 
@@ -125,18 +124,18 @@ def check(
     counting: Counting = iter,
     breakaway: Sequence[float] = (),
 ) -> ModelCheck:
-    """Compare.
+    """Compare the model with the log and return the result.
 
-    tau = M(q) ddq + C(q, dq) dq + g(q) + friction(dq). The torque sensors of the arm are behind its gears, so there is
-    no rotor inertia in it.
+    tau = M(q) ddq + C(q, dq) dq + g(q) + friction(dq). The torque sensors of the arm are on the link side of its gears,
+    so rotor inertia is not included.
 
     Args:
-        model: with the load that the arm carried.
-        joint_names: of the log.
+        model: model with the load of the arm.
+        joint_names: joint names of the log.
         signals: the log, filtered.
-        friction: phi1, phi2, phi3 of each joint; None: none.
-        counting: goes through the instants, the part that takes time.
-        breakaway: of each joint's bristle [N m]; empty: none.
+        friction: phi1, phi2, phi3 of each joint; None: no friction.
+        counting: function that iterates over the instants, the slow part.
+        breakaway: breakaway torque of each joint's bristle [N m]; empty: none.
 
     Raises:
         LogError: the measured torque is not that of such an arm.

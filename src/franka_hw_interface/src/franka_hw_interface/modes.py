@@ -1,5 +1,4 @@
-"""What a controller commands the arm by: torques, one motion generator, or both together, as libfranka's control loops
-take them."""
+"""Command modes of the arm: torques, one motion generator, or both together, as in libfranka's control loops."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -34,10 +33,10 @@ _BY_INTERFACE = {
 
 @dataclass(frozen=True)
 class Mode:
-    """How the arm is commanded.
+    """Command mode of the arm.
 
     Attributes:
-        torque: whether joint torques are.
+        torque: True if joint torques are commanded.
         generator: the motion generator, or None.
     """
 
@@ -46,13 +45,12 @@ class Mode:
 
     @property
     def commanded(self) -> bool:
-        """Whether anything is commanded; if not, the arm holds by itself."""
+        """True if anything is commanded; otherwise the arm holds its position."""
         return self.torque or self.generator is not None
 
     @property
     def log_name(self) -> str:
-        """What the control log calls the joints' command: torques go first; Cartesian commands are none of the
-        joints'."""
+        """Name of the joint command in the control log: torques have priority; Cartesian commands count as "none"."""
         kind = Kind.EFFORT if self.torque else self.generator
         return kind.value if kind in (Kind.EFFORT, Kind.POSITION, Kind.VELOCITY) else "none"
 
@@ -65,11 +63,11 @@ HOLD = Mode()
 
 
 def claimed_mode(controller: ControllerInfo, arm_id: str, joint_names: Sequence[str]) -> Mode:
-    """The mode that a controller needs; HOLD if it claims nothing of the arm.
+    """Return the mode that a controller needs, HOLD if it claims nothing of the arm.
 
     Raises:
-        HricError: it claims some joints only, or a combination that libfranka does not have; the message says what
-            would be valid.
+        HricError: it claims only some joints, or a combination that libfranka does not have; the text gives valid
+            claims.
     """
     own = {*joint_names, f"{arm_id}_robot"}
     kinds = []
@@ -98,17 +96,17 @@ def claimed_mode(controller: ControllerInfo, arm_id: str, joint_names: Sequence[
 
 
 def claimed_modes(controllers: Sequence[ControllerInfo], arm_id: str, joint_names: Sequence[str]) -> list[Mode]:
-    """The modes of those controllers that command the arm. Raises as `claimed_mode`."""
+    """Return the modes of those controllers that command the arm. Raises the errors of `claimed_mode`."""
     modes = [claimed_mode(one, arm_id, joint_names) for one in controllers]
     return [mode for mode in modes if mode.commanded]
 
 
 def check_one_commander(controllers: Sequence[ControllerInfo], arm_id: str, joint_names: Sequence[str]) -> None:
-    """Refuse controllers that would command the arm together.
+    """Refuse controllers that would command the arm at the same time.
 
     Raises:
         ResourceConflictError: names two of them.
-        HricError: a claim that no mode serves.
+        HricError: a claim without a mode.
     """
     commanding = [(one.name, mode) for one in controllers if (mode := claimed_mode(one, arm_id, joint_names)).commanded]
     if len(commanding) > 1:

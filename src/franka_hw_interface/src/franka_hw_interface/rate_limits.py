@@ -1,23 +1,25 @@
-"""What libfranka's control loops do to joint commands, for arms that are commanded without them."""
+"""Filters and rate limits of libfranka's control loops, for arms that are commanded without them."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 PERIOD = 1e-3
-"""libfranka's control period [s]."""
+"""Control period of libfranka [s]."""
 MAX_CUTOFF = 1000.0
-"""From this cut-off frequency on libfranka does not filter (lowpass_filter.h) [Hz]."""
+"""Cut-off frequency from which on libfranka does not filter (lowpass_filter.h) [Hz]."""
 MARGIN = 1e-3
-"""libfranka works with every limit of rate less this much (rate_limiting.h)."""
+"""Margin by which libfranka lowers every rate limit (rate_limiting.h)."""
 ECHO_TOLERANCE = 1e-4
-"""The FR3 echoes in single precision: within this the value sent last counts as the one in force, which is more exact
-[N m], [rad], [rad/s]."""
+"""Maximum distance at which the last sent value replaces the arm's echo [N m], [rad], [rad/s].
+
+The sent value is more exact, since the FR3 echoes in single precision.
+"""
 
 
 @dataclass(frozen=True)
 class RateLimits:
-    """Largest rates per joint, 7 floats each.
+    """Maximum rates per joint, 7 floats each.
 
     Attributes:
         effort_rate: [N m/s].
@@ -31,7 +33,7 @@ class RateLimits:
 
 
 def gain(cutoff_frequency: float) -> float:
-    """Weight of the new value in y = g u + (1 - g) y_last, g = dt / (dt + 1 / (2 pi f)) (lowpass_filter.h)."""
+    """Return the weight g = dt / (dt + 1 / (2 pi f)) in y = g u + (1 - g) y_last (lowpass_filter.h)."""
     return 1.0 if cutoff_frequency >= MAX_CUTOFF else PERIOD / (PERIOD + 1.0 / (2.0 * math.pi * cutoff_frequency))
 
 
@@ -40,11 +42,11 @@ def _in_force(sent: list[float], echo: Sequence[float]) -> list[float]:
 
 
 class TorqueSmoother:
-    """Low-pass, then at most the torque rate limit per millisecond away from the torque in force.
+    """Low-pass for torques, followed by a limit of the torque rate relative to the present torque.
 
     Args:
-        limits: None: rates are not limited.
-        cutoff_frequency: of the low-pass [Hz].
+        limits: rate limits; None: rates are not limited.
+        cutoff_frequency: cut-off frequency of the low-pass [Hz].
     """
 
     def __init__(self, limits: RateLimits | None, cutoff_frequency: float) -> None:
@@ -53,11 +55,11 @@ class TorqueSmoother:
         self._sent = [0.0] * 7
 
     def smooth(self, tau: Sequence[float], tau_J_d: Sequence[float]) -> list[float]:
-        """The torque to send, 7 floats [N m].
+        """Return the torques to send, 7 floats [N m].
 
         Args:
-            tau: desired, 7 floats [N m].
-            tau_J_d: in force, as the arm echoes it, 7 floats [N m].
+            tau: desired torques, 7 floats [N m].
+            tau_J_d: present torques as the arm echoes them, 7 floats [N m].
         """
         g, last = self._gain, _in_force(self._sent, tau_J_d)
         filtered = tau if g == 1.0 else [g * u + (1.0 - g) * y for u, y in zip(tau, last, strict=True)]
@@ -70,34 +72,37 @@ class TorqueSmoother:
 def limited_velocity(
     desired: float, v: float, a: float, v_max: float, a_max: float, j_max: float, period: float = PERIOD
 ) -> float:
-    """Velocity within the limits of velocity, acceleration and jerk, as libfranka's limitRate for one joint.
+    """Return a velocity within the limits of velocity, acceleration and jerk, like libfranka's limitRate for one joint.
 
     Args:
-        desired: [rad/s].
-        v, a: velocity and acceleration in force [rad/s], [rad/s^2].
-        v_max, a_max, j_max: limits.
-        period: of the commands [s].
+        desired: desired velocity [rad/s].
+        v: present velocity [rad/s].
+        a: present acceleration [rad/s^2].
+        v_max: velocity limit [rad/s].
+        a_max: acceleration limit [rad/s^2].
+        j_max: jerk limit [rad/s^3].
+        period: period of the commands [s].
     """
     jerk = ((desired - v) / period - a) / period
     acceleration = a + min(max(jerk, -j_max), j_max) * period
-    # Near the velocity limit the acceleration must fall, so that the jerk limit is not broken when it is reached.
+    # Near the velocity limit the acceleration must fall, or the jerk limit is exceeded when the limit is reached.
     high = min(j_max / a_max * (v_max - v), a_max)
     low = max(j_max / a_max * (-v_max - v), -a_max)
     return v + max(min(acceleration, high), low) * period
 
 
 class JointSmoother:
-    """The same for joint positions or velocities, with limits of velocity, acceleration and jerk.
+    """Low-pass for joint positions or velocities, with limits of velocity, acceleration and jerk.
 
-    What libfranka's own limiter would pass, passes unchanged. Positions that it would not (straight lines between way
-    points, steps) it catches up with at (desired - q) / period, which overshoots and may circle around the goal for
-    ever; here the distance is closed no faster than it can be braked away, beside the velocity of the desired motion.
+    Commands that libfranka's limiter would accept pass unchanged. Other positions (straight lines between waypoints,
+    steps) libfranka approaches at (desired - q) / period, which overshoots and may oscillate about the goal forever.
+    Here the distance is reduced only as fast as the motion can be braked, on top of the velocity of the desired motion.
 
     Args:
-        limits: None: rates are not limited.
-        cutoff_frequency: of the low-pass [Hz].
-        positions: whether the commands are positions; False: velocities.
-        period: of the commands [s].
+        limits: rate limits; None: rates are not limited.
+        cutoff_frequency: cut-off frequency of the low-pass [Hz].
+        positions: True if the commands are positions; False: velocities.
+        period: period of the commands [s].
     """
 
     def __init__(
@@ -114,11 +119,13 @@ class JointSmoother:
     def smooth(
         self, desired: Sequence[float], q_d: Sequence[float], dq_d: Sequence[float], ddq_d: Sequence[float]
     ) -> list[float]:
-        """What to send, 7 floats [rad] or [rad/s].
+        """Return the commands to send, 7 floats [rad] or [rad/s].
 
         Args:
-            desired: 7 floats [rad] or [rad/s].
-            q_d, dq_d, ddq_d: in force, as the arm echoes them, 7 floats each.
+            desired: desired positions or velocities, 7 floats [rad] or [rad/s].
+            q_d: present positions as the arm echoes them, 7 floats [rad].
+            dq_d: likewise the velocities, 7 floats [rad/s].
+            ddq_d: likewise the accelerations, 7 floats [rad/s^2].
         """
         self._take_what_is_in_force(q_d, dq_d, ddq_d)
         g, before, period = self._gain, self._filtered, self._period
@@ -135,7 +142,7 @@ class JointSmoother:
         return self._q if self._positions else velocity
 
     def _velocity(self, target: list[float], before: list[float]) -> list[float]:
-        """Velocity of the desired motion, and what closes the distance to it [rad/s]."""
+        """Return the velocity of the desired motion, plus the one that closes the distance to it [rad/s]."""
         period = self._period
         if not self._rows:
             return [(u - x) / period for u, x in zip(target, self._q, strict=True)]
@@ -143,7 +150,7 @@ class JointSmoother:
         return [(u - y) / period + catching_up(y - x, row[1], period) for u, y, x, row in rows]
 
     def _take_what_is_in_force(self, q_d: Sequence[float], dq_d: Sequence[float], ddq_d: Sequence[float]) -> None:
-        """What was sent last, unless the arm reports something else (a lost packet, a new motion)."""
+        """Continue from the last sent command, or from the echo if it differs (a lost packet, a new motion)."""
         positions = zip(self._q if self._positions else self._dq, q_d if self._positions else dq_d, strict=True)
         same = all(abs(a - b) < ECHO_TOLERANCE for a, b in positions) and all(
             abs(a - b) < ECHO_TOLERANCE for a, b in zip(self._dq, dq_d, strict=True)
@@ -154,12 +161,13 @@ class JointSmoother:
 
 
 def catching_up(distance: float, a_max: float, period: float) -> float:
-    """Velocity towards a point that can be braked to nothing at a quarter of the limit of acceleration, which leaves
-    room for the limit of jerk.
+    """Return the velocity towards a point from which a quarter of the acceleration limit suffices to brake.
+
+    The rest of the acceleration leaves room for the jerk limit.
 
     Args:
         distance: [rad].
-        a_max: [rad/s^2].
-        period: of the commands [s].
+        a_max: acceleration limit [rad/s^2].
+        period: period of the commands [s].
     """
     return math.copysign(min(abs(distance) / period, math.sqrt(0.5 * a_max * abs(distance))), distance)

@@ -1,4 +1,4 @@
-"""State of the Franka arm, field by field as libfranka and franka_msgs/FrankaState name them."""
+"""State of the Franka arm, with the field names of libfranka and franka_msgs/FrankaState."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, fields
@@ -50,16 +50,16 @@ ERROR_NAMES: tuple[str, ...] = (
     "base_acceleration_initialization_timeout",
     "base_acceleration_invalid_reading",
 )
-"""The 41 error flags, in the order of franka_msgs/Errors."""
+"""Names of the 41 error flags, in the order of franka_msgs/Errors."""
 
 Errors = frozenset[str]
-"""The errors that are set, by libfranka's names."""
+"""Set of active errors, by libfranka's names."""
 
 NO_ERRORS: Errors = frozenset()
 
 
 def errors(names: Iterable[str]) -> Errors:
-    """A set of errors; a name that libfranka does not have is refused."""
+    """Return a set of errors; a name that libfranka does not have is refused."""
     result = frozenset(names)
     for name in sorted(result):
         if name not in ERROR_NAMES:
@@ -68,7 +68,7 @@ def errors(names: Iterable[str]) -> Errors:
 
 
 class RobotMode(IntEnum):
-    """What the arm is doing; values of franka_msgs/FrankaState."""
+    """Mode of the arm; values of franka_msgs/FrankaState."""
 
     OTHER = 0
     IDLE = 1
@@ -87,18 +87,18 @@ _two, _three, _six, _seven, _nine = _zeros(2), _zeros(3), _zeros(6), _zeros(7), 
 
 
 def identity16() -> list[float]:
-    """Column-major identity transform, 16 floats."""
+    """Return a column-major identity transform, 16 floats."""
     return [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]
 
 
 @dataclass(slots=True)
 class RobotState:
-    """One state of the arm, owned and written in place by the robot; lists of plain floats, transforms column-major.
+    """State of the arm, owned and written in place by the robot; lists of plain floats, transforms column-major.
 
     Frames: O base (`<arm_id>_link0`), F flange (`<arm_id>_link8`), NE nominal end effector, EE end effector, K
     stiffness frame. `_d` desired, `_c` commanded, `_hat` estimated. Units: m, rad, N, N m, kg, kg m^2, s.
 
-    Whoever keeps a state beyond its cycle, or hands it to another thread, takes a `snapshot()`.
+    A caller that stores a state beyond its cycle, or passes it to another thread, takes a `snapshot()`.
 
     Attributes:
         q, dq: measured joint position [rad] and velocity [rad/s]; q_d, dq_d, ddq_d: desired.
@@ -111,11 +111,11 @@ class RobotState:
         O_T_EE: measured pose; O_T_EE_d, O_T_EE_c, O_dP_EE_d, O_dP_EE_c, O_ddP_EE_c: desired and commanded pose, twist,
             acceleration.
         elbow: position of joint 3 [rad] and side of joint 4 (-1 or +1).
-        m_ee, F_x_Cee, I_ee: what is mounted at the flange; m_load, F_x_Cload, I_load: payload that was set;
+        m_ee, F_x_Cee, I_ee: everything mounted at the flange; m_load, F_x_Cload, I_load: configured payload;
             _total: both. Inertia about the centre of mass, axes of the flange frame, column-major.
         O_ddP_O: gravity in the base frame [m/s^2].
         time: robot time [s].
-        tick: counts the readings of the robot; what is computed from the state is valid for one tick. Not part of the
+        tick: number of readings of the robot; results computed from the state are valid for one tick. Not part of the
             message.
     """
 
@@ -169,24 +169,24 @@ class RobotState:
     last_motion_errors: Errors = NO_ERRORS
 
     def snapshot(self) -> "RobotState":
-        """A copy that later cycles do not change; fields computed on demand are computed now."""
+        """Return a copy that later cycles do not change; fields computed on demand are computed now."""
         values = {name: getattr(self, name) for name in FIELD_NAMES}
         kept: dict[str, Any] = {name: value[:] if isinstance(value, list) else value for name, value in values.items()}
         return RobotState(tick=self.tick, **kept)
 
 
 FIELD_NAMES: tuple[str, ...] = tuple(item.name for item in fields(RobotState) if item.name != "tick")
-"""The fields that franka_msgs/FrankaState carries, header aside."""
+"""Names of the fields in franka_msgs/FrankaState, without the header."""
 
 
 def lazy_field(name: str, compute: Callable[[Any], Any]) -> Any:
-    """A field of a subclass of RobotState that is computed when it is read, at most once per tick.
+    """Return a field for a subclass of RobotState that is computed when it is read, at most once per tick.
+
+    The subclass needs an attribute `computed_at: dict[str, int]`, set before RobotState's construction.
 
     Args:
         name: field of RobotState.
-        compute: called with the state; returns the value.
-
-    The subclass needs an attribute `computed_at: dict[str, int]`, set before RobotState's own construction.
+        compute: function from the state to the value.
     """
     if name not in FIELD_NAMES:
         raise UnknownNameError("field", name, FIELD_NAMES, "RobotState")

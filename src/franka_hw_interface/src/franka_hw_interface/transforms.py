@@ -1,4 +1,4 @@
-"""Column-major transforms and payloads as they stand in messages: checked and converted at the border."""
+"""Column-major transforms and payloads of messages: check and conversion on input."""
 
 import math
 from collections.abc import Sequence
@@ -10,16 +10,16 @@ from hric_control.geometry import FloatArray, MassProperties
 from hric_control.geometry.quaternions import is_rotation
 
 ORTHONORMAL_TOLERANCE = 1e-5
-"""How far a rotation matrix may be from orthonormal, as libfranka allows it."""
+"""Tolerance for the orthonormality of a rotation matrix, as in libfranka."""
 
 
 def column_major(matrix: FloatArray) -> list[float]:
-    """Elements of a matrix column by column, as libfranka and franka_msgs order them."""
+    """Return the elements of a matrix column by column, in the order of libfranka and franka_msgs."""
     return list(map(float, matrix.T.ravel()))
 
 
 def from_column_major(values: Sequence[float], columns: int = 4) -> FloatArray:
-    """The matrix that `column_major` took apart; a pose by default."""
+    """Return the matrix of column-major elements, a pose by default."""
     return np.array(values).reshape(columns, -1).T
 
 
@@ -33,7 +33,7 @@ def _finite(values: Sequence[float] | FloatArray, n: int, what: str) -> FloatArr
 
 
 def check_transform(values: Sequence[float], what: str) -> FloatArray:
-    """Pose, shape (4, 4), from 16 column-major values.
+    """Return the pose of 16 column-major values, shape (4, 4).
 
     Raises:
         CommandError: wrong length, not finite, or not a rotation with the last row 0 0 0 1.
@@ -54,23 +54,23 @@ def check_transform(values: Sequence[float], what: str) -> FloatArray:
 
 
 def check_pose(values: Sequence[float], what: str) -> None:
-    """The same check for one cycle of the control loop: on plain floats, in a tenth of the time, without the matrix.
+    """Check the same for one cycle of the control loop: on plain floats, in a tenth of the time, without the matrix.
 
     Raises:
-        CommandError: as `check_transform` says it.
+        CommandError: with the text of `check_transform`.
     """
     try:
         good = is_pose(values)
     except TypeError:
         good = False
     if not good:
-        check_transform(values, what)  # says what is wrong
+        check_transform(values, what)  # raises an error with the reason
 
 
 def is_pose(values: Sequence[float], tolerance: float = ORTHONORMAL_TOLERANCE) -> bool:
-    """Whether 16 column-major values are finite, with an orthonormal, right-handed rotation and the last row 0 0 0 1.
+    """Return True if 16 column-major values are a pose: finite, right-handed rotation, last row 0 0 0 1.
 
-    False also where `check_transform` has to look itself. Written so that a NaN fails.
+    Also False in cases that only `check_transform` can decide. Written so that a NaN fails.
     """
     if len(values) != 16:
         return False
@@ -88,7 +88,7 @@ def is_pose(values: Sequence[float], tolerance: float = ORTHONORMAL_TOLERANCE) -
 
 
 def check_load(mass: float, com: Sequence[float] | FloatArray, inertia: Sequence[float] | FloatArray) -> MassProperties:
-    """A payload.
+    """Return a checked payload.
 
     Args:
         mass: not negative [kg].
@@ -97,7 +97,7 @@ def check_load(mass: float, com: Sequence[float] | FloatArray, inertia: Sequence
             m^2].
 
     Raises:
-        CommandError: one of these does not hold.
+        CommandError: one of these conditions is violated.
     """
     m = float(_finite([mass], 1, "load mass")[0])
     if m < 0.0:

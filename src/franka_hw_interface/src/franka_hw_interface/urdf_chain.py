@@ -1,6 +1,6 @@
-"""A serial chain read from a URDF, with everything that is rigidly fixed to its links lumped into them exactly.
+"""Serial chain from a URDF, with everything that is rigidly fixed to its links added to their inertia exactly.
 
-No engine and no KDL here: `kdl_chain` turns the result into KDL's terms, other engines may turn it into theirs.
+Independent of engines and of KDL: `kdl_chain` converts the result for KDL, other engines may convert it for theirs.
 """
 
 from dataclasses import dataclass, replace
@@ -12,21 +12,21 @@ from hric_control.geometry import FloatArray, MassProperties
 from hric_control.urdf import Robot, read
 
 MOVING_KINDS = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
-"""URDF joint types with one degree of freedom, and the motion they make."""
+"""Motion of the URDF joint types with one degree of freedom."""
 
 Inertial = MassProperties
-"""Its name up to 0.1."""
+"""Name of MassProperties up to version 0.1."""
 
 
 @dataclass(frozen=True)
 class ChainSegment:
-    """One moving joint and the link behind it; the link's frame is the joint's frame, moved by the joint.
+    """Moving joint and the link after it; the link's frame is the joint's frame, moved by the joint.
 
     Attributes:
         joint, link: URDF names.
         kind: "revolute" or "prismatic".
-        T_parent_joint: pose of the joint frame at zero in the frame of the moving link before (the root for the first),
-            shape (4, 4).
+        T_parent_joint: pose of the joint frame at zero in the frame of the previous moving link (the root for the
+            first), shape (4, 4).
         axis: unit vector in the joint frame, shape (3,).
         inertial: link and everything rigidly attached to it, in the link frame.
     """
@@ -41,17 +41,17 @@ class ChainSegment:
 
 @dataclass(frozen=True)
 class SerialChain:
-    """Moving joints from root to tip.
+    """Chain of moving joints from root to tip.
 
     Attributes:
         root, tip: URDF link names.
         segments: from root to tip, one per moving joint.
         T_last_tip: pose of the tip link in the frame of the last moving link, shape (4, 4).
-        tip_inertial: the tip link and all that is fixed to it further out, in the tip frame; already part of the last
+        tip_inertial: the tip link and everything fixed to it further out, in the tip frame; already part of the last
             segment.
         T_world_root: pose of the root in the URDF's first link through fixed joints, shape (4, 4); None if a joint
             moves the root.
-        frozen_joints: movable joints of side branches (fingers), counted as fixed at zero.
+        frozen_joints: movable joints of side branches (fingers), treated as fixed at zero.
     """
 
     root: str
@@ -64,11 +64,11 @@ class SerialChain:
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Moving joints from root to tip."""
+        """Names of the moving joints from root to tip."""
         return tuple(segment.joint for segment in self.segments)
 
     def with_load(self, load: MassProperties) -> "SerialChain":
-        """The same chain with `load` (in the tip frame) welded on."""
+        """Return the same chain with `load` (in the tip frame) attached to the tip."""
         last = self.segments[-1]
         heavier = replace(last, inertial=last.inertial + load.moved(self.T_last_tip))
         return replace(self, segments=(*self.segments[:-1], heavier))
@@ -80,10 +80,10 @@ def parse_chain(urdf_xml: str, root: str, tip: str) -> SerialChain:
 
 
 def chain_of(robot: Robot, root: str, tip: str) -> SerialChain:
-    """The chain from link `root` to link `tip`.
+    """Return the chain from link `root` to link `tip`.
 
-    Fixed joints on the way are folded into the transforms, links and whole branches fixed on the way into the inertials
-    of the moving links. What is fixed to the root does not matter to the dynamics and is left out.
+    Fixed joints on the path are folded into the transforms; links and branches fixed to the path are added to the
+    inertia of the moving links. Bodies fixed to the root do not affect the dynamics and are left out.
 
     Raises:
         DescriptionError: no such path, a joint type with more than one degree of freedom on the path, no moving joint.
@@ -93,7 +93,7 @@ def chain_of(robot: Robot, root: str, tip: str) -> SerialChain:
 
 
 class _Builder:
-    """Walks from root to tip and collects segments."""
+    """Builder that follows the path from root to tip and collects segments."""
 
     def __init__(self, robot: Robot, root: str, tip: str) -> None:
         self.robot, self.root, self.tip, self.path = robot, root, tip, robot.path(root, tip)
@@ -101,7 +101,7 @@ class _Builder:
         self.frozen: list[str] = []
 
     def build(self) -> SerialChain:
-        T = np.eye(4)  # pose of the link now reached in the frame of the last moving link
+        T = np.eye(4)  # pose of the present link in the frame of the last moving link
         for here, joint in enumerate(self.path):
             T = T @ joint.T_parent_joint
             if joint.type in MOVING_KINDS:
@@ -129,8 +129,7 @@ class _Builder:
         )
 
     def _branch(self, link: str, onward: str | None, T: FloatArray) -> MassProperties:
-        """A link and all beyond it, but for what hangs on the joint `onward`; T: pose of the link in the frame of the
-        result."""
+        """Return the mass of a link and all beyond it, except at the joint `onward`; T: pose in the result's frame."""
         total = self._mass(link).moved(T)
         for joint, T_child in self.robot.beyond(link, T, onward):
             total = total + self._mass(joint.child).moved(T_child)
