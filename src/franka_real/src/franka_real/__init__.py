@@ -1,1 +1,1 @@
-"""The real Franka arm as a RobotHW, through libfranka."""
+"""Real Franka arm as a RobotHW, through libfranka."""

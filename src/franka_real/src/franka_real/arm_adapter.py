@@ -1,4 +1,4 @@
-"""The real arm as the services of franka_control see it; the control loop carries out their requests."""
+"""Adapter from the real arm to the services of franka_control; the control loop executes their requests."""
 
 import threading
 from collections import deque
@@ -21,10 +21,9 @@ class _Call:
 
 
 class LoopCalls:
-    """Calls from other threads, carried out by the control loop between two cycles: libfranka is used by one thread
-    only.
+    """Queue of calls from other threads that the control loop executes between two cycles.
 
-    Without a running loop, and from its own thread, they are made at once.
+    libfranka is used by one thread only. Without a running loop, and in its own thread, calls are executed at once.
     """
 
     def __init__(self) -> None:
@@ -33,12 +32,12 @@ class LoopCalls:
         self._thread: int | None = None
 
     def open(self) -> None:
-        """The calling thread is the loop from now on."""
+        """Make the calling thread the loop's thread from now on."""
         with self._state:
             self._thread = threading.get_ident()
 
     def close(self) -> None:
-        """The loop has ended; calls that still wait fail."""
+        """End the loop; waiting calls fail."""
         with self._state:
             self._thread = None
             while self._calls:
@@ -47,7 +46,7 @@ class LoopCalls:
                 call.done.set()
 
     def request(self, function: Callable[[], None]) -> None:
-        """Make the call in the loop and wait for it; its error is raised here."""
+        """Execute a call in the loop and wait for it; its error is raised here."""
         with self._state:
             if self._thread is None or self._thread == threading.get_ident():
                 function()
@@ -59,7 +58,7 @@ class LoopCalls:
             raise call.error
 
     def serve(self) -> None:
-        """Make the calls that wait; from the loop."""
+        """Execute the waiting calls; called by the loop."""
         while self._calls:
             call = self._calls.popleft()
             try:
@@ -70,14 +69,14 @@ class LoopCalls:
 
 
 class ArmAdapter:
-    """Passes the requests of `ArmServices` on to libfranka and to the models.
+    """Adapter that passes the requests of `ArmServices` to libfranka and to the models.
 
     Args:
-        connection: to the arm.
-        calls: into the control loop.
+        connection: connection to the arm.
+        calls: queue of calls into the control loop.
         state: the arm's state.
-        models: get the same payload and frames.
-        on_recover: called in the loop; ends the error state.
+        models: models that get the same payload and frames.
+        on_recover: callback in the loop that ends the error state.
     """
 
     def __init__(
@@ -96,14 +95,14 @@ class ArmAdapter:
         self._calls.request(function)
 
     def set_load(self, mass: float, com: Sequence[float], inertia: Sequence[float]) -> None:
-        """Payload, beside the end effector."""
+        """Set the payload, in addition to the end effector."""
         with self._patience():
             self._arm.set_load(mass, list(com), list(inertia))
         for model in self._models:
             model.set_load(mass, com, inertia)
 
     def set_EE_frame(self, NE_T_EE: Sequence[float]) -> None:
-        """End effector in the nominal end-effector frame."""
+        """Set the end effector in the nominal end-effector frame."""
         T = check_transform(NE_T_EE, "NE_T_EE")
         F_T_NE = from_column_major(self._state.F_T_NE)
         with self._patience():
@@ -113,7 +112,7 @@ class ArmAdapter:
             model.set_ee(F_T_NE @ T)
 
     def set_K_frame(self, EE_T_K: Sequence[float]) -> None:
-        """Stiffness frame in the end-effector frame."""
+        """Set the stiffness frame in the end-effector frame."""
         T = check_transform(EE_T_K, "EE_T_K")
         with self._patience():
             self._arm.set_K_frame(list(EE_T_K))
@@ -121,16 +120,16 @@ class ArmAdapter:
             model.set_stiffness_frame(T)
 
     def set_joint_impedance(self, stiffness: Sequence[float]) -> None:
-        """Stiffness of the internal joint impedance."""
+        """Set the stiffness of the internal joint impedance."""
         with self._patience():
             self._arm.set_joint_impedance(list(stiffness))
 
     def set_cartesian_impedance(self, stiffness: Sequence[float]) -> None:
-        """Stiffness of the internal Cartesian impedance."""
+        """Set the stiffness of the internal Cartesian impedance."""
         with self._patience():
             self._arm.set_cartesian_impedance(list(stiffness))
 
     def set_collision_behavior(self, thresholds: CollisionThresholds) -> None:
-        """Contact and collision thresholds."""
+        """Set the contact and collision thresholds."""
         with self._patience():
             self._arm.set_collision_behavior(thresholds)

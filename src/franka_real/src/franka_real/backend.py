@@ -1,4 +1,4 @@
-"""One interface to both of libfranka's control loops: the Panda's callbacks and the FR3's read/write loop."""
+"""Common interface to both of libfranka's control loops: the Panda's callbacks and the FR3's read/write loop."""
 
 import re
 from abc import ABC, abstractmethod
@@ -14,37 +14,39 @@ from hric_control.native.sockets import confine
 
 
 class RobotError(FailureError):
-    """The arm ended or refused a motion, or refused a setting; it is still there. The message is libfranka's."""
+    """Error of an arm that ended or refused a motion or a setting, and still responds; the text is libfranka's."""
 
 
 class ConnectionLostError(FailureError):
-    """The arm no longer responds."""
+    """Error of an arm that no longer responds."""
 
 
 Cycle = Callable[[Any], ArmCommand]
-"""libfranka's state -> command; called each millisecond while a motion runs. What it raises ends the motion and reaches
-the caller of `control`."""
+"""Function from state to command, called each millisecond; `control` ends with the exceptions that it raises."""
 
 
 def keep_local(address: str) -> None:
-    """Receive states over loopback alone where the arm is there: libfranka takes them on all interfaces, from
-    whoever sends first."""
+    """Restrict the reception of states to loopback if the arm has a loopback address.
+
+    libfranka would receive them on all interfaces, from the first sender.
+    """
     if address.startswith("127."):
         confine("libPocoNet")
 
 
 class Backend(ABC):
-    """libfranka's Robot. All calls come from the control loop's thread, and block it, with the interpreter's lock held,
-    until the arm has responded.
+    """Robot of libfranka. All calls come from the control loop's thread.
+
+    Each call blocks the thread until the arm has responded, with the interpreter's lock held.
 
     Args:
-        settings: of the robot node.
+        settings: parameters of the robot node.
 
     Attributes:
-        title: of the arm, for messages.
+        title: name of the arm, for messages.
         library: libfranka's binding.
-        network_errors: what the binding raises when the arm is gone, where these errors have types of their own.
-        settings: as given.
+        network_errors: exceptions of the binding for a lost arm, if it has special types for them.
+        settings: as in Args.
 
     Raises:
         ConnectionLostError: the arm cannot be used.
@@ -70,8 +72,10 @@ class Backend(ABC):
         return ConnectionLostError(f"the {self.title} at {self.settings.robot_ip} is lost: {clean(error)}")
 
     def read_once(self) -> Any:
-        """The newest state that was received, waiting for it; after a pause the FR3 needs a second call for one of now
-        [ConnectionLostError]."""
+        """Wait for the newest received state and return it [ConnectionLostError].
+
+        After a pause, the FR3 needs a second call for a current state.
+        """
         try:
             return self._robot.read_once()
         except RuntimeError as error:
@@ -79,7 +83,7 @@ class Backend(ABC):
 
     @abstractmethod
     def milliseconds(self, raw: Any) -> int:
-        """The arm's own time of a state [ms]."""
+        """Return the arm's own time of a state [ms]."""
 
     @abstractmethod
     def check(self, mode: Mode) -> None:
@@ -95,7 +99,7 @@ class Backend(ABC):
         """
 
     def _request(self, call: Callable[[], None]) -> None:
-        """Make a request of the arm [RobotError, ConnectionLostError]."""
+        """Send a request to the arm [RobotError, ConnectionLostError]."""
         try:
             call()
         except self.network_errors as error:
@@ -104,46 +108,45 @@ class Backend(ABC):
             raise RobotError(clean(error)) from error
 
     def set_load(self, mass: float, com: list[float], inertia: list[float]) -> None:
-        """Payload. Raises RobotError, as the setters below."""
+        """Set the payload. Raises RobotError, as do the setters below."""
         self._request(lambda: self._robot.set_load(mass, com, inertia))
 
     @abstractmethod
     def set_EE_frame(self, NE_T_EE: list[float]) -> None:
-        """End effector. Raises RobotError."""
+        """Set the end effector. Raises RobotError."""
 
     @abstractmethod
     def set_K_frame(self, EE_T_K: list[float]) -> None:
-        """Stiffness frame. Raises RobotError."""
+        """Set the stiffness frame. Raises RobotError."""
 
     def set_joint_impedance(self, stiffness: list[float]) -> None:
-        """Stiffness of the internal joint impedance. Raises RobotError."""
+        """Set the stiffness of the internal joint impedance. Raises RobotError."""
         self._request(lambda: self._robot.set_joint_impedance(stiffness))
 
     def set_cartesian_impedance(self, stiffness: list[float]) -> None:
-        """Stiffness of the internal Cartesian impedance. Raises RobotError."""
+        """Set the stiffness of the internal Cartesian impedance. Raises RobotError."""
         self._request(lambda: self._robot.set_cartesian_impedance(stiffness))
 
     @abstractmethod
     def set_collision_behavior(self, thresholds: CollisionThresholds) -> None:
-        """Contact and collision thresholds. Raises RobotError."""
+        """Set the contact and collision thresholds. Raises RobotError."""
 
     def recover(self) -> None:
-        """Automatic error recovery; may take seconds. Raises RobotError."""
+        """Run automatic error recovery; may take seconds. Raises RobotError."""
         self._request(self._robot.automatic_error_recovery)
 
     def load_model(self) -> Any:
-        """libfranka's model: the Panda's is downloaded, the FR3's made from the URDF that the arm sends
-        [RobotError]."""
+        """Return libfranka's model: downloaded from the Panda, or built from the FR3's URDF [RobotError]."""
         try:
             return self._robot.load_model()
         except RuntimeError as error:
             raise RobotError(f"the arm's model cannot be loaded: {clean(error)}") from error
 
     def close(self) -> None:
-        """End the connection: libfranka does it with its object."""
+        """End the connection: libfranka does so when its object is deleted."""
         self.__dict__.pop("_robot", None)
 
 
 def clean(error: BaseException) -> str:
-    """libfranka's text in one line, without its prefix."""
+    """Return libfranka's text in one line, without its prefix."""
     return re.sub(r"\s*\n\s*", "; ", str(error).strip()).removeprefix("libfranka: ")

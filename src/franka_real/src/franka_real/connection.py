@@ -1,4 +1,4 @@
-"""From an address to an arm: probe, watchdog, libfranka; and what the model takes from the first state."""
+"""Connection to an arm (probe, watchdog, libfranka), and set-up of the model from its first state."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
@@ -16,24 +16,23 @@ from franka_real.watchdog import Watchdog
 from hric_control.errors import CommandError, FailureError
 
 MASS_TOLERANCE = 0.1
-"""How far the end effector's mass in the description and in the arm may be apart without a word; project default,
-unconfirmed [kg]."""
+"""Maximum unreported mass difference of the end effector, description to arm [kg]; project default, unconfirmed."""
 
 
 @dataclass
 class Connection:
-    """An arm and who watches over it.
+    """Connection to an arm, with its watchdog.
 
     Attributes:
         arm: libfranka.
-        watchdog: None where it is switched off.
+        watchdog: None if it is switched off.
     """
 
     arm: Backend
     watchdog: Watchdog | None
 
     def patience(self) -> AbstractContextManager[None]:
-        """`with connection.patience():` around a call that may take long."""
+        """Return a context for a call that may take long: `with connection.patience():`."""
         return nullcontext() if self.watchdog is None else self.watchdog.patiently()
 
     def close(self) -> None:
@@ -45,10 +44,10 @@ class Connection:
 
 
 def open_connection(settings: Settings) -> Connection:
-    """Connect.
+    """Connect to the arm.
 
     Raises:
-        HricError: nobody is there, the arm refuses, or its binding is missing.
+        HricError: no arm responds, the arm refuses, or its binding is missing.
     """
     probe.wait(settings.robot_ip, settings.probe_timeout, settings.wait_for_arm)
     backend = _backend(settings.robot)
@@ -86,7 +85,7 @@ def _backend(robot: str) -> Callable[[Settings], Backend]:
 
 
 def learn(model: KdlFrankaModel, state: RobotState) -> list[str]:
-    """Give the model the load and the frames that the arm knows; returns what does not fit together."""
+    """Set the model's load and frames to those of the arm; return the contradictions found."""
     problems = []
     try:
         model.set_load(state.m_load, state.F_x_Cload, state.I_load)
@@ -104,12 +103,12 @@ def learn(model: KdlFrankaModel, state: RobotState) -> list[str]:
 
 
 def models(settings: Settings, arm: Backend, kdl: KdlFrankaModel, description: str) -> list[FrankaModel]:
-    """The model that controllers get, and, where it is not KDL's, that one too."""
+    """Return the model for controllers first; if that is libfranka's, then also KDL's."""
     if settings.model == "kdl":
         return [kdl]
     from franka_real.libfranka_model import LibfrankaModel
 
     if settings.robot == "fr3":
         return [LibfrankaModel.for_fr3(arm.load_model(), arm.read_once(), description, settings.arm_id), kdl]
-    # The Panda's state has no direction of gravity; the description gives it.
+    # The direction of gravity is missing in the Panda's state; the description has it.
     return [LibfrankaModel.for_panda(arm.load_model(), arm.read_once(), kdl.gravity_base.tolist()), kdl]

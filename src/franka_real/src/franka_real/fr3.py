@@ -1,5 +1,4 @@
-"""The FR3 through pylibfranka: read a state, write a command. It has no limiter and no filter of its own; joint
-commands get both here."""
+"""FR3 through pylibfranka, which has no limiter and no filter; joint commands get both here."""
 
 from collections.abc import Callable
 from typing import Any, ClassVar
@@ -30,27 +29,26 @@ _REFUSALS = (
     libfranka.InvalidOperationException,
     libfranka.FrankaException,
 )
-"""They have no base of their own but RuntimeError."""
+"""Exceptions of pylibfranka for refusals; their only common base is RuntimeError."""
 
 Build = Callable[[Any, ArmCommand], Any]
-"""(libfranka's state, command) -> command of pylibfranka."""
+"""Function from (libfranka's state, command) to a command of pylibfranka."""
 
 
 class Fr3Backend(Backend):
-    """pylibfranka 0.21, protocol version 10: one kind of command at a time, no elbow, one pair of collision thresholds
-    for all phases."""
+    """Backend for pylibfranka 0.21, protocol 10: one kind of command, no elbow, one pair of collision thresholds."""
 
     title = "FR3"
     library: ClassVar[Any] = libfranka
     network_errors = (libfranka.NetworkException,)
 
     def milliseconds(self, raw: Any) -> int:
-        """The arm's own time of a state [ms]."""
+        """Return the arm's own time of a state [ms]."""
         seconds: float = raw.time.to_sec()
         return round(1e3 * seconds)
 
     def check(self, mode: Mode) -> None:
-        """Torques together with a motion generator are not in pylibfranka."""
+        """Refuse torques together with a motion generator, which pylibfranka does not have."""
         if mode.torque and mode.generator is not None:
             raise HricError(
                 f"the FR3 cannot be commanded by {mode}: pylibfranka takes joint torque or one motion generator"
@@ -67,8 +65,8 @@ class Fr3Backend(Backend):
             raise RobotError(clean(error)) from error
 
     def _loop(self, mode: Mode, cycle: Cycle) -> None:
-        # An object whose motion was aborted must not be used again, it would wait for ever: it goes with this call,
-        # which stops the arm.
+        # A motion object must not be used again after an abort, or it would wait forever: it is deleted at the end of
+        # this call, which stops the arm.
         if mode.generator is None:
             motion = self._robot.start_torque_control()
         else:
@@ -82,7 +80,7 @@ class Fr3Backend(Backend):
             write(built)
 
     def _builder(self, mode: Mode) -> Build:
-        """From a command to what pylibfranka writes, smoothed as libfranka's own loops would."""
+        """Return a function that converts commands for pylibfranka, smoothed like libfranka's own loops do."""
         limits = fr3_limits() if self.settings.rate_limiting else None
         cutoff = self.settings.cutoff_frequency
         if mode.generator is Kind.POSE:
@@ -98,15 +96,15 @@ class Fr3Backend(Backend):
         return lambda raw, command: libfranka.JointVelocities(joints(command.dq, raw.q_d, raw.dq_d, raw.ddq_d))
 
     def set_EE_frame(self, NE_T_EE: list[float]) -> None:
-        """End effector."""
+        """Set the end effector."""
         self._request(lambda: self._robot.set_EE(NE_T_EE))
 
     def set_K_frame(self, EE_T_K: list[float]) -> None:
-        """Stiffness frame."""
+        """Set the stiffness frame."""
         self._request(lambda: self._robot.set_K(EE_T_K))
 
     def set_collision_behavior(self, thresholds: CollisionThresholds) -> None:
-        """The thresholds for steady motion, in all phases: pylibfranka has no others."""
+        """Set the thresholds for steady motion in all phases: pylibfranka has no others."""
         steady = [
             list(getattr(thresholds, f"{side}_{kind}_thresholds_nominal"))
             for kind in ("torque", "force")

@@ -1,4 +1,4 @@
-"""The Franka arm through libfranka as a RobotHW."""
+"""Franka arm through libfranka as a RobotHW."""
 
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
@@ -25,24 +25,26 @@ from hric_control.node import Node
 from hric_control.robot_hw import OnCycle
 
 LATE = 1.5 * PERIOD
-"""A state that comes so long after the one before was not the next one [s]."""
+"""Time between two states above which at least one is missing or late [s]."""
 STORED = 100
-"""More states than libfranka's socket stores."""
+"""Number of states, larger than the buffer of libfranka's socket."""
 
 
 class FrankaHW(CommandedArm):
-    """Panda or FR3. The arm owns the clock: `run` reads it while nobody commands, and runs one of libfranka's control
-    loops, chosen by what the controllers claim, while somebody does. A switch to another mode ends that loop and begins
-    the next; the connection stays.
+    """Panda or FR3 through libfranka.
+
+    The arm owns the clock. `run` reads states while no controller commands the arm; otherwise it runs one of
+    libfranka's control loops, chosen by the controllers' claims. A switch to another mode ends that loop and starts the
+    next; the connection stays open.
 
     Parameters, services and actions: INTERFACE.md.
 
-    Attributes, beside those of `CommandedArm`:
+    Attributes, in addition to those of `CommandedArm`:
         description: the URDF.
         model: KDL model of the description, with the arm's load and frames.
         rotor_inertia: for controllers that check their gains, 7 floats [kg m^2].
-        losses: how many states never came, or came late, at a time, in the motion that runs.
-        lost_states: their sum over the motions that ended.
+        losses: numbers of consecutive lost or late states in the running motion.
+        lost_states: their sum over the motions that have ended.
     """
 
     robot_state: LibfrankaState
@@ -98,15 +100,15 @@ class FrankaHW(CommandedArm):
 
     @property
     def epoch(self) -> float:
-        """ROS time at which robot time was 0 [s]; 0 where ROS time is robot time."""
+        """ROS time at which robot time was 0 [s]; 0 if ROS time is robot time."""
         return self._robot_time.epoch
 
     def read(self, time: float, period: float) -> None:
-        """The present state; before `run` only."""
+        """Read the present state; before `run` only."""
         self.robot_state.take(self._arm.read_once(), self.time)
 
     def run(self, on_cycle: OnCycle) -> None:
-        """Follow the arm's clock until `stop`. Raises ConnectionLostError when the arm is gone."""
+        """Follow the arm's clock until `stop` is called. Raises ConnectionLostError when the arm is gone."""
         self._calls.open()
         self._in_run = True
         try:
@@ -114,7 +116,7 @@ class FrankaHW(CommandedArm):
                 self._report_measures(measures)
                 if self._watchdog is not None:
                     self._watchdog.arm()
-                self._arm.read_once()  # may have waited in a buffer since somebody read last
+                self._arm.read_once()  # it may be old: buffered since the last reading
                 while not self._stop:
                     if self.error or not self._requested.commanded:
                         self._follow(on_cycle)
@@ -137,7 +139,7 @@ class FrankaHW(CommandedArm):
                 self._node.log_warn(f"real time: {measure.text}")
 
     def _take(self, raw: Any) -> float:
-        """A state of the arm; returns the time since the last one, 0 if it is not a newer one [s]."""
+        """Take a state of the arm and return the time since the last one, 0 if it is not newer [s]."""
         if self._watchdog is not None:
             self._watchdog.beat()
         period = self._robot_time.advance(self._arm.milliseconds(raw))
@@ -145,7 +147,7 @@ class FrankaHW(CommandedArm):
         return period
 
     def _follow(self, on_cycle: OnCycle) -> None:
-        """Nobody commands: read states. The arm holds by itself."""
+        """Read states while no controller commands the arm; the arm holds its position by itself."""
         self._commands.enter(HOLD)
         while not self._stop and (self.error or not self._requested.commanded):
             period = self._take(self._arm.read_once())
@@ -154,7 +156,7 @@ class FrankaHW(CommandedArm):
                 on_cycle(self.time, period, False)
 
     def _command(self, mode: Mode, on_cycle: OnCycle) -> None:
-        """One of libfranka's loops, until another mode is requested."""
+        """Run one of libfranka's loops until another mode is requested."""
 
         def first(raw: Any) -> None:
             take_priority(self._settings.realtime_priority)
@@ -185,8 +187,10 @@ class FrankaHW(CommandedArm):
             self._report_losses(mode)
 
     def _with_names(self, text: str) -> str:
-        """libfranka leaves the names out where the arm ended the motion before its first state; the states that follow
-        have them."""
+        """Return the error text with the errors' names.
+
+        libfranka omits them if the arm ended the motion before its first state; the following states have them.
+        """
         if "aborted by reflex" not in text or "[" in text:
             return text
         for _ in range(STORED):
@@ -203,19 +207,18 @@ class FrankaHW(CommandedArm):
             self.losses.clear()
 
     def stop(self) -> None:
-        """Let `run` return after this cycle; from any thread or a signal handler."""
+        """Make `run` return after this cycle; from any thread or a signal handler."""
         self._stop = True
 
     def shutdown(self) -> None:
-        """Take the services back and end the connection."""
+        """Unregister the services and end the connection."""
         self._services.unregister()
         self._connection.close()
 
     # -- the error state -----------------------------------------------------------------------------------------------
 
     def recover(self) -> None:
-        """Automatic error recovery, in the loop. The motion that was ended begins again, and its controllers
-        restart."""
+        """Run automatic error recovery, in the loop; the aborted motion starts again, and its controllers restart."""
         if self.mode.commanded:
             raise HricError("the arm is moving: there is nothing to recover from")
         if self.robot_state.robot_mode is not RobotMode.IDLE:
@@ -225,7 +228,7 @@ class FrankaHW(CommandedArm):
         self._send_collision_behavior()
 
     def _send_collision_behavior(self) -> None:
-        """The thresholds of the parameters; an arm in the error state takes them after its recovery."""
+        """Send the collision thresholds of the parameters; an arm in the error state gets them after its recovery."""
         if self._collision is None:
             return
         try:

@@ -1,5 +1,4 @@
-"""The Franka hand through libfranka's Python bindings, whose calls last as long as the motion, without waiting for
-them."""
+"""Franka hand through libfranka's Python bindings; threads make their blocking calls asynchronous."""
 
 import importlib
 import threading
@@ -20,33 +19,31 @@ from hric_control.parameters import Settings, choice
 PORT = 1338
 """TCP port of the hand's service; fixed in libfranka."""
 PROBE_TIMEOUT = 2.0
-"""How long a hand may take to accept a connection [s of wall time]: project default, unconfirmed; libfranka's own
-connect waits a minute."""
+"""Maximum time for a connection [s of wall time]: project default, unconfirmed; libfranka's waits a minute."""
 READ_PAUSE = 0.02
-"""Between two readings of the state, so that other threads run even where reading holds the interpreter's lock [s]."""
+"""Pause between two readings of the state [s]; other threads run in it if reading holds the interpreter's lock."""
 RECONNECT_PERIOD = 1.0
-"""Between attempts [s of wall time]."""
+"""Time between attempts to reconnect [s of wall time]."""
 STOP_AGAIN = 0.1
-"""After this a stop is sent again if the motion goes on: it may have come before the motion did [s]."""
+"""Time after which a stop is repeated if the motion continues: it may have preceded the motion [s]."""
 LIBRARIES = {"panda_py": "panda_py.libfranka", "pylibfranka": "pylibfranka"}
 
 Call = Callable[[Any], bool]
 
 
 class LibfrankaHand:
-    """A hand. One thread carries out the motions one after another, a second reads the state, a stop has one of its
-    own.
+    """Franka hand. One thread executes the motions in turn, another reads the state; a stop has its own thread.
 
-    A new motion stops the one before first. The panda_py binding lets other threads run during a motion; pylibfranka's
-    holds the interpreter's lock until it has ended, so that a stop comes too late there.
+    A new motion stops the previous one first. The panda_py binding lets other threads run during a motion; pylibfranka
+    holds the interpreter's lock until the motion has ended, so a stop comes too late there.
 
     Args:
-        connect: makes libfranka's Gripper; raises when it cannot.
-        report: takes one line of text when the connection is lost or is back.
+        connect: function that creates libfranka's Gripper; raises an error if it cannot.
+        report: callback for a line of text when the connection is lost or restored.
 
     Attributes:
-        width: opening between the fingers, as last read [m].
-        is_grasped: whether an object is held, as last read.
+        width: last measured opening between the fingers [m].
+        is_grasped: True if an object is held, as last read.
         temperature: [degrees Celsius].
     """
 
@@ -56,8 +53,8 @@ class LibfrankaHand:
         self._lock, self._reading = threading.Condition(), threading.Lock()
         self._jobs: SimpleQueue[tuple[HandMotion, Call] | None] = SimpleQueue()
         self._waiting: list[HandMotion] = []  # motions that have not ended, in order
-        self._busy: HandMotion | None = None  # the one that the hand carries out
-        self._stops = 0  # on their way
+        self._busy: HandMotion | None = None  # the motion that the hand executes
+        self._stops = 0  # number of stops in progress
         self._closed = False
         self._read_state()
         self._threads = [
@@ -75,32 +72,32 @@ class LibfrankaHand:
 
     @property
     def max_width(self) -> float:
-        """Largest opening, known after homing [m]."""
+        """Maximum opening, known after homing [m]."""
         return self._max_width
 
     def homing(self) -> HandMotion:
-        """Find the largest opening."""
+        """Find the maximum opening."""
         return self._begin("homing", lambda gripper: gripper.homing())
 
     def move(self, width: float, speed: float) -> HandMotion:
-        """Go to an opening [m] at a speed [m/s]."""
+        """Move to an opening [m] at a speed [m/s]."""
         return self._begin("move", lambda gripper: gripper.move(width, speed))
 
     def grasp(self, width: float, epsilon_inner: float, epsilon_outer: float, speed: float, force: float) -> HandMotion:
-        """Grasp something of a width [m], at most so much narrower and wider [m], at a speed [m/s] with a force [N]."""
+        """Grasp an object of a width [m] within two tolerances [m], at a speed [m/s] with a force [N]."""
         return self._begin("grasp", lambda gripper: gripper.grasp(width, speed, force, epsilon_inner, epsilon_outer))
 
     def stop(self) -> HandMotion:
-        """End what runs or holds."""
+        """End any motion or grasp."""
         motion = HandMotion("stop")
         self._interrupt(motion)
         return motion
 
     def advance(self, time: float) -> None:
-        """Nothing: a real hand goes by itself."""
+        """Do nothing: a real hand moves by itself."""
 
     def close(self) -> None:
-        """End what runs, and the threads."""
+        """End any motion, and the threads."""
         if self._waiting:
             self._interrupt(HandMotion("stop"))
         self._closed = True
@@ -118,7 +115,7 @@ class LibfrankaHand:
         return motion
 
     def _interrupt(self, stop: HandMotion) -> None:
-        """Send a stop from a thread of its own; no motion begins until it is done."""
+        """Send a stop from a thread of its own; no motion starts before it has ended."""
         with self._lock:
             self._stops += 1
             busy = self._busy
@@ -157,7 +154,7 @@ class LibfrankaHand:
                 self._lock.notify_all()
 
     def _done(self, good: bool) -> bool:
-        """A motion has ended: read where, before anyone sees the end."""
+        """Read the state at the end of a motion, before the end is visible to others."""
         self._read_state()
         return good
 
@@ -168,7 +165,7 @@ class LibfrankaHand:
                 if lost:
                     self._gripper = self._connect()
                 self._read_state()
-            except Exception as error:  # the bindings have errors of their own, and none of them may end the thread
+            except Exception as error:  # each binding has its own errors, none of which may end the thread
                 if not lost:
                     self._report(f"the hand does not respond: {error}")
                 lost = True
@@ -181,7 +178,7 @@ class LibfrankaHand:
 
 
 def _end(motion: HandMotion, call: Callable[[], bool]) -> None:
-    """Make a call of libfranka and take over how it ended."""
+    """Call libfranka and store the outcome in the motion."""
     try:
         good = call()
     except Exception as error:  # RuntimeError of one binding, FrankaException of the other
@@ -195,14 +192,15 @@ def _end(motion: HandMotion, call: Callable[[], bool]) -> None:
 
 
 def connector(address: str, library: str = "auto") -> Callable[[], Any]:
-    """A function that connects to the hand at an address.
+    """Return a function that connects to the hand at an address.
 
     Args:
+        address: host name or IP of the hand.
         library: "panda_py", "pylibfranka", or "auto": the first that is installed; the hand's protocol is the same for
             Panda and FR3.
 
     Raises:
-        HricError: no such library installed.
+        HricError: no such library is installed.
     """
     problems = []
     for name in LIBRARIES if library == "auto" else [library]:
@@ -220,13 +218,13 @@ def _connect(module: Any, address: str) -> Any:
     keep_local(address)
     try:
         return module.Gripper(address)
-    except Exception as error:  # as above
+    except Exception as error:  # as in `_end`
         raise FailureError(f"no Franka hand at {address}: {error}") from error
 
 
 @dataclass(frozen=True)
 class HandSettings(Settings):
-    """Parameters of the hand's node beside those of its actions."""
+    """Parameters of the hand's node, in addition to those of its actions."""
 
     robot_ip: str = ROBOT_IP
     wait_for_arm: float = WAIT_FOR_ARM
@@ -236,10 +234,10 @@ class HandSettings(Settings):
 
 
 def hand_of_node(node: Node) -> tuple[LibfrankaHand, Callable[[], None]]:
-    """The hand that the parameters `robot_ip` and `library` name, and what closes it.
+    """Return the hand of the parameters `robot_ip` and `library`, and a function that closes it.
 
     Raises:
-        HricError: no hand there, or no such library.
+        HricError: no hand responds, or there is no such library.
     """
     settings = HandSettings.read(node)
     probe.wait(settings.robot_ip, PROBE_TIMEOUT, settings.wait_for_arm, PORT)

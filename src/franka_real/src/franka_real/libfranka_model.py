@@ -1,4 +1,4 @@
-"""The Franka model of libfranka: kinematics and masses as the connected arm reports them."""
+"""Franka model of libfranka: kinematics and masses as the connected arm reports them."""
 
 from collections.abc import Callable, Sequence
 from types import SimpleNamespace
@@ -20,7 +20,7 @@ STATE_FIELDS = ("m_ee", "F_x_Cee", "I_ee", "m_load", "F_x_Cload", "I_load", "F_T
 
 
 class LibfrankaModel:
-    """A `FrankaModel` that libfranka computes.
+    """Implementation of `FrankaModel` by libfranka.
 
     End effector, payload and frames are those of the arm's state (`follow`), until a setter replaces them. The setters
     change this model alone, not the arm.
@@ -28,10 +28,10 @@ class LibfrankaModel:
     One instance serves one thread; the setters may be called from another.
 
     Args:
-        functions: of the binding.
-        state: of the arm (libfranka's or a RobotState), for `follow`.
-        gravity_base: gravity in the base frame, 3 floats [m/s^2]. It is in the FR3's state (O_ddP_O), not in the
-            Panda's.
+        functions: functions of the binding.
+        state: state of the arm (libfranka's or a RobotState), for `follow`.
+        gravity_base: gravity in the base frame, 3 floats [m/s^2]. The FR3's state has it (O_ddP_O), the Panda's does
+            not.
     """
 
     def __init__(self, functions: ModelFunctions, state: Any, gravity_base: Sequence[float] = GRAVITY) -> None:
@@ -40,7 +40,7 @@ class LibfrankaModel:
         self.gravity_base: FloatArray = np.array(_gravity(gravity_base))
         """Gravity in the base frame, shape (3,) [m/s^2]."""
         self.ee_inertial, self.load = MassProperties(), MassProperties()
-        """What is mounted at the flange, and the payload, in the flange frame."""
+        """Mass properties of everything mounted at the flange, and of the payload, in the flange frame."""
         self.F_T_EE, self.EE_T_K = np.eye(4), np.eye(4)
         self.gravity_list: Callable[[Sequence[float]], list[float]]
         self._followed: dict[str, Any] = {}
@@ -48,11 +48,12 @@ class LibfrankaModel:
 
     @classmethod
     def for_panda(cls, model: Any, state: Any, gravity_base: Sequence[float] = GRAVITY) -> "LibfrankaModel":
-        """The model of a Panda.
+        """Return the model of a Panda.
 
         Args:
-            model: of `panda_py.libfranka.Robot.load_model`.
-            state, gravity_base: as for the class.
+            model: result of `panda_py.libfranka.Robot.load_model`.
+            state: state of the arm, see the class.
+            gravity_base: gravity in the base frame, see the class.
         """
         return cls(PandaFunctions(model), state, gravity_base)
 
@@ -60,13 +61,14 @@ class LibfrankaModel:
     def for_fr3(
         cls, model: Any, state: Any, urdf_xml: str, arm_id: str, gravity_base: Sequence[float] | None = None
     ) -> "LibfrankaModel":
-        """The model of an FR3.
+        """Return the model of an FR3.
 
         Args:
-            model: of `pylibfranka.Robot.load_model`.
-            state: of its `read_once`, for this model alone: it is written to.
-            urdf_xml, arm_id: robot description, for what pylibfranka lacks.
-            gravity_base: as for the class; None: that of the state (O_ddP_O).
+            model: result of `pylibfranka.Robot.load_model`.
+            state: result of its `read_once`, for this model alone: it is modified.
+            urdf_xml: robot description, for functions that pylibfranka lacks.
+            arm_id: prefix of the links.
+            gravity_base: gravity in the base frame, see the class; None: that of the state (O_ddP_O).
 
         Raises:
             DescriptionError, UnknownNameError: the description is not that of such an arm.
@@ -78,17 +80,13 @@ class LibfrankaModel:
         )
 
     def follow(self, state: Any) -> bool:
-        """Take end effector, payload and frames from a state of the arm; nothing happens while they are the same as
-        before.
+        """Take end effector, payload and frames from a state of the arm; return True if anything has changed.
 
         Args:
             state: libfranka's state or a RobotState.
 
-        Returns:
-            Whether something changed.
-
         Raises:
-            CommandError: not a payload or not a pose; the model stays as it is.
+            CommandError: not a payload or not a pose; the model does not change.
         """
         reported = {name: getattr(state, name) for name in STATE_FIELDS}
         if reported == self._followed:
@@ -115,7 +113,7 @@ class LibfrankaModel:
 
     @property
     def total_inertial(self) -> MassProperties:
-        """End effector and payload together, in the flange frame."""
+        """Mass properties of end effector and payload together, in the flange frame."""
         return self.ee_inertial + self.load
 
     def set_load(self, mass: float, com: Vector, inertia: Vector) -> None:
@@ -127,51 +125,50 @@ class LibfrankaModel:
             inertia: about the centre of mass, axes of the flange frame, 9 values [kg m^2].
 
         Raises:
-            CommandError: not a payload; the one before stays.
+            CommandError: not a valid payload; the old one remains.
         """
         self._use(check_load(mass, com, inertia))
 
     def set_ee(self, F_T_EE: FloatArray) -> None:
-        """Place the end effector in the flange frame, shape (4, 4). Raises CommandError if it is not a pose."""
+        """Set the end effector in the flange frame, shape (4, 4). Raises CommandError if it is not a pose."""
         self.F_T_EE = check_transform(column_major(np.asarray(F_T_EE)), "F_T_EE")
         self._use(self.load)
 
     def set_stiffness_frame(self, EE_T_K: FloatArray) -> None:
-        """Place the stiffness frame in the end-effector frame, shape (4, 4). Raises CommandError if it is not a
-        pose."""
+        """Set the stiffness frame in the end-effector frame, shape (4, 4). Raises CommandError if it is not a pose."""
         self.EE_T_K = check_transform(column_major(np.asarray(EE_T_K)), "EE_T_K")
         self._use(self.load)
 
     def mass(self, q: Vector) -> FloatArray:
-        """Mass matrix without rotor inertia, shape (7, 7) [kg m^2]; q: shape (7,) [rad]."""
+        """Return the mass matrix without rotor inertia, shape (7, 7) [kg m^2]; q: shape (7,) [rad]."""
         return from_column_major(self._functions.mass(_joints(q, "joint position"), self._total), JOINTS)
 
     def coriolis(self, q: Vector, dq: Vector) -> FloatArray:
-        """The vector C(q, dq) dq, shape (7,) [N m]; dq: shape (7,) [rad/s]."""
+        """Return the vector C(q, dq) dq, shape (7,) [N m]; dq: shape (7,) [rad/s]."""
         return np.array(
             self._functions.coriolis(_joints(q, "joint position"), _joints(dq, "joint velocity"), self._total)
         )
 
     def gravity(self, q: Vector, gravity_base: Sequence[float] | None = None) -> FloatArray:
-        """Torque against gravity, shape (7,) [N m]; gravity_base: other gravity in the base frame, 3 floats [m/s^2]."""
+        """Return the torque against gravity, shape (7,) [N m]; gravity_base: in the base frame, 3 floats [m/s^2]."""
         down = self.gravity_base.tolist() if gravity_base is None else _gravity(gravity_base)
         return np.array(self._functions.gravity(_joints(q, "joint position"), self._total, down))
 
     def pose(self, frame: Frame, q: Vector) -> FloatArray:
-        """T_base_frame, shape (4, 4)."""
+        """Return T_base_frame, shape (4, 4)."""
         return from_column_major(
             self._functions.pose(_frame(frame), _joints(q, "joint position"), self._F_T_EE, self._EE_T_K)
         )
 
     def zero_jacobian(self, frame: Frame, q: Vector) -> FloatArray:
-        """Jacobian of the frame's origin in the base frame, linear above angular, shape (6, 7)."""
+        """Return the Jacobian of the frame's origin in the base frame, linear above angular, shape (6, 7)."""
         return from_column_major(
             self._functions.zero_jacobian(_frame(frame), _joints(q, "joint position"), self._F_T_EE, self._EE_T_K),
             JOINTS,
         )
 
     def body_jacobian(self, frame: Frame, q: Vector) -> FloatArray:
-        """The same in the frame itself, shape (6, 7)."""
+        """Return the Jacobian of the frame's origin in the frame itself, linear above angular, shape (6, 7)."""
         return from_column_major(
             self._functions.body_jacobian(_frame(frame), _joints(q, "joint position"), self._F_T_EE, self._EE_T_K),
             JOINTS,
@@ -199,8 +196,10 @@ def _frame(frame: Frame) -> Frame:
 
 
 def _reported_body(mass: float, com: Sequence[float], inertia: Sequence[float], name: str) -> MassProperties:
-    """A body as the arm reports it. Single precision may have rounded its inertia, so that a principal moment of zero
-    may come out negative."""
+    """Return a body as the arm reports it.
+
+    Its inertia may be rounded to single precision, so that a principal moment of zero becomes negative.
+    """
     tensor = np.array(inertia, dtype=float).reshape(3, 3)
     body = MassProperties(float(mass), np.array(com, dtype=float), 0.5 * (tensor + tensor.T))
     if not (

@@ -1,4 +1,4 @@
-"""The Panda through panda_py's libfranka 0.9.2: a callback within `Robot.control*`, which owns the loop."""
+"""Panda through panda_py's libfranka 0.9.2: a callback in `Robot.control*`, which owns the loop."""
 
 from collections.abc import Callable
 from typing import Any, ClassVar
@@ -43,17 +43,17 @@ _IMPEDANCES = {
 
 
 class PandaBackend(Backend):
-    """libfranka 0.9.2, protocol version 5. All nine of its loops; it limits rates and filters by itself."""
+    """Backend for libfranka 0.9.2, protocol version 5: all nine loops, with libfranka's rate limiter and filter."""
 
     title = "Panda"
     library: ClassVar[Any] = libfranka
 
     def milliseconds(self, raw: Any) -> int:
-        """The arm's own time of a state [ms]."""
+        """Return the arm's own time of a state [ms]."""
         return int(raw.time.to_msec())
 
     def check(self, mode: Mode) -> None:
-        """libfranka 0.9.2 has all modes."""
+        """Accept any mode: libfranka 0.9.2 has all of them."""
 
     def control(self, mode: Mode, cycle: Cycle) -> None:
         """Run a motion until a command is `finished`."""
@@ -85,24 +85,26 @@ class PandaBackend(Backend):
             raise calls.failure
 
     def set_EE_frame(self, NE_T_EE: list[float]) -> None:
-        """End effector."""
+        """Set the end effector."""
         self._request(lambda: self._robot.set_ee(NE_T_EE))
 
     def set_K_frame(self, EE_T_K: list[float]) -> None:
-        """Stiffness frame."""
+        """Set the stiffness frame."""
         self._request(lambda: self._robot.set_k(EE_T_K))
 
     def set_collision_behavior(self, thresholds: CollisionThresholds) -> None:
-        """All eight thresholds."""
+        """Set all eight thresholds."""
         self._request(lambda: self._robot.set_collision_behavior(*thresholds.lists()))
 
 
 class _Calls:
-    """The callbacks of one motion. Where libfranka needs two commands in a millisecond, the cycle runs in the first
-    callback, and the second takes its part of the same command.
+    """Callbacks of one motion.
+
+    If libfranka needs two commands per millisecond, the cycle runs in the first callback, and the second returns its
+    part of the same command.
 
     Attributes:
-        failure: what the cycle raised; libfranka then ends the motion in its own way.
+        failure: exception of the cycle; libfranka then ends the motion in its own way.
     """
 
     def __init__(self, cycle: Cycle) -> None:
@@ -111,7 +113,7 @@ class _Calls:
         self.failure: BaseException | None = None
 
     def leading(self, kind: Kind) -> Callable[[Any, Any], Any]:
-        """The callback in which the cycle runs."""
+        """Return the callback in which the cycle runs."""
         cycle, build, finish = self._cycle, BUILD[kind], libfranka.motion_finished
 
         def callback(raw: Any, _: Any) -> Any:
@@ -126,6 +128,6 @@ class _Calls:
         return callback
 
     def following(self, kind: Kind) -> Callable[[Any, Any], Any]:
-        """The callback that takes its part of the command."""
+        """Return the callback for the second part of the command."""
         build = BUILD[kind]
         return lambda raw, _: build(self._command)

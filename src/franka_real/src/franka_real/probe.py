@@ -1,5 +1,4 @@
-"""Checks that an arm responds at an address before libfranka connects, which waits a minute with the interpreter's lock
-held."""
+"""Check that an arm responds before libfranka connects, which waits a minute with the interpreter's lock held."""
 
 import socket
 import threading
@@ -10,22 +9,24 @@ from franka_real.backend import ConnectionLostError
 PORT = 1337
 """TCP port of the control interface; fixed in libfranka."""
 RETRY = 0.1
-"""Between two tries of an arm that refuses the connection [s]."""
+"""Time between two attempts while an arm refuses the connection [s]."""
 
 
 class RefusedError(ConnectionLostError):
-    """The machine is there, the control interface is not, or not yet."""
+    """Error of a machine that responds but has no control interface, or not yet."""
 
 
 def wait(address: str, timeout: float, patience: float, port: int = PORT) -> None:
-    """As `check`, but an arm that refuses the connection is tried again.
+    """Check the arm like `check`, but retry while it refuses the connection.
 
     Args:
-        address, timeout, port: as of `check`.
-        patience: for how long [s of wall time]; 0: not at all.
+        address: host name or IP of the arm's control box.
+        timeout: see `check`.
+        patience: maximum time for retries [s of wall time]; 0: none.
+        port: TCP port.
 
     Raises:
-        ConnectionLostError: as `check`.
+        ConnectionLostError: as in `check`.
     """
     deadline = time.monotonic() + patience
     while True:
@@ -38,14 +39,15 @@ def wait(address: str, timeout: float, patience: float, port: int = PORT) -> Non
 
 
 def check(address: str, timeout: float, port: int = PORT) -> None:
-    """Connect once and close again.
+    """Connect once and disconnect.
 
     Args:
         address: host name or IP of the arm's control box.
-        timeout: how long name and connection together may take [s of wall time].
+        timeout: maximum time for name resolution and connection [s of wall time].
+        port: TCP port.
 
     Raises:
-        ConnectionLostError: nobody is there; the message says what to look at.
+        ConnectionLostError: no arm responds; the message says what to check.
     """
     outcome: list[OSError | None] = []
 
@@ -56,7 +58,7 @@ def check(address: str, timeout: float, port: int = PORT) -> None:
         except OSError as error:
             outcome.append(error)
 
-    # A thread, since looking up a name has no time-out.
+    # A thread, since name resolution has no time-out.
     thread = threading.Thread(target=connect, name="probe", daemon=True)
     thread.start()
     thread.join(timeout + 0.1)

@@ -1,4 +1,4 @@
-"""What Python can do for a loop that must not be late; each measure reports its result."""
+"""Measures that Python offers for a loop that must not be late; each measure reports its result."""
 
 import ctypes
 import gc
@@ -9,25 +9,24 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 
 MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4
-"""sys/mman.h of Linux."""
+"""Constants of Linux's sys/mman.h."""
 
 
 @dataclass(frozen=True)
 class Measure:
-    """One measure: what was done, or why it could not be."""
+    """Result of one measure: what was done, or the reason why it was not possible."""
 
     done: bool
     text: str
 
 
 def take_priority(priority: int) -> Measure:
-    """Set the calling thread's scheduling; also after libfranka did, which takes SCHED_FIFO 99 by itself wherever it
-    may."""
+    """Set the calling thread's scheduling, also after libfranka, which takes SCHED_FIFO 99 where it may."""
     try:
         if priority == 0:
             os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
             return Measure(True, "ordinary scheduling, as requested")
-        # Threads and processes that the loop's thread starts shall not inherit it.
+        # Threads and processes that the loop's thread starts must not inherit it.
         os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
     except PermissionError:
         return Measure(
@@ -39,7 +38,7 @@ def take_priority(priority: int) -> Measure:
 
 @contextmanager
 def priority_kept() -> Iterator[None]:
-    """Around a call that may change the calling thread's scheduling."""
+    """Restore the calling thread's scheduling after a call that may change it."""
     scheduler, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
     try:
         yield
@@ -58,15 +57,15 @@ def _lock() -> Measure:
 
 @contextmanager
 def realtime(priority: int, lock_memory: bool, switch_interval: float) -> Iterator[list[Measure]]:
-    """The measures for the calling thread and its process, taken back at the end.
+    """Apply the measures to the calling thread and its process, and undo them at the end.
 
     Args:
         priority: SCHED_FIFO priority of the thread, 1 to 98; 0: ordinary scheduling.
-        lock_memory: keep the process from being paged out.
-        switch_interval: how long another thread may keep the interpreter [s].
+        lock_memory: True: the process is not paged out.
+        switch_interval: maximum time for which another thread may hold the interpreter [s].
 
     Yields:
-        what was done.
+        the results of the measures.
     """
     interval = sys.getswitchinterval()
     measures = [take_priority(priority)]

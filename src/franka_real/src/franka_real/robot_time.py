@@ -1,4 +1,4 @@
-"""Robot time of a robot that brings its own clock, and the ROS time of its states."""
+"""Robot time of a robot with its own clock, and the ROS time of its states."""
 
 import math
 import time as wall
@@ -6,27 +6,27 @@ from collections.abc import Iterable
 from typing import Any
 
 WINDOW = 100
-"""States over which the minimum delay is taken."""
+"""Number of states over which the minimum delay is taken."""
 LATE = 0.01
-"""Minimum delay of a window above which the two clocks count as apart [s]; project default, unconfirmed, as below."""
+"""Minimum delay in a window above which the clocks have drifted apart [s]; project default, unconfirmed."""
 EARLY = 0.002
-"""How far the arm's time may be ahead of this machine's [s]."""
+"""Maximum lead of the arm's time over this machine's [s]; project default, unconfirmed."""
 
 
 class RobotTime:
-    """Counts from the first state that the loop sees, in the arm's own milliseconds, and never goes back.
+    """Clock that counts from the first state of the loop, in the arm's own milliseconds, and never goes back.
 
-    ROS stamps follow it: the ROS time of the first state, plus robot time. So stamps are those of the measurement,
-    without the jitter of this machine. Where the two clocks drift apart (an emulated arm that is slower than real time,
-    hours of a real one), stamps are brought back to this machine's clock by the minimum delay of a window, since a
-    state can only be late; they never go back.
+    ROS stamps are the ROS time of the first state plus robot time. So they are those of the measurement, without the
+    jitter of this machine. If the two clocks drift apart (an emulated arm slower than real time, hours of a real one),
+    stamps are corrected to this machine's clock by the minimum delay in a window, since a state can only be late; they
+    never go back.
 
     Args:
-        nodes: whose `now()` returns that time; nodes derived from them follow.
+        nodes: nodes whose `now()` returns that time, also in nodes derived from them.
 
     Attributes:
         now: robot time of the last state [s].
-        epoch: ROS time at which robot time was 0, as of now [s].
+        epoch: present estimate of the ROS time at which robot time was 0 [s].
     """
 
     def __init__(self, nodes: Iterable[Any]) -> None:
@@ -39,10 +39,10 @@ class RobotTime:
         self._stamp = 0.0
 
     def advance(self, milliseconds: int) -> float:
-        """A state came; returns the time since the one before, 0 if it is not newer [s].
+        """Take the time of a new state and return the time since the previous one, 0 if it is not newer [s].
 
         Args:
-            milliseconds: the arm's time of it.
+            milliseconds: the arm's time of the state.
         """
         if self._first is None:
             self._begin(milliseconds)
@@ -60,7 +60,7 @@ class RobotTime:
         self._first = self._last = milliseconds
         node = self._nodes[0]
         self.epoch = node.now().to_sec()
-        # A LocalNode has no time but robot time, and under /use_sim_time another clock rules.
+        # A LocalNode has robot time only, and under /use_sim_time another clock is used.
         self._follows_wall = abs(self.epoch - wall.time()) < 1.0
         for node in self._nodes:
             node.clock = self.stamp
@@ -76,6 +76,6 @@ class RobotTime:
         self._left, self._min_delay = WINDOW, math.inf
 
     def stamp(self) -> float:
-        """ROS time of the last state [s]."""
+        """Return the ROS time of the last state [s]."""
         self._stamp = max(self._stamp, self.epoch + self.now)
         return self._stamp

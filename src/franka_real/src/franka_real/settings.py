@@ -25,7 +25,7 @@ WAIT_FOR_ARM: Any = number(
 
 
 def fr3_limits() -> RateLimits:
-    """Limits of rate of the FR3's joints."""
+    """Return the rate limits of the FR3's joints."""
     limits = package_yaml(__file__, "franka_real")["fr3_rate_limits"]
     return RateLimits(**{name: tuple(values) for name, values in limits.items()})
 
@@ -70,5 +70,5 @@ class Settings(Base):
 
     @classmethod
     def defaults(cls) -> Mapping[str, Any]:
-        """Those of the YAML."""
+        """Return the values of the YAML."""
         return package_yaml(__file__, "franka_real")

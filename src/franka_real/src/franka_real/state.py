@@ -1,5 +1,4 @@
-"""libfranka's robot state as a RobotState: what a cycle needs is copied, the rest is taken from libfranka's object when
-somebody reads it."""
+"""State of libfranka as a RobotState: fields of the cycle are copied, all others are read on demand."""
 
 import json
 from typing import Any
@@ -21,20 +20,20 @@ from hric_control.hardware_interface import JointStates
 OWN_FIELDS = frozenset(
     {"time", "q", "dq", "tau_J", "robot_mode", "current_errors", "last_motion_errors", "F_T_NE", "NE_T_EE", "O_ddP_O"}
 )
-"""Fields that are not simply libfranka's attribute of the same name."""
+"""Fields that differ from libfranka's attribute of the same name."""
 
 GRAVITY = [0.0, 0.0, -9.81]
 """O_ddP_O of a base on the floor [m/s^2]; not in the state of the Panda's binding."""
 
 
 def read_errors(flags: Any) -> Errors:
-    """The errors that are set. Both bindings print all 41 by name, but not all of them are attributes."""
+    """Return the active errors. Both bindings print all 41 by name, but not all of them are attributes."""
     text = str(flags)
     return NO_ERRORS if len(text) <= 2 else frozenset(json.loads(text)) & frozenset(ERROR_NAMES)
 
 
 def read_mode(mode: Any) -> RobotMode:
-    """robot_mode; libfranka's enumeration has the values of franka_msgs/FrankaState."""
+    """Return the robot mode; libfranka's enumeration has the values of franka_msgs/FrankaState."""
     return RobotMode(int(mode))
 
 
@@ -56,12 +55,12 @@ def _F_T_NE(state: Any) -> list[float]:
 class LibfrankaState(RobotState):
     """State of the arm; q, dq and tau_J are the lists of the joint states themselves.
 
-    The Panda's binding lacks F_T_NE, NE_T_EE and O_ddP_O: NE_T_EE is the last one set (the identity before), F_T_NE
+    The Panda's binding lacks F_T_NE, NE_T_EE and O_ddP_O: NE_T_EE is the last one set (initially the identity), F_T_NE
     follows from F_T_EE, and gravity is that of a base on the floor.
 
     Attributes:
         raw: libfranka's state of this tick.
-        set_NE_T_EE: of the last `set_EE_frame`, 16 floats column-major.
+        set_NE_T_EE: argument of the last `set_EE_frame`, 16 floats column-major.
     """
 
     __slots__ = ("computed_at", "raw", "set_NE_T_EE")
@@ -83,7 +82,7 @@ class LibfrankaState(RobotState):
         self.take(raw, 0.0)
 
     def take(self, raw: Any, time: float) -> None:
-        """A new state of the arm; time: robot time at which it measured [s]."""
+        """Take a new state of the arm; time: robot time of the measurement [s]."""
         self.raw = raw
         self.q[:], self.dq[:], self.tau_J[:] = raw.q, raw.dq, raw.tau_J
         self.time = time

@@ -1,9 +1,9 @@
-"""Ends this process when its control loop is stuck inside libfranka.
+"""Watchdog that ends this process when its control loop is stuck inside libfranka.
 
 libfranka waits without limit for responses on TCP, and its bindings hold the interpreter's lock meanwhile: when a
 control box freezes, no thread of this process runs again, nor does a signal handler. So a child process watches a
-counter in shared memory, and kills its parent with a message that says why. The counter costs the loop one store per
-cycle.
+counter in shared memory, and kills its parent with a message that gives the reason. The counter costs the loop one
+store per cycle.
 """
 
 import mmap
@@ -17,16 +17,16 @@ from contextlib import contextmanager
 
 SIZE = mmap.PAGESIZE
 POLL = 0.05
-"""Between two looks at the counter [s]."""
+"""Time between two readings of the counter [s]."""
 
 
 class Watchdog:
-    """The parent's side.
+    """Watchdog in the parent process.
 
     Args:
         timeout: silence after which the process is ended [s].
         patience: the same within `patiently` [s].
-        what: the name of the arm, for the message.
+        what: name of the arm, for the message.
     """
 
     def __init__(self, timeout: float, patience: float, what: str) -> None:
@@ -35,7 +35,7 @@ class Watchdog:
             os.truncate(descriptor, SIZE)
             self._memory = mmap.mmap(descriptor, SIZE)
             command = [sys.executable, "-S", "-E", __file__, str(descriptor), str(os.getpid()), what]
-            # A session of its own: a Ctrl-C on the terminal is not for it. It ends with its parent.
+            # A separate session, so that Ctrl-C in the terminal does not reach it. It ends with its parent.
             self._child = subprocess.Popen(
                 command, pass_fds=[descriptor], stdin=subprocess.DEVNULL, start_new_session=True
             )
@@ -50,7 +50,7 @@ class Watchdog:
         return self._child.pid
 
     def beat(self) -> None:
-        """The loop lives; each cycle."""
+        """Count a cycle of the loop; call it in each cycle."""
         self._words[0] += 1
 
     def arm(self) -> None:
@@ -59,12 +59,12 @@ class Watchdog:
         self._words[1] = self._limits[0]
 
     def disarm(self) -> None:
-        """Do not watch: the loop is at rest for a good reason."""
+        """Stop watching: the loop is at rest on purpose."""
         self._words[1] = 0
 
     @contextmanager
     def patiently(self, limit: float | None = None) -> Iterator[None]:
-        """`with watchdog.patiently():` around a call that may take long: up to `limit` [s], the patience by default."""
+        """Allow a call that may take long: up to `limit` [s], the patience by default."""
         words, before = self._words, self._words[1]
         words[0] += 1
         words[1] = self._limits[1] if limit is None else round(1e3 * limit)
@@ -75,14 +75,14 @@ class Watchdog:
             words[1] = before
 
     def close(self) -> None:
-        """End the child."""
+        """End the child process."""
         self._words[1] = 0
         self._child.kill()
         self._child.wait()
 
 
 def watch(descriptor: int, parent: int, what: str) -> None:
-    """The child: look, until the parent has ended or must be ended."""
+    """Watch the counter in the child process, until the parent has ended or is killed."""
     words = memoryview(mmap.mmap(descriptor, SIZE)).cast("Q")
     last, since = (words[0], words[1]), time.monotonic()
     while os.getppid() == parent:

@@ -1,5 +1,7 @@
-"""Looks at what this machine offers to a 1 kHz loop: kernel, governor, limits, network. Reads only; `fix` changes what
-can be changed while it runs."""
+"""Check of this computer for a 1 kHz loop: kernel, governor, limits, network.
+
+The check is read-only; `fix` changes settings that can be changed without a restart.
+"""
 
 import argparse
 import os
@@ -14,27 +16,31 @@ from pathlib import Path
 REQUIRED_PRIORITY = 80
 """Real-time priority that franka_real takes by default."""
 REQUIRED_MEMLOCK = 512 * 2**20
-"""Memory that may be locked; the robot process with all its libraries takes about a third of it; project default,
-unconfirmed [bytes]."""
+"""Required limit of locked memory [bytes]; project default, unconfirmed.
+
+The robot process with all its libraries takes about a third of it.
+"""
 PINGS, INTERVAL = 200, 0.01
-"""How often and how far apart [s]."""
+"""Number of pings, and the time between them [s]."""
 ROUND_TRIP_LIMIT = 0.3
-"""Franka's requirement: network round trip, computation and the arm's own processing within 1 ms, which leaves about
-this much [ms]."""
+"""Maximum round trip [ms].
+
+Franka requires network round trip, computation and the arm's own processing within 1 ms, which leaves about this.
+"""
 LIMITS_FILE = Path("/etc/security/limits.d/90-franka-real.conf")
 LIMITS_TEXT = f"@realtime - rtprio 98\n@realtime - memlock {REQUIRED_MEMLOCK // 1024}\n"
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing looked at.
+    """Result of one check.
 
     Attributes:
-        what: its name.
-        good: whether it serves a 1 kHz loop; None: not known.
-        found: what was found.
-        advice: what to do about it; empty where it is good.
-        fix: changes it and returns what was done; None: not while it runs.
+        what: name of the check.
+        good: True if the result is fit for a 1 kHz loop; None: unknown.
+        found: the result.
+        advice: what to do about it; empty if it is good.
+        fix: function that changes the setting and returns what it did; None: needs a restart.
     """
 
     what: str
@@ -45,7 +51,7 @@ class Finding:
 
 
 def kernel(root: Path = Path("/")) -> Finding:
-    """Whether the kernel can be preempted everywhere."""
+    """Check if the kernel is fully preemptible."""
     release = os.uname().release
     if _read(root / "sys/kernel/realtime") == "1" or "PREEMPT_RT" in os.uname().version:
         return Finding("kernel", True, f"{release}, PREEMPT_RT")
@@ -60,7 +66,7 @@ def kernel(root: Path = Path("/")) -> Finding:
 
 
 def governor(root: Path = Path("/")) -> Finding:
-    """Whether the processors keep their frequency."""
+    """Check if the processors run at a constant frequency."""
     files = sorted(root.glob("sys/devices/system/cpu/cpu[0-9]*/cpufreq/scaling_governor"))
     if not files:
         return Finding(
@@ -85,7 +91,7 @@ def governor(root: Path = Path("/")) -> Finding:
 
 
 def priority() -> Finding:
-    """Whether this account may take a real-time priority."""
+    """Check if this account may take a real-time priority."""
     soft, _ = resource.getrlimit(resource.RLIMIT_RTPRIO)
     if os.geteuid() == 0 or soft == resource.RLIM_INFINITY or soft >= REQUIRED_PRIORITY:
         return Finding("rtprio", True, "root" if os.geteuid() == 0 else f"up to {soft}")
@@ -94,7 +100,7 @@ def priority() -> Finding:
 
 
 def memlock() -> Finding:
-    """Whether this account may lock its memory."""
+    """Check if this account may lock its memory."""
     soft, _ = resource.getrlimit(resource.RLIMIT_MEMLOCK)
     if os.geteuid() == 0 or soft == resource.RLIM_INFINITY or soft >= REQUIRED_MEMLOCK:
         return Finding("memlock", True, "root" if os.geteuid() == 0 else f"{soft // 2**20} MiB")
@@ -108,13 +114,13 @@ def memlock() -> Finding:
 
 
 def throttling(root: Path = Path("/")) -> Finding:
-    """How much of a second real-time threads may take."""
+    """Check the share of a second that real-time threads may take."""
     value = _read(root / "proc/sys/kernel/sched_rt_runtime_us")
     return Finding("real-time share", None if not value else True, f"{value or 'unknown'} us of each second (-1: all)")
 
 
 def network(address: str) -> Finding:
-    """Round trip to the arm: many pings, since it is the slowest ones that count."""
+    """Check the round trip to the arm with many pings, since the slowest ones matter."""
     command = ["ping", "-n", "-c", str(PINGS), "-i", str(INTERVAL), "-W", "1", address]
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=30.0)
@@ -140,7 +146,7 @@ def network(address: str) -> Finding:
 
 
 def look(address: str = "") -> Iterator[Finding]:
-    """All findings, one after the other."""
+    """Yield all findings, one after the other."""
     yield kernel()
     yield governor()
     yield priority()
@@ -170,14 +176,14 @@ _MARK = {True: "ok  ", False: "BAD ", None: "?   "}
 
 
 def line(finding: Finding) -> str:
-    """One finding as text."""
+    """Return one finding as text."""
     return f"{_MARK[finding.good]} {finding.what}: {finding.found}" + (
         f"\n       {finding.advice}" if finding.advice else ""
     )
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Look, report, and with --fix change what can be changed; returns 0 when all is well."""
+    """Check, report, and with --fix change the settings; return 0 if no check fails."""
     parser = argparse.ArgumentParser(
         "rosrun franka_real check_workstation",
         description="Look whether this machine serves a 1 kHz loop: kernel, processor frequency, limits of this "
