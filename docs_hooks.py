@@ -15,9 +15,9 @@ ROOT = Path(__file__).parent
 PYTHON: dict[str, tuple[str, ...]] = {
     "hric_control.controller": (),
     "hric_control.hardware_interface": (),
-    "hric_control.node": (),
-    "hric_control.realtime": (),
-    "hric_control.parameters": (),
+    "hric_core.node": (),
+    "hric_core.realtime": (),
+    "hric_core.parameters": (),
     "franka_hw_interface.interfaces": (),
     "franka_hw_interface.model": (),
     "hric_experiments.definition.experiment": ("load", "Experiment", "Setpoint", "ExperimentError"),
@@ -52,7 +52,7 @@ def pages(root: Path) -> Iterator[tuple[str, str]]:
     for module, members in PYTHON.items():
         chosen = f"    options:\n      members: [{', '.join(members)}]\n" if members else ""
         yield f"reference/python/{module}.md", f"# {module}\n\n::: {module}\n{chosen}"
-    yield "reference/wires.md", runpy.run_path(str(root / "src/hric_control/src/hric_control/wires.py"))["page"]()
+    yield "reference/wires.md", runpy.run_path(str(root / "src/hric_core/src/hric_core/wires.py"))["page"]()
     yield "contributing.md", (root / "CONTRIBUTING.md").read_text().replace("](docs/", "](")
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from interface_pages import pages
 
-from hric_control.parameters import Settings, rows
+from hric_core.parameters import Settings, rows
 
 _MARK = re.compile(r"<!-- declared: (.+) -->")
 _HEADING = re.compile(r"^(##+ Parameters\n)(?!A parameter that nobody reads)", re.MULTILINE)

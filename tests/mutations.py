@@ -77,14 +77,14 @@ MUTATIONS = {
     ),
     "lossless_log": Mutation(
         "the control log gives up what waits like any other topic",
-        "hric_control",
+        "hric_core",
         "limit = LOSSLESS_LIMIT if lossless else",
         "limit = LAGGING_LIMIT if lossless else",
         "realtime or publish or robot_app",
     ),
     "time": Mutation(
         "the map from one clock to another may turn back",
-        "hric_control",
+        "hric_core",
         "slope = max(line.slope - excess / BEND, SLOWEST * line.slope)",
         "slope = line.slope - excess / BEND",
         "rising_line",

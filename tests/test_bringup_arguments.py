@@ -288,7 +288,7 @@ def test_help_of_scripts_needs_no_set_up_and_next_to_no_computing(
 ) -> None:
     """In a copy that was never set up, with a Python that has nothing but itself; tests/test_wrong_inputs.py has the
     mistakes."""
-    sources = ("src/hric_bags/src", "src/hric_control/src")  # in which scripts/replay looks for a run
+    sources = ("src/hric_bags/src", "src/hric_core/src")  # in which scripts/replay looks for a run
     for folder in ("scripts", "src/hric_bringup", "src/hric_experiments/config", *sources):
         shutil.copytree(ROOT / folder, tmp_path / folder)
     before = os.times()

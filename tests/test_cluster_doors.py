@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "scripts/lib"))
 import dask_doors  # noqa: E402
 
-from hric_control.errors import HricError  # noqa: E402
+from hric_core.errors import HricError  # noqa: E402
 from hric_experiments.sweep.engines import make  # noqa: E402
 
 OTHERS = "10.0.0.1"

@@ -6,9 +6,9 @@ from collections.abc import Callable
 import pytest
 
 from franka_hw_interface.kdl_chain import KdlChain
-from hric_control.errors import DescriptionError
 from hric_control.limits import load_limits
 from hric_control.transmission import parse_transmissions
+from hric_core.errors import DescriptionError
 from opensim_ros_control.plant import OpenSimPlant
 from pybullet_ros_control.plant import PyBulletPlant
 from urdf_to_osim import convert

@@ -13,8 +13,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 from interface_pages import COLUMNS, pages, rows
 from interface_tables import changed, declared, marks, printed, settings_of
 
-from hric_control import parameters
-from hric_control.node import REQUIRED
+from hric_core import parameters
+from hric_core.node import REQUIRED
 
 ROOT = Path(__file__).resolve().parents[1]
 IMPORT = re.compile(r"^ *from (\w+(?:\.\w+)*) import ([\w, ]+)$", re.MULTILINE)

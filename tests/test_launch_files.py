@@ -18,8 +18,8 @@ import roslaunch.loader
 import yaml
 from roslaunch.core import RLException
 
-from hric_control import urdf
-from hric_control.errors import HricError
+from hric_core import urdf
+from hric_core.errors import HricError
 from hric_experiments import cli
 
 PACKAGE, FILE = "hric_bringup", "bringup.launch"

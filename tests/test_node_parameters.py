@@ -34,7 +34,7 @@ WRONG = {
 # Parents of all nodes: a process for each would load the same half second of libraries again.
 START = """
 import os, runpy, sys
-import rospy, numpy, hric_control.ros, hric_control.robot_app
+import rospy, numpy, hric_core.ros, hric_control.robot_app
 for argument in sys.argv[1:]:
     path, word = argument.split("|")
     if pid := os.fork():

@@ -10,11 +10,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hric_control import plugins, urdf
-from hric_control.errors import DescriptionError
-from hric_control.plants import resources
-from hric_control.plants.resources import read_description
 from hric_control.transmission import parse_transmissions
+from hric_core import plugins, resources, urdf
+from hric_core.errors import DescriptionError
+from hric_core.resources import read_description
 
 DATA = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
 ROBOTS = {str(path.relative_to(DATA)): path for path in sorted(DATA.rglob("*.urdf"))}

@@ -184,7 +184,7 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A workspace that was never set up."""
     folder = tmp_path_factory.mktemp("workspace")
     parts = ("scripts", "tests/house", "src/hric_bringup", "src/hric_experiments/config", "src/hric_bags/src")
-    for part in (*parts, "src/hric_control/src"):
+    for part in (*parts, "src/hric_core/src"):
         shutil.copytree(ROOT / part, folder / part, ignore=shutil.ignore_patterns("__pycache__"))
     return folder
 

@@ -23,9 +23,9 @@ from bringup_master import DEFAULT, MasterError, call, choose
 from bringup_ready import PERIOD, arm, block, namespace
 
 from hric_bags.run_folder import RunFolder
-from hric_control import yaml_text
-from hric_control.errors import FAILURE, HricError
-from hric_control.processes import describe_exit, end_with_parent
+from hric_core import yaml_text
+from hric_core.errors import FAILURE, HricError
+from hric_core.processes import describe_exit, end_with_parent
 
 X11_PORT = 6000
 """TCP port of display 0 (X Window System protocol)."""

@@ -29,7 +29,7 @@ class ArgumentError(Exception):
     """A name or a value that bringup.launch cannot use; the message lists what it can.
 
     Attributes:
-        exit_code: of the command, as of `hric_control.errors`, which cannot be imported before the set-up.
+        exit_code: of the command, as of `hric_core.errors`, which cannot be imported before the set-up.
     """
 
     exit_code = 2

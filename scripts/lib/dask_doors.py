@@ -10,8 +10,8 @@ import re
 import sys
 from pathlib import Path
 
-sys.path.append(str(Path(__file__).resolve().parents[2] / "src/hric_control/src"))
-from hric_control.wires import host_of, is_local, reached_by_others
+sys.path.append(str(Path(__file__).resolve().parents[2] / "src/hric_core/src"))
+from hric_core.wires import host_of, is_local, reached_by_others
 
 ADDRESS = re.compile(r"(tcp|tls)://(\[[^\]]+\]|[^:/\[\]]+):(\d+)")
 LISTENING = ("--host", "--interface", "--listen-address")

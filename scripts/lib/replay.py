@@ -16,8 +16,8 @@ from bringup_master import DEFAULT, MasterError, call, choose, node_is_alive
 from replay_arguments import parsed
 from replay_run import Run, blocked, find
 
-from hric_control.errors import FAILURE, FailureError, HricError
-from hric_control.processes import INTERRUPTED_CODE, end_process, start_dependent
+from hric_core.errors import FAILURE, FailureError, HricError
+from hric_core.processes import INTERRUPTED_CODE, end_process, start_dependent
 
 WORKSPACE = Path(__file__).resolve().parents[2]
 VIEW = WORKSPACE / "src/hric_bringup/rviz/panda.rviz"

@@ -6,9 +6,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-sys.path += [str(Path(__file__).resolve().parents[2] / "src" / name / "src") for name in ("hric_bags", "hric_control")]
+sys.path += [str(Path(__file__).resolve().parents[2] / "src" / name / "src") for name in ("hric_bags", "hric_core")]
 from hric_bags.run_folder import RunFolder, runs_root
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 
 
 def parsed(argv: Sequence[str]) -> argparse.Namespace:

@@ -6,7 +6,7 @@ from typing import Any
 
 from hric_bags.parts import PartsReader, parts
 from hric_bags.run_folder import RunFolder, runs_root
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_experiments.analysis.run import bag_of
 
 NOT_PLAYED = ("/clock", "/rosout", "/rosout_agg")

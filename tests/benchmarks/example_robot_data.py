@@ -102,7 +102,7 @@ def try_robot(path: Path, row: Row) -> Row:
     """Convert one robot here; for a process that may end with it."""
     import opensim
 
-    from hric_control.errors import HricError
+    from hric_core.errors import HricError
 
     opensim.Logger.setLevelString("Error")
     offers = itertools.chain.from_iterable(itertools.combinations(OFFERS, count) for count in range(len(OFFERS) + 1))
@@ -157,7 +157,7 @@ def _convert(path: Path, row: Row, chosen: dict[str, Any]) -> None:
         written = urdf_to_osim.write(conversion, Path(folder) / "robot.osim", cache=Path(folder) / "cache")
         proof = urdf_to_osim.prove(written.path, text, options, STATES, SEED)
     if not proof.passed:
-        from hric_control.errors import DescriptionError
+        from hric_core.errors import DescriptionError
 
         raise DescriptionError(
             f"the proof failed: {', '.join(f'{name} {proof.errors[name]:.1e}' for name in proof.failed)}"

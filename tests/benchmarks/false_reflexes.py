@@ -25,7 +25,7 @@ from franka_sim.fci.arguments import parser
 from franka_sim.fci.arm_device import ArmDevice, make_arm
 from franka_sim.fci.robots import ROBOTS
 from franka_sim.settings import Q_START
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 
 FloatArray = npt.NDArray[np.float64]
 NO_NOISE = {"q_noise": 0.0, "dq_noise": 0.0, "tau_J_noise": 0.0, "wrench_noise": [0.0] * 6}

@@ -90,8 +90,8 @@ def run_robot(seconds: float, rounds: int, path: Path, real: bool) -> None:
     """Robots one after the other on the master of the environment, which holds their parameters; leaves the figures."""
     import rospy
 
-    from hric_control.ros import process as ros_backlog
-    from hric_control.ros.time import init_clock_node
+    from hric_core.ros import process as ros_backlog
+    from hric_core.ros.time import init_clock_node
 
     init_clock_node("robot", sys.argv[:1])
     ros_backlog.widen()
@@ -106,10 +106,10 @@ def run_robot(seconds: float, rounds: int, path: Path, real: bool) -> None:
 
 def run_once(seconds: float, real: bool) -> Figures:
     """What nodes/robot does."""
-    from hric_control import processes, realtime
     from hric_control.robot_app import RobotApp
-    from hric_control.ros.node import RosNode
-    from hric_control.ros.time import set_time
+    from hric_core import processes, realtime
+    from hric_core.ros.node import RosNode
+    from hric_core.ros.time import set_time
 
     app = RobotApp(RosNode(), RosNode("~"), live=True, on_clock=set_time)
     for name in CONTROLLERS:
@@ -244,7 +244,7 @@ def measure_real(robot: str, seconds: float, rounds: int) -> list[Figures]:
 
 def measure_robot(seconds: float, rounds: int, *overrides: str) -> list[Figures]:
     """With a recorder and a subscriber, on a master of this process."""
-    from hric_control.testing import start_roscore
+    from hric_core.testing import start_roscore
 
     start_roscore()
     set_parameters(*overrides)

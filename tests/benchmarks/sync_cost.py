@@ -259,7 +259,7 @@ def main() -> None:
     """Measure what is asked for."""
     import rospy
 
-    from hric_control.testing import start_roscore
+    from hric_core.testing import start_roscore
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=12.0, help="of the feed [s]")

@@ -22,8 +22,8 @@ from tqdm import tqdm
 from turns import Worker, take_turns
 
 from hric_bags.text import rows
-from hric_control.errors import HricError
-from hric_control.processes import run_command
+from hric_core.errors import HricError
+from hric_core.processes import run_command
 
 RELEASED = Path(__file__).with_name("released.json")
 """The table of the last release."""

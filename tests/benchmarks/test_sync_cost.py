@@ -5,7 +5,7 @@ import pytest
 import rospy
 from sync_cost import measure, variants
 
-from hric_control.testing import ros, roscore
+from hric_core.testing import ros, roscore
 
 __all__ = ["ros", "roscore"]
 pytestmark = pytest.mark.alone

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
-from hric_control.errors import FailureError
+from hric_core.errors import FailureError
 
 FOLDER = Path(__file__).resolve().parent
 

@@ -8,9 +8,9 @@ import numpy as np
 from conformance_oracle import FloatArray, Oracle, ends
 from conformance_robots import without_losses
 
-from hric_control import plugins
 from hric_control.plant import Plant
 from hric_control.plants import DivergedError
+from hric_core import plugins
 
 ENGINES = {
     "PyBullet": "pybullet_ros_control/PyBulletPlant",

@@ -24,7 +24,7 @@ from conformance_measures import (
 from conformance_oracle import Oracle
 from conformance_robots import CHAINS, MIMICS, PUBLIC, public, public_package, without_losses
 
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 
 PAGE = Path(__file__).resolve().parents[2] / "docs/conformance.md"
 STATES, STEPS = 10, 30
@@ -41,7 +41,7 @@ A description means the same on PyBullet, MuJoCo and OpenSim. This page says wha
   and bushings on one joint act on all that hang on it; a follower's stop stops its leader. `Plant.mass_matrix` and the effective mass of penalty contact have both. Where the robot is put, only the
   leader's position counts. A follower with a `<transmission>` is refused: nothing can drive it by itself.
 - **Neighbours** never touch: links that are fixed to each other over any number of fixed joints, and all links of two such groups that one moving joint joins. The list is computed from the description
-  (`hric_control.urdf.Robot.neighbours`); no engine's own rule decides. All other links of the robot that overlap do touch, unless `collision_masks` lists them; a link without a shape between two others does
+  (`hric_core.urdf.Robot.neighbours`); no engine's own rule decides. All other links of the robot that overlap do touch, unless `collision_masks` lists them; a link without a shape between two others does
   not make them neighbours.
 - **Closed chains** are not URDF: a link with two parents is refused. A chain that was cut moves as the tree that it is, its cut ends hang free. Where the loop keeps angles in a fixed ratio, as a parallelogram
   does, `<mimic>` closes it exactly; else a bushing between the two cut ends does (`Plant.connect`), as a spring: 0.4 mm of play in a parallelogram of 3 kg at 20 kN/m.

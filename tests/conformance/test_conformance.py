@@ -9,7 +9,7 @@ from conformance_measures import ENGINES, acceleration_error, contacts_at_rest, 
 from conformance_robots import CHAINS, CONTACTS, MIMICS, PUBLIC, mimic, parallelogram, public, public_package
 
 from hric_control.plant import Bushing
-from hric_control.urdf import read
+from hric_core.urdf import read
 
 ACCELERATION = {"PyBullet": 1e-4, "MuJoCo": 1e-6, "OpenSim": 1e-6}
 """Relative error that is allowed."""

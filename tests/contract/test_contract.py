@@ -11,13 +11,13 @@ from franka_hw_interface.model import Frame
 from franka_hw_interface.robot_state import RobotMode
 from franka_msgs.msg import ErrorRecoveryGoal
 from franka_msgs.srv import SetLoadRequest
-from hric_control.errors import HricError, ResourceConflictError
 from hric_control.hardware_interface import (
     EffortJointInterface,
     JointStateInterface,
     PositionJointInterface,
     VelocityJointInterface,
 )
+from hric_core.errors import HricError, ResourceConflictError
 
 ZERO = [0.0] * 7
 

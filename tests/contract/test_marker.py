@@ -11,7 +11,7 @@ import yaml
 from contract_robots import BACKENDS, Boxes, connected
 from driven_robot import Robot
 
-from hric_control.geometry import Pose
+from hric_core.geometry import Pose
 from hric_msgs.msg import MarkerTrackingState
 from mocap_natnet.headless import HeadlessMocap, robot_time
 from mocap_natnet.node.parameters import Publishing

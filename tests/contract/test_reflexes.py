@@ -14,7 +14,7 @@ from franka_hw_interface.interfaces import FrankaVelocityCartesianInterface
 from franka_hw_interface.robot_state import RobotMode, RobotState
 from franka_msgs.msg import ErrorRecoveryGoal, FrankaState
 from hric_control.controller import Controller
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 
 PLAIN = {"enforce_limits": False, "rate_limiting": False, "cutoff_frequency": 1000.0}
 """What is commanded reaches the arm as it is."""

@@ -15,8 +15,8 @@ import panda_description
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from hric_bags import reader as bag_reader
 from hric_bags.run_folder import RunFolder
-from hric_control.errors import HricError
 from hric_controllers.dynamics import largest_kd
+from hric_core.errors import HricError
 from hric_experiments.definition import experiment
 from hric_experiments.headless import runner as headless
 

@@ -11,8 +11,8 @@ import yaml
 from live_system import ROOT, LiveSystem
 from rosbags.highlevel import AnyReader
 
-from hric_control.geometry import FloatArray, homogeneous
-from hric_control.geometry.transforms import rotation_from_quaternion
+from hric_core.geometry import FloatArray, homogeneous
+from hric_core.geometry.transforms import rotation_from_quaternion
 from hric_human.body import describe
 from hric_human.participant.settings import HumanSettings
 

@@ -18,7 +18,7 @@ from controller_manager_msgs.srv import (
     SwitchControllerRequest,
     UnloadController,
 )
-from hric_control import processes
+from hric_core import processes
 
 pytestmark = pytest.mark.alone
 

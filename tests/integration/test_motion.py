@@ -18,7 +18,7 @@ from control_msgs.msg import (
     FollowJointTrajectoryResult,
     JointTrajectoryControllerState,
 )
-from hric_control.node import LOG_PERIOD
+from hric_core.node import LOG_PERIOD
 
 pytestmark = pytest.mark.alone
 

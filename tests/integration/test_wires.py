@@ -17,7 +17,7 @@ from live_system import ROOT, LiveSystem, wait_for
 from neighbour import LAB, NEIGHBOUR, Bound, Network
 from rosbags.highlevel import AnyReader
 
-from hric_control.wires import WIRES, Wire
+from hric_core.wires import WIRES, Wire
 
 pytestmark = pytest.mark.alone
 

@@ -8,7 +8,7 @@ import pytest
 from manual_page import steps
 from manual_pages import ROOT, commands, names, write
 
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_experiments.definition import experiment, study
 
 MADE = re.compile(r"[\w/]+\.(yaml|c3d)")

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import panda_description
-from hric_control import plugins
 from hric_control.plant import Plant
+from hric_core import plugins
 
 PLANTS = ("pybullet_ros_control/PyBulletPlant", "opensim_ros_control/OpenSimPlant", "mujoco_ros_control/MujocoPlant")
 PANDA = [f"panda_joint{i}" for i in range(1, 8)]

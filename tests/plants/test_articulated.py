@@ -10,10 +10,10 @@ from bodies import body
 from rigid_body_oracle import Oracle, wide
 from two_link import two_link_urdf
 
-from hric_control import plugins
-from hric_control.errors import CommandError, HricError, ParameterError, UnknownNameError
 from hric_control.plant import Articulated, Bushing
 from hric_control.plants.stops import STOP_RATE
+from hric_core import plugins
+from hric_core.errors import CommandError, HricError, ParameterError, UnknownNameError
 
 PLANTS = [name for name in plugins.names(plugins.PLANT) if issubclass(plugins.find(plugins.PLANT, name), Articulated)]
 ARM = body(parts="right_arm").urdf

@@ -4,9 +4,9 @@ import numpy as np
 import pinocchio
 import pytest
 
-from hric_control import plugins
-from hric_control.geometry.transforms import inverse
 from hric_control.plant import Bushing
+from hric_core import plugins
+from hric_core.geometry.transforms import inverse
 from hric_human.body import Subject, describe
 
 PANDA = [f"panda_joint{i}" for i in range(1, 8)]

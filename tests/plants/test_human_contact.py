@@ -24,8 +24,8 @@ import yaml
 from bodies import body
 from rigid_body_oracle import Oracle
 
-from hric_control import plugins
 from hric_control.plant import Articulated
+from hric_core import plugins
 from hric_human.body import surfaces
 from hric_human.contact import RegionContacts
 

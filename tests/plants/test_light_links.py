@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hric_control.errors import DescriptionError
+from hric_core.errors import DescriptionError
 
 BODY = """<inertial><origin xyz="0.1 0.02 0.3"/><mass value="2"/>
   <inertia ixx="0.02" ixy="0" ixz="0" iyy="0.03" iyz="0" izz="0.01"/></inertial>"""

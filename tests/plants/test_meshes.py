@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hric_control.errors import DescriptionError
+from hric_core.errors import DescriptionError
 
 BALL = '<collision><geometry><sphere radius="0.1"/></geometry></collision>'
 ROBOT = """<robot name="table"><link name="base">{}</link>

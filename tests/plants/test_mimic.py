@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from hric_control.errors import DescriptionError
 from hric_control.plant import Mode
+from hric_core.errors import DescriptionError
 
 INERTIAL = """<inertial><origin xyz="0.3 0 0"/><mass value="{}"/>
 <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>"""

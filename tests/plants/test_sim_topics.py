@@ -10,10 +10,10 @@ from two_link import transmission, two_link_urdf
 
 from gazebo_msgs.msg import ContactsState, ModelStates
 from gazebo_msgs.srv import SpawnModelRequest
-from hric_control.geometry.transforms import rotation_from_quaternion, transform_from_rpy
-from hric_control.local.node import LocalNode
 from hric_control.sim import contact_info, services
 from hric_control.sim.robot_hw_sim import RobotHWSim
+from hric_core.geometry.transforms import rotation_from_quaternion, transform_from_rpy
+from hric_core.local.node import LocalNode
 
 URDF_OBJECT = """<robot name="part"><link name="stand"><inertial><origin xyz="0 0 0.3"/><mass value="0.5"/>
 <inertia ixx="0.001" iyy="0.001" izz="0.001" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>"""

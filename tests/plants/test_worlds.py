@@ -10,9 +10,9 @@ import pytest
 from two_link import two_link_urdf
 
 import panda_description
-from hric_control import plugins
-from hric_control.errors import DescriptionError, HricError, UnknownNameError
 from hric_control.plant import Load, Surface
+from hric_core import plugins
+from hric_core.errors import DescriptionError, HricError, UnknownNameError
 
 JOINTS = ["joint1", "joint2"]
 POSE = [0.0, -0.5, 0.0, -2.0, 0.0, 1.5, 0.0]

@@ -16,7 +16,7 @@ import panda_description
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.model import Frame, FrankaModel
 from franka_hw_interface.transforms import FloatArray
-from hric_control.geometry import transform_from_rpy
+from hric_core.geometry import transform_from_rpy
 
 if TYPE_CHECKING:
     from libfranka_box import Arms

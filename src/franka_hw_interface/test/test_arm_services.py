@@ -14,9 +14,9 @@ from franka_msgs.srv import (
     SetKFrameRequest,
     SetLoadRequest,
 )
-from hric_control.errors import HricError, ParameterError
-from hric_control.local.node import LocalNode
-from hric_control.parameters import declared
+from hric_core.errors import HricError, ParameterError
+from hric_core.local.node import LocalNode
+from hric_core.parameters import declared
 
 POSE = [0.0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 1, 0, 0.1, 0.2, 0.3, 1]
 

@@ -21,7 +21,7 @@ from franka_hw_interface.robot_state import (
 )
 from franka_hw_interface.transforms import check_pose, check_transform, column_major
 from franka_msgs.msg import Errors, FrankaState
-from hric_control.errors import CommandError, HricError, UnknownNameError
+from hric_core.errors import CommandError, HricError, UnknownNameError
 
 
 class CountingModel:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from franka_hw_interface.model import Frame
-from hric_control.errors import CommandError
+from hric_core.errors import CommandError
 
 STATES = 1000
 with_payload = pytest.mark.parametrize("case", ["payload and own frames, tilted, another arm_id"], indirect=True)

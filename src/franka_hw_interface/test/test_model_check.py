@@ -19,8 +19,8 @@ from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.limits import franka_limits
 from franka_hw_interface.log_signals import condition
 from franka_hw_interface.model_check import ModelCheck, check, inverse_dynamics
-from hric_control.errors import ParameterError
 from hric_control.plants import bristle_torque
+from hric_core.errors import ParameterError
 
 NAMES = tuple(f"panda_joint{i}" for i in range(1, 8))
 COLUMNS = ("t", *(f"{name}{i}" for name in ("q", "dq", "tau") for i in range(1, 8)))

@@ -5,7 +5,7 @@ import pytest
 from franka_hw_interface.kdl_chain import KdlChain
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.urdf_chain import parse_chain
-from hric_control.errors import CommandError, DescriptionError, UnknownNameError
+from hric_core.errors import CommandError, DescriptionError, UnknownNameError
 
 INERTIAL = (
     '<inertial><origin xyz="0.02 -0.03 0.1" rpy="0.3 0.2 -0.4"/><mass value="{m}"/>'

@@ -8,16 +8,16 @@ from typing import Any
 
 import panda_description
 from hric_control.controller import Controller
-from hric_control.errors import HricError
 from hric_control.hardware_interface import (
     EffortJointInterface,
     JointStateInterface,
     PositionJointInterface,
     VelocityJointInterface,
 )
-from hric_control.local.node import LocalNode
 from hric_control.manager.controller_manager import ControllerManager
 from hric_control.robot_hw import RobotHW
+from hric_core.errors import HricError
+from hric_core.local.node import LocalNode
 
 READY = [0.0, -math.pi / 4, 0.0, -3 * math.pi / 4, 0.0, math.pi / 2, math.pi / 4]
 JOINTS = tuple(f"panda_joint{i}" for i in range(1, 8))

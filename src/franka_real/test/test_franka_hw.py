@@ -22,10 +22,10 @@ from franka_hw_interface.robot_state import RobotMode
 from franka_msgs.msg import ErrorRecoveryGoal
 from franka_msgs.srv import SetEEFrameRequest, SetJointImpedanceRequest, SetKFrameRequest, SetLoadRequest
 from franka_real.franka_hw import FrankaHW
-from hric_control import plugins
-from hric_control.errors import HricError
 from hric_control.hardware_interface import EffortJointInterface, PositionJointInterface
 from hric_control.robot_hw import ControllerInfo
+from hric_core import plugins
+from hric_core.errors import HricError
 
 ROBOTS = ("panda", "fr3")
 UNLIMITED = {"rate_limiting": False, "cutoff_frequency": 1000.0, "enforce_limits": False}

@@ -21,7 +21,7 @@ from franka_gripper.msg import (
     StopAction,
     StopGoal,
 )
-from hric_control.testing import end_nodes, ros, roscore
+from hric_core.testing import end_nodes, ros, roscore
 
 __all__ = ["ros", "roscore"]
 pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]

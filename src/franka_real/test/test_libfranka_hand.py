@@ -8,8 +8,8 @@ from fci_peer import control_box, new_address
 
 from franka_hw_interface.hand import HandOutcome
 from franka_real.libfranka_hand import LibfrankaHand, connector, hand_of_node
-from hric_control.errors import HricError, ParameterError
-from hric_control.local.node import LocalNode
+from hric_core.errors import HricError, ParameterError
+from hric_core.local.node import LocalNode
 
 LIMIT = 30.0
 BOTH = pytest.mark.parametrize("library", ["panda_py", "pylibfranka"])

@@ -14,7 +14,7 @@ from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.model import Frame, FrankaModel, FrankaModelHandle
 from franka_hw_interface.robot_state import RobotState
 from franka_real.libfranka_model import LibfrankaModel
-from hric_control.errors import CommandError, DescriptionError, UnknownNameError
+from hric_core.errors import CommandError, DescriptionError, UnknownNameError
 
 Q = [0.1, -0.6, 0.2, -2.1, -0.3, 1.7, 0.5]
 COM, INERTIA = [0.01, 0.02, 0.1], [0.01, 0.0, 0.0, 0.0, 0.02, 0.0, 0.0, 0.0, 0.015]

@@ -7,7 +7,7 @@ import pytest
 
 from franka_real import robot_time
 from franka_real.robot_time import RobotTime
-from hric_control.local.node import LocalNode
+from hric_core.local.node import LocalNode
 
 
 class WallNode:

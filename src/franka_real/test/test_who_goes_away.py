@@ -16,7 +16,7 @@ from fci_peer import control_box, new_address
 
 from franka_real import probe
 from franka_real.franka_hw import FrankaHW
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 
 pytestmark = pytest.mark.alone
 

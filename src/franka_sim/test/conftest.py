@@ -14,10 +14,10 @@ from franka_sim.box.config import BoxConfig
 from franka_sim.box.control_box import ControlBox
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand, MoveRequest, Outcome
 from franka_sim.franka_hw_sim import FrankaHWSim
-from hric_control import plugins
 from hric_control.hardware_interface import EffortJointInterface
-from hric_control.local.node import LocalNode
 from hric_control.robot_hw import ControllerInfo
+from hric_core import plugins
+from hric_core.local.node import LocalNode
 
 # No shapes: these tests are about the arm, and cost half of the time without them.
 PLANT = {"collision": False, "self_collision": False}

@@ -16,8 +16,8 @@ from franka_sim.box.config import BoxConfig, CollisionBehavior
 from franka_sim.box.configuration import friction_law
 from franka_sim.box.motion.run import PacketCount
 from franka_sim.box.self_collision import SelfCollision, segment_distances
-from hric_control.errors import ParameterError
-from hric_control.parameters import declared
+from hric_core.errors import ParameterError
+from hric_core.parameters import declared
 
 FRICTION = panda_description.friction_parameters()
 IDENTIFIED = {"friction": "identified", "friction_parameters": FRICTION}

@@ -17,8 +17,8 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 import panda_description
-from hric_control.robot_time import stamps
-from hric_control.testing import end_nodes, ros, roscore
+from hric_core.robot_time import stamps
+from hric_core.testing import end_nodes, ros, roscore
 from hric_msgs.msg import ClockPair
 
 __all__ = ["ros", "roscore"]

@@ -16,7 +16,7 @@ from franka_sim.fci.arguments import parser
 from franka_sim.fci.arm_device import make_arm
 from franka_sim.fci.robots import ROBOTS
 from franka_sim.fci.wire import WIRE_ERRORS
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 
 FAST = ("--real-time-factor", "0", "--no-collision")
 ROBOT = {5: "panda", 10: "fr3"}

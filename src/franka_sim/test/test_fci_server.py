@@ -18,7 +18,7 @@ from franka_sim.fci.device import ConstantDevice
 from franka_sim.fci.faults import Faults
 from franka_sim.fci.server import FciServer
 from franka_sim.fci.session import HANDSHAKE_TIME, MAX_WAITING
-from hric_control.errors import HricError, ParameterError, UnknownNameError
+from hric_core.errors import HricError, ParameterError, UnknownNameError
 
 VERSIONS = pytest.mark.parametrize("version", [5, 10])
 STOP, RECOVER_V5, LIBRARY, URDF = 2, 12, 13, 11

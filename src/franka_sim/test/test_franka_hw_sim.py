@@ -8,14 +8,14 @@ from franka_hw_interface.model import Frame
 from franka_hw_interface.robot_state import RobotMode
 from franka_msgs.srv import SetEEFrameRequest, SetKFrameRequest, SetLoadRequest
 from franka_sim.franka_hw_sim import FrankaHWSim
-from hric_control import plugins
-from hric_control.errors import DescriptionError, HricError, ParameterError, UnknownNameError
 from hric_control.hardware_interface import (
     EffortJointInterface,
     JointStateInterface,
     PositionJointInterface,
     VelocityJointInterface,
 )
+from hric_core import plugins
+from hric_core.errors import DescriptionError, HricError, ParameterError, UnknownNameError
 
 YAW_45 = np.array([[0.0, -1, 0, 0.01], [1, 0, 0, 0.02], [0, 0, 1, 0.03], [0, 0, 0, 1]])
 

@@ -3,7 +3,7 @@ import math
 import pytest
 
 from franka_sim.gripper import Gripper, HandOutcome
-from hric_control.errors import CommandError
+from hric_core.errors import CommandError
 
 DT = 0.001
 

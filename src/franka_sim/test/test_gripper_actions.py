@@ -8,8 +8,8 @@ from control_msgs.msg import GripperCommandGoal
 from franka_gripper.msg import GraspGoal, HomingGoal, MoveGoal, StopGoal
 from franka_hw_interface.gripper_actions import GripperActions, GripperSettings
 from franka_sim.gripper import emulated_hand
-from hric_control.errors import HricError
-from hric_control.local.node import LocalNode
+from hric_core.errors import HricError
+from hric_core.local.node import LocalNode
 
 DT = 0.01
 

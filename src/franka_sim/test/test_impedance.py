@@ -7,7 +7,7 @@ import panda_description
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.limits import franka_limits
 from franka_sim.box.internal_impedance import JointImpedance, JointImpedanceLaw, defaults
-from hric_control.geometry import FloatArray
+from hric_core.geometry import FloatArray
 
 POSES = 1000
 

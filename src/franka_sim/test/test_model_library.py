@@ -16,9 +16,9 @@ from franka_hw_interface.model import Frame
 from franka_hw_interface.transforms import FloatArray, column_major
 from franka_sim.model_library import FUNCTIONS, MARKER, library_for
 from franka_sim.model_library.parameters import arm_chain, arm_without_tool
-from hric_control.errors import DescriptionError, UnknownNameError
-from hric_control.geometry import transform_from_rpy
-from hric_control.urdf import read
+from hric_core.errors import DescriptionError, UnknownNameError
+from hric_core.geometry import transform_from_rpy
+from hric_core.urdf import read
 
 STATES, TOLERANCE = 200, 1e-9
 PAYLOAD = (

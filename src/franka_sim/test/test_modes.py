@@ -6,9 +6,9 @@ import pytest
 from franka_hw_interface.modes import HOLD, Kind, Mode
 from franka_hw_interface.robot_state import RobotMode
 from hric_control.controller import Controller
-from hric_control.errors import HricError, ResourceConflictError
 from hric_control.hardware_interface import EffortJointInterface, PositionJointInterface, VelocityJointInterface
 from hric_control.manager.controller_manager import ControllerManager
+from hric_core.errors import HricError, ResourceConflictError
 
 
 class Law(Controller):

@@ -12,7 +12,7 @@ from franka_sim.box.config import motion_parameters
 from franka_sim.box.internal_impedance import CartesianImpedanceLaw, JointImpedanceLaw, defaults
 from franka_sim.box.motion import make_generator
 from franka_sim.box.requests import GeneratorMode, MotionCommand
-from hric_control.errors import CommandError
+from hric_core.errors import CommandError
 
 READY = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
 LIMITS = franka_limits()

@@ -14,7 +14,7 @@ from franka_sim.box.motion import MotionGenerator, elbow, make_generator
 from franka_sim.box.motion import cartesian as cartesian_module
 from franka_sim.box.motion import joint as joint_module
 from franka_sim.box.requests import GeneratorMode, MotionCommand
-from hric_control.errors import UnknownNameError
+from hric_core.errors import UnknownNameError
 
 READY = [0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4]
 REST = [0.0] * 7

@@ -26,7 +26,7 @@ from franka_sim.fci.protocol import PROTOCOL_5 as V5
 from franka_sim.fci.robots import ROBOTS
 from franka_sim.realism import IDEAL, parse, presets
 from franka_sim.sensors import attach
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 
 URDF = panda_description.load(meshes=False, collision=False)
 MEASURED = parse("measured", "robot/realism")

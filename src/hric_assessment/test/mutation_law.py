@@ -31,7 +31,7 @@ from hric_assessment.verdict.choices import Choices
 from hric_assessment.verdict.given import Given
 from hric_assessment.verdict.result import Verdict
 from hric_bags.records import recording
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 
 ORDER = (Outcome.ABOVE, Outcome.NOT_ASSESSABLE, Outcome.WARNING, Outcome.WITHIN)
 """From the worst on."""

@@ -9,7 +9,7 @@ from hric_assessment.supervisor.arm import ArmShape, ArmState
 from hric_assessment.supervisor.decision import UNHINDERED, Supervisor
 from hric_assessment.supervisor.person import BodyShape, Observation
 from hric_assessment.supervisor.settings import SupervisorSettings
-from hric_control.geometry import Pose
+from hric_core.geometry import Pose
 from hric_human.body import Subject, describe
 
 JOINTS = [f"panda_joint{i}" for i in range(1, 8)]

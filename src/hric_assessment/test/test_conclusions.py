@@ -25,7 +25,7 @@ from hric_assessment.verdict.conclusions import (
     with_remedy,
 )
 from hric_assessment.verdict.result import Figure, Missing
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 
 WITHIN, WARNING, ABOVE, UNKNOWN = Outcome.WITHIN, Outcome.WARNING, Outcome.ABOVE, Outcome.NOT_ASSESSABLE
 CONTACT, DISTANCE, RULA, REBA = "contact", "separation", "RULA of the right arm", "REBA of the right arm"

@@ -11,7 +11,7 @@ from verdict_cases import AREA, RIGHT, WHOLE, Bag, half_sine, held
 
 from hric_assessment.findings import Finding, Outcome
 from hric_assessment.verdict import Choices, Verdict, assess, opened
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 
 Make = Callable[[Bag], None]
 STATES = ("position", "velocity", "effort")

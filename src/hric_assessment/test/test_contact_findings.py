@@ -12,7 +12,7 @@ from hric_assessment.contact.limits import Limits
 from hric_assessment.contact.speed import speed_limit
 from hric_assessment.findings import DISCLAIMER, Outcome
 from hric_assessment.tables import FOOT, LimitTable, episode_table, limit_table
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_human.body.regions import REGION_MODELS
 
 ISO, BGIA = Limits(limit_table("iso_ts_15066")), Limits(limit_table("bgia2011"))

@@ -7,7 +7,7 @@ from hric_assessment.contact.limits import NOT_PERMITTED, Limits
 from hric_assessment.contact.speed import both_masses, half_mass, permitted_regions, reduced_mass, speed_limit
 from hric_assessment.findings import NotAssessableError
 from hric_assessment.tables import FOOT, LimitTable
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_human.body.regions import REGION_MODELS
 
 ISO, BGIA = Limits.named("iso_ts_15066"), Limits.named("bgia2011")

@@ -9,8 +9,8 @@ from hric_assessment.ergonomics.effort import effort
 from hric_assessment.ergonomics.muscle_load import grip_loads, load_of, motion_of
 from hric_bags.records.human_record import GripRecord, HumanRecord
 from hric_bags.records.root_record import RootRecord
-from hric_control.errors import HricError
-from hric_control.geometry import Pose
+from hric_core.errors import HricError
+from hric_core.geometry import Pose
 from hric_human.body import describe
 from hric_human.control.whole_body import Load
 from hric_human.muscles.choose import find

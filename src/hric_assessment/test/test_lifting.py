@@ -7,7 +7,7 @@ import pytest
 
 from hric_assessment.ergonomics.niosh import Lift, Rated, rate
 from hric_assessment.findings import NotAssessableError
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 
 POUND_CONSTANT = 51.0
 """Load constant of the manual's examples [lb]."""

@@ -9,9 +9,9 @@ import pytest
 import panda_description
 from hric_assessment.separation.capsules import Capsules
 from hric_assessment.separation.links import CapsuleMotion, capsules_of, moved_by, poses, speeds
-from hric_control import urdf
-from hric_control.geometry import homogeneous
-from hric_control.geometry.transforms import rotation_from_rpy
+from hric_core import urdf
+from hric_core.geometry import homogeneous
+from hric_core.geometry.transforms import rotation_from_rpy
 
 SHAPES = """<robot name="shapes">
   <link name="base">

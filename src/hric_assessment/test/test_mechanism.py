@@ -10,9 +10,9 @@ from scipy.integrate import solve_ivp
 
 import panda_description
 from hric_assessment.contact.impact import Mechanism, Transient
-from hric_control import urdf
-from hric_control.geometry import homogeneous
-from hric_control.geometry.transforms import rotation_from_rpy
+from hric_core import urdf
+from hric_core.geometry import homogeneous
+from hric_core.geometry.transforms import rotation_from_rpy
 from hric_human.body import describe
 from hric_human.participant.settings import HumanSettings
 

@@ -16,7 +16,7 @@ from hric_assessment.verdict.posture_input import spread_of
 from hric_assessment.verdict.postures import posture_finding, scored
 from hric_bags.records.human_record import GripRecord, HumanRecord
 from hric_bags.records.root_record import RootRecord
-from hric_control.geometry import FloatArray, Pose, from_rotation_vector
+from hric_core.geometry import FloatArray, Pose, from_rotation_vector
 
 WHOLE, UPPER = (body(parts=parts) for parts in ("whole_body", "upper_body"))
 REST = {"right_el_flex": 80.0, "left_el_flex": 80.0}

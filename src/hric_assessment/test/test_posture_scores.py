@@ -16,7 +16,7 @@ from hric_assessment.ergonomics import reba as reba_method
 from hric_assessment.ergonomics.posture import ANGLES, to_vertical
 from hric_assessment.ergonomics.scoring import Scores
 from hric_assessment.tables import PostureTable, reba_table, rula_table
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 
 Score = Callable[..., Scores]
 STEP = 0.01

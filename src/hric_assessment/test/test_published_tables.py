@@ -17,7 +17,7 @@ from hric_assessment.tables import (
     reba_table,
     rula_table,
 )
-from hric_control.errors import ParameterError
+from hric_core.errors import ParameterError
 from hric_human.body.regions import REGION_MODELS
 
 ISO, BGIA = limit_table("iso_ts_15066"), limit_table("bgia2011")

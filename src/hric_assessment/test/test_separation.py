@@ -11,7 +11,7 @@ from scipy.optimize import minimize
 from hric_assessment.separation.capsules import Capsules, distances, of_body, segment_distance
 from hric_assessment.separation.minima import Separation, separation
 from hric_assessment.separation.protective import Stop, intrusion, person_speed, protective_distance
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 
 MARGINS = {"intrusion": 0.2, "person_uncertainty": 0.1, "robot_uncertainty": 0.01}
 

@@ -9,7 +9,7 @@ from hric_assessment.findings import NotAssessableError
 from hric_assessment.separation import stopping
 from hric_assessment.separation.protective import protective_distance
 from hric_assessment.separation.stopping import MEASUREMENT, SIMULATION, Row, StopTable
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 
 ROWS = (
     Row(0.5, 0.0, 0.10, 0.02),

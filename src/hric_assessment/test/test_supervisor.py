@@ -19,8 +19,8 @@ from hric_assessment.supervisor.arm import ArmShape, ArmState, InForce
 from hric_assessment.supervisor.decision import FREE, SLOWED, STOPPED
 from hric_assessment.supervisor.settings import MODES, SupervisorSettings
 from hric_assessment.tables import limit_table
-from hric_control.errors import HricError
 from hric_control.speed_scale import Request, SpeedScale, stopping_time
+from hric_core.errors import HricError
 
 RNG = np.random.default_rng(5)
 SPEED = np.array([0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])

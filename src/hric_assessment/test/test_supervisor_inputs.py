@@ -21,9 +21,9 @@ from hric_assessment.supervisor.inputs import (
     TrackedInput,
 )
 from hric_assessment.supervisor.person import BodyShape
-from hric_control.geometry import Pose
-from hric_control.local.node import LocalNode
-from hric_control.robot_time import stamps
+from hric_core.geometry import Pose
+from hric_core.local.node import LocalNode
+from hric_core.robot_time import stamps
 from hric_human.tracking import LOST, MEASURED, Estimate
 from hric_msgs.msg import MocapData, PersonTracking, RigidBodyState
 from hric_perception.person.frames import Messages

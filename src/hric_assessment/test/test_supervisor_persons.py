@@ -10,7 +10,7 @@ from hric_assessment.supervisor.arm import ArmState
 from hric_assessment.supervisor.decision import STOPPED, Supervisor
 from hric_assessment.supervisor.person import unplaced
 from hric_assessment.supervisor.settings import MODES, SupervisorSettings
-from hric_control.errors import ParameterError
+from hric_core.errors import ParameterError
 
 OWN = SupervisorSettings()
 HOLD = round(OWN.person_hold / PERIOD)

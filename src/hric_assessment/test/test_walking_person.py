@@ -11,8 +11,8 @@ from hric_assessment.ergonomics.muscle_load import load_of, motion_of
 from hric_assessment.verdict import assess, opened
 from hric_bags.records.human_record import HumanRecord
 from hric_bags.records.root_record import RootRecord
-from hric_control.geometry import Pose
-from hric_control.geometry.transforms import rotation_from_quaternion
+from hric_core.geometry import Pose
+from hric_core.geometry.transforms import rotation_from_quaternion
 from hric_human.body import Body, describe
 from hric_human.muscles.after_run import CUTOFF
 from hric_human.muscles.choose import find

@@ -13,7 +13,7 @@ from synthetic import log_message, signals
 from tf2_msgs.msg import TFMessage
 
 from franka_msgs.msg import FrankaState
-from hric_control.robot_time.stamps import to_time
+from hric_core.robot_time.stamps import to_time
 from hric_experiments.headless.bag_writer import BagWriter
 from hric_msgs.msg import MocapData, RigidBodyState, SampleChunk, SyncedSample, SyncLayout
 

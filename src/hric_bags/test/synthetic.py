@@ -9,7 +9,7 @@ from std_msgs.msg import Float64MultiArray
 
 from control_msgs.msg import JointTrajectoryControllerState
 from hric_bags.run_folder import RunFolder
-from hric_control.robot_time.stamps import to_time
+from hric_core.robot_time.stamps import to_time
 from hric_experiments.headless.bag_writer import BagWriter
 from hric_msgs.msg import ControlLog, JointLimitCounts
 

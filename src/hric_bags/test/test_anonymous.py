@@ -27,8 +27,8 @@ from hric_bags.export.anonymous import STAYS, Anonymiser
 from hric_bags.export.exporting import FORMATS, Request
 from hric_bags.export.recording import Source
 from hric_bags.run_folder import RunFolder
-from hric_control.errors import HricError
-from hric_control.robot_time.stamps import to_time
+from hric_core.errors import HricError
+from hric_core.robot_time.stamps import to_time
 from hric_experiments import cli
 from hric_experiments.headless.bag_writer import BagWriter
 from hric_msgs.msg import HumanEvent, JointTorque

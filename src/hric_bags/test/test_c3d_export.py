@@ -20,8 +20,8 @@ from hric_bags.export.exporting import Request
 from hric_bags.export.resampling import Sampled, frame_grid
 from hric_bags.export.table import Column, ExportError, Table
 from hric_bags.run_folder import RunFolder
-from hric_control.errors import HricError
-from hric_control.trial.c3d import read_trial
+from hric_core.errors import HricError
+from hric_core.trial.c3d import read_trial
 from hric_experiments import cli
 from hric_experiments.definition.sections import PlateSection
 

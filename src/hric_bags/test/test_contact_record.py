@@ -10,8 +10,8 @@ from gazebo_msgs.msg import ContactsState, ContactState
 from hric_bags.records import contact_record
 from hric_bags.records.contact_record import RigidForceError
 from hric_control.plant import Contact
-from hric_control.robot_time.stamps import to_time
 from hric_control.sim.topics import contacts_message
+from hric_core.robot_time.stamps import to_time
 from hric_experiments.analysis.run import analyse
 from hric_experiments.headless.bag_writer import BagWriter
 

@@ -20,7 +20,7 @@ from synthetic import BATCH, PERIOD, TARGET, log_message, signals
 from hric_bags import reader as bag_reader
 from hric_bags.export import recording
 from hric_bags.run_folder import RunFolder
-from hric_control.testing import ros, roscore  # noqa: F401
+from hric_core.testing import ros, roscore  # noqa: F401
 from hric_experiments import cli
 from hric_experiments.analysis import recordings
 from hric_msgs.msg import ControlLog, SampleChunk

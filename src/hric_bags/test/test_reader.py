@@ -13,7 +13,7 @@ from synthetic import JOINTS, log_message, signals, write_run
 from hric_bags import reader as bag_reader
 from hric_bags.memory import MemoryBag
 from hric_bags.reader import BagError
-from hric_control.robot_time.stamps import to_time
+from hric_core.robot_time.stamps import to_time
 from hric_experiments.headless.bag_writer import BagWriter
 
 

@@ -15,7 +15,7 @@ from std_msgs.msg import Float64MultiArray, String
 from hric_bags import reader as bag_reader
 from hric_bags.health.examine import examine
 from hric_bags.health.salvage import salvage
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_experiments import cli
 from hric_experiments.headless.bag_writer import BagWriter
 

@@ -14,7 +14,7 @@ from std_msgs.msg import Float64MultiArray, UInt32
 
 from hric_bags.health.examine import examine
 from hric_bags.health.salvage import salvage
-from hric_control.testing import ros, roscore  # noqa: F401
+from hric_core.testing import ros, roscore  # noqa: F401
 from hric_experiments.recorder import process as recorder_process
 from hric_experiments.recorder.process import RecorderProcess
 

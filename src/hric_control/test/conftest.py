@@ -1,9 +1,9 @@
 import pytest
 
 from hric_control.fakes import FakeController, FakeRobotHW
-from hric_control.local.node import LocalNode
 from hric_control.manager.controller_manager import ControllerManager
-from hric_control.testing import ros, roscore
+from hric_core.local.node import LocalNode
+from hric_core.testing import ros, roscore
 
 __all__ = ["ros", "roscore"]
 

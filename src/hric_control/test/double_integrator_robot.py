@@ -6,14 +6,14 @@ from contextlib import ExitStack
 
 import numpy as np
 
-from hric_control.errors import HricError, UnknownNameError
 from hric_control.hardware_interface import EffortJointInterface, JointCommands, JointStateInterface, JointStates
 from hric_control.limits import EffortLimiter, LimitCounts, load_limits
-from hric_control.node import Node
 from hric_control.plant import Contact, FloatArray, JointReaction, Load, ReactingPlant
 from hric_control.sim.participants import Participants
 from hric_control.sim.sim_loop import SimLoop
 from hric_control.sim.simulated_robot import SimulatedRobot
+from hric_core.errors import HricError, UnknownNameError
+from hric_core.node import Node
 
 URDF = """<robot name="toy">
   <link name="base"/><link name="one"/><link name="two"/>

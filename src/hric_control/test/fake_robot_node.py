@@ -8,12 +8,12 @@ import time
 
 import rospy
 
-from hric_control import realtime
 from hric_control.fakes import FakeController, FakeRobotHW
 from hric_control.manager import services as manager_services
 from hric_control.manager.controller_manager import ControllerManager
-from hric_control.ros import RosNode
-from hric_control.ros.process import shut_down
+from hric_core import realtime
+from hric_core.ros import RosNode
+from hric_core.ros.process import shut_down
 
 PERIOD = 0.004
 

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hric_control.errors import HricError
-from hric_control.geometry import quaternions
-from hric_control.geometry.transforms import rotation_from_rpy
 from hric_control.plant import Bushing
 from hric_control.plants import BushingLaw, Bushings, Motion
+from hric_core.errors import HricError
+from hric_core.geometry import quaternions
+from hric_core.geometry.transforms import rotation_from_rpy
 
 LOOSE = Bushing("a", "m::b", np.eye(4), np.eye(4))
 

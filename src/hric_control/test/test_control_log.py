@@ -2,7 +2,7 @@
 
 from hric_control.control_log import BATCH, ControlLog
 from hric_control.hardware_interface import JointStates
-from hric_control.robot_time import stamps
+from hric_core.robot_time import stamps
 
 
 class Recorder:

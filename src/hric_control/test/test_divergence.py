@@ -4,13 +4,7 @@ import math
 
 import pytest
 
-from hric_control.plants.divergence import (
-    LOWEST_BOUND,
-    VELOCITY_FACTOR,
-    DivergedError,
-    Divergence,
-    bound,
-)
+from hric_control.plants.divergence import LOWEST_BOUND, VELOCITY_FACTOR, DivergedError, Divergence, bound
 
 JOINTS = ["hip", "slide", "wheel"]
 LIMITS = [20.0, 0.1, math.inf]

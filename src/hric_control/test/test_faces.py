@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from hric_control.geometry import transform_from_rpy
 from hric_control.plants.faces import SOFTNESS, Corner, Solid, centre, corners
+from hric_core.geometry import transform_from_rpy
 
 HERE = np.eye(4)
 UP = np.array([0.0, 0.0, 1.0])

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from hric_control.errors import ParameterError
 from hric_control.plants import Springs, bristle_torque, sigmoid_parameters
 from hric_control.plants.friction import FADE, GIVE, breakaways, refuse_other_joints
 from hric_control.plants.spring_step import BRISTLE_STIFFNESS
+from hric_core.errors import ParameterError
 
 STEP, MASS, BOUND = 1e-3, 2.0, 6.0
 X, Z = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])

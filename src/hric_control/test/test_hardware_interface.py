@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from hric_control.errors import CommandError, HricError, UnknownNameError
 from hric_control.hardware_interface import (
     EffortJointInterface,
     InterfaceManager,
@@ -11,6 +10,7 @@ from hric_control.hardware_interface import (
     PositionJointInterface,
     VelocityJointInterface,
 )
+from hric_core.errors import CommandError, HricError, UnknownNameError
 
 NAMES = ["j1", "j2", "j3"]
 

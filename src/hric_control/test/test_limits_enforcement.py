@@ -6,9 +6,9 @@ import random
 
 import pytest
 
-from hric_control.errors import HricError, UnknownNameError
 from hric_control.hardware_interface import JointCommands, JointStates
 from hric_control.limits import EffortLimiter, JointLimits, PositionLimiter, VelocityLimiter, stopping_speed
+from hric_core.errors import HricError, UnknownNameError
 
 DT = 0.001
 

@@ -4,9 +4,9 @@ import math
 
 import pytest
 
-from hric_control.errors import DescriptionError, ParameterError, UnknownNameError
 from hric_control.limits import JointLimits, load_limits
-from hric_control.local.node import LocalNode
+from hric_core.errors import DescriptionError, ParameterError, UnknownNameError
+from hric_core.local.node import LocalNode
 
 URDF = """<robot name="r"><link name="a"/><link name="b"/><link name="c"/><link name="d"/>
 <joint name="arm" type="revolute"><parent link="a"/><child link="b"/>

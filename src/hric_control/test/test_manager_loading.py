@@ -2,13 +2,13 @@ import pytest
 from std_msgs.msg import Float64
 from std_srvs.srv import Empty
 
-from hric_control import plugins
 from hric_control.controller import Controller
-from hric_control.errors import CommandError, HricError, ParameterError, UnknownNameError
 from hric_control.fakes import FakeController, FakeRobotHW
 from hric_control.hardware_interface import EffortJointInterface
-from hric_control.local.node import LocalNode
 from hric_control.manager.controller_manager import ControllerManager
+from hric_core import plugins
+from hric_core.errors import CommandError, HricError, ParameterError, UnknownNameError
+from hric_core.local.node import LocalNode
 
 
 def test_a_loaded_controller_is_initialized_and_not_running(rig) -> None:

@@ -5,8 +5,8 @@ import time
 import pytest
 from cost_ratio import cost_ratio
 
-from hric_control.errors import CommandError, HricError
 from hric_control.manager.switching import BEST_EFFORT, SwitchPlan, SwitchRequest
+from hric_core.errors import CommandError, HricError
 
 
 def test_running_controllers_are_updated_every_cycle_in_the_order_of_their_start(rig) -> None:

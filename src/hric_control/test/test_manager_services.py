@@ -11,9 +11,9 @@ from controller_manager_msgs.srv import (
     SwitchControllerRequest,
     UnloadControllerRequest,
 )
-from hric_control import plugins
 from hric_control.manager import services as manager_services
 from hric_control.manager.loaded_controller import UpdateStatistics
+from hric_core import plugins
 
 SERVICES = {
     "list_controllers": "ListControllers",

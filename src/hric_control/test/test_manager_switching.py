@@ -3,8 +3,8 @@ import time
 
 import pytest
 
-from hric_control.errors import HricError, ResourceConflictError, UnknownNameError
 from hric_control.manager.switching import BEST_EFFORT, STRICT
+from hric_core.errors import HricError, ResourceConflictError, UnknownNameError
 
 
 def test_a_switch_starts_a_loaded_controller(rig) -> None:

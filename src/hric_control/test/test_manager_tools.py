@@ -18,10 +18,10 @@ from std_msgs.msg import Bool
 
 from controller_manager_msgs.msg import ControllersStatistics, ControllerState
 from controller_manager_msgs.srv import ListControllers, SwitchController
-from hric_control.errors import HricError
 from hric_control.manager import command as manager_cli
 from hric_control.manager.client import ManagerClient
 from hric_control.manager.spawner import Spawner, Unspawner, run_spawner, run_unspawner
+from hric_core.errors import HricError
 
 pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
 

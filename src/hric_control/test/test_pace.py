@@ -4,8 +4,8 @@ import random
 
 import pytest
 
-from hric_control.robot_time.schedule import NS, Schedule
 from hric_control.sim.pace import CATCH_UP, LEAD, STEP, Pace
+from hric_core.robot_time.schedule import NS, Schedule
 
 MS = 1_000_000
 PERIOD = 0.001

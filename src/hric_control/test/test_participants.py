@@ -8,13 +8,13 @@ from typing import Any
 import pytest
 from double_integrator_robot import ToyRobot
 
-from hric_control import plugins
-from hric_control.errors import HricError, ParameterError
-from hric_control.local.node import LocalNode
 from hric_control.robot_app import RobotApp
+from hric_core import plugins
+from hric_core.errors import HricError, ParameterError
+from hric_core.local.node import LocalNode
 
 PUSHER = """
-from hric_control.errors import ParameterError
+from hric_core.errors import ParameterError
 from hric_control.sim.participants import Participant
 
 LOG = []

@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 import yaml
 
-from hric_control.errors import HricError, ParameterError, UnknownNameError
-from hric_control.parameters import number
 from hric_control.plant import Mode
 from hric_control.plants import (
     Losses,
@@ -24,8 +22,10 @@ from hric_control.plants import (
     reciprocals,
     sigmoid_torque,
 )
-from hric_control.plants.resources import resolve
-from hric_control.urdf import read
+from hric_core.errors import HricError, ParameterError, UnknownNameError
+from hric_core.parameters import number
+from hric_core.resources import resolve
+from hric_core.urdf import read
 
 
 @pytest.fixture

@@ -10,12 +10,12 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from hric_control.controller import Controller
 from hric_control.diagnostics import Diagnostics
-from hric_control.errors import DescriptionError, HricError, ParameterError, UnknownNameError
 from hric_control.fakes import FakeRobotHW
 from hric_control.hardware_interface import EffortJointInterface
-from hric_control.local.node import LocalNode
 from hric_control.manager.controller_manager import import_controllers
 from hric_control.robot_app import RobotApp, robot_hw_type
+from hric_core.errors import DescriptionError, HricError, ParameterError, UnknownNameError
+from hric_core.local.node import LocalNode
 
 sys.path.append(str(Path(__file__).parent))
 toy = importlib.import_module("double_integrator_robot")

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from hric_control.testing import end_nodes
+from hric_core.testing import end_nodes
 
 pytestmark = pytest.mark.alone
 

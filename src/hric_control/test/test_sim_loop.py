@@ -8,8 +8,8 @@ import time
 import pytest
 from cost_ratio import cost_ratio
 
-from hric_control.errors import HricError
 from hric_control.sim.sim_loop import SimLoop
+from hric_core.errors import HricError
 
 pytestmark = pytest.mark.alone
 

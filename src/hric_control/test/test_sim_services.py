@@ -21,10 +21,10 @@ from gazebo_msgs.srv import (
     SetModelConfigurationRequest,
     SpawnModelRequest,
 )
-from hric_control.local.node import LocalNode
 from hric_control.plant import Contact
-from hric_control.robot_time import stamps
 from hric_control.sim import contact_info, services
+from hric_core.local.node import LocalNode
+from hric_core.robot_time import stamps
 from hric_msgs.msg import JointReactions
 from hric_msgs.srv import StepSimulationRequest
 

@@ -5,10 +5,10 @@ import math
 import pytest
 from double_integrator_robot import DoubleIntegrator, ToyRobot
 
-from hric_control import plugins
-from hric_control.errors import CommandError, HricError
-from hric_control.local.node import LocalNode
 from hric_control.sim.simulated_robot import SimulatedRobot
+from hric_core import plugins
+from hric_core.errors import CommandError, HricError
+from hric_core.local.node import LocalNode
 
 
 @pytest.fixture

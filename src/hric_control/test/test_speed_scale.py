@@ -7,9 +7,7 @@ import random
 import numpy as np
 import pytest
 
-from hric_control.errors import CommandError
 from hric_control.fakes import FakeController, FakeRobotHW
-from hric_control.local.node import LocalNode
 from hric_control.manager.controller_manager import ControllerManager
 from hric_control.speed_scale import (
     ACCELERATION,
@@ -25,6 +23,8 @@ from hric_control.speed_scale import (
     stopping_time,
 )
 from hric_control.speed_scale_topics import REQUEST_TOPIC, STATE_TOPIC, SpeedScaleTopics
+from hric_core.errors import CommandError
+from hric_core.local.node import LocalNode
 from hric_msgs.msg import SpeedScale as SpeedScaleMessage
 from hric_msgs.msg import SpeedScaleState
 
@@ -219,7 +219,7 @@ def test_the_list_of_controllers_shows_who_obeys():
 
 def test_a_request_by_topic_is_answered_with_the_cycle_that_took_it_up():
     node, scale, got = LocalNode(), SpeedScale(), []
-    from hric_control.robot_time import stamps
+    from hric_core.robot_time import stamps
 
     topics = SpeedScaleTopics(node, scale, stamps.to_time)
     node.subscribe(STATE_TOPIC, SpeedScaleState, got.append)
@@ -240,7 +240,7 @@ def test_a_request_by_topic_is_answered_with_the_cycle_that_took_it_up():
 
 
 def test_a_second_publisher_of_the_topic_never_speeds_the_robot_up_and_who_is_lost_is_named():
-    from hric_control.robot_time import stamps
+    from hric_core.robot_time import stamps
 
     node, scale, states = LocalNode(), SpeedScale(), []
     topics = SpeedScaleTopics(node, scale, stamps.to_time)

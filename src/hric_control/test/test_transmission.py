@@ -2,8 +2,8 @@
 
 import pytest
 
-from hric_control.errors import DescriptionError
 from hric_control.transmission import SimpleTransmission, Transmission, parse_transmissions, robot_sim_type
+from hric_core.errors import DescriptionError
 
 ONE = """<transmission name="t1"><type>transmission_interface/SimpleTransmission</type>
 <joint name="j1"><hardwareInterface>hardware_interface/EffortJointInterface</hardwareInterface>

@@ -5,9 +5,9 @@ from pathlib import Path
 import yaml
 
 import panda_description
-from hric_control import plugins
-from hric_control.local.node import LocalNode
 from hric_control.manager.controller_manager import ControllerManager
+from hric_core import plugins
+from hric_core.local.node import LocalNode
 
 YAML = Path(__file__).parents[2] / "hric_bringup" / "config" / "controllers.yaml"
 

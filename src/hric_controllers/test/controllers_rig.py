@@ -8,9 +8,9 @@ from hric_control.hardware_interface import (
     JointStates,
     PositionJointInterface,
 )
-from hric_control.local.node import LocalNode
 from hric_control.manager.controller_manager import ControllerManager
 from hric_control.robot_hw import RobotHW
+from hric_core.local.node import LocalNode
 
 DT = 0.001
 

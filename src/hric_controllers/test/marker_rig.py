@@ -7,7 +7,7 @@ import numpy as np
 from arm_rig import ArmRig
 from geometry_msgs.msg import Point
 
-from hric_control.robot_time import stamps
+from hric_core.robot_time import stamps
 from hric_msgs.msg import MocapData, RigidBodyState
 
 AMPLITUDE, FREQUENCY, RATE = 0.1, 0.25, 240.0

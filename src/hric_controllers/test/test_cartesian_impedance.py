@@ -15,12 +15,12 @@ from franka_hw_interface.interfaces import FrankaModelInterface, FrankaStateInte
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.model import Frame
 from franka_hw_interface.robot_state import RobotState
-from hric_control import plugins
-from hric_control.errors import HricError
-from hric_control.geometry import Pose, quaternions
-from hric_control.geometry.poses import difference
 from hric_controllers.cartesian import law as cartesian_law
 from hric_controllers.state.messages import to_quaternion
+from hric_core import plugins
+from hric_core.errors import HricError
+from hric_core.geometry import Pose, quaternions
+from hric_core.geometry.poses import difference
 
 NAME = "cartesian_impedance_controller"
 ARM = [f"panda_joint{i}" for i in range(1, 8)]

@@ -9,9 +9,9 @@ import pytest
 from geometry_msgs.msg import PoseStamped
 from marker_rig import MarkerRig, sinusoid
 
-from hric_control.errors import HricError
-from hric_control.geometry import quaternions
 from hric_controllers.state.messages import to_quaternion
+from hric_core.errors import HricError
+from hric_core.geometry import quaternions
 from hric_msgs.msg import MocapData, RigidBodyState
 
 NAME = "cartesian_pose_controller"

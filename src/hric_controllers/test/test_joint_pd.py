@@ -7,7 +7,7 @@ from controllers_rig import DT, Lab
 from std_msgs.msg import Float64MultiArray
 
 from control_msgs.msg import JointTrajectoryControllerState
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 
 URDF = """<robot name="two"><link name="base"/>
 <link name="upper"><inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>

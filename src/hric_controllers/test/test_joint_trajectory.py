@@ -10,7 +10,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from control_msgs.msg import FollowJointTrajectoryGoal, FollowJointTrajectoryResult, JointTolerance
 from control_msgs.srv import QueryTrajectoryStateRequest
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 
 GAINS = {"a": {"p": 400.0, "d": 40.0}, "b": {"p": 400.0, "d": 40.0}}
 KINDS = {

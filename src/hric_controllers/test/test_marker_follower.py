@@ -6,11 +6,11 @@ import math
 
 import pytest
 
-from hric_control.errors import HricError
-from hric_control.geometry import quaternions
 from hric_controllers.cartesian.workspace import Box, FrameRotation
 from hric_controllers.marker.follower import NEXT, Event, FollowerConfig, MarkerFollower, PoseOffset, Tracking
 from hric_controllers.marker.sample import Marker, SampleValidator
+from hric_core.errors import HricError
+from hric_core.geometry import quaternions
 
 THESIS = FrameRotation(((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0)))
 CONFIG = FollowerConfig(THESIS, Box((-1.0, -1.0, 0.0), (1.0, 1.0, 1.5)), SampleValidator(10.0, 0.1), lost_after=0.05)

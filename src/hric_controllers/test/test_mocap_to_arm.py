@@ -8,7 +8,7 @@ import pytest
 import rosbag
 from mocap_rig import MOCAP, NAME, STATE, MocapRig
 
-from hric_control.geometry.quaternions import from_rotation_vector, rotated
+from hric_core.geometry.quaternions import from_rotation_vector, rotated
 from hric_experiments.headless.bag_writer import BagWriter
 from mocap_natnet.server import Body, Faults, Motive, Scene, Settings, Sinusoid
 

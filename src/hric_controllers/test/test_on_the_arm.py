@@ -13,10 +13,10 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 
 import panda_description
 from control_msgs.msg import FollowJointTrajectoryGoal
-from hric_control import plugins
-from hric_control.errors import HricError
-from hric_control.local.node import LocalNode
 from hric_control.manager.controller_manager import ControllerManager
+from hric_core import plugins
+from hric_core.errors import HricError
+from hric_core.local.node import LocalNode
 
 YAML = Path(__file__).parents[2] / "hric_bringup" / "config" / "controllers.yaml"
 ARM = [f"panda_joint{i}" for i in range(1, 8)]

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from geometry_msgs.msg import PoseStamped
 
-from hric_control.local.node import LocalNode
 from hric_control.speed_scale import SpeedScale
 from hric_controllers.marker.pose_tracking import PoseTracking
+from hric_core.local.node import LocalNode
 from hric_msgs.msg import MocapData, RigidBodyState
 
 START = [1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.4, 0.0, 0.5, 1.0]

@@ -174,7 +174,7 @@ def law(force_limit=math.inf):
 
 
 def force(made, displacement):
-    from hric_control.geometry import Pose
+    from hric_core.geometry import Pose
 
     made.start(Pose(), [0.0] * 7)
     made.torque(Pose((displacement, 0.0, 0.0)), Arm([0.0] * 7, [0.0] * 7, np.eye(6, 7), np.eye(7), np.zeros(7)))

@@ -4,9 +4,9 @@ from controllers_rig import DT, Lab, Rig
 from franka_hw_interface.interfaces import FrankaStateInterface
 from franka_hw_interface.robot_state import FIELD_NAMES, RobotMode, RobotState, errors
 from franka_msgs.msg import Errors, FrankaState
-from hric_control import plugins
-from hric_control.errors import HricError
 from hric_controllers.state.messages import franka_state, to_quaternion
+from hric_core import plugins
+from hric_core.errors import HricError
 
 ARM = [f"panda_joint{i}" for i in range(1, 8)]
 JS = {"type": "joint_state_controller/JointStateController", "publish_rate": 50}

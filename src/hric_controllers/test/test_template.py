@@ -8,7 +8,7 @@ import rospkg
 import yaml
 from controllers_rig import Lab
 
-from hric_control import plugins
+from hric_core import plugins
 
 PACKAGE = Path(__file__).parents[1]
 TEMPLATE = PACKAGE / "templates" / "my_controller"

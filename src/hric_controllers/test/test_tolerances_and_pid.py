@@ -2,9 +2,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from hric_control.errors import CommandError, ParameterError
 from hric_controllers.joint.pid import Pid, PidGains
 from hric_controllers.trajectory.follower import GoalTolerances, Tolerance, first_violation
+from hric_core.errors import CommandError, ParameterError
 
 JOINTS = ["a", "b"]
 DEFAULTS = GoalTolerances((Tolerance(0.1), Tolerance(0.2)), (Tolerance(0.01, 0.05), Tolerance(0.02, 0.05)), 1.0)

@@ -6,8 +6,8 @@ import random
 import numpy as np
 import pytest
 
-from hric_control.errors import HricError
 from hric_controllers.marker.motion import MotionLimits, OnlineTrajectoryGenerator
+from hric_core.errors import HricError
 
 LIMITS = MotionLimits(velocity=0.5, acceleration=2.0, jerk=50.0)
 DT = 1e-3

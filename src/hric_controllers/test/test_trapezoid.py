@@ -2,8 +2,8 @@ import random
 
 import pytest
 
-from hric_control.errors import HricError
 from hric_controllers.trajectory.trapezoid import TrapezoidProfile, cruise_velocity, shortest_duration
+from hric_core.errors import HricError
 
 
 def test_one_radian_from_rest_takes_the_textbook_time_and_peaks_at_the_limit():

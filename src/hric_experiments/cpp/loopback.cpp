@@ -1,5 +1,5 @@
 // The program's own bind() comes before that of the C library.
-#include <hric_control/loopback.h>
+#include <hric_core/loopback.h>
 
 extern "C" int bind(int fd, const sockaddr* address, socklen_t size) noexcept
 {

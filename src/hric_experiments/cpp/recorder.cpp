@@ -11,7 +11,7 @@ namespace
 {
 
 const ros::WallDuration LOOK_PERIOD(0.5);  // between looks at the master's topics
-// A paced run waits for what reports its progress here (hric_control.robot_time.progress).
+// A paced run waits for what reports its progress here (hric_core.robot_time.progress).
 constexpr char PROGRESS_TOPIC[] = "hric/progress";
 const ros::WallDuration PROGRESS_PERIOD(0.05);
 

@@ -13,7 +13,7 @@ from tf2_msgs.msg import TFMessage
 
 import panda_description
 from hric_bags.run_folder import RunFolder
-from hric_control.robot_time.stamps import to_time
+from hric_core.robot_time.stamps import to_time
 from hric_experiments.headless.bag_writer import BagWriter
 from hric_msgs.msg import (
     ControlLog,

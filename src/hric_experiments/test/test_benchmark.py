@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from in_process import Here
 
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_experiments.benchmark import definition, page, results, running, scoring, text
 from hric_experiments.sweep import task as runs_of_sweeps
 from hric_experiments.sweep.carrying import carry_out

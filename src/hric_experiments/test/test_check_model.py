@@ -15,8 +15,8 @@ from simulated_arm_log import FRICTION, sigmoid
 import panda_description
 from franka_hw_interface.friction_file import read_friction
 from franka_msgs.msg import FrankaState
-from hric_control.errors import HricError
-from hric_control.robot_time.stamps import to_time
+from hric_core.errors import HricError
+from hric_core.robot_time.stamps import to_time
 from hric_experiments import cli
 from hric_experiments.check_model import csv_log
 from hric_experiments.definition import experiment, overrides, parameters

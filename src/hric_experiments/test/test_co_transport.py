@@ -12,7 +12,7 @@ import yaml
 
 from hric_bags.records import human_record
 from hric_bags.records.human_record import GripRecord
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_experiments.analysis import carrying, human
 from hric_experiments.analysis.carrying import Carried
 from hric_experiments.definition import experiment

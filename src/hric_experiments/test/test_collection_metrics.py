@@ -10,7 +10,7 @@ from geometry_msgs.msg import PoseStamped
 from synthetic import log_message, signals
 
 from hric_bags import reader as bag_reader
-from hric_control.robot_time.stamps import to_time
+from hric_core.robot_time.stamps import to_time
 from hric_experiments import cli
 from hric_experiments.analysis import collection, collection_record
 from hric_experiments.headless.bag_writer import BagWriter

@@ -15,7 +15,7 @@ from hric_bags import reader as bag_reader
 from hric_bags.files import FileError
 from hric_bags.reader import ControlRecord, RunRecord, SentSetpoint
 from hric_bags.run_folder import RunFolder
-from hric_control.errors import UnknownNameError
+from hric_core.errors import UnknownNameError
 from hric_experiments.analysis import comparison
 from hric_experiments.analysis.comparison import ComparisonError
 from hric_experiments.analysis.run import analyse

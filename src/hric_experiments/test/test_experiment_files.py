@@ -11,8 +11,8 @@ import jsonschema
 import pytest
 import yaml
 
-from hric_control.errors import HricError, ParameterError
-from hric_control.urdf import read
+from hric_core.errors import HricError, ParameterError
+from hric_core.urdf import read
 from hric_experiments import cli
 from hric_experiments.definition import experiment, overrides, parameters, study
 from hric_experiments.definition.experiment import ExperimentError

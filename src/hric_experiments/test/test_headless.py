@@ -16,7 +16,7 @@ import pytest
 
 from hric_bags import reader as bag_reader
 from hric_bags.run_folder import RunFolder
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_experiments import cli
 from hric_experiments.analysis.run import analyse
 from hric_experiments.definition import experiment

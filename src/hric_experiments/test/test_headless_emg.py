@@ -11,7 +11,7 @@ import pytest
 from sensor_msgs.msg import JointState
 from sweeping_muscles import GREATEST, LEAST, PERIOD, PHASES, correlations, message
 
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_experiments.definition import experiment
 from hric_experiments.definition.experiment import Experiment
 from hric_experiments.headless import runner

@@ -15,7 +15,7 @@ from rosbags.highlevel import AnyReader
 from hric_bags.export import exporting, recording
 from hric_bags.records.human_record import Event, GripRecord, HumanRecord
 from hric_bags.records.muscle_record import MuscleMessages
-from hric_control.trial.opensim_text import read_storage
+from hric_core.trial.opensim_text import read_storage
 from hric_experiments.analysis import human, human_difference, muscle_metrics, stability, study_human
 from hric_experiments.definition import experiment, study
 from hric_experiments.definition.experiment import ExperimentError

@@ -17,7 +17,7 @@ from rosbags.highlevel import AnyReader
 
 from hric_bags import reader as bag_reader
 from hric_bags.run_folder import RunFolder
-from hric_control.testing import free_port
+from hric_core.testing import free_port
 from hric_experiments.definition import experiment as experiments
 from hric_experiments.definition import parameters
 from hric_experiments.recorder.process import RecorderProcess, RecordError

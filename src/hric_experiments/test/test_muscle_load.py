@@ -12,9 +12,9 @@ from numpy.testing import assert_allclose
 
 from hric_bags.records import human_record
 from hric_bags.run_folder import RunFolder
-from hric_control.errors import HricError
-from hric_control.geometry import FloatArray
-from hric_control.trial.plates import TrialPlate
+from hric_core.errors import HricError
+from hric_core.geometry import FloatArray
+from hric_core.trial.plates import TrialPlate
 from hric_experiments.analysis import human_opensim, muscle_load
 from hric_experiments.analysis.muscle_load import MuscleLoadError, Result
 from hric_experiments.cli import main

@@ -18,7 +18,7 @@ from hric_assessment.verdict.result import Verdict
 from hric_bags.memory import MemoryBag, nanoseconds
 from hric_bags.reader import LOG_TYPE, Messages
 from hric_bags.reader import read as read_record
-from hric_control.robot_time.stamps import to_time
+from hric_core.robot_time.stamps import to_time
 from hric_experiments.analysis import contacts
 from hric_experiments.approaches import command
 from hric_experiments.approaches import run as approaches

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from hric_control.urdf import read
+from hric_core.urdf import read
 from hric_experiments.definition import experiment
 from hric_experiments.definition.parameters import description
 

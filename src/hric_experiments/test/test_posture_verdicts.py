@@ -11,7 +11,7 @@ from sensor_msgs.msg import JointState
 
 from hric_assessment.findings import Outcome
 from hric_assessment.verdict import Verdict, assess, opened
-from hric_control.robot_time.stamps import to_time
+from hric_core.robot_time.stamps import to_time
 from hric_experiments.headless.bag_writer import BagWriter
 
 COUNT, RATE = 1500, 100.0

@@ -17,8 +17,8 @@ from std_msgs.msg import Empty, UInt8MultiArray
 
 from hric_bags.parts import PartsReader, parts
 from hric_bags.run_folder import RunFolder
-from hric_control.errors import ParameterError
-from hric_control.testing import ros, roscore  # noqa: F401
+from hric_core.errors import ParameterError
+from hric_core.testing import ros, roscore  # noqa: F401
 from hric_experiments.recorder.settings import RecorderSettings
 
 pytestmark = pytest.mark.alone

@@ -11,7 +11,7 @@ import rospy
 from rosbags.highlevel import AnyReader
 from std_msgs.msg import UInt32
 
-from hric_control.testing import ros, roscore  # noqa: F401
+from hric_core.testing import ros, roscore  # noqa: F401
 from hric_experiments import cli
 from hric_experiments.recorder import process as recorder_process
 from hric_experiments.recorder.process import RecorderProcess

@@ -14,9 +14,9 @@ from geometry_msgs.msg import Point, Vector3
 
 from hric_bags.records import human_record
 from hric_bags.run_folder import RunFolder
-from hric_control.geometry import homogeneous
-from hric_control.geometry.transforms import rotation_from_quaternion
-from hric_control.robot_time.stamps import to_time
+from hric_core.geometry import homogeneous
+from hric_core.geometry.transforms import rotation_from_quaternion
+from hric_core.robot_time.stamps import to_time
 from hric_experiments import cli, report_html
 from hric_experiments.report_html import beside, run_data
 from hric_human.body import describe

@@ -15,7 +15,7 @@ from browser import Browser, installed
 from hric_assessment.findings import DISCLAIMER
 from hric_assessment.verdict.result import VERSION
 from hric_bags.run_folder import RunFolder
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_experiments import cli, report_html
 from hric_experiments.report_html import body_picture, verdict
 from hric_experiments.report_html.body_picture import PAIRS, SHAPES, colour, picture, touched

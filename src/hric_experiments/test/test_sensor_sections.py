@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_experiments.definition import experiment, overrides, parameters
 from hric_experiments.definition.experiment import ExperimentError
 from hric_experiments.headless import runner as headless

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import PointStamped, PoseStamped
 
-from hric_control.geometry import from_rotation_vector
-from hric_control.geometry.transforms import rotation_from_quaternion
+from hric_core.geometry import from_rotation_vector
+from hric_core.geometry.transforms import rotation_from_quaternion
 from hric_experiments.definition import experiment, overrides, parameters
 from hric_experiments.definition.experiment import Experiment, ExperimentError
 from hric_experiments.simulation import Simulation

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_experiments.simulation import Simulation
 
 MIXED: list[tuple[str, dict[str, object]]] = [

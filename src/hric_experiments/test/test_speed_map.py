@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from franka_sim.franka_hw_sim import FrankaHWSim
 from hric_assessment.contact.limits import Limits
 from hric_assessment.findings import DISCLAIMER
-from hric_control.errors import FailureError, HricError
+from hric_core.errors import FailureError, HricError
 from hric_experiments import cli
 from hric_experiments.definition import experiment
 from hric_experiments.simulation import Simulation

@@ -11,7 +11,7 @@ from hric_assessment.separation import stopping
 from hric_assessment.separation.stopping import MEASUREMENT, Row, StopTable
 from hric_assessment.verdict import command
 from hric_assessment.verdict.choices import Braking
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_experiments import cli
 
 

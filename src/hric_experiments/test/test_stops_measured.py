@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 from hric_assessment.separation import stopping
 from hric_assessment.separation.stopping import NOT_A_BRAKE, SIMULATION
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_experiments import cli
 from hric_experiments.definition import experiment
 from hric_experiments.simulation import Simulation

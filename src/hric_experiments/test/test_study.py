@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_experiments.definition import study
 from hric_experiments.headless import study_run
 

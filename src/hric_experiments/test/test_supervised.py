@@ -12,9 +12,9 @@ from hric_assessment.findings import Outcome as Result
 from hric_assessment.supervisor.app import HeadlessSupervisor
 from hric_assessment.supervisor.arm import ArmShape, ArmState
 from hric_assessment.supervisor.settings import SupervisorSettings
-from hric_control.errors import HricError
-from hric_control.local.node import LocalNode
 from hric_control.speed_scale import stopping_time
+from hric_core.errors import HricError
+from hric_core.local.node import LocalNode
 from hric_experiments.approaches import command
 from hric_experiments.approaches.draw import LONGEST, SPEEDS, draw
 from hric_experiments.approaches.meetings import ContactEvent

@@ -17,7 +17,7 @@ from hric_assessment.supervisor.separation import STANDING
 from hric_assessment.supervisor.settings import SupervisorSettings
 from hric_bags import reader as bag_reader
 from hric_control.speed_scale import stopping_time
-from hric_control.testing import end_nodes, free_port, ros, roscore  # noqa: F401  # fixtures
+from hric_core.testing import end_nodes, free_port, ros, roscore  # noqa: F401  # fixtures
 
 WORKSPACE = Path(__file__).parents[3]
 pytestmark = [pytest.mark.live, pytest.mark.alone]

@@ -10,8 +10,8 @@ from hric_assessment.supervisor.app import HeadlessSupervisor
 from hric_assessment.supervisor.arm import ArmShape, ArmState
 from hric_assessment.supervisor.separation import STANDING
 from hric_assessment.supervisor.settings import SupervisorSettings
-from hric_control.robot_time import stamps
 from hric_control.speed_scale import stopping_time
+from hric_core.robot_time import stamps
 from hric_experiments.definition import experiment
 from hric_experiments.definition.parameters import SUPERVISOR
 from hric_experiments.simulation import Simulation

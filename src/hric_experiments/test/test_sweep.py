@@ -11,7 +11,7 @@ import pyarrow.parquet
 import pytest
 import yaml
 
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_experiments.sweep import definition, table, task
 from hric_experiments.sweep.definition import EXAMPLE
 from hric_experiments.sweep.journal import Journal, JournalError

@@ -19,7 +19,7 @@ import test_sweep as sweeps
 import test_sweep_survives as survives
 from dask_cluster import ENOUGH, ROOT, Cluster, below, started, until
 
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_experiments.sweep import table
 from hric_experiments.sweep.engines import dask_engine
 from hric_experiments.sweep.engines.dask_engine import CHUNK, DaskEngine

@@ -13,7 +13,7 @@ import pytest
 import test_sweep as sweeps
 from in_process import Here
 
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_experiments.sweep import definition, probe
 from hric_experiments.sweep.engines.pebble_engine import Patience
 

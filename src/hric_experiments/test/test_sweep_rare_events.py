@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 from scipy.optimize import brentq
 
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_experiments.sweep.samplers.make import SAMPLER, make
 from hric_experiments.sweep.samplers.mixture import DEFENSIVE
 from hric_experiments.sweep.samplers.sampler import Estimate, Point, Sampler, Told

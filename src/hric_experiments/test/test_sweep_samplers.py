@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_experiments.sweep.samplers.make import SAMPLER, make
 from hric_experiments.sweep.samplers.sampler import Sampler, Told
 from hric_experiments.sweep.space import Space

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_experiments.sweep import populations
 from hric_experiments.sweep.space import Space
 from hric_experiments.sweep.variables import Variable

@@ -11,7 +11,7 @@ import yaml
 
 from hric_bags.records import human_record
 from hric_bags.records.human_record import HumanRecord
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_experiments.analysis import muscle_load
 from hric_experiments.analysis.muscle_load import MuscleLoadError, Result
 from hric_experiments.cli import main

@@ -9,7 +9,7 @@ import yaml
 from c3d_files import RATE, Lab
 
 from hric_bags.export import recording
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_experiments.definition import experiment, parameters
 from hric_experiments.headless import runner as headless
 

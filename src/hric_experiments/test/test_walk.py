@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped
 
-from hric_control.errors import HricError
-from hric_control.urdf import read
+from hric_core.errors import HricError
+from hric_core.urdf import read
 from hric_experiments.simulation import Simulation
 from hric_human.body import describe, load
 from hric_human.participant.settings import SUBJECTS, HumanSettings

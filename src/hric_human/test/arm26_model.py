@@ -8,7 +8,7 @@ import numpy as np
 import opensim
 from bodies import body
 
-from hric_control.geometry import FloatArray, MassProperties
+from hric_core.geometry import FloatArray, MassProperties
 from hric_human.body import Body, BodyJoint, Segment
 from hric_human.body.joints import ROWS
 from hric_human.body.segments import ROOT

@@ -5,8 +5,8 @@ import pytest
 from bodies import body
 from numpy.testing import assert_allclose
 
-from hric_control.errors import HricError
-from hric_control.geometry import Pose
+from hric_core.errors import HricError
+from hric_core.geometry import Pose
 from hric_human.body import Body
 from hric_human.control.kinematics import HandChain, own_weight
 from hric_human.control.strength import strength

@@ -16,7 +16,7 @@ from bodies import Posed, body
 from scipy.spatial.transform import Rotation
 
 import urdf_to_osim
-from hric_control.errors import HricError, ParameterError
+from hric_core.errors import HricError, ParameterError
 from hric_human.muscles import BUILT_IN, Anatomy, MuscleSet, load
 from hric_human.muscles.choose import NAME, find
 from hric_human.muscles.fitting import any_arm

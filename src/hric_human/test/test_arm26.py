@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from arm26_model import GRAVITY, JOINTS, Arm26, OpenSimRun
 
-from hric_control.geometry import FloatArray, Pose
+from hric_core.geometry import FloatArray, Pose
 from hric_human.muscles.joint_contact import JointContact
 from hric_human.muscles.static_optimization import StaticOptimization
 

@@ -9,8 +9,8 @@ import pytest
 from bodies import NAMES, PARTS, Posed, body, subject
 from numpy.testing import assert_allclose
 
-from hric_control.geometry import judge
-from hric_control.urdf import join_capsules, read
+from hric_core.geometry import judge
+from hric_core.urdf import join_capsules, read
 from hric_human.body.anthropometry import DE_LEVA, DENSITY, SHOULDER_DROP
 from hric_human.body.segments import capsule_radius
 from urdf_to_osim import convert, prove, write

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from bodies import NAMES, PARTS, SUBJECTS, Posed, body, subject
 
-from hric_control.errors import ParameterError
-from hric_control.urdf import read
+from hric_core.errors import ParameterError
+from hric_core.urdf import read
 from hric_human.body import Region, Subject, describe, load
 
 NODE = Path(__file__).parents[1] / "nodes" / "body"

@@ -8,9 +8,9 @@ import pytest
 from bodies import NAMES, PARTS, body
 from numpy.testing import assert_allclose
 
-from hric_control.geometry import Pose
-from hric_control.geometry.poses import difference
-from hric_control.urdf import read
+from hric_core.geometry import Pose
+from hric_core.geometry.poses import difference
+from hric_core.urdf import read
 from hric_human.body import Body
 from hric_human.control.inverse_kinematics import HandSolver, OutOfReachError
 from hric_human.control.kinematics import HandChain, own_weight

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_human.muscles.fatigue import RATES, REST, RISE, STEP, Fatigue
 
 F, R = RATES["shoulder"]

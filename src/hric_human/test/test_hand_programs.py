@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_human.hand import Hand, Program, read_program
 
 SINUSOID = {

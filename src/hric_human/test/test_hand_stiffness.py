@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from bodies import body
 
-from hric_control import plugins
-from hric_control.geometry import FloatArray
+from hric_core import plugins
+from hric_core.geometry import FloatArray
 from hric_human.control import HumanControl
 
 ARM = body(parts="right_arm")

@@ -15,9 +15,9 @@ from bodies import body
 from cost_ratio import cost_ratio
 from numpy.testing import assert_allclose
 
-from hric_control import plugins
-from hric_control.errors import HricError, ParameterError
-from hric_control.geometry import Pose, Vector
+from hric_core import plugins
+from hric_core.errors import HricError, ParameterError
+from hric_core.geometry import Pose, Vector
 from hric_human.body import Body
 from hric_human.control import HumanControl, HumanController, OutOfReachError, Person, Senses
 from hric_human.control.impedance import STIFFNESS
@@ -319,7 +319,7 @@ def test_all_is_the_same_bit_for_bit_from_a_seed() -> None:
 USER = '''
     from dataclasses import dataclass
 
-    from hric_control.parameters import Settings, number, per_joint
+    from hric_core.parameters import Settings, number, per_joint
     from hric_human.control import HumanController
 
 

@@ -13,13 +13,13 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import TriggerRequest
 
 import panda_description
-from hric_control import plugins
-from hric_control.errors import HricError, ParameterError
-from hric_control.geometry import homogeneous
-from hric_control.geometry.transforms import rotation_from_quaternion
-from hric_control.local.node import LocalNode
 from hric_control.plant import Articulated, Contact
 from hric_control.robot_app import RobotApp
+from hric_core import plugins
+from hric_core.errors import HricError, ParameterError
+from hric_core.geometry import homogeneous
+from hric_core.geometry.transforms import rotation_from_quaternion
+from hric_core.local.node import LocalNode
 from hric_human.body import Subject, describe
 from hric_human.control import HumanControl
 from hric_human.control.whole_body import WholeBody

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from bodies import body
 
-from hric_control.errors import HricError
-from hric_control.geometry import Pose, from_rotation_vector
-from hric_control.geometry.transforms import rotation_from_quaternion
+from hric_core.errors import HricError
+from hric_core.geometry import Pose, from_rotation_vector
+from hric_core.geometry.transforms import rotation_from_quaternion
 from hric_human.control.whole_body import Load, WholeBody
 from hric_human.muscles.anatomy import BUILT_IN, Anatomy, Muscle, load
 from hric_human.muscles.joint_contact import JointContact, Pulls

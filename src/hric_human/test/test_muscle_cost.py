@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from bodies import body
 
-from hric_control.geometry import Pose
+from hric_core.geometry import Pose
 from hric_human.muscles.after_run import AfterRun, smoothed
 from hric_human.muscles.anatomy import BUILT_IN, load
 from hric_human.muscles.muscle_set import MuscleSet

@@ -7,7 +7,7 @@ import pytest
 from bodies import body
 from numpy.testing import assert_allclose
 
-from hric_control.errors import ParameterError
+from hric_core.errors import ParameterError
 from hric_human.control import HumanControl, Person
 from hric_human.muscles import curves
 from hric_human.muscles.anatomy import BUILT_IN, load

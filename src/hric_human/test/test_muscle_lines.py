@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from bodies import Posed, body
 
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_human.body.segments import ROOT
 from hric_human.muscles import BUILT_IN, load
 from hric_human.muscles.lines import ACTIVATION_COLOURS, colour, muscle_lines

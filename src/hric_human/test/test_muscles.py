@@ -9,7 +9,7 @@ import pytest
 from bodies import body
 from scipy.optimize import linprog, lsq_linear
 
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_human.control.kinematics import HandChain, own_weight
 from hric_human.control.strength import MEAN_MASS, STRENGTH
 from hric_human.muscles import BUILT_IN, MuscleSet, load

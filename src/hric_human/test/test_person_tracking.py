@@ -11,8 +11,8 @@ from bodies import body, subject
 from numpy.testing import assert_allclose
 from walking_person import RATE, Mover
 
-from hric_control.errors import CommandError, ParameterError
-from hric_control.geometry import Pose, transformed
+from hric_core.errors import CommandError, ParameterError
+from hric_core.geometry import Pose, transformed
 from hric_human.body import Body, describe
 from hric_human.control.kinematics import HandChain
 from hric_human.control.marked_body import ROOT_MOTIONS, MarkedBody

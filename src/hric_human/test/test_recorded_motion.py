@@ -11,7 +11,7 @@ import pytest
 from bodies import Posed, body
 from numpy.testing import assert_allclose
 
-from hric_control.errors import ParameterError
+from hric_core.errors import ParameterError
 from hric_human.body import Body
 from hric_human.control import HumanControl
 from hric_human.control.recorded import MarkerSolver

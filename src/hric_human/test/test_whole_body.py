@@ -6,9 +6,9 @@ import pytest
 from bodies import NAMES, PARTS, body
 from numpy.testing import assert_allclose
 
-from hric_control.errors import HricError
-from hric_control.geometry import Pose, from_rotation_vector
-from hric_control.geometry.transforms import rotation_from_quaternion
+from hric_core.errors import HricError
+from hric_core.geometry import Pose, from_rotation_vector
+from hric_core.geometry.transforms import rotation_from_quaternion
 from hric_human.body import Body
 from hric_human.control.whole_body import Load, RootMotion, WholeBody, floor_wrench
 

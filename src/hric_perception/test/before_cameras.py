@@ -12,8 +12,8 @@ import yaml
 from sensor_msgs.msg import JointState
 from sensor_nodes import Nodes, TellsTime, wait
 
-from hric_control.robot_time import stamps
-from hric_control.testing import free_port
+from hric_core.robot_time import stamps
+from hric_core.testing import free_port
 from hric_human.body import describe
 from hric_human.participant.settings import HumanSettings
 

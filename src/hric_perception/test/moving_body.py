@@ -6,8 +6,8 @@ import numpy as np
 import pinocchio
 from sensor_msgs.msg import JointState
 
-from hric_control.geometry.transforms import rotation_from_quaternion
-from hric_control.robot_time import stamps
+from hric_core.geometry.transforms import rotation_from_quaternion
+from hric_core.robot_time import stamps
 from hric_human.body import describe
 from hric_human.participant.settings import HumanSettings
 

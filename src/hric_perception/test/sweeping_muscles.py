@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from hric_control.robot_time import stamps
+from hric_core.robot_time import stamps
 from hric_msgs.msg import MuscleActivation
 from hric_perception.emg.muscles import PARTS
 

@@ -9,8 +9,8 @@ import pytest
 from scipy import signal
 from sweeping_muscles import message
 
-from hric_control.local.node import LocalNode
-from hric_control.robot_time import stamps
+from hric_core.local.node import LocalNode
+from hric_core.robot_time import stamps
 from hric_msgs.msg import MuscleActivation, SampleChunk
 from hric_perception.chunk import Chunk, Layout, read_chunk
 from hric_perception.emg.device import activation_of

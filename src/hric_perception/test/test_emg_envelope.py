@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from hric_control.errors import HricError, ParameterError
+from hric_core.errors import HricError, ParameterError
 from hric_perception.chunk import Chunk, Layout
 from hric_perception.emg.envelope import Envelope, Settings
 from hric_perception.emg.muscles import AMPLITUDE, FLOOR, PROGRAM, Muscles

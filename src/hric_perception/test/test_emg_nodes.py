@@ -8,7 +8,7 @@ import pytest
 from sensor_nodes import LIMIT, Diagnosis, Nodes, TellsTime, TopicActivation, nodes, run, wait
 from std_srvs.srv import SetBool
 
-from hric_control.testing import free_port, ros, roscore
+from hric_core.testing import free_port, ros, roscore
 from hric_perception.chunk import Chunk
 
 __all__ = ["nodes", "ros", "roscore", "run"]

@@ -15,7 +15,7 @@ from geometry_msgs.msg import PoseStamped
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from hric_control.testing import end_nodes, free_port, ros, roscore
+from hric_core.testing import end_nodes, free_port, ros, roscore
 from hric_msgs.msg import MocapData
 
 __all__ = ["ros", "roscore"]

@@ -6,8 +6,8 @@ from geometry_msgs.msg import Vector3, Wrench, WrenchStamped
 from numpy.testing import assert_allclose
 
 from franka_msgs.msg import FrankaState
-from hric_control.errors import ParameterError
-from hric_control.geometry import from_rotation_vector
+from hric_core.errors import ParameterError
+from hric_core.geometry import from_rotation_vector
 from hric_perception.person.hand_force import source_of
 from hric_perception.person.settings import PersonSettings
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped
 
-from hric_control.errors import HricError
-from hric_control.local.node import LocalNode
+from hric_core.errors import HricError
+from hric_core.local.node import LocalNode
 from hric_msgs.msg import MocapData
 from hric_perception.human import see
 from hric_perception.human.truth import Truth

@@ -18,8 +18,8 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from franka_msgs.msg import FrankaState
 from hric_control.limits import JointLimits
-from hric_control.robot_time import stamps
-from hric_control.testing import ros, roscore  # noqa: F401
+from hric_core.robot_time import stamps
+from hric_core.testing import ros, roscore  # noqa: F401
 from hric_human.body import Subject, describe
 from hric_human.muscles import BUILT_IN, load
 from hric_human.muscles.lines import colour, muscle_lines

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hric_control.errors import ParameterError
-from hric_control.robot_time.stream_time import WallClock
+from hric_core.errors import ParameterError
+from hric_core.robot_time.stream_time import WallClock
 from hric_perception.chunk import Chunk, Layout
 from hric_perception.emg.muscles import PROGRAM, Muscles
 from hric_perception.emulation import Emulator, EvenSensor, Faults

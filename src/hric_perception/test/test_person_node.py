@@ -12,7 +12,7 @@ from sensor_nodes import Nodes, nodes, run, wait
 from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 
-from hric_control.testing import ros, roscore
+from hric_core.testing import ros, roscore
 from hric_human.control.whole_body import WholeBody
 from hric_msgs.msg import MocapData, PersonTracking
 from hric_perception.person.settings import PersonSettings

@@ -10,8 +10,8 @@ from sensor_nodes import LIMIT, Nodes, TellsTime, TopicActivation, nodes, run, w
 from tf2_msgs.msg import TFMessage
 
 from gazebo_msgs.msg import ContactsState, ContactState
-from hric_control.robot_time import stamps
-from hric_control.testing import free_port, ros, roscore
+from hric_core.robot_time import stamps
+from hric_core.testing import free_port, ros, roscore
 
 __all__ = ["nodes", "ros", "roscore", "run"]
 pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]

@@ -5,7 +5,7 @@ import pytest
 from sensor_nodes import Nodes, TellsTime, nodes, run, wait
 from sync_sources import listen
 
-from hric_control.testing import ros, roscore
+from hric_core.testing import ros, roscore
 from hric_msgs.msg import SampleChunk, SourceCount
 from hric_perception.chunk import read_chunk
 

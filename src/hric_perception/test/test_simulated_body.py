@@ -12,11 +12,11 @@ from numpy.testing import assert_allclose
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from hric_control.errors import HricError, ParameterError
-from hric_control.geometry import Pose, from_rotation_vector
-from hric_control.geometry.transforms import rotation_from_quaternion
-from hric_control.local.node import LocalNode
-from hric_control.robot_time import stamps
+from hric_core.errors import HricError, ParameterError
+from hric_core.geometry import Pose, from_rotation_vector
+from hric_core.geometry.transforms import rotation_from_quaternion
+from hric_core.local.node import LocalNode
+from hric_core.robot_time import stamps
 from hric_human.participant.settings import HumanSettings
 from hric_msgs.msg import HumanEvent, HumanGrip, MocapData
 from hric_perception.human import see

@@ -15,7 +15,7 @@ from moving_body import BODY, PERIOD, PERSON, Oracle, joint_state
 from sensor_msgs.msg import JointState
 from sensor_nodes import Diagnosis, Nodes, TellsTime, TopicActivation, nodes, run, wait
 
-from hric_control.testing import free_port, ros, roscore
+from hric_core.testing import free_port, ros, roscore
 from hric_msgs.msg import MocapData, MuscleActivation
 from hric_perception.emg.envelope import Settings, lag
 

@@ -10,7 +10,7 @@ from geometry_msgs.msg import Point, PoseStamped, WrenchStamped
 from sensor_msgs.msg import JointState
 
 from franka_msgs.msg import FrankaState
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_msgs.msg import ControlLog, MocapData, RigidBodyState, SampleChunk
 from hric_perception.sync.core import Synchroniser
 from hric_perception.sync.layout import read_plan

@@ -15,7 +15,7 @@ import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from sync_sources import LIMIT, Feeder, listen, wait
 
-from hric_control.testing import end_nodes, ros, roscore
+from hric_core.testing import end_nodes, ros, roscore
 from hric_msgs.msg import SyncedSample, SyncLayout, SyncStatus
 
 __all__ = ["ros", "roscore"]

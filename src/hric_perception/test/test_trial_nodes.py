@@ -10,7 +10,7 @@ import pytest
 from c3d_files import PER_FRAME, RATE, Lab
 from sensor_nodes import Nodes, TellsTime, TopicActivation, nodes, run, wait
 
-from hric_control.testing import free_port, ros, roscore
+from hric_core.testing import free_port, ros, roscore
 
 __all__ = ["nodes", "ros", "roscore", "run"]
 pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from c3d_files import PER_FRAME, RATE, Lab
 
-from hric_control.errors import HricError
-from hric_control.local.node import LocalNode
-from hric_control.trial.c3d import read_trial
+from hric_core.errors import HricError
+from hric_core.local.node import LocalNode
+from hric_core.trial.c3d import read_trial
 from hric_msgs.msg import MocapData
 from hric_perception.emulation import EvenSensor, Faults
 from hric_perception.human import see

@@ -10,8 +10,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
-from hric_control.errors import HricError
-from hric_control.robot_time.stream_time import WallClock
+from hric_core.errors import HricError
+from hric_core.robot_time.stream_time import WallClock
 from hric_perception.chunk import Chunk
 from hric_perception.emulation import Emulator, EvenSensor, Faults
 from hric_perception.stream import ERROR, OK, SampleStream, StreamHealth

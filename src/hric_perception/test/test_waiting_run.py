@@ -13,12 +13,12 @@ import rospy
 from sensor_nodes import Nodes, TopicActivation, nodes, wait
 from std_msgs.msg import Header
 
-from hric_control.robot_time import stamps
-from hric_control.robot_time.clock_pairs import ClockPairs
-from hric_control.robot_time.progress import AHEAD, SILENT, TOPIC
-from hric_control.ros import RosNode
+from hric_control.clock_pairs import ClockPairs
 from hric_control.sim.sim_loop import SimLoop
-from hric_control.testing import ros, roscore
+from hric_core.robot_time import stamps
+from hric_core.robot_time.progress import AHEAD, SILENT, TOPIC
+from hric_core.ros import RosNode
+from hric_core.testing import ros, roscore
 
 __all__ = ["nodes", "ros", "roscore"]
 pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hric_control.robot_time.clock import NS, RunClock
+from hric_core.robot_time.clock import NS, RunClock
 
 START = 40_000 * NS
 CALM, END, OVER = 24.0, 30.0, 32.0

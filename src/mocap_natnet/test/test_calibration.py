@@ -11,12 +11,12 @@ from std_msgs.msg import Header
 from std_srvs.srv import TriggerRequest
 
 from franka_msgs.msg import FrankaState
-from hric_control.errors import CommandError
-from hric_control.geometry import Pose as Placed
-from hric_control.geometry import from_rotation_vector, transformed
-from hric_control.geometry.poses import from_z_up, inverse
-from hric_control.geometry.quaternions import difference
-from hric_control.local.node import LocalNode
+from hric_core.errors import CommandError
+from hric_core.geometry import Pose as Placed
+from hric_core.geometry import from_rotation_vector, transformed
+from hric_core.geometry.poses import from_z_up, inverse
+from hric_core.geometry.quaternions import difference
+from hric_core.local.node import LocalNode
 from hric_msgs.msg import MocapData, RigidBodyState
 from mocap_natnet.node.calibrate import AVERAGED, CalibrateNode
 from mocap_natnet.tracking.calibration import Calibration, save

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hric_control.robot_time.clock import RunClock
+from hric_core.robot_time.clock import RunClock
 from mocap_natnet.client.frame_clock import NS, EchoClock, ExposureClock, RunningMinimum
 from mocap_natnet.codec.types import Frame, Suffix
 

@@ -13,10 +13,10 @@ import rosbag
 from geometry_msgs.msg import PoseStamped, TransformStamped
 from tf2_msgs.msg import TFMessage
 
-from hric_control.errors import HricError
-from hric_control.geometry import Pose
-from hric_control.robot_time import stamps
-from hric_control.testing import free_port, ros, roscore
+from hric_core.errors import HricError
+from hric_core.geometry import Pose
+from hric_core.robot_time import stamps
+from hric_core.testing import free_port, ros, roscore
 from hric_msgs.msg import MocapData, RigidBodyState
 from mocap_natnet.server.bag_source import from_bag
 from mocap_natnet.server.scene import Faults

@@ -14,7 +14,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Point, PoseStamped
 from std_srvs.srv import Trigger
 
-from hric_control.testing import end_nodes, free_port, ros, roscore
+from hric_core.testing import end_nodes, free_port, ros, roscore
 from hric_msgs.msg import MocapData
 
 sys.path.insert(0, str(Path(__file__).parent))

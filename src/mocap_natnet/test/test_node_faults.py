@@ -12,7 +12,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from rosgraph_msgs.msg import Log
 
-from hric_control.testing import free_port, ros, roscore
+from hric_core.testing import free_port, ros, roscore
 
 sys.path.insert(0, str(Path(__file__).parent))
 from motive_process import motive

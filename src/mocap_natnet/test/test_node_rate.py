@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from hric_control.testing import free_port, ros, roscore
+from hric_core.testing import free_port, ros, roscore
 from hric_msgs.msg import MocapData
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -10,10 +10,10 @@ from geometry_msgs.msg import Point, PointStamped, Pose2D, PoseStamped
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
-from hric_control.errors import HricError
-from hric_control.geometry import Pose, compose, from_rotation_vector
-from hric_control.geometry.quaternions import difference, rotated
-from hric_control.local.node import LocalNode
+from hric_core.errors import HricError
+from hric_core.geometry import Pose, compose, from_rotation_vector
+from hric_core.geometry.quaternions import difference, rotated
+from hric_core.local.node import LocalNode
 from hric_msgs.msg import MocapData
 from mocap_natnet.client import Received
 from mocap_natnet.client import Settings as ClientSettings

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from busy_run import CALM, END, START, BusyDriver, BusyRun
 
-from hric_control.robot_time.clock import NS, RunClock
-from hric_control.robot_time.rising_line import BEND, SLOWEST, Line, RisingLine
+from hric_core.robot_time.clock import NS, RunClock
+from hric_core.robot_time.rising_line import BEND, SLOWEST, Line, RisingLine
 from mocap_natnet.client.frame_clock import EchoClock, ExposureClock
 from mocap_natnet.codec.types import Frame, Suffix
 

@@ -14,8 +14,8 @@ import pytest
 from rosgraph_msgs.msg import Log
 from std_msgs.msg import String
 
-from hric_control.robot_time import stamps
-from hric_control.testing import end_nodes, free_port, ros, roscore
+from hric_core.robot_time import stamps
+from hric_core.testing import end_nodes, free_port, ros, roscore
 from hric_msgs.msg import ClockPair, MocapData
 
 sys.path.insert(0, str(Path(__file__).parent))

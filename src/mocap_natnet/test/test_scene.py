@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from hric_control.errors import CommandError, HricError, ParameterError
-from hric_control.geometry.poses import Pose, compose, transformed, z_up
-from hric_control.geometry.quaternions import difference, from_rotation_vector
+from hric_core.errors import CommandError, HricError, ParameterError
+from hric_core.geometry.poses import Pose, compose, transformed, z_up
+from hric_core.geometry.quaternions import difference, from_rotation_vector
 from mocap_natnet.codec import Codec
 from mocap_natnet.codec.types import TRACKED
 from mocap_natnet.rigid_body import Fit

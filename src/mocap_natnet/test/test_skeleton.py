@@ -4,9 +4,9 @@ import math
 
 import pytest
 
-from hric_control.errors import ParameterError
-from hric_control.geometry.poses import Pose
-from hric_control.geometry.quaternions import Vector, difference, from_rotation_vector
+from hric_core.errors import ParameterError
+from hric_core.geometry.poses import Pose
+from hric_core.geometry.quaternions import Vector, difference, from_rotation_vector
 from mocap_natnet.codec import Codec
 from mocap_natnet.codec.packets import HEADER
 from mocap_natnet.codec.types import Suffix

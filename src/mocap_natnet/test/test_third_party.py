@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from scipy.spatial.transform import Rotation
 
-from hric_control.testing import free_port
+from hric_core.testing import free_port
 
 sys.path.insert(0, str(Path(__file__).parent))
 from motive_process import motive

@@ -5,8 +5,8 @@ from typing import Any
 
 from visualization_msgs.msg import Marker
 
-from hric_control.geometry import stamped
-from hric_control.local.node import LocalNode
+from hric_core.geometry import stamped
+from hric_core.local.node import LocalNode
 from mocap_natnet.node.publisher import PIECE, POINTS_RATE, TRAIL_TOPIC, Trail
 
 

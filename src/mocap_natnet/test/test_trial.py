@@ -9,9 +9,9 @@ import pytest
 from c3d_files import CAL, ORIGIN, PER_FRAME, R_LAB_PLATE, RATE, Lab
 from scipy.spatial.transform import Rotation
 
-from hric_control.errors import HricError
-from hric_control.geometry import Pose
-from hric_control.trial.c3d import read_trial
+from hric_core.errors import HricError
+from hric_core.geometry import Pose
+from hric_core.trial.c3d import read_trial
 from mocap_natnet.codec import Codec, parse
 from mocap_natnet.codec.descriptions import ForcePlateDescription
 from mocap_natnet.codec.types import TRACKED

@@ -13,7 +13,7 @@ import rospy
 import tf2_ros
 from sensor_msgs.msg import CameraInfo, Image, JointState
 
-from hric_control.testing import ros, roscore  # noqa: F401
+from hric_core.testing import ros, roscore  # noqa: F401
 
 pytestmark = pytest.mark.alone
 NODE = Path(__file__).resolve().parents[1] / "nodes" / "camera"

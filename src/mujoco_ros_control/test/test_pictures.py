@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hric_control.errors import HricError
-from hric_control.geometry import FloatArray, homogeneous
+from hric_core.errors import HricError
+from hric_core.geometry import FloatArray, homogeneous
 from mujoco_ros_control.pictures import BACKGROUND, Camera, CameraSettings, camera_matrix, optical_frame
 
 RADIUS = 0.1

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from mujoco_ros_control import world
 
 BALL = """<robot name="ball"><link name="ball">

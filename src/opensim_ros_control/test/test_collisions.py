@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from two_link import two_link_urdf
 
-from hric_control.errors import DescriptionError
+from hric_core.errors import DescriptionError
 from opensim_ros_control.collision import MARGIN, Collisions
 from opensim_ros_control.contact import Point, RigidContact
 from opensim_ros_control.shapes import Pairing, pose

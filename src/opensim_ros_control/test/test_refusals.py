@@ -3,8 +3,8 @@
 import pytest
 from two_link import two_link_urdf
 
-from hric_control.errors import HricError, UnknownNameError
 from hric_control.plant import Load
+from hric_core.errors import HricError, UnknownNameError
 from opensim_ros_control.plant import OpenSimPlant
 
 JOINTS = ["joint1", "joint2"]

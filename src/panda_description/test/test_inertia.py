@@ -5,8 +5,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 import panda_description
-from hric_control.errors import UnknownNameError
-from hric_control.geometry import judge
+from hric_core.errors import UnknownNameError
+from hric_core.geometry import judge
 from panda_description import inertial_sets
 
 

@@ -16,8 +16,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 import panda_description
-from hric_control.errors import ParameterError, UnknownNameError
-from hric_control.geometry import steiner_term
+from hric_core.errors import ParameterError, UnknownNameError
+from hric_core.geometry import steiner_term
 from panda_description import parameters
 
 SETS = ("barycentric", "thesis")

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 import panda_description
-from hric_control.errors import ParameterError, UnknownNameError
+from hric_core.errors import ParameterError, UnknownNameError
 from panda_description import description
 
 NODE = Path(__file__).parents[1] / "nodes" / "urdf"

@@ -7,9 +7,9 @@ from rigid_body_oracle import Oracle
 from std_msgs.msg import Float64MultiArray
 
 import panda_description
-from hric_control.local.node import LocalNode
 from hric_control.robot_app import RobotApp
 from hric_control.sim.robot_hw_sim import RobotHWSim
+from hric_core.local.node import LocalNode
 
 PANDA = [f"panda_joint{i}" for i in range(1, 8)]
 GOAL = [0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4]

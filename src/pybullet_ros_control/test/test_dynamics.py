@@ -6,7 +6,7 @@ from rigid_body_oracle import Oracle, plant_pd_run, wide
 
 import panda_description
 from hric_control.plant import Load
-from hric_control.urdf import read
+from hric_core.urdf import read
 from pybullet_ros_control.joint_dynamics import Losses, make_dynamics
 from pybullet_ros_control.urdf_model import prepare
 

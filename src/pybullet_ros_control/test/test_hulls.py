@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from hric_control.meshes.canonical import Surface
+from hric_core.meshes.canonical import Surface
 from pybullet_ros_control.hulls import SKIN, without_skin
 from pybullet_ros_control.plant import PyBulletPlant
 

@@ -6,8 +6,8 @@ from rigid_body_oracle import Oracle
 from two_link import two_link_urdf
 
 import panda_description
-from hric_control.errors import HricError
 from hric_control.plant import Load, Mode
+from hric_core.errors import HricError
 
 POSE = [0.1, -0.5, 0.2, -2.0, 0.1, 1.5, 0.5]
 JOINTS = ["joint1", "joint2"]

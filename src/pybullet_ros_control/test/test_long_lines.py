@@ -6,9 +6,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from hric_control.errors import DescriptionError
-from hric_control.geometry import FloatArray
-from hric_control.urdf import read
+from hric_core.errors import DescriptionError
+from hric_core.geometry import FloatArray
+from hric_core.urdf import read
 from pybullet_ros_control.engine import Engine
 from pybullet_ros_control.urdf_model import PIECE, prepare
 

@@ -5,7 +5,7 @@ from xml.etree import ElementTree
 import pytest
 
 import panda_description
-from hric_control.urdf import read
+from hric_core.urdf import read
 from pybullet_ros_control.urdf_model import prepare
 
 

@@ -6,17 +6,17 @@ from double_integrator_robot import DoubleIntegrator
 from rigid_body_oracle import Oracle
 from two_link import transmission, two_link_urdf
 
-from hric_control import plugins
-from hric_control.errors import CommandError, HricError
 from hric_control.hardware_interface import (
     EffortJointInterface,
     JointStateInterface,
     PositionJointInterface,
     VelocityJointInterface,
 )
-from hric_control.local.node import LocalNode
 from hric_control.robot_hw import ControllerInfo
 from hric_control.sim.robot_hw_sim import RobotHWSim
+from hric_core import plugins
+from hric_core.errors import CommandError, HricError
+from hric_core.local.node import LocalNode
 from pybullet_ros_control import robot_hw_sim as former_place
 
 ALL = ("EffortJointInterface", "VelocityJointInterface", "PositionJointInterface")

@@ -3,7 +3,7 @@
 import pytest
 from two_link import two_link_urdf
 
-from hric_control.errors import DescriptionError, HricError
+from hric_core.errors import DescriptionError, HricError
 
 JOINTS = ["joint1", "joint2"]
 

@@ -3,7 +3,7 @@
 import pytest
 from small_robots import BODY, joint, link, one_joint, robot
 
-from hric_control.errors import DescriptionError, HricError, ParameterError, UnknownNameError
+from hric_core.errors import DescriptionError, HricError, ParameterError, UnknownNameError
 from urdf_to_osim import Options, convert, write
 
 ARM = "link arm"

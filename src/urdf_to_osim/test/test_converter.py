@@ -8,7 +8,7 @@ import pytest
 from small_robots import BODY, LIMIT, gripper, joint, link, one_joint, robot
 
 import panda_description
-from hric_control.geometry.transforms import rotation_onto
+from hric_core.geometry.transforms import rotation_onto
 from urdf_to_osim import Conversion, Options, convert
 from urdf_to_osim.transforms import body_xyz
 

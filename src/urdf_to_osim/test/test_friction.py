@@ -9,9 +9,9 @@ import pytest
 from random_robots import tree
 from small_robots import BODY, joint, link, one_joint, robot
 
-from hric_control.geometry import FloatArray
-from hric_control.urdf import Joint, Limit, read
-from hric_control.urdf.mass_matrix import mass_matrix
+from hric_core.geometry import FloatArray
+from hric_core.urdf import Joint, Limit, read
+from hric_core.urdf.mass_matrix import mass_matrix
 from urdf_to_osim import Options, convert
 from urdf_to_osim.friction import transition_velocity
 from urdf_to_osim.min_inertias import min_inertias, poses

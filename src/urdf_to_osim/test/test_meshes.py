@@ -11,10 +11,10 @@ import opensim
 import pybullet_data
 import pytest
 
-from hric_control.errors import DescriptionError
-from hric_control.geometry import FloatArray
-from hric_control.meshes.canonical import Surface
-from hric_control.meshes.files import read_coloured, read_surface
+from hric_core.errors import DescriptionError
+from hric_core.geometry import FloatArray
+from hric_core.meshes.canonical import Surface
+from hric_core.meshes.files import read_coloured, read_surface
 from urdf_to_osim.meshes import MeshRequest, MeshResult, convert_meshes, write_whole
 
 DATA = Path(pybullet_data.getDataPath())

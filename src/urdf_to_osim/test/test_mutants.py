@@ -7,7 +7,7 @@ import pytest
 from random_robots import spoilt, tree
 
 import panda_description
-from hric_control.errors import DescriptionError, HricError
+from hric_core.errors import DescriptionError, HricError
 from urdf_to_osim import Options, Proof, convert, prove, write
 
 PANDA = panda_description.load(fingers="prismatic", damping=0.1)

@@ -6,7 +6,7 @@ import opensim
 import pytest
 from small_robots import BODY, link, one_joint, robot
 
-from hric_control.errors import DescriptionError
+from hric_core.errors import DescriptionError
 from urdf_to_osim import Options, convert, prove, write
 
 FACES = "".join(

@@ -15,8 +15,8 @@ import pytest
 
 import panda_description
 import urdf_to_osim
-from hric_control.errors import DescriptionError, ParameterError
-from hric_control.geometry import FloatArray
+from hric_core.errors import DescriptionError, ParameterError
+from hric_core.geometry import FloatArray
 from urdf_to_osim.decorations import Decoration, Look, load_scene
 from urdf_to_osim.drawing.drawing import draw
 from urdf_to_osim.drawing.picture import main, picture

@@ -7,7 +7,7 @@ import pytest
 from small_robots import LIMIT, gripper, joint, link, one_joint, robot
 
 import panda_description
-from hric_control.errors import DescriptionError
+from hric_core.errors import DescriptionError
 from urdf_to_osim import Options, convert, prove, write
 from urdf_to_osim.proof.forward import ENOUGH
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from random_robots import TYPES, tree
 
-from hric_control.urdf import read
+from hric_core.urdf import read
 from urdf_to_osim import Options, convert, prove, write
 
 EVERYTHING = {

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from small_robots import BODY, joint, link, one_joint, robot
 
-from hric_control.errors import DescriptionError
-from hric_control.geometry import MassProperties
+from hric_core.errors import DescriptionError
+from hric_core.geometry import MassProperties
 from urdf_to_osim import Options, cli, convert, prove, write
 from urdf_to_osim.inertia import repaired
 from urdf_to_osim.prepare import invented_joints

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from small_robots import BODY, joint, link, robot
 
-from hric_control.errors import DescriptionError
+from hric_core.errors import DescriptionError
 from urdf_to_osim import Conversion, Options, convert, prove, write
 
 AT = '<origin xyz="0.1 0.2 0.3" rpy="0.4 0.5 0.6"/>'

@@ -12,12 +12,12 @@ from std_msgs.msg import Float64MultiArray
 
 import panda_description
 from cases import Block
-from hric_control import plugins
-from hric_control.geometry import Pose, from_rotation_vector
-from hric_control.local.node import LocalNode
 from hric_control.manager.controller_manager import ControllerManager
-from hric_control.processes import quiet_collector
-from hric_control.urdf import read
+from hric_core import plugins
+from hric_core.geometry import Pose, from_rotation_vector
+from hric_core.local.node import LocalNode
+from hric_core.processes import quiet_collector
+from hric_core.urdf import read
 from hric_experiments.definition.overrides import SIMULATORS
 from hric_human.body import Subject, describe
 from hric_human.control import HumanControl

@@ -94,7 +94,7 @@ def synchroniser() -> Iterator[Block]:
     import rospy
     import sync_cost
 
-    from hric_control.testing import start_roscore
+    from hric_core.testing import start_roscore
 
     start_roscore()
     rospy.init_node("benchmark", anonymous=True, disable_signals=True)

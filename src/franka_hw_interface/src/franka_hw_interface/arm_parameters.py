@@ -7,10 +7,10 @@ from typing import Any
 
 import panda_description
 from franka_hw_interface.arm_services import CollisionThresholds
-from hric_control import parameters
 from hric_control.limits import ENFORCE_LIMITS, JointLimits, load_limits
-from hric_control.node import Node
-from hric_control.parameters import Parameter, either, section, text
+from hric_core import parameters
+from hric_core.node import Node
+from hric_core.parameters import Parameter, either, section, text
 
 ARM_ID: Any = text("panda", empty=False, name="arm_id", text="prefix of joints and links")
 

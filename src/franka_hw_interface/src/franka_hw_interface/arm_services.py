@@ -17,9 +17,9 @@ from franka_msgs.srv import (
     SetKFrame,
     SetLoad,
 )
-from hric_control.errors import CommandError, HricError
-from hric_control.node import GoalHandle, Node, Registration
-from hric_control.parameters import Settings, numbers
+from hric_core.errors import CommandError, HricError
+from hric_core.node import GoalHandle, Node, Registration
+from hric_core.parameters import Settings, numbers
 
 
 @dataclass(frozen=True)

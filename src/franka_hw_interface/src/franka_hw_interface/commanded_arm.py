@@ -7,12 +7,12 @@ from franka_hw_interface.interfaces import FrankaModelInterface, FrankaStateInte
 from franka_hw_interface.model import FrankaModel
 from franka_hw_interface.modes import HOLD, Mode, check_one_commander, claimed_modes
 from franka_hw_interface.robot_state import RobotState
-from hric_control import realtime
-from hric_control.errors import HricError
 from hric_control.hardware_interface import JointStateInterface, JointStates
 from hric_control.limits import LimitCounts
-from hric_control.node import Node
 from hric_control.robot_hw import ControllerInfo, LogRow, RobotHW
+from hric_core import realtime
+from hric_core.errors import HricError
+from hric_core.node import Node
 
 
 class CommandedArm(RobotHW):

@@ -7,9 +7,9 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hric_control.errors import ParameterError
-from hric_control.parameters import read_yaml
 from hric_control.plants import BREAKAWAY, PHI, Phi, breakaways, sigmoid_parameters
+from hric_core.errors import ParameterError
+from hric_core.parameters import read_yaml
 
 if TYPE_CHECKING:
     from franka_hw_interface.friction_fit import (

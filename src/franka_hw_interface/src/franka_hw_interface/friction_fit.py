@@ -7,8 +7,8 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from franka_hw_interface.model_check import ModelCheck, bristles, friction_torque, root_mean_square
-from hric_control.geometry import FloatArray
 from hric_control.plants import Phi, sigmoid_torque
+from hric_core.geometry import FloatArray
 
 MOVING = 0.1
 """Minimum speed at which a joint shows its friction [rad/s]; default chosen by this project, unconfirmed.

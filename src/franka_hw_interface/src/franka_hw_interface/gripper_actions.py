@@ -20,8 +20,8 @@ from franka_gripper.msg import (
 )
 from franka_hw_interface.arm_parameters import ARM_ID
 from franka_hw_interface.hand import Hand, HandMotion, HandOutcome
-from hric_control.node import GoalHandle, Node, Registration
-from hric_control.parameters import Settings, names, number, text
+from hric_core.node import GoalHandle, Node, Registration
+from hric_core.parameters import Settings, names, number, text
 
 SAME_WIDTH = 1e-4
 """Distance at which a requested opening counts as reached in gripper_action (franka_gripper 0.10.1) [m]."""

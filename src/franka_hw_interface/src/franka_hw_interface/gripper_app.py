@@ -5,9 +5,9 @@ from functools import partial
 
 from franka_hw_interface.gripper_actions import GripperActions, GripperSettings
 from franka_hw_interface.hand import Hand
-from hric_control.node import Node
-from hric_control.parameters import Settings
-from hric_control.ros.process import NodeApp, run
+from hric_core.node import Node
+from hric_core.parameters import Settings
+from hric_core.ros.process import NodeApp, run
 
 MakeHand = Callable[[Node], tuple[Hand, Callable[[], None]]]
 """Function that maps the private node to the hand and a function that closes it; may raise a HricError."""

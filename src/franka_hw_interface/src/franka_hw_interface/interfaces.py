@@ -7,8 +7,8 @@ from typing import ClassVar
 from franka_hw_interface.model import FrankaModel, FrankaModelHandle
 from franka_hw_interface.robot_state import RobotState, identity16
 from franka_hw_interface.transforms import check_pose
-from hric_control.errors import CommandError, HricError, UnknownNameError
 from hric_control.hardware_interface import HardwareInterface
+from hric_core.errors import CommandError, HricError, UnknownNameError
 
 
 class FrankaStateHandle:

@@ -11,9 +11,9 @@ import numpy as np
 import PyKDL
 
 from franka_hw_interface.urdf_chain import ChainSegment, SerialChain, parse_chain
-from hric_control.errors import CommandError, DescriptionError, HricError
-from hric_control.geometry import FloatArray, MassProperties
-from hric_control.native import load
+from hric_core.errors import CommandError, DescriptionError, HricError
+from hric_core.geometry import FloatArray, MassProperties
+from hric_core.native import load
 
 _kdl = load("hric_kdl")
 GRAVITY = (0.0, 0.0, -9.81)

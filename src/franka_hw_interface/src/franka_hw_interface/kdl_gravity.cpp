@@ -1,6 +1,6 @@
 /* KDL's gravity torque on lists of Python. Through PyKDL, element by element, in and out take twice as long as the
    torque itself; and KDL's solver computes it with velocities that are all zero. */
-#include <hric_control/python_numbers.h>
+#include <hric_core/python_numbers.h>
 
 #include <array>
 #include <exception>

@@ -9,10 +9,10 @@ from franka_hw_interface.kdl_chain import GRAVITY, KdlChain, from_kdl_frame, fro
 from franka_hw_interface.model import Frame, Vector
 from franka_hw_interface.transforms import check_load, check_transform, column_major
 from franka_hw_interface.urdf_chain import chain_of
-from hric_control.errors import DescriptionError, UnknownNameError
-from hric_control.geometry import FloatArray, MassProperties
-from hric_control.geometry.transforms import inverse
-from hric_control.urdf import read
+from hric_core.errors import DescriptionError, UnknownNameError
+from hric_core.geometry import FloatArray, MassProperties
+from hric_core.geometry.transforms import inverse
+from hric_core.urdf import read
 
 JOINTS = 7
 _JOINT_FRAMES = {Frame(f"joint{i}"): i for i in range(1, JOINTS + 1)}

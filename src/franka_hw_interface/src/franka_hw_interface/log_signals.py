@@ -10,7 +10,7 @@ import numpy as np
 import scipy.signal
 
 from franka_hw_interface.arm_log import ArmLog, LogError
-from hric_control.geometry import FloatArray
+from hric_core.geometry import FloatArray
 
 CUTOFF = 10.0
 """Cut-off frequency of the low-pass; default chosen by this project, unconfirmed [Hz]."""

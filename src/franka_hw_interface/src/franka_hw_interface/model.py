@@ -7,7 +7,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from franka_hw_interface.robot_state import RobotState
-from hric_control.geometry import FloatArray
+from hric_core.geometry import FloatArray
 
 Vector = Sequence[float] | FloatArray
 

@@ -8,8 +8,8 @@ import numpy as np
 from franka_hw_interface.arm_log import LogError
 from franka_hw_interface.log_signals import Signals
 from franka_hw_interface.model import FrankaModel
-from hric_control.geometry import FloatArray
 from hric_control.plants import Phi, bristle_torque, sigmoid_torque
+from hric_core.geometry import FloatArray
 
 Counting = Callable[[range], Iterable[int]]
 """Function that iterates over a range, and may show the progress."""

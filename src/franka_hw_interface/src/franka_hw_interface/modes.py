@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from enum import Enum
 
 from franka_hw_interface.interfaces import FrankaPoseCartesianInterface, FrankaVelocityCartesianInterface
-from hric_control.errors import HricError, ResourceConflictError
 from hric_control.hardware_interface import EffortJointInterface, PositionJointInterface, VelocityJointInterface
 from hric_control.robot_hw import ControllerInfo
+from hric_core.errors import HricError, ResourceConflictError
 
 
 class Kind(Enum):

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, fields
 from enum import IntEnum
 from typing import Any
 
-from hric_control.errors import UnknownNameError
+from hric_core.errors import UnknownNameError
 
 ERROR_NAMES: tuple[str, ...] = (
     "joint_position_limits_violation",

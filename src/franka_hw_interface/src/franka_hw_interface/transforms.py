@@ -5,9 +5,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hric_control.errors import CommandError
-from hric_control.geometry import FloatArray, MassProperties
-from hric_control.geometry.quaternions import is_rotation
+from hric_core.errors import CommandError
+from hric_core.geometry import FloatArray, MassProperties
+from hric_core.geometry.quaternions import is_rotation
 
 ORTHONORMAL_TOLERANCE = 1e-5
 """Tolerance for the orthonormality of a rotation matrix, as in libfranka."""

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hric_control.errors import DescriptionError
-from hric_control.geometry import FloatArray, MassProperties
-from hric_control.urdf import Robot, read
+from hric_core.errors import DescriptionError
+from hric_core.geometry import FloatArray, MassProperties
+from hric_core.urdf import Robot, read
 
 MOVING_KINDS = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
 """Motion of the URDF joint types with one degree of freedom."""

@@ -10,7 +10,7 @@ from franka_hw_interface.model import FrankaModel
 from franka_hw_interface.transforms import check_transform, from_column_major
 from franka_real.connection import Connection
 from franka_real.state import LibfrankaState
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 
 
 @dataclass

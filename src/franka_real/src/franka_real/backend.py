@@ -9,8 +9,8 @@ from franka_hw_interface.arm_services import CollisionThresholds
 from franka_hw_interface.command_set import ArmCommand
 from franka_hw_interface.modes import Mode
 from franka_real.settings import Settings
-from hric_control.errors import FailureError
-from hric_control.native.sockets import confine
+from hric_core.errors import FailureError
+from hric_core.native.sockets import confine
 
 
 class RobotError(FailureError):

@@ -13,7 +13,7 @@ from franka_real.backend import Backend, ConnectionLostError
 from franka_real.realtime_setup import priority_kept
 from franka_real.settings import Settings
 from franka_real.watchdog import Watchdog
-from hric_control.errors import CommandError, FailureError
+from hric_core.errors import CommandError, FailureError
 
 MASS_TOLERANCE = 0.1
 """Maximum unreported mass difference of the end effector, description to arm [kg]; project default, unconfirmed."""

@@ -11,7 +11,7 @@ from franka_hw_interface.modes import Kind, Mode
 from franka_hw_interface.rate_limits import JointSmoother, TorqueSmoother
 from franka_real.backend import Backend, Cycle, RobotError, clean
 from franka_real.settings import fr3_limits
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 
 _START = {
     Kind.POSITION: "start_joint_position_control",

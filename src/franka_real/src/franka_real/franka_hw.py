@@ -18,11 +18,11 @@ from franka_real.realtime_setup import Measure, priority_kept, realtime, take_pr
 from franka_real.robot_time import RobotTime
 from franka_real.settings import Settings
 from franka_real.state import LibfrankaState
-from hric_control import realtime as messages
-from hric_control.errors import HricError
 from hric_control.hardware_interface import JointStates
-from hric_control.node import Node
 from hric_control.robot_hw import OnCycle
+from hric_core import realtime as messages
+from hric_core.errors import HricError
+from hric_core.node import Node
 
 LATE = 1.5 * PERIOD
 """Time between two states above which at least one is missing or late [s]."""

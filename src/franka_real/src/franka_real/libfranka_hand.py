@@ -12,9 +12,9 @@ from franka_hw_interface.hand import HandMotion, HandOutcome
 from franka_real import probe
 from franka_real.backend import keep_local
 from franka_real.settings import ROBOT_IP, WAIT_FOR_ARM
-from hric_control.errors import FailureError
-from hric_control.node import Node
-from hric_control.parameters import Settings, choice
+from hric_core.errors import FailureError
+from hric_core.node import Node
+from hric_core.parameters import Settings, choice
 
 PORT = 1338
 """TCP port of the hand's service; fixed in libfranka."""

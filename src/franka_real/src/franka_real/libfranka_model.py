@@ -11,8 +11,8 @@ from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.model import Frame, Vector
 from franka_hw_interface.transforms import check_load, check_transform, column_major, from_column_major
 from franka_real.model_functions import Fr3Functions, ModelFunctions, PandaFunctions, Total
-from hric_control.errors import CommandError, UnknownNameError
-from hric_control.geometry import FloatArray, MassProperties
+from hric_core.errors import CommandError, UnknownNameError
+from hric_core.geometry import FloatArray, MassProperties
 
 JOINTS = 7
 STATE_FIELDS = ("m_ee", "F_x_Cee", "I_ee", "m_load", "F_x_Cload", "I_load", "F_T_EE", "EE_T_K")

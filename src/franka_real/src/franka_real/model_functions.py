@@ -9,8 +9,8 @@ import numpy as np
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.model import Frame
 from franka_hw_interface.transforms import column_major, from_column_major
-from hric_control.errors import DescriptionError
-from hric_control.geometry import FloatArray, MassProperties
+from hric_core.errors import DescriptionError
+from hric_core.geometry import FloatArray, MassProperties
 
 Floats = Sequence[float]
 

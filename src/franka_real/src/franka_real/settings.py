@@ -8,9 +8,9 @@ from franka_hw_interface.arm_parameters import ARM_ID, collision_config
 from franka_hw_interface.arm_services import CollisionThresholds
 from franka_hw_interface.rate_limits import RateLimits
 from hric_control.limits import ENFORCE_LIMITS
-from hric_control.node import REQUIRED
-from hric_control.parameters import Settings as Base
-from hric_control.parameters import choice, flag, number, package_yaml, text, whole
+from hric_core.node import REQUIRED
+from hric_core.parameters import Settings as Base
+from hric_core.parameters import choice, flag, number, package_yaml, text, whole
 
 ROBOT_IP: Any = text(
     valid="an address, e.g. 172.16.0.2,", empty=False, name="robot_ip", text="address of the control box"

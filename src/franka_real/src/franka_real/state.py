@@ -14,8 +14,8 @@ from franka_hw_interface.robot_state import (
     lazy_field,
 )
 from franka_hw_interface.transforms import column_major, from_column_major
-from hric_control.geometry.transforms import inverse
 from hric_control.hardware_interface import JointStates
+from hric_core.geometry.transforms import inverse
 
 OWN_FIELDS = frozenset(
     {"time", "q", "dq", "tau_J", "robot_mode", "current_errors", "last_motion_errors", "F_T_NE", "NE_T_EE", "O_ddP_O"}

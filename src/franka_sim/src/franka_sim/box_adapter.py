@@ -5,8 +5,8 @@ from collections.abc import Callable, Sequence
 from franka_hw_interface.arm_services import CollisionThresholds
 from franka_sim.box.control_box import ControlBox
 from franka_sim.box.requests import Outcome
-from hric_control.errors import CommandError
 from hric_control.sim.sim_loop import SimLoop
+from hric_core.errors import CommandError
 
 
 class BoxAdapter:

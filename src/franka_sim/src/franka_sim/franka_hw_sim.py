@@ -13,12 +13,12 @@ from franka_sim.box.compiled_arm import CompiledArm
 from franka_sim.box.control_box import ControlBox
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MoveRequest, Outcome
 from franka_sim.box_adapter import BoxAdapter
-from hric_control import realtime
-from hric_control.errors import HricError
 from hric_control.limits import check_start
-from hric_control.node import Node
 from hric_control.robot_hw import OnCycle
 from hric_control.sim.simulated_robot import SimulatedRobot
+from hric_core import realtime
+from hric_core.errors import HricError
+from hric_core.node import Node
 
 _GENERATORS = {
     None: GeneratorMode.NONE,

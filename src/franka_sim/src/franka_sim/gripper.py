@@ -7,9 +7,9 @@ from functools import cache
 from typing import Any
 
 from franka_hw_interface.hand import HandMotion, HandOutcome
-from hric_control.errors import CommandError
-from hric_control.node import LiveParameter, Node
-from hric_control.parameters import Settings, number, package_yaml, whole
+from hric_core.errors import CommandError
+from hric_core.node import LiveParameter, Node
+from hric_core.parameters import Settings, number, package_yaml, whole
 
 __all__ = ["Gripper", "HandConfig", "HandMotion", "HandOutcome", "defaults"]
 

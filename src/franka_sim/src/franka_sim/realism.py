@@ -9,11 +9,11 @@ import numpy as np
 
 import panda_description
 from franka_sim.box.config import Vector, read_config
-from hric_control.errors import UnknownNameError
-from hric_control.node import REQUIRED
-from hric_control.parameters import Settings, choice, declared, number, numbers, per_joint, whole
 from hric_control.plants import BREAKAWAY, PHI, sigmoid_parameters
-from hric_control.urdf import elements
+from hric_core.errors import UnknownNameError
+from hric_core.node import REQUIRED
+from hric_core.parameters import Settings, choice, declared, number, numbers, per_joint, whole
+from hric_core.urdf import elements
 
 JOINTS = 7
 MAX_MASS_ERROR = 0.3

@@ -8,8 +8,8 @@ import numpy.typing as npt
 
 from franka_sim.box.control_box import ControlBox
 from franka_sim.realism import JOINTS, Realism
-from hric_control.native.vectors import add
 from hric_control.plant import Plant
+from hric_core.native.vectors import add
 
 ReadState = Callable[[list[float], list[float], list[float]], None]
 """Function like `Plant.read_state`."""

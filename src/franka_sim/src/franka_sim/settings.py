@@ -13,12 +13,12 @@ from franka_hw_interface.rate_limits import RateLimits
 from franka_sim.box.config import BoxConfig, CollisionBehavior
 from franka_sim.box.internal_impedance import JointImpedanceLaw, defaults
 from franka_sim.realism import IDEAL, Realism, parse
-from hric_control.errors import CommandError, DescriptionError, ParameterError, UnknownNameError
 from hric_control.limits import ENFORCE_LIMITS
-from hric_control.node import Node
-from hric_control.parameters import Settings, anything, flag, mapping, number, numbers, per_joint, section, text
 from hric_control.plants import GRAVITY, rotor_inertia
 from hric_control.sim.sim_loop import REAL_TIME_FACTOR
+from hric_core.errors import CommandError, DescriptionError, ParameterError, UnknownNameError
+from hric_core.node import Node
+from hric_core.parameters import Settings, anything, flag, mapping, number, numbers, per_joint, section, text
 
 Q_START = (0.0, -math.pi / 4, 0.0, -3 * math.pi / 4, 0.0, math.pi / 2, math.pi / 4)
 """Joint positions of Franka's usual ready pose [rad]."""

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from hric_control.geometry import FloatArray
+from hric_core.geometry import FloatArray
 
 BoolArray = np.ndarray[Any, np.dtype[np.bool_]]
 JITTER = 1e-3

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from hric_assessment.evidence import Evidence
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 
 DISCLAIMER = (
     "Estimate of a model: no risk assessment (ISO 12100), no proof of conformity, no measurement (ISO/PAS 5672), "

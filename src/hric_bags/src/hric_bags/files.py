@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from hric_control.errors import FailureError
+from hric_core.errors import FailureError
 
 MEGABYTE = 1e6
 """[B]"""

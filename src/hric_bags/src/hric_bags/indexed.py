@@ -15,7 +15,7 @@ from rosbags.interfaces import Connection
 from rosbags.rosbag1.reader import IndexData, Reader, ReaderError, RecordType, read_bytes
 
 from hric_bags import foreign
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 
 _STORED = np.dtype([("secs", "<u4"), ("nsecs", "<u4"), ("offset", "<u4")])
 """An entry of an index in a bag."""

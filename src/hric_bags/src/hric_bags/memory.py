@@ -10,7 +10,7 @@ from typing import Any
 from rosbags.typesys.store import Typestore
 
 from hric_bags.parts import typestore_of
-from hric_control.robot_time.stamps import to_time
+from hric_core.robot_time.stamps import to_time
 
 
 @dataclass(eq=False)

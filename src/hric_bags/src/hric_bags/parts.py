@@ -16,7 +16,7 @@ from tqdm import tqdm
 
 from hric_bags import foreign
 from hric_bags.indexed import BagError, IndexedReader, damaged
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 
 MARGIN = 2_000_000_000
 """Two recorders note the same message at times that are less apart than this [ns]."""

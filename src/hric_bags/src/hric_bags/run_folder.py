@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from hric_bags import files, foreign
-from hric_control.errors import HricError, failing
+from hric_core.errors import HricError, failing
 
 RUNNING, COMPLETED, INTERRUPTED, FAILED = "running", "completed", "interrupted", "failed"
 STAMP = "%Y%m%d-%H%M%S"
@@ -155,7 +155,7 @@ class RunFolder:
         return data
 
     def _contents(self) -> dict[str, Any]:
-        from hric_control.parameters import read_yaml  # looking for a run needs Python alone
+        from hric_core.parameters import read_yaml  # looking for a run needs Python alone
 
         data = read_yaml(self.path / "run.yaml")
         if not isinstance(data, dict):

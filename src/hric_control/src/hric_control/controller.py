@@ -1,7 +1,7 @@
 """The controller base class: four methods, called by the manager in the order of ros_control's life cycle."""
 
-from hric_control.node import Node
 from hric_control.robot_hw import RobotHW
+from hric_core.node import Node
 
 
 class Controller:

@@ -6,11 +6,11 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from hric_control import listeners
 from hric_control.limits import LimitCounts
-from hric_control.node import Node
-from hric_control.robot_time.progress import Gate
 from hric_control.sim.sim_loop import SimLoop
+from hric_core import listeners
+from hric_core.node import Node
+from hric_core.robot_time.progress import Gate
 
 PERIOD = 1.0
 """[s of wall time]."""

@@ -10,8 +10,8 @@ from hric_control.hardware_interface import (
     JointStates,
     PositionJointInterface,
 )
-from hric_control.node import Node
 from hric_control.robot_hw import ControllerInfo, RobotHW
+from hric_core.node import Node
 
 
 class FakeRobotHW(RobotHW):

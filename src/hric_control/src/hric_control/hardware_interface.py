@@ -13,7 +13,7 @@ from typing import ClassVar, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from hric_control.errors import CommandError, HricError, UnknownNameError, check_known
+from hric_core.errors import CommandError, HricError, UnknownNameError, check_known
 
 FloatArray = npt.NDArray[np.float64]
 

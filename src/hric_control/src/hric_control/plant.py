@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -5,25 +5,26 @@ from dataclasses import dataclass
 from time import perf_counter, sleep
 from typing import Any
 
-from hric_control import plugins, realtime, transmission
+from hric_control import transmission
+from hric_control.clock_pairs import RobotClock
 from hric_control.control_log import ControlLog
 from hric_control.diagnostics import Diagnostics
-from hric_control.errors import DescriptionError, HricError, failing
 from hric_control.hardware_interface import JointStateInterface
 from hric_control.limits import LimitCounts
 from hric_control.manager import services as manager_services
 from hric_control.manager.controller_manager import ControllerManager
-from hric_control.node import Node
-from hric_control.parameters import Settings, flag, number, text
-from hric_control.processes import quiet_collector
 from hric_control.robot_hw import RobotHW
-from hric_control.robot_time import stamps
-from hric_control.robot_time.clock_pairs import RobotClock
-from hric_control.scoped_node import ScopedNode
 from hric_control.sim import services as sim_services
 from hric_control.sim.sim_loop import REAL_TIME_FACTOR
 from hric_control.sim.simulated_robot import SimulatedRobot
 from hric_control.speed_scale_topics import SpeedScaleTopics
+from hric_core import plugins, realtime
+from hric_core.errors import DescriptionError, HricError, failing
+from hric_core.node import Node
+from hric_core.parameters import Settings, flag, number, text
+from hric_core.processes import quiet_collector
+from hric_core.robot_time import stamps
+from hric_core.scoped_node import ScopedNode
 from hric_msgs.msg import ControlLog as ControlLogMessage
 from hric_msgs.msg import JointLimitCounts
 

@@ -3,13 +3,13 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from hric_control.errors import ResourceConflictError
 from hric_control.hardware_interface import InterfaceManager
 from hric_control.limits import LimitCounts
-from hric_control.node import Node
 from hric_control.plant import Plant
 from hric_control.sim.sim_loop import SimLoop
 from hric_control.speed_scale import SpeedScale, SpeedScaleInterface
+from hric_core.errors import ResourceConflictError
+from hric_core.node import Node
 
 OnCycle = Callable[[float, float, bool], bool]
 """(time [s], period [s], reset_controllers) -> True to go on, False to leave the mode (a switch waits, or the end)."""

@@ -11,8 +11,8 @@ brakes by at most RATE v beside what it does anyway.
 import math
 from typing import NamedTuple
 
-from hric_control.errors import CommandError
 from hric_control.hardware_interface import HardwareInterface
+from hric_core.errors import CommandError
 
 RATE = 3.4
 """Largest rate of the scale [1/s]: of the Panda's joints the second has the least acceleration for its speed, 7.5

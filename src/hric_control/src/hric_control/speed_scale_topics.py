@@ -4,10 +4,10 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from hric_control import realtime
-from hric_control.node import Node, publisher_of
-from hric_control.robot_time import stamps
 from hric_control.speed_scale import OTHERS, Request, SpeedScale
+from hric_core import realtime
+from hric_core.node import Node, publisher_of
+from hric_core.robot_time import stamps
 from hric_msgs.msg import SpeedScale as SpeedScaleMessage
 from hric_msgs.msg import SpeedScaleState
 

@@ -5,9 +5,9 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from xml.etree import ElementTree
 
-from hric_control.errors import DescriptionError
-from hric_control.urdf import read
-from hric_control.urdf.elements import as_number, parse
+from hric_core.errors import DescriptionError
+from hric_core.urdf import read
+from hric_core.urdf.elements import as_number, parse
 
 LOG = logging.getLogger("hric.transmission")
 SIMPLE = ("transmission_interface/SimpleTransmission", "SimpleTransmission")

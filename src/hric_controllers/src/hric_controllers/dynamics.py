@@ -15,12 +15,12 @@ import numpy.typing as npt
 
 from franka_hw_interface.interfaces import FrankaModelInterface
 from franka_hw_interface.kdl_chain import KdlChain
-from hric_control.errors import DescriptionError, HricError, ParameterError
 from hric_control.hardware_interface import JointStateInterface
-from hric_control.node import Node
 from hric_control.robot_hw import RobotHW
-from hric_control.urdf import read
 from hric_controllers.joint.pd_law import Gravity
+from hric_core.errors import DescriptionError, HricError, ParameterError
+from hric_core.node import Node
+from hric_core.urdf import read
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from hric_control.errors import CommandError, ParameterError
 from hric_control.limits import load_limits
-from hric_control.node import Node
-from hric_control.parameters import Settings, flag, number, per_joint, text
+from hric_core.errors import CommandError, ParameterError
+from hric_core.node import Node
+from hric_core.parameters import Settings, flag, number, per_joint, text
 
 
 @dataclass(frozen=True)

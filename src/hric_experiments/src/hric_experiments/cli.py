@@ -15,8 +15,8 @@ import yaml
 from hric_bags import text
 from hric_bags.run_folder import RunFolder, runs_root
 from hric_bags.text import Steps
-from hric_control.parameters import Settings, json_schema, read_yaml, whole
-from hric_control.processes import INTERRUPTED_CODE, run_command
+from hric_core.parameters import Settings, json_schema, read_yaml, whole
+from hric_core.processes import INTERRUPTED_CODE, run_command
 from hric_experiments.definition import experiment, overrides, study
 
 DESCRIBED = {

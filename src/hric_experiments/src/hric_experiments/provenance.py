@@ -15,9 +15,9 @@ from typing import Any
 
 from hric_bags import run_folder
 from hric_control.limits import load_limits
-from hric_control.node import Node
-from hric_control.trial.c3d import PROGRAMS as RECORDED
-from hric_control.urdf import ONE_COORDINATE, read
+from hric_core.node import Node
+from hric_core.trial.c3d import PROGRAMS as RECORDED
+from hric_core.urdf import ONE_COORDINATE, read
 from hric_experiments.definition.experiment import Experiment, package_path, to_dict
 
 DISTRIBUTIONS = (

@@ -15,12 +15,12 @@ from tqdm import tqdm
 
 from franka_msgs.msg import FrankaState
 from hric_bags.reader import ControlRecord, stitch
-from hric_control.errors import FailureError, HricError
-from hric_control.geometry import stamped
 from hric_control.hardware_interface import JointStateInterface
-from hric_control.local.node import LocalNode
 from hric_control.robot_app import RobotApp
-from hric_control.robot_time import stamps
+from hric_core.errors import FailureError, HricError
+from hric_core.geometry import stamped
+from hric_core.local.node import LocalNode
+from hric_core.robot_time import stamps
 from hric_experiments import provenance
 from hric_experiments.definition import experiment, parameters
 from hric_experiments.definition.experiment import Experiment, Setpoint

@@ -7,8 +7,8 @@ pair within one step of the engine is not a force on a person: such a contact is
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from hric_control.geometry import Vector
 from hric_control.plant import Contact
+from hric_core.geometry import Vector
 from hric_human.body.description import Body
 from hric_human.body.regions import Region
 

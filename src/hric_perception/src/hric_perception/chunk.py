@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hric_control.errors import CommandError
+from hric_core.errors import CommandError
 
 FloatArray = NDArray[np.float64]
 
@@ -127,7 +127,7 @@ def chunk_message(chunk: Chunk) -> Any:
     # Here, as exports use chunks where there is no ROS.
     from std_msgs.msg import Header
 
-    from hric_control.robot_time import stamps
+    from hric_core.robot_time import stamps
     from hric_msgs.msg import SampleChunk
 
     layout = chunk.layout

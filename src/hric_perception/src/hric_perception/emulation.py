@@ -14,8 +14,8 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from hric_control.parameters import Settings, flag, listing, number, numbers, whole
-from hric_control.robot_time.stream_time import Clock
+from hric_core.parameters import Settings, flag, listing, number, numbers, whole
+from hric_core.robot_time.stream_time import Clock
 from hric_perception.chunk import FloatArray
 
 NOISE_BLOCK = 256

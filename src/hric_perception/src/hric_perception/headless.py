@@ -6,8 +6,8 @@ The samples pass through the same numbering, stamps and publishers as live ones;
 from collections.abc import Callable
 from dataclasses import replace
 
-from hric_control.node import Node
-from hric_control.parameters import refused
+from hric_core.node import Node
+from hric_core.parameters import refused
 from hric_perception.chunk import FloatArray
 from hric_perception.emg.device import EmulatedEmg, EmulatedEmgSettings
 from hric_perception.emg.publisher import EmgPublisher, EmgSettings

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 import pylsl
 
-from hric_control.errors import FailureError, ParameterError
-from hric_control.native.sockets import confine
-from hric_control.parameters import Settings, text
+from hric_core.errors import FailureError, ParameterError
+from hric_core.native.sockets import confine
+from hric_core.parameters import Settings, text
 from hric_perception.chunk import FloatArray, Layout
 from hric_perception.stream import Driver, SampleStream, StreamHealth
 

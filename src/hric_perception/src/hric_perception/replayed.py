@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from std_msgs.msg import Header
 
-from hric_control.errors import HricError, ParameterError
-from hric_control.node import Node
-from hric_control.parameters import Settings, names, number, refused, text, whole
-from hric_control.trial.c3d import Trial, read_trial, resolve
-from hric_control.trial.plates import interpolated
+from hric_core.errors import HricError, ParameterError
+from hric_core.node import Node
+from hric_core.parameters import Settings, names, number, refused, text, whole
+from hric_core.trial.c3d import Trial, read_trial, resolve
+from hric_core.trial.plates import interpolated
 from hric_perception.chunk import FloatArray
 
 HISTORY = 5.0

@@ -6,7 +6,7 @@ from itertools import islice
 
 import numpy as np
 
-from hric_control.robot_time.rising_line import SLOWEST
+from hric_core.robot_time.rising_line import SLOWEST
 from hric_perception.chunk import Chunk, FloatArray, Layout
 
 WINDOW = 2.0

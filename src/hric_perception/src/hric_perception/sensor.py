@@ -5,12 +5,12 @@ from typing import Protocol
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from hric_control.node import Node
-from hric_control.robot_time.follower import RobotTime
-from hric_control.robot_time.progress import ProgressReport
-from hric_control.robot_time.stream_time import Clock
-from hric_control.ros import RosNode
-from hric_control.ros.process import NodeApp
+from hric_core.node import Node
+from hric_core.robot_time.follower import RobotTime
+from hric_core.robot_time.progress import ProgressReport
+from hric_core.robot_time.stream_time import Clock
+from hric_core.ros import RosNode
+from hric_core.ros.process import NodeApp
 from hric_perception.chunk import Chunk
 from hric_perception.emulation import Emulator, EvenSensor, Outlet
 from hric_perception.replayed import START_TOPIC, Replayed

@@ -2,8 +2,8 @@
 
 import time
 
-from hric_control.node import Node
-from hric_control.robot_time import stamps
+from hric_core.node import Node
+from hric_core.robot_time import stamps
 from hric_msgs.msg import SourceCount
 
 TOPIC = "hric/perception/sent"

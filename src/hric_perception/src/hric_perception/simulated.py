@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 
 from sensor_msgs.msg import JointState
 
-from hric_control.errors import HricError, ParameterError
-from hric_control.node import Node
-from hric_control.parameters import anything
-from hric_control.robot_time.stream_time import Clock
+from hric_core.errors import HricError, ParameterError
+from hric_core.node import Node
+from hric_core.parameters import anything
+from hric_core.robot_time.stream_time import Clock
 from hric_human.participant.settings import HumanSettings
 from hric_msgs.msg import HumanEvent, HumanGrip
 from hric_perception.replayed import HISTORY

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hric_control.parameters import number
+from hric_core.parameters import number
 from hric_perception.chunk import Chunk, FloatArray, Layout, Merger
 from hric_perception.sample_clock import SampleClock
 

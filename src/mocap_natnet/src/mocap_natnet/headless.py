@@ -6,7 +6,7 @@ The result depends only on the seed.
 import math
 from collections import deque
 
-from hric_control.errors import ParameterError
+from hric_core.errors import ParameterError
 from mocap_natnet.client import Received
 from mocap_natnet.codec import Codec
 from mocap_natnet.node.publisher import MocapPublisher

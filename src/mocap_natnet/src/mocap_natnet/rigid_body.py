@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hric_control.errors import CommandError
-from hric_control.geometry import FloatArray, Pose, Vector, quaternion_from_rotation
+from hric_core.errors import CommandError
+from hric_core.geometry import FloatArray, Pose, Vector, quaternion_from_rotation
 
 COLLINEAR = 0.05
 """Ratio of second to first extent below which markers count as collinear (project default, unconfirmed)."""

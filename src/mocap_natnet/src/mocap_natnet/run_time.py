@@ -1,5 +1,5 @@
-"""Alias for one release: `RunTime` is `hric_control.robot_time.follower.RobotTime` now."""
+"""Alias for one release: `RunTime` is `hric_core.robot_time.follower.RobotTime` now."""
 
-from hric_control.robot_time.follower import RobotTime as RunTime
+from hric_core.robot_time.follower import RobotTime as RunTime
 
 __all__ = ["RunTime"]

@@ -7,10 +7,10 @@ ten times as long.
 from collections.abc import Sequence
 from typing import Protocol
 
-from hric_control.geometry import quaternion_from_rotation
-from hric_control.geometry.quaternions import Quaternion, Vector
-from hric_control.native import load
 from hric_control.plants import Bushings, Motion
+from hric_core.geometry import quaternion_from_rotation
+from hric_core.geometry.quaternions import Quaternion, Vector
+from hric_core.native import load
 from mujoco_ros_control.scene import Scene
 
 _built = load("hric_mujoco_links")

@@ -12,11 +12,11 @@ from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
 from sensor_msgs.msg import CameraInfo, Image, JointState
 
 from gazebo_msgs.msg import ModelStates
-from hric_control.errors import HricError
-from hric_control.geometry import FloatArray, messages, quaternion_from_rotation
-from hric_control.parameters import flag, number, text
-from hric_control.ros import RosNode, run
-from hric_control.ros.process import NodeApp
+from hric_core.errors import HricError
+from hric_core.geometry import FloatArray, messages, quaternion_from_rotation
+from hric_core.parameters import flag, number, text
+from hric_core.ros import RosNode, run
+from hric_core.ros.process import NodeApp
 from mujoco_ros_control.pictures import Camera, CameraSettings, camera_matrix, optical_frame
 
 OPTICAL = "camera_optical_frame"

@@ -12,9 +12,9 @@ from itertools import groupby
 import mujoco
 import numpy as np
 
-from hric_control.geometry.transforms import FloatArray, cross
 from hric_control.plant import Contact
 from hric_control.plants import Springs, faces
+from hric_core.geometry.transforms import FloatArray, cross
 from mujoco_ros_control.scene import Scene
 from mujoco_ros_control.scene_spec import Geom, Law
 

@@ -1,8 +1,8 @@
 /* Joints in MuJoCo's model and data: one step with the state in and out as Python's lists; the friction that was
    identified on the Panda, and joints that mimic others, inside the stages of the step. What joints.py explains. Of
    MuJoCo only the layout of its structures is needed here; its functions come as addresses. */
-#include "hric_control/friction.h"
-#include "hric_control/python_numbers.h"
+#include "hric_core/friction.h"
+#include "hric_core/python_numbers.h"
 
 #include "mimic.h"
 

@@ -13,8 +13,8 @@ from typing import Any, Protocol
 
 import mujoco
 
-from hric_control.native import load
 from hric_control.plants import Losses
+from hric_core.native import load
 
 Vector = Sequence[float]
 Triple = tuple[float, float, float]

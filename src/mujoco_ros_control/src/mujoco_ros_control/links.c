@@ -3,7 +3,7 @@
 #define PY_SSIZE_T_CLEAN
 #include <Python.h>
 
-#include "hric_control/rigid_body.h"
+#include "hric_core/rigid_body.h"
 
 #include <mujoco/mjdata.h>
 #include <mujoco/mjmodel.h>
@@ -24,7 +24,7 @@ typedef struct {
     Link *links;
 } Links;
 
-#include "hric_control/python_links.h"
+#include "hric_core/python_links.h"
 
 /* Orientation q (x, y, z, w) of a link; MuJoCo's has w first. */
 static void orientation(const mjtNum *b, const double *l, double q[4])

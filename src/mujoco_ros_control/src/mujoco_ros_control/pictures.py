@@ -12,13 +12,13 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from hric_control.errors import DescriptionError, HricError, check_known
-from hric_control.geometry import FloatArray, homogeneous, transform_from_rpy
-from hric_control.meshes.canonical import UnreadableMeshError, find
-from hric_control.meshes.files import read_coloured
-from hric_control.parameters import Settings, number, numbers, text, whole
 from hric_control.plants import Model, load_world, model_of_object
-from hric_control.urdf import Shape, read
+from hric_core.errors import DescriptionError, HricError, check_known
+from hric_core.geometry import FloatArray, homogeneous, transform_from_rpy
+from hric_core.meshes.canonical import UnreadableMeshError, find
+from hric_core.meshes.files import read_coloured
+from hric_core.parameters import Settings, number, numbers, text, whole
+from hric_core.urdf import Shape, read
 from mujoco_ros_control.scene_spec import Building, Frame, quaternion
 
 WORLD = "world"

@@ -6,16 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from hric_control.plant import (
-    Contact,
-    FloatArray,
-    JointReaction,
-    Load,
-    ReactingPlant,
-    Surface,
-)
+from hric_control.plant import Contact, FloatArray, JointReaction, Load, ReactingPlant, Surface
 from hric_control.plants import EnginePlant, Model, Surfaces, Wrenches, load_masks, load_surfaces, load_world, payload
-from hric_control.urdf import read
+from hric_core.urdf import read
 from mujoco_ros_control.contact import act, rigid_contacts
 from mujoco_ros_control.robot import MujocoConfig, Robot
 from mujoco_ros_control.world import World

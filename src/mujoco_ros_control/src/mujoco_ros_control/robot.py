@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from hric_control import urdf
-from hric_control.parameters import choice
 from hric_control.plant import FloatArray, JointReaction, Mode
 from hric_control.plants import MovingJoints, StopMemory, WindowlessConfig
+from hric_core import urdf
+from hric_core.parameters import choice
 from mujoco_ros_control.joints import HELD, install_friction, make_joints
 from mujoco_ros_control.scene import Scene
 

@@ -5,9 +5,9 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 import mujoco
 import numpy as np
 
-from hric_control.errors import HricError
-from hric_control.geometry import FloatArray, homogeneous
 from hric_control.plants import reciprocals
+from hric_core.errors import HricError
+from hric_core.geometry import FloatArray, homogeneous
 from mujoco_ros_control.joints import install_laws
 from mujoco_ros_control.scene_spec import UNSOLVED, Geom, Law, SceneSpec
 

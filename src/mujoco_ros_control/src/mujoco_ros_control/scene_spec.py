@@ -14,13 +14,13 @@ from operator import add
 import mujoco
 import numpy as np
 
-from hric_control.errors import DescriptionError
-from hric_control.geometry import FloatArray, MassProperties, quaternion_from_rotation
-from hric_control.meshes.canonical import hull_of
 from hric_control.plants import Losses, Model, Surface, combine, masked
 from hric_control.plants.faces import Solid
 from hric_control.plants.models import moving_body
-from hric_control.urdf import ONE_COORDINATE, Joint, Shape, mimic_laws, solids
+from hric_core.errors import DescriptionError
+from hric_core.geometry import FloatArray, MassProperties, quaternion_from_rotation
+from hric_core.meshes.canonical import hull_of
+from hric_core.urdf import ONE_COORDINATE, Joint, Shape, mimic_laws, solids
 
 _GEOMS = mujoco.mjtGeom
 _HALF_LENGTHS: dict[str, Callable[[Sequence[float]], list[float]]] = {

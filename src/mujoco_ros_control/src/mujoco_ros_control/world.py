@@ -2,9 +2,9 @@
 
 from collections.abc import Collection, Sequence
 
-from hric_control.errors import UnknownNameError
-from hric_control.geometry import MassProperties
 from hric_control.plants import Model, Models, Surfaces, WorldObject
+from hric_core.errors import UnknownNameError
+from hric_core.geometry import MassProperties
 from mujoco_ros_control.bushings import SceneBushings
 from mujoco_ros_control.contact import PenaltyContact
 from mujoco_ros_control.model_joints import ModelJoints

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import opensim
 
-from hric_control.geometry import FloatArray
 from hric_control.plant import JointReaction
+from hric_core.geometry import FloatArray
 from opensim_ros_control.engine import Engine
 from opensim_ros_control.robot_model import mass_properties
 from urdf_to_osim.transforms import matrix

@@ -9,10 +9,10 @@ from typing import Any, Protocol
 
 import opensim
 
-from hric_control.geometry import FloatArray
-from hric_control.geometry.quaternions import Quaternion, Vector
-from hric_control.native import load
 from hric_control.plants import Bushings, Motion
+from hric_core.geometry import FloatArray
+from hric_core.geometry.quaternions import Quaternion, Vector
+from hric_core.native import load
 from opensim_ros_control.bodies import Kinematics, Load
 from opensim_ros_control.engine import Engine
 from opensim_ros_control.stages import view

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from hric_control.geometry import FloatArray
 from hric_control.plants import faces, masked
-from hric_control.urdf import Robot
-from hric_control.urdf.shapes import FAR
+from hric_core.geometry import FloatArray
+from hric_core.urdf import Robot
+from hric_core.urdf.shapes import FAR
 from opensim_ros_control.bodies import Kinematics
 from opensim_ros_control.engine import Engine
 from opensim_ros_control.shapes import Pairing, Shape, Touch, pose

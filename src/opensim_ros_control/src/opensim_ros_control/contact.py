@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from hric_control.geometry import FloatArray
 from hric_control.plants import Springs
+from hric_core.geometry import FloatArray
 
 RETURN = 0.2
 """Fraction of an overlap corrected per step, as in common engines [1] (project default, unconfirmed)."""

@@ -7,8 +7,8 @@ each coordinate.
 import numpy as np
 import opensim
 
-from hric_control.errors import HricError, UnknownNameError
 from hric_control.plant import FloatArray
+from hric_core.errors import HricError, UnknownNameError
 from opensim_ros_control.robot_model import Built
 from opensim_ros_control.stages import rate, view
 

@@ -5,10 +5,10 @@ from itertools import groupby
 
 import numpy as np
 
-from hric_control.geometry.transforms import FloatArray, cross
 from hric_control.plant import Contact, JointReaction
 from hric_control.plants import Springs, Surface, Wrenches, combine
 from hric_control.plants.faces import centre
+from hric_core.geometry.transforms import FloatArray, cross
 from opensim_ros_control.bodies import Kinematics, Load, Reactions
 from opensim_ros_control.collision import MARGIN, Collider, Collisions, Meeting
 from opensim_ros_control.contact import Point, RigidContact, push_apart

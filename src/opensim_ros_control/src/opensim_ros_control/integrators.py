@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 import opensim
 
-from hric_control.errors import FailureError
 from hric_control.plant import FloatArray
+from hric_core.errors import FailureError
 from opensim_ros_control.dynamics import Dynamics
 from opensim_ros_control.engine import Engine
 from opensim_ros_control.joint_efforts import JointEfforts, Row

@@ -2,7 +2,7 @@
 #define PY_SSIZE_T_CLEAN
 #include <Python.h>
 
-#include "hric_control/rigid_body.h"
+#include "hric_core/rigid_body.h"
 
 enum { NUMBERS = 12 }; /* rotation, row-major, and origin of a link in its body */
 
@@ -22,7 +22,7 @@ typedef struct {
     Link *links;
 } Links;
 
-#include "hric_control/python_links.h"
+#include "hric_core/python_links.h"
 
 static void transpose(const double A[9], double B[9])
 {

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hric_control.geometry import FloatArray
 from hric_control.plants import Model, MovingJoints, StopLaw, reciprocals
-from hric_control.urdf import ONE_COORDINATE
+from hric_core.geometry import FloatArray
+from hric_core.urdf import ONE_COORDINATE
 from opensim_ros_control.engine import Engine
 from opensim_ros_control.robot import Robot
 

@@ -5,13 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from hric_control.plant import (
-    Contact,
-    FloatArray,
-    JointReaction,
-    Load,
-    ReactingPlant,
-)
+from hric_control.plant import Contact, FloatArray, JointReaction, Load, ReactingPlant
 from hric_control.plants import EnginePlant, Surface, Surfaces, load_masks, load_surfaces, load_world, payload
 from opensim_ros_control.robot import OpenSimConfig, Robot
 from opensim_ros_control.robot_model import RobotModel

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hric_control.errors import CommandError
-from hric_control.parameters import flag, number
 from hric_control.plant import FloatArray, Mode
 from hric_control.plants import (
     Divergence,
@@ -19,7 +17,9 @@ from hric_control.plants import (
     refuse_other_joints,
     sigmoid_parameters,
 )
-from hric_control.urdf import ONE_COORDINATE, mimic_laws
+from hric_core.errors import CommandError
+from hric_core.parameters import flag, number
+from hric_core.urdf import ONE_COORDINATE, mimic_laws
 from opensim_ros_control.dynamics import Dynamics
 from opensim_ros_control.engine import Engine
 from opensim_ros_control.integrators import IntegrationError, ManagerSteps, OwnSteps, Step, Touch

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 import opensim
 
-from hric_control import urdf
-from hric_control.errors import DescriptionError
-from hric_control.geometry import MassProperties
 from hric_control.plants import Model
+from hric_core import urdf
+from hric_core.errors import DescriptionError
+from hric_core.geometry import MassProperties
 from opensim_ros_control.scene import together
 from urdf_to_osim import Conversion, Options, convert
 from urdf_to_osim.transforms import matrix

@@ -6,8 +6,8 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 from hric_control.plants import Model
-from hric_control.urdf import read, write_origin
-from hric_control.urdf.elements import VERSIONS, parse
+from hric_core.urdf import read, write_origin
+from hric_core.urdf.elements import VERSIONS, parse
 
 
 def together(robot_xml: str, models: Sequence[Model]) -> str:

@@ -8,12 +8,12 @@ from typing import Any
 import coal
 import numpy as np
 
-from hric_control.geometry import FloatArray
-from hric_control.meshes.canonical import hull_of
 from hric_control.plants.faces import Solid
-from hric_control.urdf import Shape as Described
-from hric_control.urdf import solids
-from hric_control.urdf.shapes import FAR
+from hric_core.geometry import FloatArray
+from hric_core.meshes.canonical import hull_of
+from hric_core.urdf import Shape as Described
+from hric_core.urdf import solids
+from hric_core.urdf.shapes import FAR
 
 _POINT = 1e-6
 """Radius of the sphere that represents a point [m]; any small value is suitable."""

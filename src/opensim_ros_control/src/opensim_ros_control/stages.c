@@ -1,7 +1,7 @@
 /* The arithmetic of a step beside OpenSim, on arrays of numpy: see stages.py. The equations are multiplied and solved
    by scipy's BLAS and LAPACK, found as scipy hands them to compiled code. */
-#include "hric_control/friction.h"
-#include "hric_control/python_numbers.h"
+#include "hric_core/friction.h"
+#include "hric_core/python_numbers.h"
 
 #define NPY_NO_DEPRECATED_API NPY_1_7_API_VERSION
 #include <numpy/arrayobject.h>

@@ -9,8 +9,8 @@ from collections.abc import Callable, Sequence
 
 import opensim
 
-from hric_control.native import load
 from hric_control.plant import FloatArray
+from hric_core.native import load
 
 _built = load("hric_stages")
 

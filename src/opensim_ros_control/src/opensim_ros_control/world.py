@@ -5,11 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 import opensim
 
-from hric_control.errors import UnknownNameError
-from hric_control.geometry import FloatArray, homogeneous
 from hric_control.plant import JointReaction
 from hric_control.plants import Model, Models, Surfaces, WorldObject
-from hric_control.urdf import Robot as Description
+from hric_core.errors import UnknownNameError
+from hric_core.geometry import FloatArray, homogeneous
+from hric_core.urdf import Robot as Description
 from opensim_ros_control import collision, shapes
 from opensim_ros_control.bodies import Kinematics, Reactions
 from opensim_ros_control.bushings import EngineBushings

@@ -14,8 +14,8 @@ from typing import Any
 from xml.dom import Node, minidom
 from xml.parsers.expat import ExpatError
 
-from hric_control.errors import DescriptionError, ParameterError, UnknownNameError
-from hric_control.parameters import Parameter, Settings, choice, declared, flag, number, numbers, refused, text
+from hric_core.errors import DescriptionError, ParameterError, UnknownNameError
+from hric_core.parameters import Parameter, Settings, choice, declared, flag, number, numbers, refused, text
 from panda_description.inertial_sets import INERTIAL_SETS, unphysical
 from panda_description.parameters import LOG, PACKAGE, find_package, folder_uri, share
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from hric_control.errors import UnknownNameError
-from hric_control.geometry import MassProperties, judge, steiner_term, tensor
+from hric_core.errors import UnknownNameError
+from hric_core.geometry import MassProperties, judge, steiner_term, tensor
 from panda_description.parameters import PACKAGE, config
 
 INERTIAL_SETS = ("barycentric", "thesis")

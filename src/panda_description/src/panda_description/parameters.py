@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from hric_control.parameters import package_yaml
+from hric_core.parameters import package_yaml
 
 LOG = logging.getLogger("hric.panda_description")
 PACKAGE = "panda_description"

@@ -8,10 +8,10 @@ the middle of the step. So the point where both forces act is advanced with body
 
 from typing import Protocol
 
-from hric_control.geometry import quaternions
-from hric_control.geometry.quaternions import Vector, cross, rotated
-from hric_control.geometry.transforms import inverse, quaternion_from_rotation
 from hric_control.plants import BushingLaw, Bushings, Motion, PlantConfig
+from hric_core.geometry import quaternions
+from hric_core.geometry.quaternions import Vector, cross, rotated
+from hric_core.geometry.transforms import inverse, quaternion_from_rotation
 from pybullet_ros_control.engine import Body, Engine
 from pybullet_ros_control.external_forces import ExternalForces
 from pybullet_ros_control.joint_dynamics import frame_of, half_step

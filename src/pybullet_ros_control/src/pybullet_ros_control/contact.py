@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 import pybullet
 
-from hric_control.geometry.transforms import cross, homogeneous, inverse, rotation_from_quaternion
 from hric_control.plant import Contact, FloatArray
 from hric_control.plants import Springs, Surface, combine, faces
+from hric_core.geometry.transforms import cross, homogeneous, inverse, rotation_from_quaternion
 from pybullet_ros_control.engine import Body, Engine
 from pybullet_ros_control.external_forces import ExternalForces, Mobility
 from pybullet_ros_control.model_joints import ModelJoints

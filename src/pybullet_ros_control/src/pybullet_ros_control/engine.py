@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pybullet
 
-from hric_control.errors import HricError, UnknownNameError
-from hric_control.geometry import transforms
 from hric_control.plants import MovingJoints
-from hric_control.urdf import mimic_laws
+from hric_core.errors import HricError, UnknownNameError
+from hric_core.geometry import transforms
+from hric_core.urdf import mimic_laws
 from pybullet_ros_control.urdf_model import EngineModel
 
 _MAX_JOINT_VELOCITY = 1e6

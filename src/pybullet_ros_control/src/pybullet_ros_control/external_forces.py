@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 import pybullet
 
-from hric_control.geometry.transforms import FloatArray, cross, rotation_from_quaternion, skew
+from hric_core.geometry.transforms import FloatArray, cross, rotation_from_quaternion, skew
 from pybullet_ros_control.engine import Body, Engine
 from pybullet_ros_control.model_joints import ModelJoints
 from pybullet_ros_control.robot import Robot

@@ -4,8 +4,8 @@ import numpy as np
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
-from hric_control.geometry import FloatArray
-from hric_control.meshes.canonical import Surface
+from hric_core.geometry import FloatArray
+from hric_core.meshes.canonical import Surface
 
 SKIN = 1e-3
 """Margin that the engine gives each hull [m]. Source: gUrdfDefaultCollisionMargin of PyBullet 3.2.7."""

@@ -2,10 +2,10 @@
 
    All in the frame of the world, about its origin. Composite-rigid-body and Newton-Euler algorithms as in Featherstone,
    Rigid Body Dynamics Algorithms (2008), ch. 5 and 6. */
-#include "hric_control/factors.h"
-#include "hric_control/friction.h"
-#include "hric_control/python_numbers.h"
-#include "hric_control/rigid_body.h"
+#include "hric_core/factors.h"
+#include "hric_core/friction.h"
+#include "hric_core/python_numbers.h"
+#include "hric_core/rigid_body.h"
 
 #define LOCKED 1e9      /* added to the inertia of a joint whose acceleration is prescribed [kg m^2] */
 #define NOTICEABLE 1e-9 /* below this a difference between predicted and engine velocity is rounding [rad/s] */

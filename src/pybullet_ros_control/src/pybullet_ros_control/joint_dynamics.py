@@ -25,10 +25,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from hric_control.geometry import FloatArray, MassProperties
-from hric_control.native import load
 from hric_control.plants import Losses, PlantConfig
-from hric_control.urdf import mimic_laws
+from hric_core.geometry import FloatArray, MassProperties
+from hric_core.native import load
+from hric_core.urdf import mimic_laws
 from pybullet_ros_control.urdf_model import EngineModel
 
 Vector = Sequence[float]

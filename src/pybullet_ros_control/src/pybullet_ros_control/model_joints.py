@@ -5,10 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 import pybullet
 
-from hric_control import urdf
-from hric_control.errors import CommandError
-from hric_control.geometry import FloatArray
 from hric_control.plants import Losses, MovingJoints, PlantConfig, StopLaw, reciprocals
+from hric_core import urdf
+from hric_core.errors import CommandError
+from hric_core.geometry import FloatArray
 from pybullet_ros_control.engine import Body, Engine
 from pybullet_ros_control.joint_dynamics import Vector, added, half_step, make_dynamics
 

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import pybullet
 
-from hric_control.errors import FailureError
 from hric_control.plant import Contact, FloatArray, Load, Surface
 from hric_control.plants import (
     EnginePlant,
@@ -18,7 +17,8 @@ from hric_control.plants import (
     load_world,
     payload,
 )
-from hric_control.urdf import read
+from hric_core.errors import FailureError
+from hric_core.urdf import read
 from pybullet_ros_control.bushings import EngineBushings
 from pybullet_ros_control.engine import BodyState, Engine
 from pybullet_ros_control.robot import Robot

@@ -6,10 +6,10 @@ from itertools import combinations
 import numpy as np
 import pybullet
 
-from hric_control import urdf
-from hric_control.geometry import FloatArray, MassProperties
 from hric_control.plant import Mode
 from hric_control.plants import Losses, MovingJoints, PlantConfig, masked
+from hric_core import urdf
+from hric_core.geometry import FloatArray, MassProperties
 from pybullet_ros_control.engine import Body, Engine
 from pybullet_ros_control.joint_dynamics import Dynamics, Vector, added, half_step, make_dynamics
 from pybullet_ros_control.motors import JointMotors, JointStops

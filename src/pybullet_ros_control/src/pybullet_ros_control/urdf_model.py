@@ -18,22 +18,13 @@ from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
-from hric_control.errors import DescriptionError
-from hric_control.geometry import FloatArray, MassProperties, homogeneous
-from hric_control.geometry.transforms import inverse
-from hric_control.meshes.canonical import hull_of, mesh_of, obj_text
 from hric_control.plants.models import moving_body
-from hric_control.urdf import (
-    ONE_COORDINATE,
-    Joint,
-    Robot,
-    Shape,
-    solids,
-    write_inertial,
-    write_origin,
-    write_shape,
-)
-from hric_control.urdf.writing import text
+from hric_core.errors import DescriptionError
+from hric_core.geometry import FloatArray, MassProperties, homogeneous
+from hric_core.geometry.transforms import inverse
+from hric_core.meshes.canonical import hull_of, mesh_of, obj_text
+from hric_core.urdf import ONE_COORDINATE, Joint, Robot, Shape, solids, write_inertial, write_origin, write_shape
+from hric_core.urdf.writing import text
 from pybullet_ros_control.hulls import without_skin
 
 PIECE = 8191

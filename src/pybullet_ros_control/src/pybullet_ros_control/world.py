@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import pybullet
 
-from hric_control.errors import HricError, UnknownNameError
-from hric_control.geometry import FloatArray, quaternion_from_rotation
 from hric_control.plant import Contact
 from hric_control.plants import PLAIN_LINK, PlantConfig, Surface, Surfaces, WorldObject
-from hric_control.urdf import Robot, read
+from hric_core.errors import HricError, UnknownNameError
+from hric_core.geometry import FloatArray, quaternion_from_rotation
+from hric_core.urdf import Robot, read
 from pybullet_ros_control.contact import EngineLink, PenaltyContact, rigid_contacts
 from pybullet_ros_control.engine import Body, BodyState, Engine
 from pybullet_ros_control.external_forces import ExternalForces

@@ -10,10 +10,10 @@ from xml.etree import ElementTree
 
 import opensim
 
-from hric_control.errors import DescriptionError, FailureError, ParameterError
-from hric_control.parameters import declared, read_yaml
-from hric_control.processes import run_command
-from hric_control.urdf.elements import parse
+from hric_core.errors import DescriptionError, FailureError, ParameterError
+from hric_core.parameters import declared, read_yaml
+from hric_core.processes import run_command
+from hric_core.urdf.elements import parse
 from urdf_to_osim.converter import Conversion, convert
 from urdf_to_osim.options import CHOICES, Options
 from urdf_to_osim.output import SUFFIX, write

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import opensim
 
-from hric_control.errors import DescriptionError
-from hric_control.geometry import FloatArray
-from hric_control.urdf import Joint, read
+from hric_core.errors import DescriptionError
+from hric_core.geometry import FloatArray
+from hric_core.urdf import Joint, read
 from urdf_to_osim import forces, joints, shapes, transforms
 from urdf_to_osim.options import Options
 from urdf_to_osim.prepare import ILLEGAL, Plan, prepare

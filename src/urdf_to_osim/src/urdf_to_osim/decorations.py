@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import opensim
 
-from hric_control.errors import DescriptionError, ParameterError, UnknownNameError
-from hric_control.geometry import FloatArray, homogeneous
-from hric_control.parameters import Settings, flag, number, whole
+from hric_core.errors import DescriptionError, ParameterError, UnknownNameError
+from hric_core.geometry import FloatArray, homogeneous
+from hric_core.parameters import Settings, flag, number, whole
 from urdf_to_osim import transforms
 
 WIREFRAME = 2

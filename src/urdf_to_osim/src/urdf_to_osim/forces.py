@@ -5,7 +5,7 @@ import math
 import opensim
 
 from hric_control.plants import sigmoid_parameters
-from hric_control.urdf import ONE_COORDINATE, Joint
+from hric_core.urdf import ONE_COORDINATE, Joint
 from urdf_to_osim import joints
 from urdf_to_osim.options import Options
 from urdf_to_osim.prepare import Plan

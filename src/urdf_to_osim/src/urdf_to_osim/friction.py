@@ -2,7 +2,7 @@
 
 import math
 
-from hric_control.urdf import ONE_COORDINATE, Joint, Robot
+from hric_core.urdf import ONE_COORDINATE, Joint, Robot
 from urdf_to_osim.min_inertias import min_inertias
 from urdf_to_osim.options import Options
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import opensim
 
-from hric_control.errors import DescriptionError
-from hric_control.kept import write_whole
+from hric_core.errors import DescriptionError
+from hric_core.kept import write_whole
 from urdf_to_osim import transforms
 from urdf_to_osim.converter import Conversion
 from urdf_to_osim.meshes import MeshRequest, convert_meshes

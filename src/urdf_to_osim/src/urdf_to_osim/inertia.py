@@ -9,9 +9,9 @@ import math
 
 import numpy as np
 
-from hric_control.errors import DescriptionError
-from hric_control.geometry import MassProperties, judge
 from hric_control.plants.models import as_point
+from hric_core.errors import DescriptionError
+from hric_core.geometry import MassProperties, judge
 
 # Tolerance of the inequality relative to the largest moment: tensors have few digits, and a thin rod or a plate may
 # violate it slightly. Project default, unconfirmed.

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import opensim
 
-from hric_control.geometry import FloatArray, homogeneous
-from hric_control.geometry.transforms import rotation_onto
-from hric_control.urdf import Joint
+from hric_core.geometry import FloatArray, homogeneous
+from hric_core.geometry.transforms import rotation_onto
+from hric_core.urdf import Joint
 from urdf_to_osim import transforms
 
 PLANAR = ("theta", "x", "y")

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from hric_control.errors import DescriptionError, HricError
-from hric_control.kept import write_whole
-from hric_control.meshes.canonical import WRITTEN_SUFFIX, canonical, find
+from hric_core.errors import DescriptionError, HricError
+from hric_core.kept import write_whole
+from hric_core.meshes.canonical import WRITTEN_SUFFIX, canonical, find
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from hric_control.urdf import ONE_COORDINATE, Robot
-from hric_control.urdf.mass_matrix import mass_matrix
+from hric_core.urdf import ONE_COORDINATE, Robot
+from hric_core.urdf.mass_matrix import mass_matrix
 
 POSES = 8
 """Number of poses at which a robot is evaluated (project default, unconfirmed)."""

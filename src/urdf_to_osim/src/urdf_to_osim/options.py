@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from hric_control.parameters import Settings, choice, flag, mapping, number, numbers, text
 from hric_control.plants import sigmoid_parameters
+from hric_core.parameters import Settings, choice, flag, mapping, number, numbers, text
 
 CHOICES = {
     "up": ("y", "z"),

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from hric_control.errors import CommandError, ParameterError, failing
+from hric_core.errors import CommandError, ParameterError, failing
 from urdf_to_osim.converter import Conversion
 from urdf_to_osim.geometry import lay, refer
 
@@ -33,7 +33,7 @@ def write(
         conversion: the converted robot.
         path: path of the .osim; its folder must exist.
         check: callback for the finished file at a temporary path; its exception stops the writing, and no file is left.
-        cache: folder of converted meshes; `hric_control.kept.cache_folder("meshes")` by default.
+        cache: folder of converted meshes; `hric_core.kept.cache_folder("meshes")` by default.
 
     Raises:
         ParameterError: the path is not that of a writable file.

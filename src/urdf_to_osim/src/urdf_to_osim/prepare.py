@@ -8,11 +8,11 @@ from operator import add
 
 import numpy as np
 
-from hric_control.errors import DescriptionError, UnknownNameError
-from hric_control.geometry import MassProperties
 from hric_control.plants.models import moving_body
-from hric_control.urdf import ONE_COORDINATE, Joint, Link, Robot
-from hric_control.urdf.mass_matrix import mass_matrix
+from hric_core.errors import DescriptionError, UnknownNameError
+from hric_core.geometry import MassProperties
+from hric_core.urdf import ONE_COORDINATE, Joint, Link, Robot
+from hric_core.urdf.mass_matrix import mass_matrix
 from urdf_to_osim import friction, inertia
 from urdf_to_osim.joints import coordinate_names
 from urdf_to_osim.min_inertias import poses

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import opensim
 
-from hric_control.errors import DescriptionError
-from hric_control.geometry import FloatArray
+from hric_core.errors import DescriptionError
+from hric_core.geometry import FloatArray
 from urdf_to_osim import transforms
 
 

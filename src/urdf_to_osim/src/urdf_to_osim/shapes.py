@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 import opensim
 
-from hric_control.errors import DescriptionError
-from hric_control.geometry import FloatArray, homogeneous
+from hric_core.errors import DescriptionError
+from hric_core.geometry import FloatArray, homogeneous
 from urdf_to_osim import transforms
 from urdf_to_osim.options import Options
 from urdf_to_osim.prepare import Plan

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 import numpy as np
 import opensim
 
-from hric_control.geometry.transforms import R_YUP_ZUP, FloatArray, homogeneous
+from hric_core.geometry.transforms import R_YUP_ZUP, FloatArray, homogeneous
 
 
 def base_pose(up: str) -> FloatArray:

@@ -1,6 +1,6 @@
 /* The kinematic fields of the state at once, inverse dynamics, and the estimate of the external torque: see
  * compiled_arm.py, and compiled_fields.py, which has the layout of Fields. An arm is a buffer of the doubles of Arm. */
-#include "hric_control/python_numbers.h"
+#include "hric_core/python_numbers.h"
 
 #include "franka_sim/model_library/arm.h"
 #include <float.h>

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_sim.box.compiled_fields import CompiledFields
 from franka_sim.model_library.parameters import arm_parameters
-from hric_control.native import load
+from hric_core.native import load
 
 Vector = Sequence[float]
 _inverse_dynamics: Callable[..., list[float]] = load("hric_arm").inverse_dynamics

@@ -12,7 +12,7 @@ from operator import attrgetter
 
 from franka_hw_interface.robot_state import RobotState
 from franka_sim.box.state import CARTESIAN, ELBOW_FLIP, BoxState
-from hric_control.native import load
+from hric_core.native import load
 
 _fields: Callable[[bytes, bytearray], None] = load("hric_arm").fields
 _numbers: Callable[..., bytes] = load("hric_arm").numbers

@@ -6,7 +6,7 @@ from functools import cache
 from typing import Any
 
 from franka_hw_interface.limits import FrankaLimits, franka_limits
-from hric_control.parameters import Settings, flag, number, numbers, package_yaml, section, whole
+from hric_core.parameters import Settings, flag, number, numbers, package_yaml, section, whole
 
 Vector = tuple[float, ...]
 

@@ -14,8 +14,8 @@ from franka_sim.box.reflexes import Reflexes
 from franka_sim.box.requests import ControllerMode, Outcome
 from franka_sim.box.self_collision import SelfCollision
 from franka_sim.box.state import BoxState
-from hric_control.errors import HricError
 from hric_control.plants import sigmoid_parameters
+from hric_core.errors import HricError
 
 Floats = Sequence[float]
 HIGHEST_CUTOFF = 1000.0

@@ -12,8 +12,8 @@ from franka_sim.box.motion.run import MotionRun, PacketCount, invalid
 from franka_sim.box.reflexes import describe
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand, MoveRequest, Outcome
 from franka_sim.box.state_machine import Event, next_mode
-from hric_control.errors import CommandError
-from hric_control.native.vectors import add
+from hric_core.errors import CommandError
+from hric_core.native.vectors import add
 
 _ZEROS = [0.0] * 7
 _OUTCOMES = {

@@ -15,8 +15,8 @@ from franka_hw_interface.limits import FrankaLimits
 from franka_hw_interface.robot_state import RobotState
 from franka_sim.box.config import read_config
 from franka_sim.box.kinematics import ArmKinematics, twist_between
-from hric_control.errors import CommandError
-from hric_control.geometry import FloatArray
+from hric_core.errors import CommandError
+from hric_core.geometry import FloatArray
 
 
 def defaults() -> dict[str, Any]:

@@ -8,7 +8,7 @@ from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_sim.box.config import MotionParameters
 from franka_sim.box.kinematics import ArmKinematics
 from franka_sim.box.state import ELBOW_FLIP
-from hric_control.native import load
+from hric_core.native import load
 
 _solve_pose: Callable[..., list[float] | None] = load("hric_kinematics").solve_pose
 _first_step: Callable[..., tuple[list[float], list[float]] | None] = load("hric_kinematics").first_step

@@ -1,7 +1,7 @@
 /* Kinematics of the arm for what happens each millisecond: see kinematics.py and inverse_kinematics.py.
  * Poses come and go as lists of 16 floats, column-major. An Arm is a buffer of doubles: for each of the seven joints,
  * then for the frame at the tip, the columns of the rotation and the translation from the frame before. */
-#include "hric_control/python_numbers.h"
+#include "hric_core/python_numbers.h"
 #include <math.h>
 #include <string.h>
 

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from franka_hw_interface.kdl_model import KdlFrankaModel
-from hric_control.errors import DescriptionError
-from hric_control.geometry import FloatArray
-from hric_control.native import load
+from hric_core.errors import DescriptionError
+from hric_core.geometry import FloatArray
+from hric_core.native import load
 
 _end_effector: Callable[..., list[float]] = load("hric_kinematics").end_effector
 _placement: Callable[..., tuple[list[float], list[float]]] = load("hric_kinematics").place

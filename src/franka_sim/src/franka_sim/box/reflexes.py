@@ -10,8 +10,8 @@ from franka_hw_interface.robot_state import NO_ERRORS, Errors
 from franka_sim.box.config import BoxConfig
 from franka_sim.box.self_collision import SelfCollision
 from franka_sim.box.state import BoxState
-from hric_control.native import load
-from hric_control.native.vectors import smaller, within
+from hric_core.native import load
+from hric_core.native.vectors import smaller, within
 
 JOINT_VELOCITY: Errors = frozenset(("joint_velocity_violation",))
 JOINT_POSITION: Errors = frozenset(("joint_position_limits_violation",))

@@ -8,7 +8,7 @@ import panda_description
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.model import Frame
 from franka_sim.box.config import BoxConfig
-from hric_control.geometry import FloatArray
+from hric_core.geometry import FloatArray
 from panda_description.parameters import config as description_file
 
 _Rows = list[dict[str, list[float]]]

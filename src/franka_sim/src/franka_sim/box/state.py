@@ -14,7 +14,7 @@ from franka_hw_interface.transforms import column_major
 from franka_sim.box.config import CollisionBehavior
 from franka_sim.box.kinematics import ArmKinematics
 from franka_sim.box.requests import ControllerMode, GeneratorMode
-from hric_control.geometry.transforms import inverse
+from hric_core.geometry.transforms import inverse
 
 if TYPE_CHECKING:
     from franka_sim.box.compiled_fields import CompiledFields

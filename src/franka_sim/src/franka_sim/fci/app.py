@@ -17,9 +17,9 @@ from franka_sim.fci.faults import Faults
 from franka_sim.fci.robots import ROBOTS, Robot
 from franka_sim.fci.server import FciServer
 from franka_sim.gripper import Gripper
-from hric_control.errors import FailureError, HricError
-from hric_control.parameters import text, whole
-from hric_control.processes import run_server
+from hric_core.errors import FailureError, HricError
+from hric_core.parameters import text, whole
+from hric_core.processes import run_server
 
 
 def _check(options: argparse.Namespace) -> None:

@@ -7,8 +7,8 @@ from franka_sim.fci.console import HELP
 from franka_sim.fci.robots import ROBOTS
 from franka_sim.realism import IDEAL
 from franka_sim.settings import Q_START
-from hric_control import yaml_text
-from hric_control.errors import ParameterError
+from hric_core import yaml_text
+from hric_core.errors import ParameterError
 
 DEFAULT_PLANT = "pybullet_ros_control/PyBulletPlant"
 MAX_LOST_PACKETS = 20

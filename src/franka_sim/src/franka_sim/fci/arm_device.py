@@ -21,12 +21,12 @@ from franka_sim.gripper import Gripper
 from franka_sim.model_library import library_for
 from franka_sim.realism import Realism, parse
 from franka_sim.settings import BoxSettings, make_model, set_internal_impedance
-from hric_control import plugins
-from hric_control.errors import CommandError, HricError, ParameterError
-from hric_control.local.node import LocalNode
-from hric_control.node import Node
 from hric_control.plant import Plant
 from hric_control.sim.participants import Participants
+from hric_core import plugins
+from hric_core.errors import CommandError, HricError, ParameterError
+from hric_core.local.node import LocalNode
+from hric_core.node import Node
 
 MAX_LOAD, MAX_LOAD_DISTANCE, MAX_LOAD_INERTIA = 20.0, 1.0, 20.0
 """Maximum payload of a client [kg], [m from the flange], [kg m^2]: project default, unconfirmed.

@@ -16,7 +16,7 @@ from franka_sim.fci.faults import Faults
 from franka_sim.fci.protocol import Protocol, Request
 from franka_sim.fci.session import Service
 from franka_sim.fci.wire import ARM_FRAMING
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 
 PORT = 1337
 NO_CARTESIAN_LIMIT = bytes(153)

@@ -3,8 +3,8 @@
 from abc import ABC, abstractmethod
 from enum import Enum
 
-from hric_control.errors import UnknownNameError
-from hric_control.parameters import number
+from hric_core.errors import UnknownNameError
+from hric_core.parameters import number
 
 PERIOD = 1e-3
 """Cycle time of the robot [s]."""

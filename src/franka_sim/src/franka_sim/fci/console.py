@@ -7,8 +7,8 @@ from franka_sim.box.requests import Outcome
 from franka_sim.fci.complaints import LOG
 from franka_sim.fci.device import Device
 from franka_sim.gripper import Gripper
-from hric_control.errors import CommandError, HricError, UnknownNameError
-from hric_control.parameters import as_number
+from hric_core.errors import CommandError, HricError, UnknownNameError
+from hric_core.parameters import as_number
 
 MAX_LINE = 4096
 """Maximum number of characters in a line."""

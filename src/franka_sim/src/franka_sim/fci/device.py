@@ -7,7 +7,7 @@ from franka_hw_interface.robot_state import RobotMode, RobotState
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand, MoveRequest, Outcome
 from franka_sim.fci.hand_service import Hand
 from franka_sim.fci.wire import StateCodec
-from hric_control.errors import CommandError
+from hric_core.errors import CommandError
 
 Floats = Sequence[float]
 

@@ -6,7 +6,7 @@ import socket
 import time
 from dataclasses import dataclass
 
-from hric_control.parameters import Settings, number, whole
+from hric_core.parameters import Settings, number, whole
 
 MAX_DATAGRAM = 512
 """Bytes read of a datagram; anything larger than a command is invalid."""

@@ -11,13 +11,13 @@ from franka_sim.fci.epoch import Epoch
 from franka_sim.fci.robots import ROBOTS
 from franka_sim.fci.server import FciServer
 from franka_sim.settings import ArmSettings, BoxSettings, read
+from hric_control.clock_pairs import TOPIC
 from hric_control.limits import check_start
-from hric_control.parameters import choice, text
-from hric_control.processes import prefer_this_thread, quiet_collector
 from hric_control.robot_app import COMMON_PARAMETERS, RobotSettings
-from hric_control.robot_time.clock_pairs import TOPIC
-from hric_control.ros import RosNode, run
-from hric_control.ros.process import NodeApp
+from hric_core.parameters import choice, text
+from hric_core.processes import prefer_this_thread, quiet_collector
+from hric_core.ros import RosNode, run
+from hric_core.ros.process import NodeApp
 from hric_msgs.msg import ClockPair
 
 PERIOD = 0.2

@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import panda_description
 from franka_hw_interface.limits import FrankaLimits, franka_limits
 from franka_sim.box.config import read_config
-from hric_control.errors import DescriptionError
+from hric_core.errors import DescriptionError
 from panda_description import CartesianLimit
 
 JOINTS = 7

@@ -11,7 +11,7 @@ from franka_sim.fci.faults import Faults
 from franka_sim.fci.hand_service import STEP, HandService
 from franka_sim.fci.protocol import PROTOCOLS
 from franka_sim.fci.session import Service
-from hric_control.errors import UnknownNameError
+from hric_core.errors import UnknownNameError
 
 LONGEST_WAIT = 0.05
 """Maximum time until a signal takes effect [s]."""

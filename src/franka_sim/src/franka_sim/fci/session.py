@@ -17,7 +17,7 @@ from franka_sim.fci.complaints import LOG, Complaints
 from franka_sim.fci.connection import BadMessageError, Connection, ConnectionLostError, Message
 from franka_sim.fci.faults import Faults, Link, make_link
 from franka_sim.fci.wire import CONNECT, CONNECT_PAYLOAD, VERSION, Framing
-from hric_control.errors import FailureError
+from hric_core.errors import FailureError
 
 HANDSHAKE_TIME = 1.0
 """Time after which a connection without a handshake is closed [s]: project default, unconfirmed."""

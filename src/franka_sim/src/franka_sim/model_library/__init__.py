@@ -4,7 +4,7 @@ import functools
 from pathlib import Path
 
 from franka_sim.model_library.parameters import arm_parameters
-from hric_control.native import load
+from hric_core.native import load
 
 MARKER = b"HRIC arm 187 f64"
 """Marker before the parameters in the library as built (arm.c)."""

@@ -6,7 +6,7 @@
 #ifndef FRANKA_SIM_ARM_H
 #define FRANKA_SIM_ARM_H
 
-#include "hric_control/rigid_body.h"
+#include "hric_core/rigid_body.h"
 
 #define JOINTS 7
 #define FLANGE 7 /* index behind the links */

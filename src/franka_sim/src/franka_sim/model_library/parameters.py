@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from franka_hw_interface.urdf_chain import SerialChain, chain_of
-from hric_control.errors import DescriptionError
-from hric_control.urdf import Robot, read
+from hric_core.errors import DescriptionError
+from hric_core.urdf import Robot, read
 
 JOINTS = 7
 _Z = np.array([0.0, 0.0, 1.0])

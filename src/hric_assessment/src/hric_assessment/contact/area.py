@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterable
 
 from hric_assessment.tables import area_table
-from hric_control.errors import ParameterError
+from hric_core.errors import ParameterError
 
 CM2 = 1e-4
 """Square centimetre [m^2]."""

@@ -20,7 +20,7 @@ from hric_assessment.contact.episodes import episode as cut
 from hric_assessment.evidence import BoolArray, unknown
 from hric_assessment.tables import EpisodeTable, episode_table, verdict_table
 from hric_bags.records.region_contacts import RegionForce
-from hric_control.geometry import FloatArray
+from hric_core.geometry import FloatArray
 
 SAME_INSTANT = 1e-4
 """Largest difference of instants of a contact that count as one [s] (project default): no source exceeds 10 kHz."""

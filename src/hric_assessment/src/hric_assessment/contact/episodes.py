@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hric_assessment.tables import EpisodeTable
-from hric_control.geometry import FloatArray
 from hric_control.sim.contact_info import KINDS, UNKNOWN
+from hric_core.geometry import FloatArray
 
 PENALTY = "penalty"
 """The only kind of contact with a physically meaningful force (`hric_control.plant.Contact`)."""

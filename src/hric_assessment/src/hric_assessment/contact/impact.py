@@ -17,13 +17,13 @@ from hric_assessment.tables import episode_table, verdict_table
 from hric_bags.reader import ControlRecord, FloatArray, RunRecord
 from hric_bags.records.human_record import HumanRecord
 from hric_bags.records.region_contacts import RegionForce
-from hric_control import urdf
-from hric_control.errors import HricError, check_known
-from hric_control.geometry import homogeneous
-from hric_control.geometry.transforms import inverse, rotation_from_quaternion
 from hric_control.plant import Surface
 from hric_control.plants import PlantConfig, Surfaces, combine, load_surfaces
-from hric_control.urdf.mass_matrix import mass_matrix, point_jacobian
+from hric_core import urdf
+from hric_core.errors import HricError, check_known
+from hric_core.geometry import homogeneous
+from hric_core.geometry.transforms import inverse, rotation_from_quaternion
+from hric_core.urdf.mass_matrix import mass_matrix, point_jacobian
 from hric_human.body import describe, surfaces
 from hric_human.participant.settings import HumanSettings
 from hric_human.participant.walk import JOINTS, Walk

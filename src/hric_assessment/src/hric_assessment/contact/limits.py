@@ -21,7 +21,7 @@ from hric_assessment.tables import (
     episode_table,
     limit_table,
 )
-from hric_control.errors import check_known
+from hric_core.errors import check_known
 from hric_human.body.regions import REGION_MODELS
 
 NOT_PERMITTED = ("skull, forehead", "face")

@@ -15,8 +15,8 @@ import numpy as np
 from hric_assessment.contact.limits import Limit, Limits
 from hric_assessment.findings import NotAssessableError
 from hric_assessment.tables import REGIONS
-from hric_control.errors import HricError, check_known
-from hric_control.geometry import FloatArray
+from hric_core.errors import HricError, check_known
+from hric_core.geometry import FloatArray
 from hric_human.body.regions import REGION_MODELS
 
 Mass = FloatArray | float

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hric_bags.records.human_record import GripRecord
-from hric_control.geometry import FloatArray
+from hric_core.geometry import FloatArray
 
 
 @dataclass(frozen=True)

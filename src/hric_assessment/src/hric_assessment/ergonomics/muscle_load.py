@@ -5,8 +5,8 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from hric_bags.records.human_record import GripRecord, HumanRecord
-from hric_control.errors import HricError
-from hric_control.geometry import FloatArray, Pose, Vector
+from hric_core.errors import HricError
+from hric_core.geometry import FloatArray, Pose, Vector
 from hric_human.body import Body
 from hric_human.control.kinematics import GRAVITY
 from hric_human.control.whole_body import Load, RootMotion

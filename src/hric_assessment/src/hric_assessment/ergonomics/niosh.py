@@ -18,7 +18,7 @@ import numpy as np
 
 from hric_assessment.findings import NotAssessableError
 from hric_assessment.tables import UNITS, NioshTable, niosh_table
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 
 PHASES = ("pick-up", "put-down")
 """Ends of a lift that can be rated."""

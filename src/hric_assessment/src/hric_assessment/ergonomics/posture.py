@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from hric_control.errors import HricError
-from hric_control.geometry import FloatArray
+from hric_core.errors import HricError
+from hric_core.geometry import FloatArray
 
 Angle = FloatArray | float | None
 Flag = np.ndarray[Any, np.dtype[np.bool_]] | bool | None

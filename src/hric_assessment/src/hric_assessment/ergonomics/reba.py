@@ -14,7 +14,7 @@ import numpy as np
 from hric_assessment.ergonomics.posture import NOTHING_KNOWN, Known, Posture, Task
 from hric_assessment.ergonomics.scoring import IntArray, Scorer, Scores, cells, index, needed, scored
 from hric_assessment.tables import RebaTable, reba_table
-from hric_control.errors import UnknownNameError
+from hric_core.errors import UnknownNameError
 
 
 def score(

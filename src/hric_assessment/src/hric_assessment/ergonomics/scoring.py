@@ -10,7 +10,7 @@ import numpy as np
 
 from hric_assessment.ergonomics.posture import Known
 from hric_assessment.tables import Adder, Band, Condition, PostureTable
-from hric_control.geometry import FloatArray
+from hric_core.geometry import FloatArray
 
 IntArray = np.ndarray[Any, np.dtype[np.signedinteger[Any]]]
 Total = Callable[["Scorer"], IntArray]

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from hric_control.geometry import FloatArray
+from hric_core.geometry import FloatArray
 
 BLOCK = 0.2
 """Time over which a signal is averaged before its motion is counted [s] (project default, unconfirmed)."""

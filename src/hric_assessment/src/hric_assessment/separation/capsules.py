@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from hric_control.geometry import FloatArray
+from hric_core.geometry import FloatArray
 from hric_human.body import Body
 
 IntArray = np.ndarray[Any, np.dtype[np.int64]]

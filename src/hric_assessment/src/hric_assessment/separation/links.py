@@ -5,10 +5,10 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 import numpy as np
 
 from hric_assessment.separation.capsules import Capsules
-from hric_control import urdf
-from hric_control.geometry import FloatArray
-from hric_control.geometry.transforms import skew
-from hric_control.urdf.shapes import Shape, join_capsules
+from hric_core import urdf
+from hric_core.geometry import FloatArray
+from hric_core.geometry.transforms import skew
+from hric_core.urdf.shapes import Shape, join_capsules
 
 Poses = Callable[[FloatArray], FloatArray]
 """Function from times, shape (n,) [s], to poses in the world, shape (n, 4, 4)."""

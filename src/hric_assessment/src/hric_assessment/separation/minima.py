@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hric_assessment.separation.capsules import IntArray, distances
-from hric_control.errors import HricError
-from hric_control.geometry import FloatArray
+from hric_core.errors import HricError
+from hric_core.geometry import FloatArray
 
 Ends = Callable[[FloatArray], FloatArray]
 """Function from robot times, shape (n,) [s], to the ends of the capsules of a model in the world, (n, k, 2, 3) [m]."""

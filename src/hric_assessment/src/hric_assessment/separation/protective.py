@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from hric_assessment.tables import SeparationTable, separation_table
-from hric_control.errors import HricError
-from hric_control.geometry import FloatArray
+from hric_core.errors import HricError
+from hric_core.geometry import FloatArray
 
 Values = FloatArray | float
 TINY = 1e-9

@@ -16,10 +16,10 @@ import yaml
 
 from hric_assessment.findings import NotAssessableError
 from hric_assessment.separation.protective import Stop, Values
-from hric_control.errors import HricError
-from hric_control.geometry import FloatArray
-from hric_control.node import REQUIRED
-from hric_control.parameters import Settings, choice, listing, number, package_yaml, read_yaml, refused, section, text
+from hric_core.errors import HricError
+from hric_core.geometry import FloatArray
+from hric_core.node import REQUIRED
+from hric_core.parameters import Settings, choice, listing, number, package_yaml, read_yaml, refused, section, text
 
 SIMULATION, MEASUREMENT = "simulation", "measurement"
 KINDS = (SIMULATION, MEASUREMENT)

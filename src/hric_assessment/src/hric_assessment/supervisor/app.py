@@ -20,12 +20,12 @@ from hric_assessment.supervisor.arm import ArmShape, InForce
 from hric_assessment.supervisor.decision import Decision, Event, Supervisor
 from hric_assessment.supervisor.inputs import ArmInput, person_inputs
 from hric_assessment.supervisor.settings import NodeSettings
-from hric_control.errors import HricError, ParameterError
-from hric_control.node import Node
 from hric_control.plants import rotor_inertia
 from hric_control.speed_scale import SpeedScaleInterface
 from hric_control.speed_scale_topics import REQUEST_TOPIC, STATE_TOPIC
 from hric_control.transmission import parse_transmissions
+from hric_core.errors import HricError, ParameterError
+from hric_core.node import Node
 from hric_msgs.msg import SafetyEvent, SafetyState, SpeedScale, SpeedScaleState
 
 NAME = "hric/safety/supervisor"

@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from hric_assessment.separation.links import capsules_of, poses
-from hric_control.errors import DescriptionError
-from hric_control.geometry import FloatArray
-from hric_control.urdf import read
-from hric_control.urdf.mass_matrix import mass_matrix, point_jacobian
+from hric_core.errors import DescriptionError
+from hric_core.geometry import FloatArray
+from hric_core.urdf import read
+from hric_core.urdf.mass_matrix import mass_matrix, point_jacobian
 
 STEP = 1e-3
 """Time step along the present velocity, for point speeds [s]: curvature changes them by less than 1e-3."""

@@ -16,7 +16,7 @@ from hric_assessment.supervisor.perception import Watch
 from hric_assessment.supervisor.person import HAND, Observation, joined, moved
 from hric_assessment.supervisor.separation import SCALES, STANDING, Nearness, Protective, Stopping, nearness
 from hric_assessment.supervisor.settings import HAND_GUIDED, POWER_AND_FORCE, STANDSTILL, SupervisorSettings
-from hric_control.geometry import FloatArray, Vector
+from hric_core.geometry import FloatArray, Vector
 
 WORLD = "world"
 FREE, SLOWED, STOPPED = "free", "slowed", "stopped"

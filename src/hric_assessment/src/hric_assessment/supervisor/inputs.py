@@ -13,10 +13,10 @@ from hric_assessment.supervisor.arm import ArmState
 from hric_assessment.supervisor.decision import WORLD
 from hric_assessment.supervisor.person import BodyShape, Observation, hand_ball, unplaced
 from hric_assessment.supervisor.settings import MARKER, PERSON, NodeSettings
-from hric_control.errors import HricError, ParameterError
-from hric_control.geometry import Pose
-from hric_control.geometry.messages import pose_of
-from hric_control.node import Node, Registration, publisher_of
+from hric_core.errors import HricError, ParameterError
+from hric_core.geometry import Pose
+from hric_core.geometry.messages import pose_of
+from hric_core.node import Node, Registration, publisher_of
 from hric_human.body import describe
 from hric_human.participant.settings import HumanSettings
 from hric_human.tracking import LOST

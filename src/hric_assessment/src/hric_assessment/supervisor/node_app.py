@@ -7,9 +7,9 @@ import rospy
 
 from hric_assessment.supervisor.app import SupervisorApp
 from hric_assessment.supervisor.settings import NodeSettings
-from hric_control.errors import HricError
-from hric_control.ros import RosNode, run
-from hric_control.ros.process import NodeApp
+from hric_core.errors import HricError
+from hric_core.ros import RosNode, run
+from hric_core.ros.process import NodeApp
 
 CONTROLLERS_PERIOD = 0.5
 """Period at which running controllers are checked [s of wall time]; chosen here."""

@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from hric_assessment.separation.capsules import of_body
-from hric_control.errors import HricError
-from hric_control.geometry import FloatArray, Pose
-from hric_control.geometry.transforms import rotation_from_quaternion
+from hric_core.errors import HricError
+from hric_core.geometry import FloatArray, Pose
+from hric_core.geometry.transforms import rotation_from_quaternion
 from hric_human.body import Body
 from hric_human.control.whole_body import WholeBody
 

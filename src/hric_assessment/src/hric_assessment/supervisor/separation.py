@@ -14,8 +14,8 @@ from hric_assessment.supervisor.arm import InForce, Placed
 from hric_assessment.supervisor.person import Observation
 from hric_assessment.supervisor.settings import SupervisorSettings
 from hric_assessment.tables import separation_table
-from hric_control.geometry import FloatArray
 from hric_control.speed_scale import stopping_time
+from hric_core.geometry import FloatArray
 
 STANDING = 0.01
 """Speed below which an arm is at rest [m/s]: 10 mm/s, chosen here."""

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hric_control.parameters import Settings, anything, choice, flag, listing, names, number, refuse_void, text
+from hric_core.parameters import Settings, anything, choice, flag, listing, names, number, refuse_void, text
 
 SPEED_AND_SEPARATION, POWER_AND_FORCE = "speed_and_separation", "power_and_force_limiting"
 HAND_GUIDED, STANDSTILL = "hand_guided", "monitored_standstill"

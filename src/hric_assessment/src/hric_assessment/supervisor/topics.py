@@ -9,7 +9,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from hric_assessment.supervisor.decision import FREE, STOPPED, WORLD, Decision, Event
 from hric_assessment.supervisor.settings import SupervisorSettings
-from hric_control.robot_time import stamps
+from hric_core.robot_time import stamps
 from hric_msgs.msg import SafetyEvent, SafetyState, SpeedScale
 
 _COLOURS = {FREE: (0.2, 0.7, 0.3), STOPPED: (0.8, 0.2, 0.2)}

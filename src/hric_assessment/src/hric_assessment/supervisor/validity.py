@@ -7,7 +7,7 @@ import numpy as np
 
 from hric_assessment.supervisor.person import Observation
 from hric_assessment.supervisor.settings import SupervisorSettings
-from hric_control.geometry import FloatArray
+from hric_core.geometry import FloatArray
 
 SAME_SIZE = 1e-3
 """Largest change of a capsule's length or radius due to rounding [m] (project default, unconfirmed)."""

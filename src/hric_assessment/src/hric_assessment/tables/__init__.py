@@ -15,7 +15,7 @@ from hric_assessment.tables.base import MARKS, Table
 from hric_assessment.tables.limits import FOOT, REGIONS, ForceRow, LimitTable, PressureRow, Row
 from hric_assessment.tables.posture import Adder, Band, Condition, PostureTable, RebaTable, RulaTable
 from hric_assessment.tables.values import AreaTable, EpisodeTable, NioshTable, SeparationTable, VerdictTable
-from hric_control.parameters import package_yaml, read_yaml, unknown
+from hric_core.parameters import package_yaml, read_yaml, unknown
 
 __all__ = [
     "FOOT",

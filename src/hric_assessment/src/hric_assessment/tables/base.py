@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from hric_control.parameters import Settings, choice, listing, mapping, text, unknown
+from hric_core.parameters import Settings, choice, listing, mapping, text, unknown
 
 MARKS = ("confirmed twice", "confirmed once", "unconfirmed", "chosen here")
 """Marks of a value: two or more independent public sources, one source, from memory only, or no source."""

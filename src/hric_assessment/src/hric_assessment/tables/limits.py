@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from hric_assessment.tables.base import Marked, Table, check_sources
-from hric_control.node import REQUIRED
-from hric_control.parameters import Mistakes, choice, either, listing, number, refused, section, text, whole
+from hric_core.node import REQUIRED
+from hric_core.parameters import Mistakes, choice, either, listing, number, refused, section, text, whole
 from hric_human.body.regions import REGION_MODELS
 
 FOOT = "foot, toes, ankle"

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from hric_assessment.tables.base import MARKS, Table
-from hric_control.parameters import (
+from hric_core.parameters import (
     Settings,
     choice,
     either,

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from hric_assessment.tables.base import Marked, Table, check_sources
-from hric_control.parameters import listing, mapping, number, numbers, section
+from hric_core.parameters import listing, mapping, number, numbers, section
 
 
 @dataclass(frozen=True)

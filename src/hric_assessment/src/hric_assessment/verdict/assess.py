@@ -17,7 +17,7 @@ from hric_assessment.verdict.person import Person, people_of
 from hric_assessment.verdict.postures import posture_finding, scored
 from hric_assessment.verdict.result import Figure, Verdict, ranked
 from hric_assessment.verdict.separating import Separated, not_separated, separated, separation_finding
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 
 
 def assess(given: Given, choices: Choices | None = None) -> Verdict:

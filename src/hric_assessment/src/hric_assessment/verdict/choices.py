@@ -9,7 +9,7 @@ from hric_assessment.ergonomics import rula
 from hric_assessment.separation.protective import Stop
 from hric_assessment.separation.stopping import StopTable
 from hric_assessment.tables import verdict_table
-from hric_control.geometry import FloatArray
+from hric_core.geometry import FloatArray
 
 
 @dataclass(frozen=True)

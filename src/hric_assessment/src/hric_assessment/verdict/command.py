@@ -20,7 +20,7 @@ from hric_assessment.verdict.moment import picture
 from hric_assessment.verdict.result import Verdict
 from hric_bags import files
 from hric_bags.run_folder import runs_root
-from hric_control.errors import MISTAKE, HricError, check_known, refused_by_system
+from hric_core.errors import MISTAKE, HricError, check_known, refused_by_system
 
 FILE = "verdict.json"
 SEVERITY = (0, 4, 1)

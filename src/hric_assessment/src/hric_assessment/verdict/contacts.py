@@ -25,8 +25,8 @@ from hric_assessment.verdict.person import body_of
 from hric_assessment.verdict.result import warned
 from hric_bags.records.human_record import HumanRecord
 from hric_bags.records.region_contacts import ContactStream, RegionForce
-from hric_control import urdf
-from hric_control.errors import HricError
+from hric_core import urdf
+from hric_core.errors import HricError
 
 GROUP = "contact"
 TOPIC = "hric/human/contacts"

@@ -13,7 +13,7 @@ from hric_assessment.tables import niosh_table, verdict_table
 from hric_assessment.verdict.given import Given
 from hric_assessment.verdict.person import Person
 from hric_bags.records.human_record import GripRecord
-from hric_control.geometry import FloatArray
+from hric_core.geometry import FloatArray
 from hric_human.control.kinematics import GRAVITY
 
 GROUP = "lift"

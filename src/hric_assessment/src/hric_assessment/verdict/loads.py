@@ -13,8 +13,8 @@ from hric_assessment.verdict.person import Person
 from hric_assessment.verdict.result import Figure, numbers, thinned
 from hric_bags.records.human_record import HumanRecord
 from hric_bags.records.recording import Columns
-from hric_control.errors import HricError
-from hric_control.geometry import FloatArray, Pose
+from hric_core.errors import HricError
+from hric_core.geometry import FloatArray, Pose
 from hric_human.control.whole_body import RootMotion
 from hric_human.muscles.after_run import CUTOFF, Motion, MuscleLoad
 from hric_human.muscles.anatomy import Anatomy

@@ -9,8 +9,8 @@ import numpy as np
 from hric_bags.reader import opened, seconds
 from hric_bags.records.recording import RATE, Columns, Recording, Tracked
 from hric_bags.records.rows import Thinning
-from hric_control.geometry import FloatArray
-from hric_control.trial.c3d import read_trial
+from hric_core.geometry import FloatArray
+from hric_core.trial.c3d import read_trial
 from hric_human.body import Body, describe
 from hric_human.body.markers import marker_labels
 from hric_human.tracking import LOST, PersonTracker

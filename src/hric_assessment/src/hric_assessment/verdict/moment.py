@@ -11,8 +11,8 @@ from hric_assessment.separation.links import CapsuleMotion, capsules_of, moved_b
 from hric_assessment.verdict.conclusions import BY_DEFAULT, CONTACT, ORDER, OUTCOMES, POSTURE, Conclusion, Reply
 from hric_assessment.verdict.given import Given
 from hric_assessment.verdict.person import Person
-from hric_control import urdf
-from hric_control.geometry import FloatArray
+from hric_core import urdf
+from hric_core.geometry import FloatArray
 
 INSTANTS = 200
 """Number of instants in a finding's window among which the nearest one is searched (project default)."""

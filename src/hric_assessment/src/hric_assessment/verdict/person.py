@@ -8,9 +8,9 @@ from hric_assessment.verdict.given import Given
 from hric_bags.records.human_record import HumanRecord
 from hric_bags.records.recording import Tracked
 from hric_bags.records.root_record import RootRecord
-from hric_control import urdf
-from hric_control.geometry import FloatArray, Pose, compose, quaternion_from_rotation
-from hric_control.geometry.quaternions import normalized
+from hric_core import urdf
+from hric_core.geometry import FloatArray, Pose, compose, quaternion_from_rotation
+from hric_core.geometry.quaternions import normalized
 from hric_human.body import Body, describe
 from hric_human.participant.settings import HumanSettings
 from hric_perception.person.settings import PersonSettings

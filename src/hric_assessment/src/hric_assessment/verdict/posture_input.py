@@ -11,7 +11,7 @@ from hric_assessment.evidence import finite_rows, unknown
 from hric_assessment.tables import PostureTable, verdict_table
 from hric_assessment.verdict.person import Person
 from hric_bags.records.human_record import HumanRecord
-from hric_control.geometry import FloatArray, Pose
+from hric_core.geometry import FloatArray, Pose
 from hric_human.control.kinematics import GRAVITY
 from hric_human.control.marked_body import MarkedBody
 from hric_human.participant.settings import HAND

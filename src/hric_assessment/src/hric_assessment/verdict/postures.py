@@ -21,7 +21,7 @@ from hric_assessment.verdict.person import Person
 from hric_assessment.verdict.posture_input import posture_of, spread_of, task_of
 from hric_assessment.verdict.result import thinned
 from hric_bags.records.human_record import HumanRecord
-from hric_control.geometry import FloatArray
+from hric_core.geometry import FloatArray
 
 GROUP = "posture"
 UNSEEN = ("shoulder_elevation",)

@@ -11,7 +11,7 @@ import numpy as np
 from hric_assessment.findings import DISCLAIMER, Finding, Outcome
 from hric_assessment.tables import VerdictTable, verdict_table
 from hric_assessment.verdict.conclusions import GROUPS, ORDER, Conclusion, headline, outcome
-from hric_control.geometry import FloatArray
+from hric_core.geometry import FloatArray
 
 VERSION = 2
 """Version of the JSON; its schema is config/verdict.schema.json."""

@@ -17,8 +17,8 @@ from hric_assessment.verdict.given import Given
 from hric_assessment.verdict.person import Person
 from hric_assessment.verdict.result import numbers, thinned
 from hric_bags.reader import ControlRecord
-from hric_control import urdf
-from hric_control.geometry import FloatArray
+from hric_core import urdf
+from hric_core.geometry import FloatArray
 
 GROUP = "separation"
 SUBJECT = "distance from the arm"

@@ -21,7 +21,7 @@ from rosbags.interfaces import Connection
 
 from hric_bags.export.templates import Template
 from hric_bags.parts import PartsReader
-from hric_control.parameters import package_yaml
+from hric_core.parameters import package_yaml
 
 NAME = "recording"
 """Of files that are else called after the run or the bag."""

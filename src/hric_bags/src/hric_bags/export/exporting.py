@@ -16,8 +16,8 @@ from hric_bags.export.anonymous import Anonymiser
 from hric_bags.export.output import Output
 from hric_bags.export.recording import Source
 from hric_bags.export.table import ExportError, Table
-from hric_control.errors import HricError, ParameterError, UnknownNameError
-from hric_control.parameters import number
+from hric_core.errors import HricError, ParameterError, UnknownNameError
+from hric_core.parameters import number
 
 PLAIN = ("npz", "csv", "parquet")
 FORMATS = (*PLAIN, "trc", "mot", "sto", "external_loads", "c3d", "bag")

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from hric_bags.export.table import FloatArray, Table
-from hric_control.geometry.messages import rotation
-from hric_control.geometry.transforms import R_YUP_ZUP, homogeneous, inverse
-from hric_control.urdf import read
+from hric_core.geometry.messages import rotation
+from hric_core.geometry.transforms import R_YUP_ZUP, homogeneous, inverse
+from hric_core.urdf import read
 
 STATIC = "tf2_msgs/msg/TFMessage"
 MOCAP = "mocap"

@@ -18,7 +18,7 @@ from hric_bags.export.recording import Source
 from hric_bags.export.solving import SolveError, exported, load_model, only, output_folder, output_to, run_tool
 from hric_bags.export.table import FloatArray, Table
 from hric_control.plants import rotor_inertia
-from hric_control.trial.opensim_text import read_storage
+from hric_core.trial.opensim_text import read_storage
 
 MARGIN = 0.05
 """Left out at both ends, where the tool's splines have nothing beyond; project default, unconfirmed [s]."""

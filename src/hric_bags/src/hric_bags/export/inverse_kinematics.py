@@ -14,7 +14,7 @@ from hric_bags.export.opensim_text import marker_name
 from hric_bags.export.recording import Source
 from hric_bags.export.solving import SolveError, exported, load_model, only, output_folder, run_tool
 from hric_bags.export.table import FloatArray, Table
-from hric_control.trial.opensim_text import read_storage
+from hric_core.trial.opensim_text import read_storage
 
 MIN_MARKERS = 3
 ACCURACY = 1e-9

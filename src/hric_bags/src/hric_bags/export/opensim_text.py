@@ -1,5 +1,5 @@
 """The text formats of OpenSim: .trc for markers, .mot and .sto for everything else; written as its own readers want
-them. They are read by `hric_control.trial.opensim_text`."""
+them. They are read by `hric_core.trial.opensim_text`."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -18,7 +18,7 @@ from hric_bags.health import examine
 from hric_bags.health.salvage import ACTIVE
 from hric_bags.parts import PartsReader
 from hric_bags.run_folder import RunFolder
-from hric_control.errors import UnknownNameError
+from hric_core.errors import UnknownNameError
 
 RUN_CLOCK, BAG_CLOCK = "the start of the run", "the first recording of the bag"
 

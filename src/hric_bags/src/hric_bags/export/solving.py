@@ -11,7 +11,7 @@ from hric_bags import files
 from hric_bags.export.exporting import Request, export
 from hric_bags.export.recording import Source
 from hric_bags.export.table import ExportError, Table
-from hric_control.errors import HricError, failing
+from hric_core.errors import HricError, failing
 
 
 class SolveError(HricError):

@@ -29,7 +29,7 @@ from hric_bags.health.file_records import (
     Record,
     fields_of,
 )
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 
 MAGIC = b"#ROSBAG V2.0\n"
 _TIME, _POSITION, _ENTRY, _COUNT = (struct.Struct(layout) for layout in ("<II", "<Q", "<8sI", "<II"))

@@ -16,10 +16,10 @@ from hric_bags.health.checks import Finding
 from hric_bags.health.salvage import ACTIVE
 from hric_bags.health.streams import Stream, StreamGatherer
 from hric_bags.run_folder import RunFolder, runs_root
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 
 HEALTHY, PROBLEMS, DAMAGED = 0, 3, 4
-"""Exit codes of the health command, beside those of `hric_control.errors`."""
+"""Exit codes of the health command, beside those of `hric_core.errors`."""
 
 
 class HealthError(HricError):

@@ -8,7 +8,7 @@ from typing import Any
 
 from hric_bags.chunked_writer import ChunkedWriter
 from hric_bags.health.bag_records import BagScan, Connection
-from hric_control.errors import HricError, failing
+from hric_core.errors import HricError, failing
 
 ACTIVE, DAMAGED = ".active", ".damaged"
 

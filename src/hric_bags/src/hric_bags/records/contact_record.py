@@ -9,8 +9,8 @@ from typing import Any
 
 from hric_bags.parts import Bag
 from hric_bags.reader import opened, seconds
-from hric_control.errors import HricError
 from hric_control.sim import contact_info
+from hric_core.errors import HricError
 
 CONTACTS_TYPE = "gazebo_msgs/msg/ContactsState"
 PENALTY = "penalty"

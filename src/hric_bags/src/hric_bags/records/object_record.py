@@ -10,10 +10,10 @@ import numpy as np
 from hric_bags.parts import Bag
 from hric_bags.reader import FloatArray, opened
 from hric_bags.records.rows import seven
-from hric_control.errors import HricError
 from hric_control.plants import WindowlessConfig
 from hric_control.plants.models import Model, model_of_object
 from hric_control.plants.worlds import load_world
+from hric_core.errors import HricError
 
 STATES_TYPE = "gazebo_msgs/msg/ModelStates"
 

@@ -28,7 +28,7 @@ from hric_bags.records.human_record import TORQUE_TYPE, HumanMessages, HumanReco
 from hric_bags.records.one_publisher import JOINTS, JointStates, check_names, publishers
 from hric_bags.records.rows import Thinning, seven, times, xyz
 from hric_bags.records.safety_record import EVENT_TYPE, STATE_TYPE, SafetyMessages, SafetyRecord
-from hric_control.geometry import Pose
+from hric_core.geometry import Pose
 
 RATE = 100.0
 """Of what is kept of streams, at most [Hz]; project default."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from hric_bags.reader import FloatArray
 from hric_bags.records.rows import times, xyz
-from hric_control.geometry import Vector
+from hric_core.geometry import Vector
 
 CONTACTS_TYPE = "hric_msgs/msg/RegionContacts"
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hric_bags.reader import FloatArray
-from hric_control.geometry import Pose
+from hric_core.geometry import Pose
 
 
 @dataclass(frozen=True)

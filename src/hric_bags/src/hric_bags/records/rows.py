@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from hric_bags.reader import FloatArray
-from hric_control.geometry import Vector
+from hric_core.geometry import Vector
 
 
 def times(stamps: Iterable[float], robot_time: Callable[[float], float]) -> FloatArray:

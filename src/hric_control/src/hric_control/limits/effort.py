@@ -6,11 +6,11 @@ import sys
 from collections.abc import Iterable, Sequence
 from typing import ClassVar
 
-from hric_control.errors import HricError, check_known
 from hric_control.hardware_interface import JointCommands, JointStates
 from hric_control.limits.counts import LimitCounts
 from hric_control.limits.values import INFINITY, JointLimits
-from hric_control.native.vectors import touched
+from hric_core.errors import HricError, check_known
+from hric_core.native.vectors import touched
 
 TOUCHED = 1e-12
 """A limit was touched when it changed the command by more than this."""

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
-from hric_control.errors import DescriptionError, ParameterError, check_known, message_about
 from hric_control.limits.values import INFINITY, KINDS, JointLimits, check_kinds
-from hric_control.magnitudes import likely_unit
-from hric_control.node import Node
-from hric_control.parameters import Settings, choice, either, flag, listing, number, refused
-from hric_control.urdf import BOUNDED, Limit, SafetyController, read
+from hric_core.errors import DescriptionError, ParameterError, check_known, message_about
+from hric_core.magnitudes import likely_unit
+from hric_core.node import Node
+from hric_core.parameters import Settings, choice, either, flag, listing, number, refused
+from hric_core.urdf import BOUNDED, Limit, SafetyController, read
 
 URDF = "from the URDF"
 FAR_OUTSIDE = 0.5

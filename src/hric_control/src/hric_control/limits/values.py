@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, fields
 
-from hric_control.errors import ParameterError
+from hric_core.errors import ParameterError
 
 INFINITY = math.inf
 KINDS = ("position", "velocity", "effort", "effort_rate", "acceleration", "jerk", "soft")

@@ -16,8 +16,8 @@ from controller_manager_msgs.srv import (
     SwitchControllerRequest,
     UnloadController,
 )
-from hric_control.errors import FailureError
 from hric_control.manager.services import REFUSAL
+from hric_core.errors import FailureError
 
 SERVICES = ("load_controller", "unload_controller", "switch_controller", "list_controllers")
 

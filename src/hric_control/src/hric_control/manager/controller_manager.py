@@ -5,16 +5,16 @@ import math
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
-from hric_control import plugins, realtime
 from hric_control.controller import Controller
-from hric_control.errors import HricError, ParameterError, check_known, message_about
 from hric_control.manager.loaded_controller import ControllerStatus, LoadedController, UpdateStatistics
 from hric_control.manager.loop import ManagerLoop, describe, pass_ctrl_c
 from hric_control.manager.switching import BEST_EFFORT, STRICT, SwitchPlan, SwitchRequest, plan_switch
-from hric_control.node import Node
 from hric_control.robot_hw import ControllerInfo, RobotHW
-from hric_control.scoped_node import ScopedNode
 from hric_control.speed_scale import SpeedScaleInterface
+from hric_core import plugins, realtime
+from hric_core.errors import HricError, ParameterError, check_known, message_about
+from hric_core.node import Node
+from hric_core.scoped_node import ScopedNode
 
 LOOP_TIMEOUT = 2.0
 """How long a switch waits for the loop to take it up [s of wall time]."""

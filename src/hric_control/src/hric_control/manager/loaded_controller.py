@@ -6,8 +6,8 @@ from enum import StrEnum
 
 from hric_control.controller import Controller
 from hric_control.robot_hw import ControllerInfo
-from hric_control.scoped_node import ScopedNode
 from hric_control.speed_scale import RESOURCE, SpeedScaleInterface
+from hric_core.scoped_node import ScopedNode
 
 
 class ControllerState(StrEnum):

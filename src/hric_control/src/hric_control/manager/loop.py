@@ -7,10 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 from time import perf_counter
 
-from hric_control.errors import HricError
 from hric_control.manager.loaded_controller import ControllerState, LoadedController
 from hric_control.manager.switching import SwitchRequest
 from hric_control.robot_hw import RobotHW
+from hric_core.errors import HricError
 
 
 def describe(error: BaseException) -> str:

@@ -24,12 +24,12 @@ from controller_manager_msgs.srv import (
     UnloadController,
     UnloadControllerResponse,
 )
-from hric_control import realtime
-from hric_control.errors import HricError
 from hric_control.manager.controller_manager import ControllerManager
 from hric_control.manager.loaded_controller import ControllerStatus, UpdateStatistics
-from hric_control.node import Node
-from hric_control.robot_time import stamps
+from hric_core import realtime
+from hric_core.errors import HricError
+from hric_core.node import Node
+from hric_core.robot_time import stamps
 
 NAMESPACE = "controller_manager"
 REFUSAL = "refusal"

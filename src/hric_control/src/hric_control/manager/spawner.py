@@ -12,12 +12,12 @@ import rospy
 from std_msgs.msg import Bool
 
 from controller_manager_msgs.srv import SwitchControllerRequest
-from hric_control.errors import HricError
 from hric_control.manager.client import ManagerClient, check_master
-from hric_control.parameters import read_yaml
-from hric_control.processes import run_command
-from hric_control.ros import RosNode
-from hric_control.ros.process import check_private, refuse_unread
+from hric_core.errors import HricError
+from hric_core.parameters import read_yaml
+from hric_core.processes import run_command
+from hric_core.ros import RosNode
+from hric_core.ros.process import check_private, refuse_unread
 
 
 def spawner_parser() -> argparse.ArgumentParser:

@@ -4,8 +4,8 @@ import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from hric_control.errors import HricError, UnknownNameError
 from hric_control.manager.loaded_controller import LoadedController
+from hric_core.errors import HricError, UnknownNameError
 
 BEST_EFFORT = 1
 """Skip names that cannot be switched."""

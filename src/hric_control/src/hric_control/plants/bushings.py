@@ -15,11 +15,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hric_control.errors import HricError, ParameterError, UnknownNameError
-from hric_control.geometry import FloatArray, quaternions
-from hric_control.geometry.quaternions import Quaternion, Vector, cross, rotated
-from hric_control.geometry.transforms import quaternion_from_rotation
 from hric_control.plant import Bushing, BushingLoad
+from hric_core.errors import HricError, ParameterError, UnknownNameError
+from hric_core.geometry import FloatArray, quaternions
+from hric_core.geometry.quaternions import Quaternion, Vector, cross, rotated
+from hric_core.geometry.transforms import quaternion_from_rotation
 
 ZERO: Vector = (0.0, 0.0, 0.0)
 

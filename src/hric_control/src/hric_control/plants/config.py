@@ -5,8 +5,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from hric_control.geometry import Vector
-from hric_control.parameters import (
+from hric_control.plants.surfaces import SurfaceRule
+from hric_core.geometry import Vector
+from hric_core.parameters import (
     Settings,
     choice,
     flag,
@@ -20,7 +21,6 @@ from hric_control.parameters import (
     text,
     whole,
 )
-from hric_control.plants.surfaces import SurfaceRule
 
 LARGEST_GRAVITY = 10.0
 """[m/s^2]; Earth's is 9.83 at most, at the poles (WGS 84)."""

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from hric_control.errors import FailureError
+from hric_core.errors import FailureError
 
 VELOCITY_FACTOR = 100.0
 """Multiple of its velocity limit up to which a joint has not diverged, however fast it may turn [1]; default chosen by

@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 from typing import Protocol
 
-from hric_control.errors import CommandError
 from hric_control.plant import Articulated, Bushing, BushingLoad, DrivenPlant, Mode
 from hric_control.plants.bushings import Bushings
 from hric_control.plants.moving_joints import MovingJoints
+from hric_core.errors import CommandError
 
 
 class DrivenRobot(Protocol):

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hric_control.geometry.transforms import FloatArray, cross
+from hric_core.geometry.transforms import FloatArray, cross
 
 KINDS = ("sphere", "capsule", "cylinder", "box", "plane", "hull")
 _ROUND = 12

@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from hric_control.errors import ParameterError
-from hric_control.parameters import Mistakes, as_number, refused, unknown
+from hric_core.errors import ParameterError
+from hric_core.parameters import Mistakes, as_number, refused, unknown
 
 PHI = ("phi1", "phi2", "phi3")
 Phi = tuple[float, float, float]

@@ -4,8 +4,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
-from hric_control.parameters import Settings, listing, read_yaml, section, text
-from hric_control.plants.resources import resolve
+from hric_core.parameters import Settings, listing, read_yaml, section, text
+from hric_core.resources import resolve
 
 DEFAULT = "package://hric_control/config/collision_masks.yaml"
 

@@ -10,13 +10,13 @@ from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
-from hric_control.errors import DescriptionError, HricError, ParameterError, UnknownNameError
-from hric_control.geometry import FloatArray, MassProperties
 from hric_control.plant import Load, Surface
-from hric_control.plants.resources import read_description
 from hric_control.plants.surfaces import Surfaces
 from hric_control.plants.worlds import PLAIN_LINK, WorldObject
-from hric_control.urdf import Robot, read, write_inertial
+from hric_core.errors import DescriptionError, HricError, ParameterError, UnknownNameError
+from hric_core.geometry import FloatArray, MassProperties
+from hric_core.resources import read_description
+from hric_core.urdf import Robot, read, write_inertial
 
 _PLANE_DRAWN = 2.0
 """Side of the square that represents a plane in pictures [m]; project default, unconfirmed."""

@@ -7,12 +7,12 @@ from typing import TypeVar
 
 import numpy as np
 
-from hric_control import urdf
-from hric_control.errors import CommandError, UnknownNameError
 from hric_control.plant import FloatArray, Mode
 from hric_control.plants.config import PlantConfig
 from hric_control.plants.divergence import Divergence
 from hric_control.plants.friction import FADE, GIVE, Phi, breakaways, refuse_other_joints, sigmoid_parameters
+from hric_core import urdf
+from hric_core.errors import CommandError, UnknownNameError
 
 T = TypeVar("T")
 

@@ -4,9 +4,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 
-from hric_control.errors import ParameterError, UnknownNameError, check_known
-from hric_control.parameters import Settings, choice, number, text
 from hric_control.plant import Surface
+from hric_core.errors import ParameterError, UnknownNameError, check_known
+from hric_core.parameters import Settings, choice, number, text
 
 
 @dataclass(frozen=True)

@@ -4,13 +4,13 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
-from hric_control.errors import HricError, ParameterError, UnknownNameError
-from hric_control.geometry import FloatArray, transform_from_rpy
-from hric_control.node import REQUIRED
-from hric_control.parameters import Settings, choice, listing, number, numbers, read_yaml, refused, section, text
 from hric_control.plant import Surface
-from hric_control.plants.resources import resolve
 from hric_control.plants.surfaces import SurfaceRule, SurfaceSettings
+from hric_core.errors import HricError, ParameterError, UnknownNameError
+from hric_core.geometry import FloatArray, transform_from_rpy
+from hric_core.node import REQUIRED
+from hric_core.parameters import Settings, choice, listing, number, numbers, read_yaml, refused, section, text
+from hric_core.resources import resolve
 
 DENSEST = 2.3e4
 """[kg/m^3]; the densest element, osmium, has 2.26e4."""

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hric_control.errors import ParameterError
-from hric_control.geometry import FloatArray
+from hric_core.errors import ParameterError
+from hric_core.geometry import FloatArray
 
 
 @dataclass

@@ -3,7 +3,7 @@ whom the run waits, does not keep up."""
 
 from collections.abc import Callable
 
-from hric_control.robot_time.schedule import NS, Schedule
+from hric_core.robot_time.schedule import NS, Schedule
 
 STEP = 20_000_000
 """Between knots of the schedule [ns of wall time]. The constants of this file are project defaults, unconfirmed."""

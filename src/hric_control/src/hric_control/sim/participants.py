@@ -4,10 +4,10 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any
 
-from hric_control import plugins
-from hric_control.errors import ParameterError
-from hric_control.node import Node
 from hric_control.plant import Plant
+from hric_core import plugins
+from hric_core.errors import ParameterError
+from hric_core.node import Node
 
 
 class Participant(ABC):

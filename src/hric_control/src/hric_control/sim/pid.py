@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from hric_control.parameters import Settings, anything, number, refused
+from hric_core.parameters import Settings, anything, number, refused
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from hric_control import limits
-from hric_control.errors import DescriptionError, HricError, ResourceConflictError
 from hric_control.hardware_interface import (
     EffortJointInterface,
     JointCommandInterface,
@@ -13,13 +12,14 @@ from hric_control.hardware_interface import (
     PositionJointInterface,
     VelocityJointInterface,
 )
-from hric_control.node import Node
-from hric_control.parameters import Settings, flag, mapping, number, per_joint
 from hric_control.plant import DrivenPlant, Mode
 from hric_control.robot_hw import ControllerInfo, LogRow
 from hric_control.sim.pid import Pid, PidGains
 from hric_control.sim.simulated_robot import SimulatedRobot
 from hric_control.transmission import parse_transmissions
+from hric_core.errors import DescriptionError, HricError, ResourceConflictError
+from hric_core.node import Node
+from hric_core.parameters import Settings, flag, mapping, number, per_joint
 
 _MODES: dict[type[JointCommandInterface], Mode] = {
     EffortJointInterface: Mode.EFFORT,

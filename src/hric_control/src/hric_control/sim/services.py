@@ -8,15 +8,15 @@ import numpy as np
 from std_srvs.srv import Empty
 
 from gazebo_msgs.srv import ApplyBodyWrench, BodyRequest, DeleteModel, GetLinkState, SetModelConfiguration, SpawnModel
-from hric_control.errors import CommandError, HricError, check_known
-from hric_control.geometry import messages
-from hric_control.geometry.transforms import inverse
 from hric_control.limits import JointLimits, load_limits
-from hric_control.node import Node
 from hric_control.plant import FloatArray
 from hric_control.sim.simulated_robot import SimulatedRobot
 from hric_control.sim.topics import SimTopics
-from hric_control.urdf import read
+from hric_core.errors import CommandError, HricError, check_known
+from hric_core.geometry import messages
+from hric_core.geometry.transforms import inverse
+from hric_core.node import Node
+from hric_core.urdf import read
 from hric_msgs.srv import StepSimulation
 
 WORLD = ("", "world", "map")

@@ -19,11 +19,11 @@ from queue import Empty, SimpleQueue
 from time import monotonic_ns
 from typing import Any, Generic, TypeVar
 
-from hric_control.errors import HricError
-from hric_control.parameters import number
-from hric_control.robot_time.schedule import NS
 from hric_control.sim.loop_stats import LoopMeter, LoopStats
 from hric_control.sim.pace import Pace
+from hric_core.errors import HricError
+from hric_core.parameters import number
+from hric_core.robot_time.schedule import NS
 
 T = TypeVar("T")
 

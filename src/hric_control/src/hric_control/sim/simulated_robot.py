@@ -5,15 +5,15 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from typing import Any
 
-from hric_control import plugins
-from hric_control.errors import CommandError
 from hric_control.hardware_interface import JointStates
-from hric_control.node import Node
 from hric_control.plant import Plant
 from hric_control.plants import rotor_inertia
 from hric_control.robot_hw import OnCycle, RobotHW
 from hric_control.sim.participants import Participants
 from hric_control.sim.sim_loop import SimLoop
+from hric_core import plugins
+from hric_core.errors import CommandError
+from hric_core.node import Node
 
 DEFAULT_PLANT = "pybullet_ros_control/PyBulletPlant"
 

@@ -8,15 +8,15 @@ from geometry_msgs.msg import Point, Pose, Twist, Vector3, Wrench
 from sensor_msgs.msg import JointState
 
 from gazebo_msgs.msg import ContactsState, ContactState, ModelStates
-from hric_control import realtime
-from hric_control.errors import HricError
-from hric_control.geometry import messages
-from hric_control.node import Node
 from hric_control.plant import Contact, FloatArray, JointReaction, ReactingPlant
-from hric_control.robot_time import stamps
 from hric_control.sim import contact_info
 from hric_control.sim.simulated_robot import SimulatedRobot
-from hric_control.urdf import read
+from hric_core import realtime
+from hric_core.errors import HricError
+from hric_core.geometry import messages
+from hric_core.node import Node
+from hric_core.robot_time import stamps
+from hric_core.urdf import read
 from hric_msgs.msg import JointReactions
 
 CONTACTS_PERIOD = 0.01

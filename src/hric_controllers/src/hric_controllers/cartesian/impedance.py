@@ -10,15 +10,8 @@ from geometry_msgs.msg import PoseStamped, WrenchStamped
 
 from franka_hw_interface.interfaces import FrankaModelInterface, FrankaStateInterface
 from franka_hw_interface.model import Frame
-from hric_control import realtime
 from hric_control.controller import Controller
-from hric_control.errors import CommandError
-from hric_control.geometry import Pose
-from hric_control.geometry.messages import fill_pose
 from hric_control.hardware_interface import EffortJointInterface
-from hric_control.live import live_parameters
-from hric_control.node import Node, Registration
-from hric_control.parameters import Settings, names, number, per_joint, refused
 from hric_control.robot_hw import RobotHW
 from hric_control.speed_scale import SpeedScale, SpeedScaleInterface
 from hric_controllers import parameters
@@ -26,6 +19,13 @@ from hric_controllers.cartesian.law import Arm, CartesianLaw, Compliance, FloatA
 from hric_controllers.cartesian.workspace import JumpSettings, check_equilibrium
 from hric_controllers.dynamics import added_gravity, rotor_inertia
 from hric_controllers.state.messages import to_pose
+from hric_core import realtime
+from hric_core.errors import CommandError
+from hric_core.geometry import Pose
+from hric_core.geometry.messages import fill_pose
+from hric_core.live import live_parameters
+from hric_core.node import Node, Registration
+from hric_core.parameters import Settings, names, number, per_joint, refused
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from hric_control.geometry import poses
+from hric_core.geometry import poses
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -6,12 +6,12 @@ import numpy as np
 
 from franka_hw_interface.interfaces import FrankaPoseCartesianInterface
 from hric_control.controller import Controller
-from hric_control.node import Node, Registration
 from hric_control.robot_hw import RobotHW
 from hric_control.speed_scale import SpeedScaleInterface
 from hric_controllers.cartesian.impedance import CartesianImpedanceController
 from hric_controllers.marker.pose_tracking import PoseTracking
 from hric_controllers.parameters import ArmSettings
+from hric_core.node import Node, Registration
 
 
 class CartesianPoseController(Controller):

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from hric_control.errors import CommandError, HricError
-from hric_control.geometry import Pose, Vector, messages
-from hric_control.geometry.poses import difference
-from hric_control.geometry.quaternions import is_rotation
-from hric_control.parameters import Settings, number, numbers, refused
+from hric_core.errors import CommandError, HricError
+from hric_core.geometry import Pose, Vector, messages
+from hric_core.geometry.poses import difference
+from hric_core.geometry.quaternions import is_rotation
+from hric_core.parameters import Settings, number, numbers, refused
 
 Rows = tuple[Vector, Vector, Vector]
 ORTHONORMAL = 1e-6

@@ -8,12 +8,8 @@ from typing import Any
 from std_msgs.msg import Float64MultiArray
 
 from control_msgs.msg import JointTrajectoryControllerState
-from hric_control import realtime
 from hric_control.controller import Controller
-from hric_control.errors import CommandError, ParameterError
 from hric_control.hardware_interface import EffortJointInterface
-from hric_control.node import LiveParameter, Node
-from hric_control.parameters import Settings, flag, names, number, per_joint, section
 from hric_control.robot_hw import RobotHW
 from hric_control.speed_scale import ScaledTime, SpeedScale, SpeedScaleInterface
 from hric_controllers import parameters
@@ -21,6 +17,10 @@ from hric_controllers.dynamics import added_gravity, kd_check
 from hric_controllers.joint.pd_law import PdLaw
 from hric_controllers.state.messages import build_state
 from hric_controllers.trajectory.trapezoid import TrapezoidProfile
+from hric_core import realtime
+from hric_core.errors import CommandError, ParameterError
+from hric_core.node import LiveParameter, Node
+from hric_core.parameters import Settings, flag, names, number, per_joint, section
 
 LARGEST_GAIN = 1e5
 """Upper end of the range that dynamic_reconfigure shows for a gain; far above useful values."""
@@ -84,8 +84,9 @@ class LiveGains:
         return tuple(float(values.get(name, before[name])) for name in self._names[kind])
 
     def publish_start(self) -> None:
-        """Write the gains of the YAML to the parameter server under their live names, so that values of an earlier run do
-        not apply.
+        """Write the gains of the YAML to the parameter server under their live names.
+
+        So values that an earlier run left there do not apply.
 
         Raises:
             ParameterError: only some of the live names exist: no run left them, and they would have no effect.

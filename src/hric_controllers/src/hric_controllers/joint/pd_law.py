@@ -5,7 +5,7 @@ tau = Kp (q_d - q) - Kd dq  [+ g(q), added by the caller's function]      thesis
 
 from collections.abc import Callable, Sequence
 
-from hric_control.native.vectors import spring_damper
+from hric_core.native.vectors import spring_damper
 
 Gravity = Callable[[list[float]], list[float]]
 """Function that maps joint positions q (n floats [rad]) to gravity torques (n floats [N m])."""

@@ -8,7 +8,7 @@ The integral itself is limited to what the clamp allows (anti-windup).
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from hric_control.parameters import Settings, anything, number
+from hric_core.parameters import Settings, anything, number
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
 
-from hric_control.geometry import Vector, quaternions
 from hric_controllers.cartesian.workspace import Box, FrameRotation
 from hric_controllers.marker.sample import Marker, SampleValidator
+from hric_core.geometry import Vector, quaternions
 
 
 class Tracking(Enum):

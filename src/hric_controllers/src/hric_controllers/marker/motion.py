@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 from ruckig import ControlInterface, InputParameter, OutputParameter, Result, Ruckig, Synchronization, Trajectory
 
-from hric_control.errors import HricError
-from hric_control.parameters import Settings, number
 from hric_controllers.trajectory.trapezoid import TrapezoidProfile
+from hric_core.errors import HricError
+from hric_core.parameters import Settings, number
 
 SETTLED = 1e-9
 """Distance from the target below which the filter of the target ends [m or rad]."""

@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 
 from franka_hw_interface.limits import franka_limits
-from hric_control.parameters import Settings, choice, listing, number, numbers, refused, section, text
 from hric_controllers.cartesian.workspace import Box, FrameRotation
 from hric_controllers.marker.follower import FollowerConfig
 from hric_controllers.marker.motion import MotionLimits
 from hric_controllers.marker.sample import SampleValidator
 from hric_controllers.parameters import state_rate
+from hric_core.parameters import Settings, choice, listing, number, numbers, refused, section, text
 
 SOURCES = {"mocap": "hric/perception/mocap", "point": "mocap/marker", "none": ""}
 """Default topic of the markers in the robot's namespace, by source."""

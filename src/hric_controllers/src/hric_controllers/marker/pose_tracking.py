@@ -7,11 +7,6 @@ from typing import Any
 
 from geometry_msgs.msg import PoseStamped
 
-from hric_control import realtime
-from hric_control.errors import CommandError, HricError
-from hric_control.geometry import Pose, quaternions
-from hric_control.geometry.messages import fill_pose
-from hric_control.node import Node, Registration
 from hric_control.speed_scale import SpeedScale
 from hric_controllers.cartesian.workspace import check_equilibrium
 from hric_controllers.marker.follower import MarkerFollower, PoseOffset, Tracking
@@ -21,6 +16,11 @@ from hric_controllers.marker.parameters import TrackingSettings
 from hric_controllers.marker.sample import Marker, subscribe_markers
 from hric_controllers.parameters import Throttle
 from hric_controllers.state.messages import to_pose
+from hric_core import realtime
+from hric_core.errors import CommandError, HricError
+from hric_core.geometry import Pose, quaternions
+from hric_core.geometry.messages import fill_pose
+from hric_core.node import Node, Registration
 from hric_msgs.msg import MarkerTrackingState
 
 

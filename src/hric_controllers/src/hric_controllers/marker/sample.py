@@ -11,8 +11,8 @@ from typing import Any
 
 from geometry_msgs.msg import Point
 
-from hric_control.geometry import Quaternion, Vector
-from hric_control.node import Node, Registration
+from hric_core.geometry import Quaternion, Vector
+from hric_core.node import Node, Registration
 from hric_msgs.msg import MocapData
 
 UNIT = 0.01

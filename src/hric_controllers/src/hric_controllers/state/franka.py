@@ -8,13 +8,13 @@ from tf2_msgs.msg import TFMessage
 
 from franka_hw_interface.interfaces import FrankaStateInterface
 from franka_msgs.msg import FrankaState
-from hric_control import realtime
 from hric_control.controller import Controller
-from hric_control.node import Node
-from hric_control.parameters import names, number
 from hric_control.robot_hw import RobotHW
 from hric_controllers.parameters import HIGHEST_RATE, LOWEST_RATE, ArmSettings, Throttle
 from hric_controllers.state import messages
+from hric_core import realtime
+from hric_core.node import Node
+from hric_core.parameters import names, number
 
 
 @dataclass(frozen=True)

@@ -4,14 +4,14 @@ from dataclasses import dataclass
 
 from sensor_msgs.msg import JointState
 
-from hric_control import realtime
 from hric_control.controller import Controller
 from hric_control.hardware_interface import JointStateInterface
-from hric_control.node import Node
-from hric_control.parameters import Settings, listing, number, refused, section, text
 from hric_control.robot_hw import RobotHW
 from hric_controllers.parameters import HIGHEST_RATE, LOWEST_RATE, Throttle
 from hric_controllers.state.messages import joint_state
+from hric_core import realtime
+from hric_core.node import Node
+from hric_core.parameters import Settings, listing, number, refused, section, text
 
 
 @dataclass(frozen=True)

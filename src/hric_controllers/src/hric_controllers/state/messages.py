@@ -14,7 +14,7 @@ from tf2_msgs.msg import TFMessage
 
 from franka_hw_interface.robot_state import FIELD_NAMES, RobotState
 from franka_msgs.msg import Errors, FrankaState
-from hric_control.geometry import Pose, quaternions
+from hric_core.geometry import Pose, quaternions
 
 _PLAIN = tuple(name for name in FIELD_NAMES if name not in ("current_errors", "last_motion_errors", "robot_mode"))
 

@@ -8,11 +8,8 @@ from trajectory_msgs.msg import JointTrajectory
 
 from control_msgs.msg import FollowJointTrajectoryAction, FollowJointTrajectoryFeedback, JointTrajectoryControllerState
 from control_msgs.srv import QueryTrajectoryState, QueryTrajectoryStateResponse
-from hric_control import realtime
 from hric_control.controller import Controller
-from hric_control.errors import HricError
 from hric_control.hardware_interface import EffortJointInterface, JointCommandInterface, PositionJointInterface
-from hric_control.node import GoalHandle, Node
 from hric_control.robot_hw import RobotHW
 from hric_control.speed_scale import ScaledTime, SpeedScaleInterface
 from hric_controllers.dynamics import added_gravity, kd_check
@@ -24,6 +21,9 @@ from hric_controllers.trajectory.follower import Follower, GoalTolerances, Order
 from hric_controllers.trajectory.goal import RunningGoal, result
 from hric_controllers.trajectory.message import INVALID_GOAL, TrajectoryError
 from hric_controllers.trajectory.settings import EffortTrajectorySettings, TrajectorySettings, continuous_joints
+from hric_core import realtime
+from hric_core.errors import HricError
+from hric_core.node import GoalHandle, Node
 
 
 class JointTrajectoryController(Controller):

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from hric_control.errors import CommandError
 from hric_controllers.trajectory.message import GOAL_TOLERANCE_VIOLATED, PATH_TOLERANCE_VIOLATED, SUCCESSFUL, Waypoints
 from hric_controllers.trajectory.spline import Track, follow, hold, stop
+from hric_core.errors import CommandError
 
 
 class JointToleranceLike(Protocol):

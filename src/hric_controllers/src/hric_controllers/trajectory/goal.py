@@ -4,8 +4,8 @@ import threading
 from typing import Any
 
 from control_msgs.msg import FollowJointTrajectoryResult
-from hric_control.node import GoalHandle
 from hric_controllers.trajectory.message import SUCCESSFUL
+from hric_core.node import GoalHandle
 
 
 def result(code: int, text: str) -> FollowJointTrajectoryResult:

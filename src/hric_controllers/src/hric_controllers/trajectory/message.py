@@ -4,8 +4,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from hric_control.errors import CommandError
 from hric_controllers.trajectory.spline import Waypoint
+from hric_core.errors import CommandError
 
 SUCCESSFUL = 0
 INVALID_GOAL = -1

@@ -4,12 +4,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from hric_control.node import Node
-from hric_control.parameters import Settings, below, flag, mapping, names, number, per_joint, section, unknown
-from hric_control.urdf import read
 from hric_controllers.joint.pid import PidGains
 from hric_controllers.parameters import STRICT_GAINS, LawSettings, state_rate
 from hric_controllers.trajectory.follower import GoalTolerances, Tolerance
+from hric_core.node import Node
+from hric_core.parameters import Settings, below, flag, mapping, names, number, per_joint, section, unknown
+from hric_core.urdf import read
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ This grows with c, so c follows from x in closed form. Everything is plain Pytho
 import math
 from collections.abc import Sequence
 
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 
 
 def direction(distance: float, velocity: float, acceleration: float) -> float:

@@ -20,8 +20,8 @@ from hric_assessment.ergonomics.effort import log_dimensionless_jerk
 from hric_bags.reader import FloatArray
 from hric_bags.records.human_record import GripRecord
 from hric_bags.records.object_record import models
-from hric_control.geometry import MassProperties
 from hric_control.plants import WindowlessConfig
+from hric_core.geometry import MassProperties
 from hric_human.participant.settings import HumanSettings
 
 ON_LINE = 1e-3

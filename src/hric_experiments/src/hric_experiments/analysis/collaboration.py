@@ -15,7 +15,7 @@ from hric_assessment.verdict.choices import Choices
 from hric_assessment.verdict.given import Given
 from hric_assessment.verdict.person import people_of
 from hric_assessment.verdict.separating import TOUCHING, Separated, separated, separation_finding
-from hric_control.geometry import FloatArray, compose
+from hric_core.geometry import FloatArray, compose
 from hric_experiments.analysis import contacts
 from hric_experiments.analysis.human import Person
 from hric_human.body import describe

@@ -10,7 +10,7 @@ from hric_bags import text as text_table
 from hric_bags.reader import RunRecord
 from hric_bags.records import human_record
 from hric_bags.run_folder import RunFolder
-from hric_control.errors import UnknownNameError
+from hric_core.errors import UnknownNameError
 from hric_experiments.analysis import comparison, human_difference
 from hric_experiments.analysis.comparison import Comparison
 from hric_experiments.analysis.run import bag_of

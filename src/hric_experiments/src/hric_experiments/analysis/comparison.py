@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hric_bags.reader import ControlRecord, RunRecord
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_experiments.analysis.metrics import Move, moves
 
 FloatArray = npt.NDArray[np.float64]

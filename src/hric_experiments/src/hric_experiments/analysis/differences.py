@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from hric_control.parameters import read_yaml
+from hric_core.parameters import read_yaml
 from hric_experiments.definition.experiment import config_path
 
 CHATTER = 0.1

@@ -11,9 +11,9 @@ from hric_bags.export import loads
 from hric_bags.export.opensim_text import write_storage
 from hric_bags.files import atomic
 from hric_bags.records.human_record import HumanRecord
-from hric_control.geometry import Pose, homogeneous
-from hric_control.geometry.transforms import rotation_from_quaternion
-from hric_control.urdf import write_origin
+from hric_core.geometry import Pose, homogeneous
+from hric_core.geometry.transforms import rotation_from_quaternion
+from hric_core.urdf import write_origin
 from hric_experiments.definition.parameters import HUMAN
 from hric_human.body import describe
 from hric_human.muscles.choose import find

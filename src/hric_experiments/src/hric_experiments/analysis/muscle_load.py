@@ -21,13 +21,13 @@ from hric_bags.files import atomic
 from hric_bags.records import human_record, tracked_person
 from hric_bags.records.human_record import HumanRecord
 from hric_bags.run_folder import RunFolder, runs_root
-from hric_control.errors import HricError
-from hric_control.geometry import FloatArray, Pose, Vector
-from hric_control.geometry.poses import inverse
-from hric_control.geometry.transforms import R_YUP_ZUP, rotation_from_quaternion
 from hric_control.plants import WindowlessConfig
-from hric_control.trial.c3d import read_trial
-from hric_control.trial.plates import TrialPlate
+from hric_core.errors import HricError
+from hric_core.geometry import FloatArray, Pose, Vector
+from hric_core.geometry.poses import inverse
+from hric_core.geometry.transforms import R_YUP_ZUP, rotation_from_quaternion
+from hric_core.trial.c3d import read_trial
+from hric_core.trial.plates import TrialPlate
 from hric_experiments.analysis.run import bag_of
 from hric_experiments.definition import experiment
 from hric_human.body import Body, describe

@@ -11,7 +11,7 @@ import scipy
 
 from hric_bags.parts import Bag
 from hric_bags.reader import BagError, ControlRecord, RunRecord
-from hric_control.urdf import read
+from hric_core.urdf import read
 from hric_experiments.analysis import tracking, tracking_record
 from hric_experiments.analysis.tracking import Followed
 from hric_experiments.analysis.tracking_record import TrackingRecord

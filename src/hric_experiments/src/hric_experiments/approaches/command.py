@@ -17,8 +17,8 @@ from hric_assessment.findings import DISCLAIMER
 from hric_assessment.findings import Outcome as Result
 from hric_assessment.verdict.conclusions import ORDER
 from hric_assessment.verdict.result import EXIT_CODES
-from hric_control.errors import HricError
-from hric_control.parameters import whole
+from hric_core.errors import HricError
+from hric_core.parameters import whole
 from hric_experiments.analysis.contacts import CONTACT_AREA
 from hric_experiments.approaches.draw import draw
 from hric_experiments.approaches.meetings import MOVING, PUSHED, STANDING_ARM, ContactEvent

@@ -12,7 +12,7 @@ from hric_assessment.findings import Finding, Outcome
 from hric_assessment.supervisor.arm import ArmShape, ArmState
 from hric_assessment.supervisor.separation import STANDING
 from hric_bags.reader import ControlRecord
-from hric_control.geometry import FloatArray
+from hric_core.geometry import FloatArray
 from hric_experiments.analysis.contacts import counted_share
 
 BEFORE = 0.002

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from hric_assessment.contact.limits import PARTED
-from hric_control.errors import FailureError
+from hric_core.errors import FailureError
 from hric_experiments.approaches.draw import LONGEST, Approach
 from hric_experiments.approaches.meetings import ContactEvent
 from hric_experiments.simulation import Simulation

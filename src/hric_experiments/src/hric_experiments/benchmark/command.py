@@ -12,8 +12,8 @@ from tqdm import tqdm
 
 from hric_bags import files
 from hric_bags.run_folder import RunFolder, iso_now, runs_root
-from hric_control.errors import HricError
-from hric_control.parameters import read_yaml, whole
+from hric_core.errors import HricError
+from hric_core.parameters import read_yaml, whole
 from hric_experiments import provenance
 from hric_experiments.benchmark import definition, results, running, scoring, text
 from hric_experiments.benchmark.definition import Benchmark, Controller

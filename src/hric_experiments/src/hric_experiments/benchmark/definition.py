@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from hric_control.errors import HricError, ParameterError, UnknownNameError, message_about
-from hric_control.parameters import (
+from hric_core.errors import HricError, ParameterError, UnknownNameError, message_about
+from hric_core.parameters import (
     Mistakes,
     Settings,
     choice,

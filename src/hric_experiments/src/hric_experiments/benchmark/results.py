@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from hric_assessment.findings import DISCLAIMER
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_experiments.benchmark.definition import (
     ERGONOMICS,
     TASK,

@@ -11,7 +11,7 @@ from hric_bags.export import recording
 from hric_bags.export.recording import Source
 from hric_bags.export.table import Table
 from hric_bags.reader import FRANKA_TYPE, LOG_TYPE
-from hric_control.errors import UnknownNameError
+from hric_core.errors import UnknownNameError
 
 JOINT_TYPE = "sensor_msgs/msg/JointState"
 TYPES = (LOG_TYPE, FRANKA_TYPE, JOINT_TYPE)

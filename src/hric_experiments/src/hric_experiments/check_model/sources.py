@@ -13,8 +13,8 @@ from franka_hw_interface.friction_file import JOINTS, read_parameters
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from hric_bags.run_folder import runs_root
 from hric_control.plants import Phi, breakaways, sigmoid_parameters
-from hric_control.plants.resources import read_description
-from hric_control.urdf import read
+from hric_core.resources import read_description
+from hric_core.urdf import read
 from hric_experiments.check_model import csv_log
 
 FRICTIONS = ("none", "identified")

@@ -9,10 +9,11 @@ from pathlib import Path
 from textwrap import indent
 from typing import TYPE_CHECKING, Any
 
-from hric_control.errors import HricError, ParameterError, UnknownNameError, message_about
-from hric_control.geometry import ORIGIN, Vector
-from hric_control.node import REQUIRED
-from hric_control.parameters import (
+from hric_core import resources
+from hric_core.errors import HricError, ParameterError, UnknownNameError, message_about
+from hric_core.geometry import ORIGIN, Vector
+from hric_core.node import REQUIRED
+from hric_core.parameters import (
     Mistakes,
     Parameter,
     Settings,
@@ -29,9 +30,8 @@ from hric_control.parameters import (
     text,
     unknown,
 )
-from hric_control.parameters import names as names_
-from hric_control.plants import resources
-from hric_control.trial.c3d import located
+from hric_core.parameters import names as names_
+from hric_core.trial.c3d import located
 
 if TYPE_CHECKING:
     from hric_experiments.definition.sections import EmgSection, MocapSection, PlateSection, SyncSection

@@ -12,9 +12,9 @@ import numpy as np
 import yaml
 
 from franka_hw_interface.friction_file import read_parameters
-from hric_control import yaml_text
-from hric_control.errors import ParameterError
-from hric_control.parameters import declared
+from hric_core import yaml_text
+from hric_core.errors import ParameterError
+from hric_core.parameters import declared
 from hric_experiments.definition.experiment import ExperimentError, MetricsSpec, RobotSpec
 
 SHORTCUTS: dict[str, tuple[str, str]] = {

@@ -10,14 +10,14 @@ from typing import Any
 
 import panda_description
 from franka_msgs.srv import SetLoadRequest
-from hric_control import plugins, yaml_text
-from hric_control.errors import HricError, check_known
-from hric_control.geometry import quaternion_from_rotation, transform_from_rpy
-from hric_control.magnitudes import likely_unit
-from hric_control.plants import BREAKAWAY, PHI, breakaways, refuse_other_joints, resources, sigmoid_parameters
+from hric_control.plants import BREAKAWAY, PHI, breakaways, refuse_other_joints, sigmoid_parameters
 from hric_control.sim.robot_hw_sim import RobotHWSim
-from hric_control.trial.c3d import located
-from hric_control.urdf import read
+from hric_core import plugins, resources, yaml_text
+from hric_core.errors import HricError, check_known
+from hric_core.geometry import quaternion_from_rotation, transform_from_rpy
+from hric_core.magnitudes import likely_unit
+from hric_core.trial.c3d import located
+from hric_core.urdf import read
 from hric_experiments.definition.experiment import Experiment, ExperimentError, RobotSpec, Setpoint, package_path
 
 ROBOT = "robot"

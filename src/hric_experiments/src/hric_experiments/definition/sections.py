@@ -16,7 +16,7 @@ from urllib.parse import urlparse
 import numpy as np
 
 from hric_assessment.supervisor.settings import SupervisorSettings
-from hric_control.parameters import (
+from hric_core.parameters import (
     Parameter,
     Settings,
     choice,
@@ -29,7 +29,7 @@ from hric_control.parameters import (
     section,
     text,
 )
-from hric_control.trial.c3d import located
+from hric_core.trial.c3d import located
 from hric_experiments.definition.parameters import EMULATED_HUMAN, MOCAP_CLIENT
 from hric_human.participant.settings import HumanSettings
 from hric_perception.emg.envelope import Settings as EnvelopeSettings

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from hric_control.errors import ParameterError, UnknownNameError, message_about
-from hric_control.parameters import Settings, listing, mapping, number, read_yaml, refused, section, text
-from hric_control.parameters import names as names_
+from hric_core.errors import ParameterError, UnknownNameError, message_about
+from hric_core.parameters import Settings, listing, mapping, number, read_yaml, refused, section, text
+from hric_core.parameters import names as names_
 from hric_experiments.definition import experiment
 from hric_experiments.definition.experiment import Experiment, ExperimentError
 from hric_experiments.definition.overrides import once

@@ -11,7 +11,7 @@ from rosbags.interfaces import Connection
 
 from hric_bags import files
 from hric_bags.chunked_writer import ChunkedWriter
-from hric_control.robot_time.stamps import to_time
+from hric_core.robot_time.stamps import to_time
 
 
 class BagWriter:

@@ -15,7 +15,7 @@ from hric_bags.files import FileError
 from hric_bags.reader import Messages
 from hric_bags.run_folder import COMPLETED, INTERRUPTED, RunFolder, iso_now
 from hric_bags.text import Steps
-from hric_control.errors import HricError, failing
+from hric_core.errors import HricError, failing
 from hric_experiments import provenance
 from hric_experiments.analysis.run import FIGURE_STEPS, STEPS, analyse
 from hric_experiments.definition.experiment import Experiment

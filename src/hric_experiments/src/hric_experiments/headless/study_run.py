@@ -12,10 +12,10 @@ from hric_bags import reader as bag_reader
 from hric_bags import text as text_table
 from hric_bags.reader import ControlRecord, FloatArray
 from hric_bags.run_folder import COMPLETED, INTERRUPTED, RUNNING, RunFolder, iso_now
-from hric_control.errors import HricError
-from hric_control.local.node import LocalNode
 from hric_control.robot_app import RobotApp
-from hric_control.urdf import read
+from hric_core.errors import HricError
+from hric_core.local.node import LocalNode
+from hric_core.urdf import read
 from hric_experiments import simulation
 from hric_experiments.analysis import stability, study_human, study_tracking
 from hric_experiments.analysis.compare import compare

@@ -18,9 +18,9 @@ from controller_manager_msgs.srv import ListControllers
 from hric_assessment.verdict.conclusions import unknown_beforehand
 from hric_bags.run_folder import RunFolder
 from hric_bags.text import Steps
-from hric_control.errors import FailureError
-from hric_control.parameters import Settings, flag, number, text
-from hric_control.ros import RosNode
+from hric_core.errors import FailureError
+from hric_core.parameters import Settings, flag, number, text
+from hric_core.ros import RosNode
 from hric_experiments.definition import experiment as experiments
 from hric_experiments.definition import overrides, parameters
 from hric_experiments.definition.experiment import Experiment

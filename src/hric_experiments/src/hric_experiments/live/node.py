@@ -10,11 +10,11 @@ from typing import Any
 import rosgraph
 import rospy
 
-from hric_control.errors import FailureError, HricError
-from hric_control.parameters import Settings
-from hric_control.processes import INTERRUPTED_CODE
-from hric_control.ros import RosNode
-from hric_control.ros.process import check_words, refuse_unread, shut_down
+from hric_core.errors import FailureError, HricError
+from hric_core.parameters import Settings
+from hric_core.processes import INTERRUPTED_CODE
+from hric_core.ros import RosNode
+from hric_core.ros.process import check_words, refuse_unread, shut_down
 
 MASTER_TIMEOUT = 30.0
 """How long to wait for a master [s]."""

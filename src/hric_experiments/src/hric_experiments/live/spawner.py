@@ -8,10 +8,10 @@ import rospy
 
 from controller_manager_msgs.srv import ListControllers, LoadController, SwitchController, SwitchControllerRequest
 from franka_msgs.srv import SetLoad
-from hric_control.errors import FailureError
 from hric_control.manager.services import REFUSAL
-from hric_control.parameters import Settings, text
-from hric_control.ros import RosNode
+from hric_core.errors import FailureError
+from hric_core.parameters import Settings, text
+from hric_core.ros import RosNode
 from hric_experiments.definition import experiment as experiments
 from hric_experiments.definition import overrides, parameters
 from hric_experiments.definition.experiment import Experiment

@@ -19,8 +19,8 @@ from std_srvs.srv import Trigger, TriggerResponse
 from hric_bags import files
 from hric_bags.files import MEGABYTE
 from hric_bags.run_folder import COMPLETED, FAILED, INTERRUPTED, RunFolder, runs_root
-from hric_control.errors import FailureError, HricError
-from hric_control.ros import RosNode
+from hric_core.errors import FailureError, HricError
+from hric_core.ros import RosNode
 from hric_experiments import provenance
 from hric_experiments.definition import experiment as experiments
 from hric_experiments.definition import overrides

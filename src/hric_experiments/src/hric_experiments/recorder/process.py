@@ -7,8 +7,8 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from hric_control.errors import FailureError
-from hric_control.processes import describe_exit, start_dependent
+from hric_core.errors import FailureError
+from hric_core.processes import describe_exit, start_dependent
 
 STOP_TIMEOUT = 10.0
 """How long the recorder may take to write what it holds and the index [s]."""

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from hric_bags.files import MEGABYTE
 from hric_bags.run_folder import FAILED, RunFolder, iso_now
-from hric_control.errors import FailureError, HricError
+from hric_core.errors import FailureError, HricError
 from hric_experiments.recorder.process import STOP_TIMEOUT, RecorderProcess, RecordError
 
 SPLIT_TIMEOUT = 20.0

@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass
 
-from hric_control.parameters import Settings, choice, listing, number, text
+from hric_core.parameters import Settings, choice, listing, number, text
 
 SUBJECT = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
 """A code, so that no name of a person gets into a run folder; project default, unconfirmed."""

@@ -14,7 +14,7 @@ import matplotlib.pyplot as plt
 from matplotlib.ticker import EngFormatter
 
 from hric_bags import files
-from hric_control.processes import quiet_collector
+from hric_core.processes import quiet_collector
 from hric_experiments.report import heat, style
 from hric_experiments.report.figure import Figure, Panel
 from hric_experiments.report.thinning import limited

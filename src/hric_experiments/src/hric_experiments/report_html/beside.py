@@ -5,7 +5,7 @@ import numpy as np
 from hric_bags.records.human_record import GripRecord
 from hric_bags.records.muscle_record import MuscleRecord
 from hric_bags.records.region_contacts import ContactRecord
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_experiments.report_html.run_data import RunData
 from hric_experiments.report_html.scene import Arrow, Lines, Robot, Track, instants
 from hric_human.body import Body, describe

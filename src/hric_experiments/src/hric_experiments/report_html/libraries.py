@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
-from hric_control.errors import FailureError
+from hric_core.errors import FailureError
 
 VIEWER, TEMPLATE = "resources/templates/viewer.zip", "viewer.html.template"
 THREE_BEGINS = "!function(t,e){"

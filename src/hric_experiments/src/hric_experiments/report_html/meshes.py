@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from hric_control.meshes.canonical import Surface
-from hric_control.meshes.files import read_coloured
+from hric_core.meshes.canonical import Surface
+from hric_core.meshes.files import read_coloured
 
 TRIANGLES = 3000
 """Of one mesh at most: the Panda's links look round, and a page's meshes take half a megabyte. Project default,

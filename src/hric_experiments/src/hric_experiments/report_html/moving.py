@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from hric_control import urdf
+from hric_core import urdf
 from hric_experiments.analysis import tracking
 from hric_experiments.analysis.recordings import Moving, Signal
 from hric_experiments.report.figure import FloatArray

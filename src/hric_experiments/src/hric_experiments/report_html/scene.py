@@ -10,11 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from hric_bags.reader import ControlRecord
-from hric_control.errors import HricError
-from hric_control.geometry import FloatArray, Pose, quaternion_from_rotation
-from hric_control.meshes.canonical import UnreadableMeshError
-from hric_control.plants import resources
-from hric_control.urdf import Joint, Mimic, Shape, mimic_laws, read
+from hric_core import resources
+from hric_core.errors import HricError
+from hric_core.geometry import FloatArray, Pose, quaternion_from_rotation
+from hric_core.meshes.canonical import UnreadableMeshError
+from hric_core.urdf import Joint, Mimic, Shape, mimic_laws, read
 from hric_experiments.report.style import Stops
 
 GREY = (0.86, 0.87, 0.88, 1.0)

@@ -9,7 +9,7 @@ from franka_hw_interface.model import Frame
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand, MoveRequest
 from franka_sim.franka_hw_sim import FrankaHWSim
 from hric_assessment.contact.limits import TRANSIENT_TIME
-from hric_control.geometry import FloatArray
+from hric_core.geometry import FloatArray
 from hric_experiments.speed_map.device import Body, Device
 
 STIFFNESS, DAMPING = 100.0, 20.0

@@ -13,8 +13,8 @@ from franka_sim.franka_hw_sim import FrankaHWSim
 from hric_assessment.contact.limits import Limits
 from hric_assessment.findings import DISCLAIMER
 from hric_bags import files
-from hric_control.errors import HricError
-from hric_control.parameters import number
+from hric_core.errors import HricError
+from hric_core.parameters import number
 from hric_experiments.definition import experiment, overrides
 from hric_experiments.simulation import Simulation
 from hric_experiments.speed_map import grid

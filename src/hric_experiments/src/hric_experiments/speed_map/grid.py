@@ -9,8 +9,8 @@ from franka_hw_interface.model import Frame
 from franka_sim.box.config import motion_parameters
 from franka_sim.box.inverse_kinematics import ElbowInverseKinematics
 from franka_sim.franka_hw_sim import FrankaHWSim
-from hric_control.errors import HricError
-from hric_control.geometry import FloatArray
+from hric_core.errors import HricError
+from hric_core.geometry import FloatArray
 
 DIRECTIONS = {
     "+x": (1.0, 0.0, 0.0),

@@ -10,9 +10,9 @@ from franka_sim.franka_hw_sim import FrankaHWSim
 from hric_assessment.contact.limits import Limit, Limits
 from hric_assessment.contact.speed import half_mass, permitted_regions, speed_limit
 from hric_assessment.verdict.contacts import masses
-from hric_control import urdf
-from hric_control.errors import FailureError, HricError
-from hric_control.geometry import FloatArray
+from hric_core import urdf
+from hric_core.errors import FailureError, HricError
+from hric_core.geometry import FloatArray
 from hric_experiments.speed_map.blow import Arm, Blows
 from hric_experiments.speed_map.device import Body
 from hric_experiments.speed_map.grid import DIRECTIONS, Postures

@@ -13,9 +13,9 @@ from franka_hw_interface.model import Frame
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MoveRequest, Outcome
 from franka_sim.franka_hw_sim import FrankaHWSim
 from hric_assessment.separation.stopping import Row
-from hric_control.errors import HricError
-from hric_control.geometry import FloatArray
 from hric_control.plant import Load
+from hric_core.errors import HricError
+from hric_core.geometry import FloatArray
 
 STANDSTILL = 0.010
 """Slower than that the end effector is at rest [m/s]; chosen by this project."""

@@ -15,9 +15,9 @@ from tqdm import tqdm
 
 from hric_bags import files
 from hric_bags.run_folder import RunFolder, iso_now, runs_root
-from hric_control.errors import HricError
-from hric_control.parameters import read_yaml
-from hric_control.processes import INTERRUPTED_CODE
+from hric_core.errors import HricError
+from hric_core.parameters import read_yaml
+from hric_core.processes import INTERRUPTED_CODE
 from hric_experiments import provenance
 from hric_experiments.sweep import definition, table, task
 from hric_experiments.sweep.definition import Plan

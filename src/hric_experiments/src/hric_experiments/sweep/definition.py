@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from hric_control.errors import HricError, ParameterError, UnknownNameError, message_about
-from hric_control.node import REQUIRED
-from hric_control.parameters import (
+from hric_core.errors import HricError, ParameterError, UnknownNameError, message_about
+from hric_core.node import REQUIRED
+from hric_core.parameters import (
     Mistakes,
     Settings,
     anything,

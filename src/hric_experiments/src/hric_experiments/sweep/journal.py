@@ -12,7 +12,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 
 NAME = "runs.jsonl"
 UNFINISHED_CODE = 3

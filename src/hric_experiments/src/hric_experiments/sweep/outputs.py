@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from hric_control.errors import HricError, ParameterError
-from hric_control.parameters import Settings, choice, number, text
+from hric_core.errors import HricError, ParameterError
+from hric_core.parameters import Settings, choice, number, text
 from hric_experiments.analysis.values import KEYS
 
 IMPACT, SUPERVISION, COLLABORATION = "impact", "supervision", "collaboration"

@@ -13,9 +13,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import ndtr, ndtri
 
-from hric_control.errors import ParameterError
-from hric_control.node import REQUIRED
-from hric_control.parameters import Settings, choice, listing, mapping, number, package_yaml, refused, section, text
+from hric_core.errors import ParameterError
+from hric_core.node import REQUIRED
+from hric_core.parameters import Settings, choice, listing, mapping, number, package_yaml, refused, section, text
 from hric_human.body import subject
 
 FloatArray = npt.NDArray[np.float64]

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from hric_control.errors import ParameterError, message_about
-from hric_control.parameters import Mistakes
+from hric_core.errors import ParameterError, message_about
+from hric_core.parameters import Mistakes
 from hric_experiments.definition.experiment import ExperimentError
 from hric_experiments.sweep.definition import Plan
 from hric_experiments.sweep.engines.engine import Died, Engine, Response, TimedOut

@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import ndtr, ndtri
 
-from hric_control.errors import HricError
-from hric_control.parameters import Mistakes, as_number, refused, unknown
+from hric_core.errors import HricError
+from hric_core.parameters import Mistakes, as_number, refused, unknown
 from hric_experiments.sweep.variables import Variable
 
 FloatArray = npt.NDArray[np.float64]

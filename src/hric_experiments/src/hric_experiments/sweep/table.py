@@ -11,7 +11,7 @@ import pyarrow.parquet
 
 from hric_bags import files
 from hric_bags.run_folder import runs_root
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_experiments.sweep.definition import Plan
 from hric_experiments.sweep.journal import JournalError
 

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from hric_bags.run_folder import RunFolderError
-from hric_control.errors import HricError
 from hric_control.manager.loop import describe
+from hric_core.errors import HricError
 from hric_experiments import provenance
 from hric_experiments.definition import experiment, overrides
 from hric_experiments.definition.experiment import Experiment, package_path

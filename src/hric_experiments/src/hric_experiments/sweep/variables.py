@@ -16,8 +16,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy import stats
 
-from hric_control.node import REQUIRED
-from hric_control.parameters import Settings, anything, choice, listing, names, number, numbers, refused, text, variant
+from hric_core.node import REQUIRED
+from hric_core.parameters import Settings, anything, choice, listing, names, number, numbers, refused, text, variant
 from hric_experiments.sweep import populations
 
 FloatArray = npt.NDArray[np.float64]

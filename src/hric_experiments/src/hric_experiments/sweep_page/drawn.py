@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from hric_control.geometry import FloatArray
+from hric_core.geometry import FloatArray
 from hric_experiments.report_html.scene import Blob
 from hric_experiments.sweep_page.lists import WORST
 from hric_experiments.sweep_page.sample import Sample

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_experiments.report_html.tables import escape
 from hric_experiments.sweep.space import Space
 from hric_experiments.sweep.statistics.sensitivity import Index, indices

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from hric_control.geometry import FloatArray
+from hric_core.geometry import FloatArray
 
 RESAMPLED, SEED = 400, 0
 """Of the bootstrap: how often, and its seed. Project default, unconfirmed."""

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hric_control.geometry import FloatArray
+from hric_core.geometry import FloatArray
 from hric_experiments.report_html.tables import number
 from hric_experiments.sweep.statistics.intervals import effective_size
 from hric_experiments.sweep_page.study import Study

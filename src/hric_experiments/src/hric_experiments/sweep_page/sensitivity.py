@@ -4,7 +4,7 @@ import contextlib
 
 import numpy as np
 
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_experiments.report_html.tables import escape
 from hric_experiments.sweep.statistics.intervals import effective_size
 from hric_experiments.sweep.statistics.sensitivity import rank_correlation

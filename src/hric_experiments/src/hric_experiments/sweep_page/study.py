@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from hric_bags.run_folder import RunFolderError
-from hric_control.errors import ParameterError
-from hric_control.geometry import FloatArray
-from hric_control.parameters import read_yaml
+from hric_core.errors import ParameterError
+from hric_core.geometry import FloatArray
+from hric_core.parameters import read_yaml
 
 RUNS, SETTINGS = "runs.parquet", "sweep.yaml"
 VARIABLE, OUTPUT = "variable", "output"

@@ -8,8 +8,8 @@ from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
-from hric_control.geometry import FloatArray, MassProperties, homogeneous
-from hric_control.urdf import Shape, write_inertial, write_origin, write_shape
+from hric_core.geometry import FloatArray, MassProperties, homogeneous
+from hric_core.urdf import Shape, write_inertial, write_origin, write_shape
 from hric_human.body.joints import BodyJoint, joints
 from hric_human.body.markers import Marker, markers
 from hric_human.body.regions import Region, regions

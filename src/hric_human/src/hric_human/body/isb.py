@@ -10,8 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from hric_control.geometry import FloatArray
-from hric_control.geometry.transforms import rotation_about
+from hric_core.geometry import FloatArray
+from hric_core.geometry.transforms import rotation_about
 from hric_human.body.joints import ROWS
 from hric_human.body.segments import side_of
 

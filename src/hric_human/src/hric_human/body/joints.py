@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hric_control.geometry import FloatArray
+from hric_core.geometry import FloatArray
 from hric_human.body.segments import link_name
 
 MIRROR = np.array([-1.0, 1.0, -1.0])

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hric_control.errors import HricError
-from hric_control.geometry import FloatArray
+from hric_core.errors import HricError
+from hric_core.geometry import FloatArray
 from hric_human.body.segments import SIDES, Segment, side_of
 
 

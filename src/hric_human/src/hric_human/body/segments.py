@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hric_control.errors import ParameterError
-from hric_control.geometry import FloatArray, MassProperties
+from hric_core.errors import ParameterError
+from hric_core.geometry import FloatArray, MassProperties
 from hric_human.body.anthropometry import DE_LEVA, DENSITY, scaled_lengths, scaled_masses
 from hric_human.body.subject import Subject
 

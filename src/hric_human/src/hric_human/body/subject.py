@@ -5,8 +5,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from hric_control.node import REQUIRED
-from hric_control.parameters import Mistakes, Settings, choice, mapping, number, read_yaml, refused, text, unknown
+from hric_core.node import REQUIRED
+from hric_core.parameters import Mistakes, Settings, choice, mapping, number, read_yaml, refused, text, unknown
 from hric_human.body.anthropometry import scaled_lengths, scaled_masses
 
 PARTS = {

@@ -3,7 +3,7 @@
 A user's class is found through the plugin export of its package.xml (base class "hric_human::HumanController"):
 
     class Hold(HumanController):
-        settings = HoldSettings                      # a Settings of hric_control.parameters
+        settings = HoldSettings                      # a Settings of hric_core.parameters
 
         def init(self, person, settings):
             self._k, self._weight = settings.stiffness, person.own_weight
@@ -21,8 +21,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from hric_control.geometry import Pose, Vector
-from hric_control.parameters import Settings
+from hric_core.geometry import Pose, Vector
+from hric_core.parameters import Settings
 from hric_human.body import Body
 from hric_human.control.kinematics import HandChain, Torque
 

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from hric_control.geometry import Vector
-from hric_control.parameters import Settings, number, per_joint, refused, variant
+from hric_core.geometry import Vector
+from hric_core.parameters import Settings, number, per_joint, refused, variant
 from hric_human.control.controller import HumanController, Person, Senses
 from hric_human.control.kinematics import own_weight
 from hric_human.control.recorded import RECORDED

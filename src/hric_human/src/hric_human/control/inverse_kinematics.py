@@ -5,9 +5,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from hric_control.errors import ParameterError
-from hric_control.geometry import FloatArray, Pose
-from hric_control.geometry.poses import difference
+from hric_core.errors import ParameterError
+from hric_core.geometry import FloatArray, Pose
+from hric_core.geometry.poses import difference
 from hric_human.control.kinematics import HandChain
 
 TOLERANCE = 1e-7

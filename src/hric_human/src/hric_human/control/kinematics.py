@@ -6,9 +6,9 @@ from typing import NamedTuple
 from xml.etree import ElementTree
 
 from franka_hw_interface.kdl_chain import KdlChain
-from hric_control.geometry import IDENTITY, ORIGIN, Pose, Quaternion, Vector
-from hric_control.geometry.quaternions import cross, from_rotation_vector, product, rotated
-from hric_control.urdf import read
+from hric_core.geometry import IDENTITY, ORIGIN, Pose, Quaternion, Vector
+from hric_core.geometry.quaternions import cross, from_rotation_vector, product, rotated
+from hric_core.urdf import read
 from hric_human.body import Body, Segment
 from hric_human.body.joints import ARM
 from hric_human.body.segments import ROOT

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hric_control.geometry import FloatArray, Pose, Vector, transformed
-from hric_control.geometry.quaternions import rotated
+from hric_core.geometry import FloatArray, Pose, Vector, transformed
+from hric_core.geometry.quaternions import rotated
 from hric_human.body import Body
 from hric_human.control.whole_body import WholeBody
 

@@ -1,6 +1,6 @@
 /* Inverse dynamics of a tree of links by Newton and Euler, over many instants in one call: what whole_body.py explains.
    All vectors are in axes of the world. */
-#include "hric_control/python_numbers.h"
+#include "hric_core/python_numbers.h"
 
 #include <math.h>
 

@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from hric_control.errors import HricError, ParameterError
-from hric_control.geometry import UP_AXES, FloatArray, Pose
-from hric_control.geometry.poses import PoseSettings, inverse
-from hric_control.geometry.transforms import rotation_from_quaternion, vectors_z_up
-from hric_control.parameters import Mistakes, choice, mapping, number, refused, section, text, unknown
-from hric_control.trial.c3d import read_trial, resolve
-from hric_control.trial.opensim_text import rate_of, read_markers, read_storage
+from hric_core.errors import HricError, ParameterError
+from hric_core.geometry import UP_AXES, FloatArray, Pose
+from hric_core.geometry.poses import PoseSettings, inverse
+from hric_core.geometry.transforms import rotation_from_quaternion, vectors_z_up
+from hric_core.parameters import Mistakes, choice, mapping, number, refused, section, text, unknown
+from hric_core.trial.c3d import read_trial, resolve
+from hric_core.trial.opensim_text import rate_of, read_markers, read_storage
 from hric_human.control.controller import Person
 from hric_human.control.inverse_kinematics import Solver, Task
 from hric_human.control.marked_body import ROOT_MOTIONS, MarkedBody

@@ -5,10 +5,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from hric_control.errors import ParameterError
-from hric_control.geometry import Pose, Vector, compose, minimum_jerk
-from hric_control.geometry.poses import inverse
-from hric_control.parameters import Mistakes, Settings, flag, listing, mapping, number, refused, unknown
+from hric_core.errors import ParameterError
+from hric_core.geometry import Pose, Vector, compose, minimum_jerk
+from hric_core.geometry.poses import inverse
+from hric_core.parameters import Mistakes, Settings, flag, listing, mapping, number, refused, unknown
 from hric_human.control.controller import Person
 from hric_human.control.inverse_kinematics import HandSolver, OutOfReachError
 from hric_human.hand import Hand, Motion, program_of

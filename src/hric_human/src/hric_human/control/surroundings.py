@@ -11,12 +11,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from hric_control import plugins
-from hric_control.errors import HricError, UnknownNameError
-from hric_control.geometry import ORIGIN, Pose, Vector, compose, from_rotation_vector
-from hric_control.geometry.quaternions import product
-from hric_control.native import vectors
-from hric_control.parameters import Mistakes, Settings, anything, below, choice, number, refused, section, text, unknown
+from hric_core import plugins
+from hric_core.errors import HricError, UnknownNameError
+from hric_core.geometry import ORIGIN, Pose, Vector, compose, from_rotation_vector
+from hric_core.geometry.quaternions import product
+from hric_core.native import vectors
+from hric_core.parameters import Mistakes, Settings, anything, below, choice, number, refused, section, text, unknown
 from hric_human.body import Body
 from hric_human.control.controller import HumanController, Person, Senses
 from hric_human.control.kinematics import GRAVITY, HandChain, own_weight

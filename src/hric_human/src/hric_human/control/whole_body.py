@@ -5,11 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hric_control.errors import HricError
-from hric_control.geometry import IDENTITY, ORIGIN, FloatArray, Pose, Quaternion, Vector, transformed
-from hric_control.geometry.quaternions import cross, from_rotation_vector, product
-from hric_control.native import load
-from hric_control.urdf import read
+from hric_core.errors import HricError
+from hric_core.geometry import IDENTITY, ORIGIN, FloatArray, Pose, Quaternion, Vector, transformed
+from hric_core.geometry.quaternions import cross, from_rotation_vector, product
+from hric_core.native import load
+from hric_core.urdf import read
 from hric_human.body import Body
 from hric_human.body.segments import ROOT
 from hric_human.control.kinematics import GRAVITY

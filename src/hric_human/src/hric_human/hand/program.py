@@ -3,8 +3,8 @@
 import math
 import threading
 
-from hric_control.errors import HricError
-from hric_control.geometry import Pose, Vector
+from hric_core.errors import HricError
+from hric_core.geometry import Pose, Vector
 
 REST, MOVING, DONE = "rest", "moving", "done"
 BEFORE = -1.0

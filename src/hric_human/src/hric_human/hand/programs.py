@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from hric_control.errors import ParameterError
-from hric_control.geometry import ORIGIN, Pose, Track, Vector, from_rotation_vector
-from hric_control.parameters import Settings, listing, number, numbers, refused, section, variant
+from hric_core.errors import ParameterError
+from hric_core.geometry import ORIGIN, Pose, Track, Vector, from_rotation_vector
+from hric_core.parameters import Settings, listing, number, numbers, refused, section, variant
 from hric_human.hand.program import Program
 from hric_human.hand.reactive import Reaction, Reactive
 

@@ -14,8 +14,8 @@ from operator import itemgetter
 
 import numpy as np
 
-from hric_control.geometry import FloatArray, Pose, Vector
-from hric_control.parameters import Settings, number, numbers, refused, section, whole
+from hric_core.geometry import FloatArray, Pose, Vector
+from hric_core.parameters import Settings, number, numbers, refused, section, whole
 from hric_human.hand.program import Program
 
 STEP = 0.01

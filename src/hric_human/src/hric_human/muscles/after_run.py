@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from hric_control.errors import HricError
-from hric_control.geometry import FloatArray, Pose, Vector
+from hric_core.errors import HricError
+from hric_core.geometry import FloatArray, Pose, Vector
 from hric_human.body import Body
 from hric_human.control.kinematics import GRAVITY
 from hric_human.control.strength import strength

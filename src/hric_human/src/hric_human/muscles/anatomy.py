@@ -13,8 +13,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from hric_control.errors import HricError
-from hric_control.geometry import Vector
+from hric_core.errors import HricError
+from hric_core.geometry import Vector
 from hric_human.body.joints import ROWS
 from hric_human.muscles.polynomial import Polynomial, exponents
 

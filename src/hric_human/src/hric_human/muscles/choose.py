@@ -11,9 +11,9 @@ import hashlib
 import logging
 from pathlib import Path
 
-from hric_control.errors import HricError, ParameterError
-from hric_control.kept import cache_folder, write_whole
-from hric_control.plants.resources import resolve
+from hric_core.errors import HricError, ParameterError
+from hric_core.kept import cache_folder, write_whole
+from hric_core.resources import resolve
 from hric_human.muscles.anatomy import BUILT_IN, Anatomy, load
 from hric_human.muscles.fitting.models import content, fit, terms
 

@@ -8,7 +8,7 @@ DeGrooteFregly2016Muscle; a test compares the forces.
 import numpy as np
 import numpy.typing as npt
 
-from hric_control.geometry import FloatArray
+from hric_core.geometry import FloatArray
 
 ACTIVE = (
     (0.8150671134243542, 1.055033428970575, 0.162384573599574, 0.063303448465465),

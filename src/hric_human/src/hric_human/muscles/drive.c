@@ -1,5 +1,5 @@
 /* What muscles give in a cycle, and how active they are in the next one: what drive.py explains. */
-#include "hric_control/python_numbers.h"
+#include "hric_core/python_numbers.h"
 
 #include <math.h>
 

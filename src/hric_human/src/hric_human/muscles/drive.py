@@ -14,9 +14,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from hric_control.geometry import FloatArray
-from hric_control.native import load
-from hric_control.parameters import refused
+from hric_core.geometry import FloatArray
+from hric_core.native import load
+from hric_core.parameters import refused
 from hric_human.muscles import curves
 from hric_human.muscles.muscle_set import DAMPING_TIME, MuscleSet, MuscleState
 from hric_human.muscles.static_optimization import StaticOptimization

@@ -17,8 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hric_control.errors import HricError
-from hric_control.geometry import FloatArray
+from hric_core.errors import HricError
+from hric_core.geometry import FloatArray
 
 RISE = 10.0
 """Rate L_D = L_R at which the active pool follows the load [1/s]; Xia & Frey Law 2008, 10 in the paper of 2012."""

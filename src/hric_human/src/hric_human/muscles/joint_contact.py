@@ -13,9 +13,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hric_control.errors import HricError
-from hric_control.geometry import FloatArray, Pose, Vector
-from hric_control.geometry.transforms import rotation_from_quaternion
+from hric_core.errors import HricError
+from hric_core.geometry import FloatArray, Pose, Vector
+from hric_core.geometry.transforms import rotation_from_quaternion
 from hric_human.body.segments import ROOT
 from hric_human.control.kinematics import GRAVITY
 from hric_human.control.whole_body import Load, Needed, RootMotion, WholeBody

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hric_control.geometry import FloatArray, Vector
+from hric_core.geometry import FloatArray, Vector
 from hric_human.body import Body
 from hric_human.body.segments import SIDES
 from hric_human.muscles.anatomy import SEGMENTS, Anatomy

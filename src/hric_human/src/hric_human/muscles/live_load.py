@@ -18,8 +18,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hric_control.errors import HricError
-from hric_control.geometry import FloatArray, Pose, Vector, transformed
+from hric_core.errors import HricError
+from hric_core.geometry import FloatArray, Pose, Vector, transformed
 from hric_human.body import Body
 from hric_human.control.kinematics import GRAVITY, HandChain
 from hric_human.control.whole_body import Load, RootMotion

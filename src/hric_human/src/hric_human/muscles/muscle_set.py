@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hric_control.errors import HricError
-from hric_control.geometry import FloatArray
-from hric_control.native import load
+from hric_core.errors import HricError
+from hric_core.geometry import FloatArray
+from hric_core.native import load
 from hric_human.body import Body
 from hric_human.body.joints import ARM
 from hric_human.control.strength import MEAN_MASS, STRENGTH, strength

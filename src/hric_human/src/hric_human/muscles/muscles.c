@@ -1,5 +1,5 @@
 /* Lengths, moment arms and forces of muscles from polynomials of joint angles: what muscle_set.py explains. */
-#include "hric_control/python_numbers.h"
+#include "hric_core/python_numbers.h"
 
 #include <math.h>
 

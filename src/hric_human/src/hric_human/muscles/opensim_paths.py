@@ -3,7 +3,7 @@
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_human.muscles import curves
 from hric_human.muscles.muscle_set import MuscleSet, ScaledMuscle
 

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
-from hric_control.geometry import FloatArray
+from hric_core.geometry import FloatArray
 
 IntArray = npt.NDArray[np.int64]
 

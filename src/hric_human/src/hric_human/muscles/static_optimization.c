@@ -6,7 +6,7 @@
    an exact search along it ends after a few steps. A small distance from the last x is added to the function (proximal
    point), so that every step exists, also where all muscles of a joint are at their bounds; it is moved along until it
    has no effect. Where the torque is out of reach the residual goes to the shortest one, and x to infinity along it. */
-#include "hric_control/python_numbers.h"
+#include "hric_core/python_numbers.h"
 
 #include <float.h>
 #include <math.h>

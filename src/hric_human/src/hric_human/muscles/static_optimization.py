@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hric_control.errors import HricError
-from hric_control.geometry import FloatArray
-from hric_control.native import load
+from hric_core.errors import HricError
+from hric_core.geometry import FloatArray
+from hric_core.native import load
 
 MINIMUM = 0.01
 """Minimum activation [1], as in OpenSim's muscles and its StaticOptimization tool."""

@@ -5,10 +5,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from hric_control.errors import CommandError
-from hric_control.geometry import FloatArray, Vector, homogeneous
-from hric_control.geometry.transforms import inverse
 from hric_control.plant import Articulated, Bushing, BushingLoad
+from hric_core.errors import CommandError
+from hric_core.geometry import FloatArray, Vector, homogeneous
+from hric_core.geometry.transforms import inverse
 from hric_human.participant.settings import GripSettings
 
 Happened = Callable[[str, str, float, str], None]

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 from std_srvs.srv import Trigger, TriggerResponse
 
-from hric_control import realtime
-from hric_control.errors import CommandError, HricError, UnknownNameError
-from hric_control.geometry import ORIGIN, Vector, homogeneous
-from hric_control.geometry.quaternions import inverse, rotated
-from hric_control.geometry.transforms import rotation_from_quaternion
-from hric_control.node import Node
-from hric_control.parameters import below
 from hric_control.plant import Articulated, Contact, Plant
 from hric_control.sim.participants import Participant
+from hric_core import realtime
+from hric_core.errors import CommandError, HricError, UnknownNameError
+from hric_core.geometry import ORIGIN, Vector, homogeneous
+from hric_core.geometry.quaternions import inverse, rotated
+from hric_core.geometry.transforms import rotation_from_quaternion
+from hric_core.node import Node
+from hric_core.parameters import below
 from hric_human.body import describe, surfaces
 from hric_human.contact import RegionContact, RegionContacts
 from hric_human.control import HumanControl

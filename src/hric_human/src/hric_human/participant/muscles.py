@@ -7,11 +7,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from geometry_msgs.msg import Point, Wrench
 
-from hric_control import realtime
-from hric_control.geometry import Pose, Vector
-from hric_control.node import Node
 from hric_control.plant import Contact
-from hric_control.robot_time import stamps
+from hric_core import realtime
+from hric_core.geometry import Pose, Vector
+from hric_core.node import Node
+from hric_core.robot_time import stamps
 from hric_human.control import Person
 from hric_human.control.whole_body import Load, WholeBody
 from hric_human.muscles.choose import find

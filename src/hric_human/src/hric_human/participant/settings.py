@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from hric_control.geometry import ORIGIN, Pose, Vector, from_rotation_vector
-from hric_control.parameters import (
+from hric_core.geometry import ORIGIN, Pose, Vector, from_rotation_vector
+from hric_core.parameters import (
     Parameter,
     Settings,
     anything,

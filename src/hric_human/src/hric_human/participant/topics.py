@@ -8,12 +8,12 @@ from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
-from hric_control import realtime
-from hric_control.geometry import Pose, stamped
-from hric_control.geometry.messages import fill_pose
-from hric_control.node import Node
 from hric_control.plant import BushingLoad
-from hric_control.robot_time import stamps
+from hric_core import realtime
+from hric_core.geometry import Pose, stamped
+from hric_core.geometry.messages import fill_pose
+from hric_core.node import Node
+from hric_core.robot_time import stamps
 from hric_human.contact import RegionContact
 from hric_human.control import HumanControl, Person
 from hric_human.participant.grip import Grip

@@ -14,10 +14,10 @@ from xml.etree.ElementTree import SubElement
 
 import numpy as np
 
-from hric_control.errors import ParameterError
-from hric_control.geometry import Pose
-from hric_control.parameters import Settings, listing, number, numbers, refused
-from hric_control.urdf import write_inertial
+from hric_core.errors import ParameterError
+from hric_core.geometry import Pose
+from hric_core.parameters import Settings, listing, number, numbers, refused
+from hric_core.urdf import write_inertial
 from hric_human.body import Body
 from hric_human.body.segments import ROOT
 

@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from hric_control.errors import CommandError
-from hric_control.geometry import FloatArray, Vector, transformed
-from hric_control.geometry.poses import inverse
-from hric_control.parameters import Settings, mapping, number, numbers, read_yaml, section, unknown
+from hric_core.errors import CommandError
+from hric_core.geometry import FloatArray, Vector, transformed
+from hric_core.geometry.poses import inverse
+from hric_core.parameters import Settings, mapping, number, numbers, read_yaml, section, unknown
 from hric_human.body import Body, Subject, describe
 from hric_human.body.segments import Builder
 from hric_human.control.inverse_kinematics import Solver

@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from hric_control.errors import ParameterError
-from hric_control.geometry import FloatArray, Pose, from_rotation_vector, quaternion_from_rotation
-from hric_control.geometry.poses import difference
-from hric_control.geometry.quaternions import product
+from hric_core.errors import ParameterError
+from hric_core.geometry import FloatArray, Pose, from_rotation_vector, quaternion_from_rotation
+from hric_core.geometry.poses import difference
+from hric_core.geometry.quaternions import product
 from hric_human.body import Body
 from hric_human.body.segments import ROOT, SIDES, side_of
 from hric_human.control.inverse_kinematics import Solver, Task

@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from hric_control.node import Node
-from hric_control.parameters import Settings, choice, mapping, number, refused, text, whole
+from hric_core.node import Node
+from hric_core.parameters import Settings, choice, mapping, number, refused, text, whole
 from hric_msgs.msg import MuscleActivation
 from hric_perception.chunk import Layout
 from hric_perception.emg.muscles import (

@@ -1,6 +1,6 @@
 """Node `emulated_emg`: muscles, as an LSL outlet or as a Trigno server."""
 
-from hric_control.ros import RosNode, run
+from hric_core.ros import RosNode, run
 from hric_perception.emg.device import NAME, EmulatedEmg, EmulatedEmgSettings
 from hric_perception.emulation import Outlet
 from hric_perception.lsl import LslOutlet, use_session

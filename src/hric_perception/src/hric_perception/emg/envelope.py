@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import scipy
 
-from hric_control.errors import ParameterError
-from hric_control.parameters import Settings as Base
-from hric_control.parameters import mapping, number, numbers, whole
+from hric_core.errors import ParameterError
+from hric_core.parameters import Settings as Base
+from hric_core.parameters import mapping, number, numbers, whole
 from hric_perception.chunk import Chunk, FloatArray, Layout
 
 SHORT_GAP = 0.05

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import scipy
 
-from hric_control.errors import CommandError, ParameterError
-from hric_control.parameters import (
+from hric_core.errors import CommandError, ParameterError
+from hric_core.parameters import (
     Parameter,
     Settings,
     choice,

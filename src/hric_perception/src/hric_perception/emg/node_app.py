@@ -1,6 +1,6 @@
 """Node `emg`: EMG from a device, as chunks, its envelope, and the largest envelope of a contraction."""
 
-from hric_control.ros import RosNode, run
+from hric_core.ros import RosNode, run
 from hric_perception.chunk import Chunk
 from hric_perception.emg.publisher import EmgPublisher, EmgSettings
 from hric_perception.sensor import SensorNode

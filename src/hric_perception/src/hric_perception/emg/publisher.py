@@ -10,10 +10,10 @@ import numpy as np
 import scipy.signal  # noqa: F401  the filters' own, else loaded with the first sample, while others wait in the driver
 from std_srvs.srv import SetBool, SetBoolResponse
 
-from hric_control.errors import HricError
-from hric_control.node import Node
-from hric_control.parameters import Settings as Base
-from hric_control.parameters import choice, section
+from hric_core.errors import HricError
+from hric_core.node import Node
+from hric_core.parameters import Settings as Base
+from hric_core.parameters import choice, section
 from hric_msgs.msg import SampleChunk
 from hric_perception.chunk import Chunk, FloatArray, chunk_message
 from hric_perception.emg.envelope import Envelope

@@ -7,10 +7,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from hric_control.errors import HricError, ParameterError
-from hric_control.geometry import UP_AXES, Pose, Vector, compose
-from hric_control.geometry.poses import PoseSettings, inverse
-from hric_control.parameters import Settings, choice, listing, mapping, names, number, numbers, text, variant, whole
+from hric_core.errors import HricError, ParameterError
+from hric_core.geometry import UP_AXES, Pose, Vector, compose
+from hric_core.geometry.poses import PoseSettings, inverse
+from hric_core.parameters import Settings, choice, listing, mapping, names, number, numbers, text, variant, whole
 from hric_human.hand import Hand, Motion, Program, program_of
 from hric_human.hand.programs import PointToPoint, Sinusoid, TakeOver
 from hric_perception.human.simulated_body import SimulatedBody

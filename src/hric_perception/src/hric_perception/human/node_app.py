@@ -9,15 +9,15 @@ from std_msgs.msg import Header
 from std_srvs.srv import Trigger, TriggerResponse
 
 from franka_msgs.msg import FrankaState
-from hric_control.errors import HricError
-from hric_control.geometry import stamped
-from hric_control.parameters import Settings, anything, text
-from hric_control.robot_time import stamps
-from hric_control.robot_time.follower import RobotTime
-from hric_control.robot_time.progress import ProgressReport
-from hric_control.robot_time.stream_time import Clock
-from hric_control.ros import RosNode, run
-from hric_control.ros.process import NodeApp
+from hric_core.errors import HricError
+from hric_core.geometry import stamped
+from hric_core.parameters import Settings, anything, text
+from hric_core.robot_time import stamps
+from hric_core.robot_time.follower import RobotTime
+from hric_core.robot_time.progress import ProgressReport
+from hric_core.robot_time.stream_time import Clock
+from hric_core.ros import RosNode, run
+from hric_core.ros.process import NodeApp
 from hric_perception.emulation import SEED
 from hric_perception.human.motion_capture import see
 from hric_perception.human.truth import RATE, Truth

@@ -3,7 +3,7 @@
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 
-from hric_control.geometry import Pose, Vector, compose
+from hric_core.geometry import Pose, Vector, compose
 from hric_human.body import describe
 from hric_human.body.segments import ROOT
 from hric_human.control.kinematics import HandChain

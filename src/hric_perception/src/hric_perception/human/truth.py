@@ -3,9 +3,9 @@
 from geometry_msgs.msg import PoseStamped
 from std_msgs.msg import String
 
-from hric_control.geometry import stamped
-from hric_control.node import Node
-from hric_control.robot_time import stamps
+from hric_core.geometry import stamped
+from hric_core.node import Node
+from hric_core.robot_time import stamps
 from hric_human.hand import Hand
 
 RATE = 100.0

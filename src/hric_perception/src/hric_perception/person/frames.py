@@ -8,7 +8,7 @@ import numpy as np
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
-from hric_control.geometry import IDENTITY, FloatArray, Pose, stamped
+from hric_core.geometry import IDENTITY, FloatArray, Pose, stamped
 from hric_human.body import Body
 from hric_human.body.segments import ROOT
 from hric_human.control.whole_body import WholeBody

@@ -11,9 +11,9 @@ import numpy as np
 from geometry_msgs.msg import Point, Vector3, Wrench
 from numpy.typing import NDArray
 
-from hric_control.geometry import FloatArray, stamped
-from hric_control.node import Node
-from hric_control.robot_time import stamps
+from hric_core.geometry import FloatArray, stamped
+from hric_core.node import Node
+from hric_core.robot_time import stamps
 from hric_human.muscles.live_load import AWAY, MISSING, HandForce, LiveLoad, PersonLoad
 from hric_human.tracking import LOST, MEASURED, Estimate
 from hric_msgs.msg import JointReactions, JointTorque, MuscleActivation

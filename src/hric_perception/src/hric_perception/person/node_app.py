@@ -8,12 +8,12 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger, TriggerResponse
 from tf2_msgs.msg import TFMessage
 
-from hric_control.errors import CommandError, HricError
-from hric_control.geometry import FloatArray
-from hric_control.realtime import LatestValue
-from hric_control.robot_time.follower import RobotTime
-from hric_control.ros import RosNode, run
-from hric_control.ros.process import NodeApp
+from hric_core.errors import CommandError, HricError
+from hric_core.geometry import FloatArray
+from hric_core.realtime import LatestValue
+from hric_core.robot_time.follower import RobotTime
+from hric_core.ros import RosNode, run
+from hric_core.ros.process import NodeApp
 from hric_human.body import Body
 from hric_human.muscles import BUILT_IN, load
 from hric_human.muscles.live_load import LiveLoad

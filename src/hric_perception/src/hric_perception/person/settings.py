@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from hric_control.errors import HricError
-from hric_control.geometry import ORIGIN, Vector
-from hric_control.geometry.poses import PoseSettings
-from hric_control.parameters import Mistakes, Settings, choice, mapping, names, number, numbers, section, text, unknown
+from hric_core.errors import HricError
+from hric_core.geometry import ORIGIN, Vector
+from hric_core.geometry.poses import PoseSettings
+from hric_core.parameters import Mistakes, Settings, choice, mapping, names, number, numbers, section, text, unknown
 from hric_human.body import Body, Subject, describe
 from hric_human.participant.settings import SUBJECT
 from hric_human.tracking import Calibration, PersonTracker

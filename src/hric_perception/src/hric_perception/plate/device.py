@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from gazebo_msgs.msg import ContactsState
-from hric_control.geometry import Pose
-from hric_control.node import Node
-from hric_control.parameters import Settings, choice, mapping, number, section, text
+from hric_core.geometry import Pose
+from hric_core.node import Node
+from hric_core.parameters import Settings, choice, mapping, number, section, text
 from hric_perception.chunk import Layout
 from hric_perception.emulation import BLOCK, SEED, EvenSensor, faults_of
 from hric_perception.lsl import source_name

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from hric_control.ros import RosNode, run
+from hric_core.ros import RosNode, run
 from hric_perception.lsl import LslOutlet, use_session
 from hric_perception.plate.device import NAME, EmulatedPlate, EmulatedPlateSettings
 from hric_perception.plate.natnet import PlateMotive

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from hric_control.errors import ParameterError
-from hric_control.geometry import ORIGIN, Pose, Vector, quaternion_from_rotation
-from hric_control.geometry.poses import PoseSettings, z_up
-from hric_control.parameters import numbers, text
+from hric_core.errors import ParameterError
+from hric_core.geometry import ORIGIN, Pose, Vector, quaternion_from_rotation
+from hric_core.geometry.poses import PoseSettings, z_up
+from hric_core.parameters import numbers, text
 from hric_perception.chunk import Chunk, FloatArray, Layout
 
 CHANNELS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from hric_control.geometry import Pose, Vector
-from hric_control.geometry.quaternions import rotated
-from hric_control.geometry.transforms import rotation_from_quaternion
-from hric_control.parameters import Settings, number, numbers, text, variant
+from hric_core.geometry import Pose, Vector
+from hric_core.geometry.quaternions import rotated
+from hric_core.geometry.transforms import rotation_from_quaternion
+from hric_core.parameters import Settings, number, numbers, text, variant
 from hric_human.body import describe
 from hric_human.control.whole_body import WholeBody, floor_wrench
 from hric_human.participant.settings import HumanSettings

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hric_control.errors import HricError
-from hric_control.geometry import UP_AXES, Pose, Vector, compose
-from hric_control.node import Node
-from hric_control.parameters import Settings, choice, known_names, number, numbers, refused, whole
-from hric_control.robot_time.stream_time import Clock
+from hric_core.errors import HricError
+from hric_core.geometry import UP_AXES, Pose, Vector, compose
+from hric_core.node import Node
+from hric_core.parameters import Settings, choice, known_names, number, numbers, refused, whole
+from hric_core.robot_time.stream_time import Clock
 from hric_perception.chunk import Layout
 from hric_perception.emulation import BlockNoise, Faults
 from hric_perception.plate.geometry import CHANNELS, UNITS, frame_of

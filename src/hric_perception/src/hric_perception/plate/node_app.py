@@ -1,6 +1,6 @@
 """Node `force_plate`: samples of a force plate, its wrench and its centre of pressure."""
 
-from hric_control.ros import RosNode, run
+from hric_core.ros import RosNode, run
 from hric_perception.chunk import Chunk
 from hric_perception.plate.natnet import NATNET, plate_of
 from hric_perception.plate.publisher import ForcePlateSettings, PlatePublisher

@@ -6,10 +6,10 @@ from typing import Any
 from geometry_msgs.msg import Point, PointStamped, Vector3, Wrench, WrenchStamped
 from tf2_msgs.msg import TFMessage
 
-from hric_control.geometry import Pose, stamped
-from hric_control.node import Node
-from hric_control.parameters import Settings, choice, flag, number, section, text
-from hric_control.robot_time import stamps
+from hric_core.geometry import Pose, stamped
+from hric_core.node import Node
+from hric_core.parameters import Settings, choice, flag, number, section, text
+from hric_core.robot_time import stamps
 from hric_msgs.msg import SampleChunk
 from hric_perception.chunk import Chunk, Layout, chunk_message
 from hric_perception.lsl import LslSettings

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Any
 
-from hric_control.errors import ParameterError
-from hric_control.parameters import Settings, choice, either, listing, number, refused, section, text, whole
+from hric_core.errors import ParameterError
+from hric_core.parameters import Settings, choice, either, listing, number, refused, section, text, whole
 from hric_perception.sync.extract import BATCHES
 from hric_perception.sync.paths import WHOLES, Leaf, leaves, message_class
 

@@ -9,11 +9,11 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
-from hric_control.errors import ParameterError
-from hric_control.parameters import Settings, listing, mapping, number, text
-from hric_control.robot_time.follower import RobotTime
-from hric_control.ros import RosNode, run
-from hric_control.ros.process import NodeApp
+from hric_core.errors import ParameterError
+from hric_core.parameters import Settings, listing, mapping, number, text
+from hric_core.robot_time.follower import RobotTime
+from hric_core.ros import RosNode, run
+from hric_core.ros.process import NodeApp
 from hric_msgs.msg import SyncedSample, SyncLayout, SyncStatus
 from hric_perception.sync import messages
 from hric_perception.sync.core import Synchroniser

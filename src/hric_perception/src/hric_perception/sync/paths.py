@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from hric_control.errors import HricError, UnknownNameError
+from hric_core.errors import HricError, UnknownNameError
 
 FLOATS = ("float32", "float64")
 WHOLES = ("bool", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "byte", "char")

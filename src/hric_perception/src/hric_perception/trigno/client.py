@@ -6,8 +6,8 @@ import socket
 import time
 from dataclasses import dataclass
 
-from hric_control.parameters import Settings as Base
-from hric_control.parameters import names, number, text, whole
+from hric_core.parameters import Settings as Base
+from hric_core.parameters import names, number, text, whole
 from hric_perception.chunk import Layout
 from hric_perception.stream import Driver, SampleStream, StreamHealth
 from hric_perception.trigno import protocol

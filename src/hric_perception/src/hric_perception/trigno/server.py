@@ -7,7 +7,7 @@ import socket
 import threading
 from collections.abc import Callable
 
-from hric_control.errors import FailureError
+from hric_core.errors import FailureError
 from hric_perception.chunk import FloatArray
 from hric_perception.trigno import protocol
 

@@ -8,7 +8,7 @@ from geometry_msgs.msg import Point
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
-from hric_control.robot_time import stamps
+from hric_core.robot_time import stamps
 
 PER_NEWTON_GRIP, PER_NEWTON_CONTACT = 0.02, 0.002
 """Length of an arrow of grips, as that of the force on the arm, and of contacts, of hundreds of newtons [m/N]."""

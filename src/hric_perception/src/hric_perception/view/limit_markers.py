@@ -14,8 +14,8 @@ from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker
 
 from hric_control.limits import JointLimits
-from hric_control.robot_time import stamps
-from hric_control.urdf import Joint, read
+from hric_core.robot_time import stamps
+from hric_core.urdf import Joint, read
 
 NEAR_POSITION, AT_POSITION = 0.2, 0.05
 """Distance to the end of the range below which a joint is near it, or at it; project default, unconfirmed [rad]."""

@@ -10,10 +10,10 @@ from geometry_msgs.msg import Point
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
-from hric_control.geometry import FloatArray
-from hric_control.geometry.transforms import rotation_about
-from hric_control.robot_time import stamps
-from hric_control.urdf import Joint, read
+from hric_core.geometry import FloatArray
+from hric_core.geometry.transforms import rotation_about
+from hric_core.robot_time import stamps
+from hric_core.urdf import Joint, read
 from hric_human.muscles.lines import colour
 
 WIDTH = 0.007

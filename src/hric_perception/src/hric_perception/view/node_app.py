@@ -13,12 +13,12 @@ from sensor_msgs.msg import JointState
 from visualization_msgs.msg import MarkerArray
 
 from franka_msgs.msg import FrankaState
-from hric_control.errors import HricError
 from hric_control.limits import JointLimits, load_limits
-from hric_control.parameters import Settings, listing, number, text
-from hric_control.ros import RosNode, run
-from hric_control.ros.process import NodeApp
-from hric_control.urdf import read
+from hric_core.errors import HricError
+from hric_core.parameters import Settings, listing, number, text
+from hric_core.ros import RosNode, run
+from hric_core.ros.process import NodeApp
+from hric_core.urdf import read
 from hric_msgs.msg import HumanGrip, MuscleActivation, RegionContacts, SampleChunk
 from hric_perception.plate.geometry import PLATE_ID
 from hric_perception.view import limit_markers

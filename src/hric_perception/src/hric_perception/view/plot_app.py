@@ -13,10 +13,10 @@ import rospy
 from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState
 
-from hric_control.errors import HricError, UnknownNameError
-from hric_control.processes import run_command
-from hric_control.ros import shut_down
-from hric_control.ros.process import check_private
+from hric_core.errors import HricError, UnknownNameError
+from hric_core.processes import run_command
+from hric_core.ros import shut_down
+from hric_core.ros.process import check_private
 from hric_msgs.msg import SampleChunk
 from hric_perception.view import curves
 from hric_perception.view.curves import History, Panel, Picture

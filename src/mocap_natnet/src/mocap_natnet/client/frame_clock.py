@@ -8,7 +8,7 @@ exposures in order get times in order.
 import math
 from collections import deque
 
-from hric_control.robot_time.rising_line import Line, RisingLine, fit_line
+from hric_core.robot_time.rising_line import Line, RisingLine, fit_line
 from mocap_natnet.codec.types import Frame
 
 WINDOW = 30.0

@@ -4,7 +4,7 @@ import threading
 from collections import deque
 from dataclasses import dataclass, field
 
-from hric_control.errors import CommandError
+from hric_core.errors import CommandError
 from mocap_natnet.codec.packets import Message, packet
 
 RETRY_PERIOD = 100_000_000

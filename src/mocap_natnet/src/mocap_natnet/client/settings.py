@@ -4,8 +4,8 @@ import ipaddress
 from dataclasses import dataclass
 from typing import Any
 
-from hric_control.parameters import Settings as Base
-from hric_control.parameters import choice, either, listing, number, text, whole
+from hric_core.parameters import Settings as Base
+from hric_core.parameters import choice, either, listing, number, text, whole
 from mocap_natnet.codec.layout import Version, layout, parse
 from mocap_natnet.codec.packets import COMMAND_PORT, DATA_PORT
 

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from hric_control.geometry import IDENTITY, ORIGIN, Quaternion, Vector
+from hric_core.geometry import IDENTITY, ORIGIN, Quaternion, Vector
 
 NO_PARENT = -1
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from itertools import chain
 from typing import Any, TypeVar
 
-from hric_control.geometry import Vector
+from hric_core.geometry import Vector
 from mocap_natnet.codec.layout import Layout
 from mocap_natnet.codec.reader import COUNT_AND_SIZE, INT, VECTOR, CodecError, Reader
 from mocap_natnet.codec.types import (

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable
 from itertools import chain
 from typing import Any, NamedTuple
 
-from hric_control.geometry import IDENTITY
+from hric_core.geometry import IDENTITY
 from mocap_natnet.codec import descriptions as d
 from mocap_natnet.codec.layout import FIRST, SINCE, Layout, Version, text
 from mocap_natnet.codec.reader import INT, VECTOR, CodecError, Reader

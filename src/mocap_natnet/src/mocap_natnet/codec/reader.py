@@ -4,8 +4,8 @@ import struct
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-from hric_control.errors import HricError
-from hric_control.geometry import Vector
+from hric_core.errors import HricError
+from hric_core.geometry import Vector
 
 T = TypeVar("T")
 

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from hric_control.geometry import Quaternion, Vector
+from hric_core.geometry import Quaternion, Vector
 
 TRACKED = 0x01
 """Flag of a rigid body: tracking is valid in this frame. Without it the pose is meaningless."""

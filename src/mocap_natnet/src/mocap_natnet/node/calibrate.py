@@ -8,12 +8,12 @@ from typing import Any
 from std_srvs.srv import Trigger, TriggerResponse
 
 from franka_msgs.msg import FrankaState
-from hric_control.errors import CommandError, HricError
-from hric_control.geometry import Vector
-from hric_control.geometry.poses import z_up
-from hric_control.node import Node
-from hric_control.parameters import Settings, text
-from hric_control.ros.process import NodeApp, run
+from hric_core.errors import CommandError, HricError
+from hric_core.geometry import Vector
+from hric_core.geometry.poses import z_up
+from hric_core.node import Node
+from hric_core.parameters import Settings, text
+from hric_core.ros.process import NodeApp, run
 from hric_msgs.msg import MocapData
 from mocap_natnet.node.parameters import MOCAP_FRAME, UP_AXIS
 from mocap_natnet.tracking.calibration import Calibration, save

@@ -1,4 +1,4 @@
-"""Messages of tracked data; those of each frame without genpy's constructors, see `hric_control.geometry.stamped`."""
+"""Messages of tracked data; those of each frame without genpy's constructors, see `hric_core.geometry.stamped`."""
 
 import math
 from collections.abc import Sequence
@@ -8,8 +8,8 @@ from geometry_msgs.msg import PointStamped, Pose2D, Vector3
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from hric_control.geometry import Pose
-from hric_control.geometry.stamped import point_message, pose_message
+from hric_core.geometry import Pose
+from hric_core.geometry.stamped import point_message, pose_message
 from hric_msgs.msg import MocapData, RigidBodyState
 from mocap_natnet.tracking.tracking import TrackedBody, TrackedMarker
 

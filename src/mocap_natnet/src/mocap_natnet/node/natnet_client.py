@@ -9,11 +9,11 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from std_srvs.srv import Trigger, TriggerResponse
 from tf2_msgs.msg import TFMessage
 
-from hric_control.errors import HricError
-from hric_control.robot_time.follower import RobotTime
-from hric_control.robot_time.progress import ProgressReport
-from hric_control.ros import RosNode, run
-from hric_control.ros.process import NodeApp
+from hric_core.errors import HricError
+from hric_core.robot_time.follower import RobotTime
+from hric_core.robot_time.progress import ProgressReport
+from hric_core.ros import RosNode, run
+from hric_core.ros.process import NodeApp
 from mocap_natnet.client import Health, NatNetClient, Received, Settings
 from mocap_natnet.codec.descriptions import Model
 from mocap_natnet.node import take

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from typing import Any
 
-from hric_control.geometry import ORIGIN, UP_AXES, Pose, Vector
-from hric_control.geometry.poses import PoseSettings
-from hric_control.parameters import Settings, choice, flag, number, numbers, section, text
+from hric_core.geometry import ORIGIN, UP_AXES, Pose, Vector
+from hric_core.geometry.poses import PoseSettings
+from hric_core.parameters import Settings, choice, flag, number, numbers, section, text
 from mocap_natnet.tracking.validity import Volume
 
 MOCAP_FRAME = "mocap"

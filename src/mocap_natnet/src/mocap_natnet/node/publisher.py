@@ -9,9 +9,9 @@ from geometry_msgs.msg import Point, PointStamped, Pose2D, PoseStamped, Quaterni
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
 
-from hric_control.geometry import Pose, Vector, compose, from_rotation_vector, stamped
-from hric_control.node import Node, Publisher
-from hric_control.robot_time import stamps
+from hric_core.geometry import Pose, Vector, compose, from_rotation_vector, stamped
+from hric_core.node import Node, Publisher
+from hric_core.robot_time import stamps
 from hric_msgs.msg import MocapData
 from mocap_natnet.client import Received
 from mocap_natnet.codec.descriptions import Model

@@ -9,8 +9,8 @@ from typing import Any
 
 from std_msgs.msg import String
 
-from hric_control.errors import CommandError, HricError
-from hric_control.ros import RosNode
+from hric_core.errors import CommandError, HricError
+from hric_core.ros import RosNode
 
 Request = Callable[..., bytes]
 """(words, timeout [s]) -> response; `NatNetClient.request`."""

@@ -1,6 +1,6 @@
 """Emulated Motive: a scene, the protocol without sockets, and a server on UDP."""
 
-from hric_control.geometry import Track
+from hric_core.geometry import Track
 from mocap_natnet.server.motive import Motive
 from mocap_natnet.server.scene import Body, Faults, Plate, Scene
 from mocap_natnet.server.server import MotiveServer

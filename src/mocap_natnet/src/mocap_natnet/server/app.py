@@ -11,12 +11,12 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Protocol
 
-from hric_control.errors import HricError, ParameterError
-from hric_control.geometry import UP_AXES
-from hric_control.parameters import Settings as Declared
-from hric_control.parameters import declared
-from hric_control.processes import run_server
-from hric_control.robot_time.stream_time import Clock
+from hric_core.errors import HricError, ParameterError
+from hric_core.geometry import UP_AXES
+from hric_core.parameters import Settings as Declared
+from hric_core.parameters import declared
+from hric_core.processes import run_server
+from hric_core.robot_time.stream_time import Clock
 from mocap_natnet.codec import FIRST, LAST, parse, text
 from mocap_natnet.server.motive import Motive
 from mocap_natnet.server.scene import Faults, Scene

@@ -7,9 +7,9 @@ from typing import Any
 
 from rosbags.highlevel import AnyReader
 
-from hric_control.errors import HricError, ParameterError, UnknownNameError
-from hric_control.geometry.messages import pose_of
-from hric_control.geometry.poses import Pose, Track, pose_z_up
+from hric_core.errors import HricError, ParameterError, UnknownNameError
+from hric_core.geometry.messages import pose_of
+from hric_core.geometry.poses import Pose, Track, pose_z_up
 
 FRAMES, POSES = "hric_msgs/msg/MocapData", "geometry_msgs/msg/PoseStamped"
 """Types of topics with poses of a body."""

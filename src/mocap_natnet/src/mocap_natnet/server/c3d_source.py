@@ -6,9 +6,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from hric_control.errors import ParameterError
-from hric_control.geometry import FloatArray, Pose, Track, Vector, quaternion_from_rotation
-from hric_control.trial.c3d import Trial
+from hric_core.errors import ParameterError
+from hric_core.geometry import FloatArray, Pose, Track, Vector, quaternion_from_rotation
+from hric_core.trial.c3d import Trial
 from mocap_natnet.rigid_body import on_one_line, poses_of_points
 
 ON_FRAME = 1e-6

@@ -16,13 +16,13 @@ from geometry_msgs.msg import PoseStamped
 
 from gazebo_msgs.msg import LinkStates
 from gazebo_msgs.srv import GetLinkState
-from hric_control.geometry import Pose, normalized
-from hric_control.geometry.messages import pose_of
-from hric_control.processes import run_server
-from hric_control.robot_time.follower import RobotTime
-from hric_control.robot_time.progress import ProgressReport
-from hric_control.ros import RosNode, forward_to_ros, shut_down
-from hric_control.ros.process import check_private, end_with_roslaunch
+from hric_core.geometry import Pose, normalized
+from hric_core.geometry.messages import pose_of
+from hric_core.processes import run_server
+from hric_core.robot_time.follower import RobotTime
+from hric_core.robot_time.progress import ProgressReport
+from hric_core.ros import RosNode, forward_to_ros, shut_down
+from hric_core.ros.process import check_private, end_with_roslaunch
 from mocap_natnet.server import app
 from mocap_natnet.server.server import LOG
 from mocap_natnet.server.sources import History, Source

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from hric_control.errors import ParameterError
-from hric_control.geometry.poses import UP_AXES, Pose, from_z_up, pose_from_z_up, transformed
-from hric_control.geometry.quaternions import Vector, from_rotation_vector, product
-from hric_control.parameters import Parameter, Settings, listing, number, numbers, whole
+from hric_core.errors import ParameterError
+from hric_core.geometry.poses import UP_AXES, Pose, from_z_up, pose_from_z_up, transformed
+from hric_core.geometry.quaternions import Vector, from_rotation_vector, product
+from hric_core.parameters import Parameter, Settings, listing, number, numbers, whole
 from mocap_natnet.codec import descriptions as d
 from mocap_natnet.codec import types as t
 from mocap_natnet.codec.types import OF_ASSET, POINT_CLOUD, TRACKED, Analog, Frame, Marker, MarkerSet, RigidBody, Suffix

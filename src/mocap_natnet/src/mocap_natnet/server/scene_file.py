@@ -6,10 +6,10 @@ from functools import partial
 from pathlib import Path
 from typing import Protocol
 
-from hric_control.errors import ParameterError
-from hric_control.geometry import UP_AXES, Pose, Track, Vector, from_rotation_vector
-from hric_control.parameters import Settings, choice, listing, names, numbers, read_yaml, section, text, variant, whole
-from hric_control.trial.c3d import Trial, read_trial
+from hric_core.errors import ParameterError
+from hric_core.geometry import UP_AXES, Pose, Track, Vector, from_rotation_vector
+from hric_core.parameters import Settings, choice, listing, names, numbers, read_yaml, section, text, variant, whole
+from hric_core.trial.c3d import Trial, read_trial
 from mocap_natnet.server.c3d_source import RecordedBody, labels_of
 from mocap_natnet.server.scene import TRIANGLE, Body, Faults, Plate, Scene
 from mocap_natnet.server.sources import Sinusoid, Source, from_file

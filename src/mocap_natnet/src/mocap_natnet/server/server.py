@@ -8,8 +8,8 @@ import socket
 import threading
 from collections.abc import Callable
 
-from hric_control.errors import FailureError
-from hric_control.robot_time.stream_time import Clock, StreamTime, WallClock
+from hric_core.errors import FailureError
+from hric_core.robot_time.stream_time import Clock, StreamTime, WallClock
 from mocap_natnet.client.client import datagram_socket
 from mocap_natnet.server.motive import Motive, Outgoing
 

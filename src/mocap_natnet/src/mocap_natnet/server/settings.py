@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from hric_control.parameters import Settings as Base
-from hric_control.parameters import choice, flag, number, whole
+from hric_core.parameters import Settings as Base
+from hric_core.parameters import choice, flag, number, whole
 from mocap_natnet.client.settings import address, bitstream, group
 from mocap_natnet.codec.layout import Version
 from mocap_natnet.codec.packets import COMMAND_PORT, DATA_PORT, MULTICAST_GROUP

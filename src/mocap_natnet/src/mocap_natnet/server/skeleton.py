@@ -3,9 +3,9 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from hric_control.errors import ParameterError
-from hric_control.geometry.poses import Pose, from_z_up
-from hric_control.geometry.quaternions import Vector
+from hric_core.errors import ParameterError
+from hric_core.geometry.poses import Pose, from_z_up
+from hric_core.geometry.quaternions import Vector
 from mocap_natnet.codec import descriptions as d
 
 NO_BONE = 0

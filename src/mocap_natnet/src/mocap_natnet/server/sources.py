@@ -12,10 +12,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from hric_control.errors import ParameterError
-from hric_control.geometry.poses import ORIGIN, Pose, Track, interpolated
-from hric_control.geometry.quaternions import IDENTITY, Quaternion, Vector, from_rotation_vector, normalized, product
-from hric_control.parameters import Settings, number, numbers
+from hric_core.errors import ParameterError
+from hric_core.geometry.poses import ORIGIN, Pose, Track, interpolated
+from hric_core.geometry.quaternions import IDENTITY, Quaternion, Vector, from_rotation_vector, normalized, product
+from hric_core.parameters import Settings, number, numbers
 
 Source = Callable[[float], Pose | None]
 """Time of the stream [s] -> pose of the body (z up), None: not visible.

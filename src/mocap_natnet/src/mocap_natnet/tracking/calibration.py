@@ -7,8 +7,8 @@ from pathlib import Path
 
 import yaml
 
-from hric_control.errors import CommandError
-from hric_control.geometry import Pose, Vector, transformed
+from hric_core.errors import CommandError
+from hric_core.geometry import Pose, Vector, transformed
 from mocap_natnet.rigid_body import Fit
 
 

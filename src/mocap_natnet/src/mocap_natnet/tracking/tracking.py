@@ -4,8 +4,8 @@ from collections.abc import Collection, Hashable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from hric_control.geometry import Pose, Vector, compose, normalized, transformed
-from hric_control.geometry.poses import pose_from_z_up, pose_z_up, z_up
+from hric_core.geometry import Pose, Vector, compose, normalized, transformed
+from hric_core.geometry.poses import pose_from_z_up, pose_z_up, z_up
 from mocap_natnet.codec.descriptions import MarkerSetDescription, Model, RigidBodyDescription, SkeletonDescription
 from mocap_natnet.codec.types import OCCLUDED, TRACKED, Frame, Marker, RigidBody
 from mocap_natnet.tracking.validity import PoseValidator

@@ -4,8 +4,8 @@ import math
 from collections import Counter
 from dataclasses import dataclass
 
-from hric_control.geometry import Pose, Vector, normalized
-from hric_control.parameters import Settings, numbers, refused
+from hric_core.geometry import Pose, Vector, normalized
+from hric_core.parameters import Settings, numbers, refused
 
 UNIT_ERROR = 1e-3
 """Largest deviation of a quaternion's norm from 1 in 32-bit numbers (project default, unconfirmed)."""

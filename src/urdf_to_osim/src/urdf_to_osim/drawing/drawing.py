@@ -19,8 +19,8 @@ from vtkmodules.vtkIOImage import vtkPNGWriter
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 from vtkmodules.vtkRenderingOpenGL2 import vtkEGLRenderWindow
 
-from hric_control.errors import FailureError, HricError
-from hric_control.geometry import FloatArray
+from hric_core.errors import FailureError, HricError
+from hric_core.geometry import FloatArray
 from urdf_to_osim.decorations import Decoration, Look, Scene
 
 READERS = {".obj": vtkOBJReader, ".stl": vtkSTLReader, ".vtp": vtkXMLPolyDataReader}

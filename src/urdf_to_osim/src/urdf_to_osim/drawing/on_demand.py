@@ -7,7 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from hric_control.errors import FailureError
+from hric_core.errors import FailureError
 
 
 def install_vtk() -> None:

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import opensim
 
-from hric_control.errors import FailureError, ParameterError
-from hric_control.kept import write_whole
-from hric_control.processes import run_command
+from hric_core.errors import FailureError, ParameterError
+from hric_core.kept import write_whole
+from hric_core.processes import run_command
 from urdf_to_osim.decorations import Look, load_scene
 from urdf_to_osim.drawing.on_demand import install_vtk
 

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
-from hric_control.geometry import FloatArray
 from hric_control.plants import sigmoid_parameters
-from hric_control.urdf import NO_LIMIT, ONE_COORDINATE, Joint
+from hric_core.geometry import FloatArray
+from hric_core.urdf import NO_LIMIT, ONE_COORDINATE, Joint
 from urdf_to_osim.forces import stop_parameters
 from urdf_to_osim.options import Options
 

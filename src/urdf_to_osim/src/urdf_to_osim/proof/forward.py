@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import opensim
 
-from hric_control.errors import DescriptionError
+from hric_core.errors import DescriptionError
 from urdf_to_osim import transforms
 
 PIECE = 0.01

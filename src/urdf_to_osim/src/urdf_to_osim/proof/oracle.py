@@ -15,11 +15,11 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 import pinocchio as pin
 
-from hric_control.errors import DescriptionError
-from hric_control.geometry import FloatArray, MassProperties, homogeneous
-from hric_control.geometry.transforms import inverse
-from hric_control.urdf import Joint, Limit, write_inertial, write_origin
-from hric_control.urdf.elements import parse
+from hric_core.errors import DescriptionError
+from hric_core.geometry import FloatArray, MassProperties, homogeneous
+from hric_core.geometry.transforms import inverse
+from hric_core.urdf import Joint, Limit, write_inertial, write_origin
+from hric_core.urdf.elements import parse
 from urdf_to_osim import transforms
 from urdf_to_osim.joints import joint_rotation
 from urdf_to_osim.prepare import Plan

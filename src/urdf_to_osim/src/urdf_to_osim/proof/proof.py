@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from hric_control.errors import DescriptionError
-from hric_control.geometry import FloatArray
-from hric_control.urdf import ONE_COORDINATE, Joint
+from hric_core.errors import DescriptionError
+from hric_core.geometry import FloatArray
+from hric_core.urdf import ONE_COORDINATE, Joint
 from urdf_to_osim.converter import Conversion, convert
 from urdf_to_osim.options import Options
 from urdf_to_osim.proof import closed_form

@@ -7,7 +7,7 @@ from franka_sim.box.motion.cartesian import CartesianPositionGenerator, Cartesia
 from franka_sim.box.motion.generator import MotionGenerator as MotionGenerator
 from franka_sim.box.motion.joint import JointPositionGenerator, JointVelocityGenerator
 from franka_sim.box.requests import GeneratorMode
-from hric_control.errors import UnknownNameError
+from hric_core.errors import UnknownNameError
 
 
 def make_generator(

@@ -10,8 +10,8 @@ from franka_sim.box.internal_impedance import ImpedanceLaw
 from franka_sim.box.motion import MotionGenerator, make_generator
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand, MoveRequest
 from franka_sim.box.state import BoxState
-from hric_control.errors import CommandError
-from hric_control.native.vectors import near, smaller
+from hric_core.errors import CommandError
+from hric_core.native.vectors import near, smaller
 
 
 def invalid(request: MoveRequest) -> str:

@@ -17,7 +17,7 @@ from contextlib import suppress
 from queue import SimpleQueue
 from typing import Any
 
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_experiments.sweep import task as runs
 from hric_experiments.sweep.engines import chunks
 from hric_experiments.sweep.engines.engine import Died, Differs, Lost, Response, Task, arrived, same

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from queue import Empty, SimpleQueue
 from typing import Any, Protocol, TypeVar
 
-from hric_control.errors import FailureError, HricError
+from hric_core.errors import FailureError, HricError
 from hric_experiments.sweep.journal import UNFINISHED_CODE
 
 Task = dict[str, Any]

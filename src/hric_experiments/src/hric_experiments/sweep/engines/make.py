@@ -3,9 +3,9 @@
 import argparse
 import os
 
-from hric_control.errors import HricError
-from hric_control.parameters import whole
-from hric_control.wires import host_of, is_local, reached_by_others
+from hric_core.errors import HricError
+from hric_core.parameters import whole
+from hric_core.wires import host_of, is_local, reached_by_others
 from hric_experiments.sweep.engines.engine import Engine
 
 JOBS = os.cpu_count() or 1

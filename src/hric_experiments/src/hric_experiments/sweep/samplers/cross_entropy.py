@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import logsumexp, ndtr
 
-from hric_control.errors import HricError
-from hric_control.parameters import Settings, refused, whole
+from hric_core.errors import HricError
+from hric_core.parameters import Settings, refused, whole
 from hric_experiments.sweep.samplers.mixture import DEFENSIVE, Proposal, fit, log_normal
 from hric_experiments.sweep.samplers.sampler import CrossCheck, Estimate, Point, Told, in_order
 from hric_experiments.sweep.space import EDGE, Space

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.stats import qmc
 
-from hric_control.parameters import Settings, refused
+from hric_core.parameters import Settings, refused
 from hric_experiments.sweep.samplers.sampler import Estimate, Point, Told, in_order
 from hric_experiments.sweep.space import EDGE, Space
 from hric_experiments.sweep.statistics.intervals import LEVEL, clopper_pearson

@@ -14,7 +14,7 @@ sampler: {kind: sobol}
 
 from typing import Any
 
-from hric_control.parameters import Settings, variant
+from hric_core.parameters import Settings, variant
 from hric_experiments.sweep.samplers import cross_entropy, designs, subset, tpe
 from hric_experiments.sweep.samplers.sampler import Sampler
 from hric_experiments.sweep.space import Space

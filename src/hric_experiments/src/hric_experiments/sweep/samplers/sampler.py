@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 
 
 class Point(NamedTuple):

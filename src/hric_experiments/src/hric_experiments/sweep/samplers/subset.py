@@ -17,8 +17,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import ndtr, ndtri
 
-from hric_control.errors import HricError
-from hric_control.parameters import Settings, number, refused
+from hric_core.errors import HricError
+from hric_core.parameters import Settings, number, refused
 from hric_experiments.sweep.samplers.cross_entropy import Batch, with_results
 from hric_experiments.sweep.samplers.sampler import CrossCheck, Estimate, Point, Told, in_order
 from hric_experiments.sweep.space import EDGE, Space

@@ -12,8 +12,8 @@ from typing import Any
 
 from scipy.special import ndtr, ndtri
 
-from hric_control.errors import HricError
-from hric_control.parameters import Settings, number, refused, whole
+from hric_core.errors import HricError
+from hric_core.parameters import Settings, number, refused, whole
 from hric_experiments.sweep.samplers.sampler import Point, Told, in_order
 from hric_experiments.sweep.space import Space
 

@@ -7,7 +7,7 @@ import numpy.typing as npt
 from scipy.special import stdtrit
 from scipy.stats import binomtest
 
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 
 FloatArray = npt.NDArray[np.float64]
 LEVEL = 0.95

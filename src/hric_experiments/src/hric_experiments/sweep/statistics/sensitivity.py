@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import stats
 
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_experiments.sweep.space import Space
 from hric_experiments.sweep.statistics.intervals import LEVEL, effective_size
 

@@ -12,8 +12,8 @@ import math
 
 import numpy as np
 
-from hric_control.errors import HricError
-from hric_control.geometry import FloatArray
+from hric_core.errors import HricError
+from hric_core.geometry import FloatArray
 from hric_human.muscles.anatomy import CENTRES, Anatomy, Course, FitError, Muscle
 from hric_human.muscles.fitting.delft import RANGE, SAMPLES, UNSEEN
 from hric_human.muscles.fitting.fit import NO_ARM, arm_errors, fit_error, fit_muscle, rounded

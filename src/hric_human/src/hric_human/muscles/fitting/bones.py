@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_human.muscles.fitting.model import ArmModel
 
 _LEFT = re.compile(r"(^|_)(l|left)(_|$)|left", re.IGNORECASE)

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from hric_control.geometry import FloatArray
+from hric_core.geometry import FloatArray
 from hric_human.muscles.anatomy import SEGMENTS, Course
 from hric_human.muscles.fitting.fit import rounded
 from hric_human.muscles.fitting.sample import R_LINK_OPENSIM

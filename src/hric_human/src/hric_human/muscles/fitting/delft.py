@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from hric_control.geometry import FloatArray
-from hric_control.geometry.transforms import rotation_about
+from hric_core.geometry import FloatArray
+from hric_core.geometry.transforms import rotation_about
 from hric_human.muscles.anatomy import CENTRES, SEGMENTS, Anatomy, Course, FitError, Muscle
 from hric_human.muscles.fitting.course import course, frames_of, resting
 from hric_human.muscles.fitting.fit import fit_error, fit_muscle, rounded

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hric_control.geometry import FloatArray
+from hric_core.geometry import FloatArray
 from hric_human.muscles.anatomy import Course, FitError, Muscle
 from hric_human.muscles.fitting.sample import Samples
 from hric_human.muscles.polynomial import Polynomial, monomials, slopes

@@ -11,8 +11,8 @@ import math
 
 import numpy as np
 
-from hric_control.geometry import FloatArray
-from hric_control.geometry.transforms import rotation_about
+from hric_core.geometry import FloatArray
+from hric_core.geometry.transforms import rotation_about
 
 CLAVICLE_AT_REST = (-28.573324, 11.679804, 7.482095)
 SCAPULA_AT_REST = (32.047376, 10.6691, -10.320259)

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hric_control.errors import HricError
-from hric_control.geometry import FloatArray
+from hric_core.errors import HricError
+from hric_core.geometry import FloatArray
 from hric_human.muscles.fitting.model import Coordinate
 from hric_human.muscles.fitting.posture import AXES, FAR, Posture, circle_centre, nearest_axes, rotation_vector, unit
 

@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 import opensim
 
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_human.muscles.fitting.groups import GROUPS
 
 TRICEPS_INSERTION = (-0.0127, -0.0422, 0.0027)

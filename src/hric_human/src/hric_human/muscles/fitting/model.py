@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from hric_control.geometry import FloatArray
+from hric_core.geometry import FloatArray
 
 
 class Coordinate(NamedTuple):

@@ -4,7 +4,7 @@ import logging
 from pathlib import Path
 from xml.etree import ElementTree
 
-from hric_control.errors import HricError
+from hric_core.errors import HricError
 from hric_human.muscles.anatomy import Anatomy
 
 LOG = logging.getLogger("hric.human.muscles")

@@ -6,8 +6,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from hric_control.errors import HricError
-from hric_control.geometry import FloatArray
+from hric_core.errors import HricError
+from hric_core.geometry import FloatArray
 from hric_human.muscles.fitting.model import ArmModel, Coordinate, Strengths
 
 _SITE, _PULLEY = -1, -2

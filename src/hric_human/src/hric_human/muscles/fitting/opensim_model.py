@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import opensim
 
-from hric_control.errors import HricError
-from hric_control.geometry import FloatArray
+from hric_core.errors import HricError
+from hric_core.geometry import FloatArray
 from hric_human.muscles.fitting.model import ArmModel, Coordinate, Strengths
 from hric_human.muscles.fitting.sample import Paths
 

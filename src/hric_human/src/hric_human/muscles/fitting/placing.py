@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from hric_control.geometry import FloatArray
-from hric_control.geometry.transforms import rotation_about
+from hric_core.geometry import FloatArray
+from hric_core.geometry.transforms import rotation_about
 from hric_human.body.joints import ARM
 from hric_human.muscles.anatomy import CENTRES, SEGMENTS, Course
 from hric_human.muscles.fitting.bones import chain

@@ -10,8 +10,8 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from hric_control.errors import HricError
-from hric_control.geometry import FloatArray
+from hric_core.errors import HricError
+from hric_core.geometry import FloatArray
 from hric_human.body.joints import ARM
 from hric_human.muscles.fitting.bones import chain, find_bones
 from hric_human.muscles.fitting.model import ArmModel, Coordinate

@@ -9,7 +9,7 @@ import opensim
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from hric_control.geometry import FloatArray
+from hric_core.geometry import FloatArray
 from hric_human.muscles.polynomial import IntArray
 
 R_LINK_OPENSIM = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])

@@ -1,8 +1,0 @@
-/* To be preloaded into programs of others on roscpp, such as rosout: see hric_control/loopback.h. */
-#define _GNU_SOURCE /* NOLINT(bugprone-reserved-identifier): of the C library */
-#include "hric_control/loopback.h"
-
-__attribute__((visibility("default"))) int bind(int fd, const struct sockaddr *address, socklen_t size)
-{
-    return hric_bind_of_ros(fd, address, size, __builtin_return_address(0));
-}

@@ -1,6 +1,0 @@
-"""The framework on a ROS master: node, actions, live parameters, time, processes. rospy is imported here only."""
-
-from hric_control.ros.node import RosNode
-from hric_control.ros.process import forward_to_ros, run, shut_down, widen
-
-__all__ = ["RosNode", "forward_to_ros", "run", "shut_down", "widen"]

@@ -1,0 +1,104 @@
+"""Mass, centre of mass and inertia of rigid bodies: moved, added by Steiner's theorem, and judged."""
+
+import itertools
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hric_core.geometry.transforms import FloatArray
+
+
+@dataclass(frozen=True)
+class MassProperties:
+    """Mass distribution of a rigid body in one frame; that of nothing by default.
+
+    Attributes:
+        mass: [kg].
+        com: centre of mass, shape (3,) [m].
+        inertia: about the centre of mass, axes of the frame, tensor elements (Ixy = -integral x y dm), shape (3, 3) [kg
+            m^2]; need not be that of a body.
+    """
+
+    mass: float = 0.0
+    com: FloatArray = field(default_factory=lambda: np.zeros(3))
+    inertia: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
+
+    def moved(self, T_new_old: FloatArray) -> "MassProperties":
+        """The same body seen from another frame; T_new_old: pose of the present frame in the new one, shape (4, 4)."""
+        R = T_new_old[:3, :3]
+        return MassProperties(self.mass, R @ self.com + T_new_old[:3, 3], R @ self.inertia @ R.T)
+
+    def __add__(self, other: "MassProperties") -> "MassProperties":
+        """Both bodies as one, by Steiner's theorem about the common centre of mass; both in the same frame."""
+        mass = self.mass + other.mass
+        com = (self.mass * self.com + other.mass * other.com) / mass if mass != 0.0 else np.zeros(3)
+        inertia = np.zeros((3, 3))
+        for part in (self, other):
+            inertia += part.inertia + steiner_term(part.mass, part.com - com)
+        return MassProperties(mass, com, inertia)
+
+    def principal(self) -> tuple[FloatArray, FloatArray]:
+        """(moments, shape (3,) [kg m^2]; R, shape (3, 3)) with inertia = R diag(moments) R'.
+
+        Of the equivalent orders of the axes, the one whose roll, pitch and yaw lose least to rounding is taken.
+        """
+        moments, axes = np.linalg.eigh(self.inertia)
+        best: tuple[float, FloatArray, FloatArray] | None = None
+        for order in itertools.permutations(range(3)):
+            R = axes[:, order].copy()
+            if np.linalg.det(R) < 0.0:
+                R[:, 0] = -R[:, 0]
+            if best is None or abs(R[2, 0]) < best[0] - 1e-9:
+                best = (abs(float(R[2, 0])), moments[list(order)], R)
+        assert best is not None
+        return best[1], best[2]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether a tensor can belong to a body.
+
+    Attributes:
+        moments: principal moments, ascending, shape (3,) [kg m^2].
+        triangle_margin: sum of the two smaller moments less the largest [kg m^2]; negative breaks the triangle
+            inequality.
+    """
+
+    moments: FloatArray
+    triangle_margin: float
+
+    @property
+    def positive_definite(self) -> bool:
+        """Whether every principal moment is above zero."""
+        return bool(self.moments[0] > 0.0)
+
+    def reasons(self) -> list[str]:
+        """Why no distribution of mass has the tensor, one text per reason; empty if one has."""
+        found = []
+        if self.triangle_margin < 0.0:
+            found.append(f"breaks the triangle inequality by {-self.triangle_margin:.6f} kg m^2")
+        if not self.positive_definite:
+            negative = ", ".join(f"{moment:.4f}" for moment in self.moments if moment <= 0.0)
+            found.append(f"is not positive definite (eigenvalues {negative} kg m^2)")
+        return found
+
+
+def judge(inertia: FloatArray) -> Verdict:
+    """Principal moments and triangle margin of a symmetric tensor, shape (3, 3) [kg m^2]."""
+    moments = np.asarray(np.linalg.eigvalsh(inertia), dtype=np.float64)
+    return Verdict(moments, float(moments[0] + moments[1] - moments[2]))
+
+
+def steiner_term(mass: float, com: FloatArray) -> FloatArray:
+    """Inertia of the whole mass put at its centre, about the origin: m (q'q E - q q'), shape (3, 3) [kg m^2].
+
+    Args:
+        mass: [kg].
+        com: q, centre of mass from the origin, shape (3,) [m]. Its sign does not matter.
+    """
+    return mass * (com @ com * np.eye(3) - np.outer(com, com))
+
+
+def tensor(xx: float, xy: float, xz: float, yy: float, yz: float, zz: float) -> FloatArray:
+    """Symmetric tensor of its six elements, shape (3, 3) [kg m^2]."""
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=np.float64)

@@ -1,0 +1,77 @@
+"""Poses between ROS messages (position and quaternion x y z w) and homogeneous matrices; what a message may not hold is
+refused."""
+
+import math
+from typing import Any
+
+from hric_core.errors import CommandError
+from hric_core.geometry.poses import Pose
+from hric_core.geometry.quaternions import IDENTITY, Quaternion, normalized
+from hric_core.geometry.transforms import FloatArray, homogeneous, quaternion_from_rotation, rotation_from_quaternion
+
+
+def unit_quaternion(x: float, y: float, z: float, w: float) -> Quaternion:
+    """The quaternion with norm 1.
+
+    Raises:
+        CommandError: the norm is not 1 within 1 %.
+    """
+    norm = math.sqrt(x * x + y * y + z * z + w * w)
+    if not abs(norm - 1.0) < 0.01:
+        raise CommandError(f"orientation ({x:g}, {y:g}, {z:g}, {w:g}) is not a unit quaternion: its norm is {norm:g}")
+    return x / norm, y / norm, z / norm, w / norm
+
+
+def rotation(x: float, y: float, z: float, w: float) -> FloatArray:
+    """Rotation matrix, shape (3, 3), of a quaternion; all zeros count as no rotation, as an unset message has them.
+
+    Raises:
+        CommandError: the norm is not 1 within 1 %.
+    """
+    return rotation_from_quaternion(unit_quaternion(x, y, z, w) if any((x, y, z, w)) else IDENTITY)
+
+
+def matrix(pose: Any) -> FloatArray:
+    """Homogeneous matrix, shape (4, 4), of a geometry_msgs/Pose.
+
+    Raises:
+        CommandError: a position that is not finite, or no unit quaternion.
+    """
+    p, q = pose.position, pose.orientation
+    position = finite("position", p.x, p.y, p.z)
+    return homogeneous(rotation(*finite("orientation", q.x, q.y, q.z, q.w)), position)
+
+
+def pose_of(message: Any) -> Pose:
+    """The pose of a geometry_msgs/Pose, with an exact unit quaternion. Raises ZeroDivisionError where that is zero."""
+    p, q = message.position, message.orientation
+    return Pose((p.x, p.y, p.z), normalized((q.x, q.y, q.z, q.w)))
+
+
+def fill_pose(message: Any, pose: Pose) -> None:
+    """Write a pose into a geometry_msgs/Pose."""
+    p, q = message.position, message.orientation
+    p.x, p.y, p.z = pose.position
+    q.x, q.y, q.z, q.w = pose.orientation
+
+
+def fill(message: Any, T: FloatArray) -> None:
+    """Write a homogeneous matrix, shape (4, 4), into a geometry_msgs/Pose."""
+    x, y, z = T[:3, 3].tolist()
+    fill_pose(message, Pose((x, y, z), quaternion_from_rotation(T[:3, :3])))
+
+
+def fill_twist(twist: Any, values: FloatArray) -> None:
+    """Write a twist, shape (6,), linear then angular, into a geometry_msgs/Twist."""
+    twist.linear.x, twist.linear.y, twist.linear.z, twist.angular.x, twist.angular.y, twist.angular.z = values.tolist()
+
+
+def finite(what: str, *values: float) -> list[float]:
+    """The values, if all are finite.
+
+    Raises:
+        CommandError: naming `what`.
+    """
+    if not all(math.isfinite(value) for value in values):
+        raise CommandError(f"{what} is not finite: {', '.join(str(value) for value in values)}")
+    return list(values)

@@ -1,0 +1,147 @@
+"""Poses as position and quaternion, on plain floats; tracks of them; and the two conventions for the vertical axis of
+motion capture."""
+
+import math
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+from hric_core.errors import ParameterError
+from hric_core.geometry import quaternions
+from hric_core.geometry.quaternions import IDENTITY, Quaternion, Vector
+from hric_core.parameters import Settings, numbers
+
+ORIGIN: Vector = (0.0, 0.0, 0.0)
+UP_AXES = ("y", "z")
+"""Motive streams y up by default, z up on request; c3d files have either."""
+
+
+class Pose(NamedTuple):
+    """Position [m] and orientation (unit quaternion x, y, z, w) of a frame in another."""
+
+    position: Vector = ORIGIN
+    orientation: Quaternion = IDENTITY
+
+
+def transformed(T_a_b: Pose, p_b: Vector) -> Vector:
+    """A point of frame b, in frame a."""
+    x, y, z = quaternions.rotated(T_a_b.orientation, p_b)
+    return T_a_b.position[0] + x, T_a_b.position[1] + y, T_a_b.position[2] + z
+
+
+def compose(T_a_b: Pose, T_b_c: Pose) -> Pose:
+    """T_a_c."""
+    return Pose(transformed(T_a_b, T_b_c.position), quaternions.product(T_a_b.orientation, T_b_c.orientation))
+
+
+def inverse(T_a_b: Pose) -> Pose:
+    """T_b_a."""
+    x, y, z = T_a_b.position
+    back = quaternions.inverse(T_a_b.orientation)
+    return Pose(quaternions.rotated(back, (-x, -y, -z)), back)
+
+
+def difference(a: Pose, b: Pose) -> list[float]:
+    """Pose a minus pose b, in the axes in which both are expressed: position [m], rotation vector [rad], 6 floats."""
+    p, d = a.position, b.position
+    return [p[0] - d[0], p[1] - d[1], p[2] - d[2], *quaternions.difference(a.orientation, b.orientation)]
+
+
+def interpolated(start: Pose, goal: Pose, share: float) -> Pose:
+    """The part `share` (0 to 1) of the way from start to goal: straight, and about one axis by the shorter rotation."""
+    (x, y, z), (a, b, c) = start.position, goal.position
+    position = (x + share * (a - x), y + share * (b - y), z + share * (c - z))
+    return Pose(position, quaternions.interpolated(start.orientation, goal.orientation, share))
+
+
+def minimum_jerk(u: float) -> float:
+    """Share of the path after the share u of the time, from rest to rest with least jerk: s = 10 u^3 - 15 u^4 + 6 u^5
+    (Flash and Hogan, J. Neurosci. 5:1688, 1985). Its rate is at most 1.875, at u = 0.5."""
+    return u * u * u * (10 - 15 * u + 6 * u * u)
+
+
+class Track:
+    """Poses at given times; between them along a straight line, the orientation along the shortest arc; outside them at
+    rest.
+
+    Args:
+        times: rising [s].
+        poses: as many.
+        minimum_jerk: whether each piece begins and ends at rest, see the function.
+
+    Raises:
+        ParameterError: no poses, another number of times, times that do not rise, or numbers that are not finite.
+    """
+
+    def __init__(self, times: Sequence[float], poses: Sequence[Pose], minimum_jerk: bool = False) -> None:
+        if not times or len(times) != len(poses):
+            raise ParameterError(
+                f"a track needs as many times as poses and one at least; got {len(times)} and {len(poses)}"
+            )
+        if any(b <= a for a, b in pairwise(times)):
+            raise ParameterError("the times of a track must rise")
+        if not all(math.isfinite(number) for pose in poses for number in (*pose.position, *pose.orientation)):
+            raise ParameterError("the poses of a track must be finite numbers")
+        self._times, self._poses, self._minimum_jerk = list(times), list(poses), minimum_jerk
+
+    def __call__(self, time: float) -> Pose:
+        """The pose."""
+        after = bisect_right(self._times, time)
+        if after == 0 or after == len(self._times):
+            return self._poses[min(after, len(self._times) - 1)]
+        begin, end = self._times[after - 1], self._times[after]
+        u = (time - begin) / (end - begin)
+        s = minimum_jerk(u) if self._minimum_jerk else u
+        return interpolated(self._poses[after - 1], self._poses[after], s)
+
+
+def z_up(up: str, v: Vector) -> Vector:
+    """A vector in axes with z up: (x, -z, y) where y is up (thesis eq. of chapter 3.3: +90 degrees about x); `up`: of
+    UP_AXES."""
+    return v if up == "z" else (v[0], -v[2], v[1])
+
+
+def from_z_up(up: str, v: Vector) -> Vector:
+    """The other direction of `z_up`."""
+    return v if up == "z" else (v[0], v[2], -v[1])
+
+
+def pose_z_up(up: str, pose: Pose) -> Pose:
+    """A pose in axes with z up.
+
+    World and body axes are renamed alike (the vector part is mapped: q' = A q A^-1), as Motive does when the setting is
+    changed, so that a body that is aligned with the world stays aligned.
+    """
+    x, y, z, w = pose.orientation
+    return pose if up == "z" else Pose(z_up(up, pose.position), (*z_up(up, (x, y, z)), w))
+
+
+def pose_from_z_up(up: str, pose: Pose) -> Pose:
+    """The other direction of `pose_z_up`."""
+    x, y, z, w = pose.orientation
+    return pose if up == "z" else Pose(from_z_up(up, pose.position), (*from_z_up(up, (x, y, z)), w))
+
+
+def _unit_quaternion(xyzw: Quaternion) -> Quaternion:
+    if abs(math.hypot(*xyzw) - 1.0) > 1e-3:
+        raise ValueError
+    return quaternions.normalized(xyzw)
+
+
+_XYZW: Any = numbers(4, IDENTITY, name="xyzw", made=_unit_quaternion, text="its unit quaternion")
+_XYZW.accepts = "a unit quaternion, x, y, z, w"
+
+
+@dataclass(frozen=True)
+class PoseSettings(Settings):
+    """A pose, as parameters `xyz` and `xyzw`."""
+
+    xyz: Vector = numbers(3, ORIGIN, unit="m", text="position")
+    xyzw: Quaternion = _XYZW
+
+    @property
+    def pose(self) -> Pose:
+        """Position and orientation together."""
+        return Pose(self.xyz, self.xyzw)

@@ -1,0 +1,71 @@
+"""Parameters that change while running, without ROS: checking a change, handing it to the owner, putting back
+what is refused."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from hric_core.errors import check_known
+from hric_core.node import LiveParameter
+from hric_core.parameters import Settings, declared, flag, number, text, whole
+
+_KINDS: dict[type, Callable[..., Any]] = {bool: flag, int: whole, float: number, str: text}
+OnChange = Callable[[dict[str, Any]], dict[str, Any]]
+
+
+def live_parameters(settings: Settings) -> list[LiveParameter]:
+    """What to offer of declared parameters that are live, with their present values as defaults."""
+    return [
+        LiveParameter(
+            parameter.name, getattr(settings, key), parameter.minimum, parameter.maximum, parameter.text_with_unit
+        )
+        for key, parameter in declared(type(settings)).items()
+        if parameter.live
+    ]
+
+
+class LiveValues:
+    """The values of a set of live parameters. A change is taken as a whole or refused as a whole.
+
+    Args:
+        namespace: for messages.
+        parameters: what there is; a range is in force where `minimum` < `maximum`.
+        on_change: gets all values, returns those in force.
+        initial: values that replace the defaults, e.g. from the parameter server.
+
+    Raises:
+        ParameterError: an initial value is of the wrong type or out of range.
+        HricError: whatever `on_change` raises for the initial values.
+    """
+
+    def __init__(
+        self, namespace: str, parameters: Sequence[LiveParameter], on_change: OnChange, initial: Mapping[str, Any]
+    ) -> None:
+        self._namespace = namespace
+        self._parameters = {parameter.name: parameter for parameter in parameters}
+        self._on_change = on_change
+        self.values: dict[str, Any] = {p.name: p.default for p in parameters}
+        self._apply(initial)
+
+    def change(self, changes: Mapping[str, Any]) -> dict[str, Any]:
+        """Apply changes and return all values then in force.
+
+        Raises:
+            UnknownNameError: a name that is not among the parameters.
+            HricError: a value of the wrong type, out of range, or refused by the owner; nothing changed then.
+        """
+        self._apply(changes)
+        return dict(self.values)
+
+    def _apply(self, changes: Mapping[str, Any]) -> None:
+        check_known("live parameter", changes, self._parameters, self._namespace)
+        checked = {name: self._checked(self._parameters[name], value) for name, value in changes.items()}
+        requested = self.values | checked
+        in_force = self._on_change(dict(requested))
+        self.values = {name: in_force.get(name, requested[name]) for name in self._parameters}
+
+    def _checked(self, parameter: LiveParameter, value: Any) -> Any:
+        bounded = parameter.minimum < parameter.maximum
+        bounds = {"minimum": parameter.minimum, "maximum": parameter.maximum} if bounded else {}
+        return _KINDS[type(parameter.default)](**bounds).checked(
+            value, f"{self._namespace.rstrip('/')}/{parameter.name}"
+        )

@@ -1,0 +1,111 @@
+"""What all LocalNodes of one process part share: the parameter tree, the topics, services and actions, the clock."""
+
+import copy
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from hric_core import names
+from hric_core.errors import HricError
+
+Tap = Callable[[str, Any, float], None]
+
+
+class ParameterTree:
+    """Parameters as nested dicts, addressed by absolute names. Values are copied in and out, as over a wire."""
+
+    def __init__(self, params: Mapping[str, Any] | None = None) -> None:
+        self._root: dict[str, Any] = {}
+        for name, value in (params or {}).items():
+            self.set(names.resolve("/", name), value)
+
+    def get(self, name: str) -> Any:
+        """Value or subtree.
+
+        Raises:
+            KeyError: there is none.
+        """
+        value: Any = self._root
+        for part in name.split("/"):
+            if part:
+                if not isinstance(value, dict):
+                    raise KeyError(name)
+                value = value[part]
+        return copy.deepcopy(value)
+
+    def has(self, name: str) -> bool:
+        """Whether a value or subtree exists."""
+        try:
+            self.get(name)
+        except KeyError:
+            return False
+        return True
+
+    def set(self, name: str, value: Any) -> None:
+        """Set a value or subtree; a dict may have keys with slashes."""
+        parts = [part for part in name.split("/") if part]
+        if isinstance(value, Mapping):
+            value = ParameterTree(value)._root
+        if not parts:
+            if not isinstance(value, dict):
+                raise HricError(f"the root of the parameters must be a dict, not {value!r}")
+            self._root = copy.deepcopy(value)
+            return
+        node = self._root
+        for part in parts[:-1]:
+            child = node.get(part)
+            if not isinstance(child, dict):
+                child = node[part] = {}
+            node = child
+        node[parts[-1]] = copy.deepcopy(value)
+
+
+class LocalTopic:
+    """One topic: its type, its subscribers in order of subscription, the latched message."""
+
+    def __init__(self, name: str, message_type: type) -> None:
+        self.name, self.type = name, message_type
+        self.callbacks: list[Callable[[Any], None]] = []
+        self.publishers: set[str] = set()
+        self.latched: Any = None
+        self.sequence = 0
+
+
+class LocalCore:
+    """Shared by a LocalNode and its children."""
+
+    def __init__(self, params: Mapping[str, Any] | None = None) -> None:
+        self.params = ParameterTree(params)
+        self.topics: dict[str, LocalTopic] = {}
+        self.services: dict[str, tuple[type, Callable[[Any], Any]]] = {}
+        self.actions: dict[str, Any] = {}
+        self.live: dict[str, Any] = {}
+        self.taps: list[Tap] = []
+        self.clock: Callable[[], float] = lambda: 0.0
+        self.goals = 0
+
+    def topic(self, name: str, message_type: type) -> LocalTopic:
+        """The topic of this name, made on first use.
+
+        Raises:
+            HricError: it carries another type.
+        """
+        topic = self.topics.setdefault(name, LocalTopic(name, message_type))
+        if topic.type is not message_type:
+            raise HricError(f"topic {name} carries {names.type_name(topic.type)}, not {names.type_name(message_type)}")
+        return topic
+
+    def publish(self, topic: LocalTopic, message: Any, latch: bool, header: dict[str, str]) -> None:
+        """Hand a message to taps and subscribers, in this call; header: of the connection, as on a wire."""
+        names.check_message(f"topic {topic.name}", topic.type, message)
+        message._connection_header = header
+        topic.sequence += 1
+        if getattr(topic.type, "_has_header", False):
+            message.header.seq = topic.sequence
+        if latch:
+            topic.latched = message
+        if self.taps:
+            time = self.clock()
+            for tap in tuple(self.taps):
+                tap(topic.name, message, time)
+        for callback in tuple(topic.callbacks):
+            callback(message)

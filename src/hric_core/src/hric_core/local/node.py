@@ -1,0 +1,259 @@
+"""A node without a master: topics and services are calls within the process. The same controller class runs on it and
+on `RosNode`."""
+
+import itertools
+import logging
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from hric_core import names
+from hric_core.errors import HricError, ParameterError, check_known
+from hric_core.live import LiveValues
+from hric_core.local.action import LocalActionServer, LocalGoal
+from hric_core.local.core import LocalCore, LocalTopic, Tap
+from hric_core.node import REQUIRED, GoalHandle, LiveParameter, LogThrottle, Namespaced, Undoable
+from hric_core.robot_time import stamps
+
+_log = logging.getLogger("hric")
+
+
+class LocalPublisher:
+    """Publishes by calling the subscribers.
+
+    Args:
+        core: of the nodes.
+        topic: on which it publishes.
+        latch: True if who subscribes later gets the last message.
+        namespace: of the node; messages carry it as those of a wire carry their node's name (`publisher_of`), with a
+            number where another publisher of the topic has it already.
+    """
+
+    def __init__(self, core: LocalCore, topic: LocalTopic, latch: bool, namespace: str) -> None:
+        self._core, self._topic, self._latch = core, topic, latch
+        self._open = True
+        names_left = (f"{namespace}#{k}" if k else namespace for k in itertools.count())
+        name = next(name for name in names_left if name not in topic.publishers)
+        topic.publishers.add(name)
+        self._header = {"callerid": name}
+
+    def publish(self, message: Any) -> None:
+        """Call every tap and subscriber with the message.
+
+        Raises:
+            HricError: it is not of the topic's type.
+        """
+        if self._open:
+            self._core.publish(self._topic, message, self._latch, self._header)
+
+    def subscribers(self) -> int:
+        """Number of listeners, taps included."""
+        return len(self._topic.callbacks) + len(self._core.taps)
+
+    def unregister(self) -> None:
+        """Stop advertising; what is published afterwards goes nowhere."""
+        if self._open:
+            self._open = False
+            self._topic.publishers.remove(self._header["callerid"])
+            if self._latch:
+                self._topic.latched = None
+
+
+class LocalNode(Namespaced):
+    """Parameters, topics, services, actions and time in one process, single-threaded and deterministic.
+
+    Args:
+        params: nested dict below the root namespace; keys may have slashes.
+        namespace: of this node.
+    """
+
+    publishes_inline = True
+    """A RealtimePublisher on this node builds and publishes within the call, so that a run is the same each time."""
+
+    def __init__(self, params: Mapping[str, Any] | None = None, namespace: str = "/") -> None:
+        self._core = LocalCore(params)
+        self._namespace = names.normalize(namespace)
+
+    @property
+    def clock(self) -> Callable[[], float]:
+        """Robot time [s]; setting it sets it for all nodes of the same tree."""
+        return self._core.clock
+
+    @clock.setter
+    def clock(self, clock: Callable[[], float]) -> None:
+        self._core.clock = clock
+
+    def child(self, name: str) -> "LocalNode":
+        """A node one namespace deeper, with the same parameters, topics and clock."""
+        node = object.__new__(LocalNode)
+        node._core, node._namespace = self._core, self.resolve(name)
+        return node
+
+    def resolve(self, name: str) -> str:
+        """Absolute name."""
+        return names.resolve(self._namespace, name)
+
+    def has_param(self, name: str) -> bool:
+        """Whether the parameter exists."""
+        return self._core.params.has(self.resolve(name))
+
+    def param(self, name: str, default: Any = REQUIRED) -> Any:
+        """Value of a parameter, a copy.
+
+        Raises:
+            ParameterError: it does not exist and no default was given.
+        """
+        try:
+            return self._core.params.get(self.resolve(name))
+        except KeyError:
+            if default is REQUIRED:
+                raise ParameterError(f"parameter {self.resolve(name)} is not set") from None
+            return default
+
+    def set_param(self, name: str, value: Any) -> None:
+        """Set a parameter."""
+        self._core.params.set(self.resolve(name), value)
+
+    def advertise(self, topic: str, message_type: type, *, queue_size: int = 10, latch: bool = False) -> LocalPublisher:
+        """Advertise a topic; `queue_size` means nothing here, every message is delivered within publish()."""
+        return LocalPublisher(self._core, self._core.topic(self.resolve(topic), message_type), latch, self._namespace)
+
+    def subscribe(
+        self, topic: str, message_type: type, callback: Callable[[Any], None], *, queue_size: int = 10
+    ) -> Undoable:
+        """Call `callback` inside publish(). HricErrors it raises are logged, as on RosNode, at most one a second of
+        robot time; any other error reaches the publisher."""
+        entry = self._core.topic(self.resolve(topic), message_type)
+        refused = LogThrottle(self.log_error, lambda: self._core.clock())
+
+        def deliver(message: Any) -> None:
+            try:
+                callback(message)
+            except HricError as error:
+                refused(f"{entry.name}: {error}")
+
+        entry.callbacks.append(deliver)
+        if entry.latched is not None:
+            deliver(entry.latched)
+
+        def undo() -> None:
+            entry.callbacks.remove(deliver)
+            refused.finish()
+
+        return Undoable(undo)
+
+    def service(self, name: str, service_type: type, handler: Callable[[Any], Any]) -> Undoable:
+        """Serve; `call` reaches it."""
+        full = self.resolve(name)
+        if full in self._core.services:
+            raise HricError(f"service {full} is offered already")
+        self._core.services[full] = (service_type, handler)
+        return Undoable(lambda: self._core.services.pop(full))
+
+    def call(self, service: str, request: Any) -> Any:
+        """Call a service and return its response.
+
+        Raises:
+            UnknownNameError: no such service.
+            HricError: wrong request type, or what the handler raised.
+        """
+        full = self.resolve(service)
+        check_known("service", [full], self._core.services)
+        service_type: Any
+        service_type, handler = self._core.services[full]
+        names.check_message(f"service {full}", service_type._request_class, request)
+        response = handler(request)
+        names.check_message(f"response of service {full}", service_type._response_class, response)
+        return response
+
+    def action_server(
+        self,
+        name: str,
+        action_type: type,
+        on_goal: Callable[[GoalHandle], None],
+        on_cancel: Callable[[GoalHandle], None],
+    ) -> Undoable:
+        """Serve an action; `send_goal` reaches it, and so do messages on its goal and cancel topics."""
+        full = self.resolve(name)
+        if full in self._core.actions:
+            raise HricError(f"action {full} is offered already")
+        server = LocalActionServer(self, full, action_type, on_goal, on_cancel)
+        self._core.actions[full] = server
+
+        def undo() -> None:
+            server.close()
+            del self._core.actions[full]
+
+        return Undoable(undo)
+
+    def send_goal(self, action: str, goal: Any) -> LocalGoal:
+        """Send a goal to an action server of this process.
+
+        Raises:
+            UnknownNameError: no such action.
+            HricError: wrong goal type.
+        """
+        full = self.resolve(action)
+        check_known("action", [full], self._core.actions)
+        server: LocalActionServer = self._core.actions[full]
+        self._core.goals += 1
+        return server.send(goal, f"local-{self._core.goals}")
+
+    def live_parameters(
+        self, parameters: Sequence[LiveParameter], on_change: Callable[[dict[str, Any]], dict[str, Any]]
+    ) -> Undoable:
+        """Offer live parameters; `set_live` changes them. Values already in the parameter tree replace the defaults."""
+        if self._namespace in self._core.live:
+            raise HricError(f"{self._namespace} offers live parameters already")
+        initial = {p.name: self.param(p.name) for p in parameters if self.has_param(p.name)}
+        live = LiveValues(self._namespace, parameters, on_change, initial)
+        self._core.live[self._namespace] = live
+        self._store(live)
+        return Undoable(lambda: self._core.live.pop(self._namespace))
+
+    def set_live(self, namespace: str, changes: Mapping[str, Any]) -> dict[str, Any]:
+        """Change live parameters of a namespace; returns the values in force.
+
+        Raises:
+            UnknownNameError: no live parameters there, or not of this name.
+            HricError: a value was refused; nothing changed.
+        """
+        full = self.resolve(namespace)
+        check_known("namespace with live parameters", [full], self._core.live)
+        live: LiveValues = self._core.live[full]
+        values = live.change(changes)
+        self.child(full)._store(live)
+        return values
+
+    def _store(self, live: LiveValues) -> None:
+        for name, value in live.values.items():
+            self.set_param(name, value)
+
+    def tap(self, callback: Tap) -> Undoable:
+        """Call `callback(topic, message, robot_time)` for every message published on any node of this tree."""
+        self._core.taps.append(callback)
+        return Undoable(lambda: self._core.taps.remove(callback))
+
+    def topics(self) -> dict[str, str]:
+        """Type name of every topic that is advertised or subscribed to, by absolute name."""
+        used = (topic for topic in self._core.topics.values() if topic.publishers or topic.callbacks)
+        return {topic.name: names.type_name(topic.type) for topic in used}
+
+    def services(self) -> dict[str, str]:
+        """Type name of every service, by absolute name."""
+        return {name: names.type_name(kind) for name, (kind, _) in self._core.services.items()}
+
+    def now(self) -> Any:
+        """Stamp of robot time now (genpy.Time)."""
+        return stamps.to_time(self._core.clock())
+
+    def log_info(self, text: str) -> None:
+        """Log for the user, to Python's logger "hric"."""
+        _log.info("%s: %s", self._namespace, text)
+
+    def log_warn(self, text: str) -> None:
+        """Log a warning."""
+        _log.warning("%s: %s", self._namespace, text)
+
+    def log_error(self, text: str) -> None:
+        """Log an error."""
+        _log.error("%s: %s", self._namespace, text)

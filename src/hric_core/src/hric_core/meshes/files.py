@@ -1,0 +1,140 @@
+"""One mesh file in, its triangles out."""
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import collada
+import numpy as np
+import trimesh
+
+from hric_core.meshes.canonical import Surface, UnreadableMeshError
+
+Part = tuple[Any, Any, tuple[float, ...] | None]
+"""Vertices, faces and colour of what shares a material."""
+
+
+LOOKS = (
+    "library_effects",
+    "library_materials",
+    "library_images",
+    "library_lights",
+    "library_cameras",
+    "library_animations",
+    "library_controllers",
+    "bind_material",
+    "instance_camera",
+    "instance_light",
+    "instance_controller",
+)
+
+
+def read_surface(path: Path, content: bytes, scale: tuple[float, float, float]) -> Surface:
+    """Triangles of a mesh file, scaled by a URDF's `<mesh scale>`; a negative factor mirrors and keeps the outside
+    outside.
+
+    In a COLLADA file the transforms of its nodes and its unit of length apply; its `up_axis` does not, as in rviz.
+
+    Args:
+        path: the file; only its ending is read here.
+        content: the bytes of the file.
+        scale: factors along the mesh's axes.
+
+    Raises:
+        UnreadableMeshError: not a mesh of that kind, or one without area.
+    """
+    try:
+        dae = path.suffix.lower() == ".dae"
+        parts = _read_collada(_without_looks(content)) if dae else _read_plain(path.suffix, content)
+    except Exception as error:  # the readers raise whatever their parsers do
+        raise UnreadableMeshError(f"{type(error).__name__}: {error}".splitlines()[0]) from error
+    return _joined(parts, scale)
+
+
+def read_coloured(
+    path: Path, content: bytes, scale: tuple[float, float, float]
+) -> list[tuple[Surface, tuple[float, ...] | None]]:
+    """The same, one surface per colour of the file's materials: red, green, blue, opacity, each 0 to 1; None: no
+    colour. Textures are not read. Of a file whose materials cannot be read it is one surface without a colour.
+
+    Raises:
+        UnreadableMeshError: as `read_surface`.
+    """
+    try:
+        parts = _read_collada(content) if path.suffix.lower() == ".dae" else _read_obj(path, content)
+        colours = sorted({colour for _, _, colour in parts}, key=lambda colour: colour or ())
+        return [(_joined([part for part in parts if part[2] == colour], scale), colour) for colour in colours]
+    except Exception:  # the readers raise whatever their parsers do; the shape alone may still be readable
+        return [(read_surface(path, content, scale), None)]
+
+
+def _joined(parts: Sequence[Part], scale: tuple[float, float, float]) -> Surface:
+    mesh = (
+        trimesh.util.concatenate([trimesh.Trimesh(vertices, faces, process=False) for vertices, faces, _ in parts])
+        if parts
+        else trimesh.Trimesh()
+    )
+    if len(mesh.faces) and not np.isfinite(mesh.vertices[mesh.faces]).all():
+        raise UnreadableMeshError("a coordinate is not a finite number")
+    return _clean(mesh, scale)
+
+
+def _read_collada(content: bytes) -> list[Part]:
+    """Vertices [m], faces and diffuse colour of every primitive in the file's scene."""
+    document = collada.Collada(io.BytesIO(content), ignore=[collada.common.DaeUnsupportedError])
+    metres = document.assetInfo.unitmeter or 1.0
+    parts: list[Part] = []
+    for geometry in document.scene.objects("geometry") if document.scene else ():
+        for primitive in geometry.primitives():
+            triangles = primitive.triangleset() if hasattr(primitive, "triangleset") else primitive
+            indices = getattr(triangles, "vertex_index", None)
+            if indices is not None and np.ndim(indices) == 2 and np.shape(indices)[1] == 3:  # lines have pairs
+                diffuse = getattr(getattr(primitive.material, "effect", None), "diffuse", None)
+                colour = tuple(map(float, diffuse)) if isinstance(diffuse, tuple) else None
+                parts.append((np.asarray(triangles.vertex, float) * metres, indices, colour))
+    return parts
+
+
+def _without_looks(content: bytes) -> bytes:
+    """The COLLADA file without materials, images, lights and cameras, whose broken references would take the shapes
+    with them."""
+    root = ElementTree.fromstring(content)
+    for parent in list(root.iter()):
+        for child in list(parent):
+            if child.tag.rpartition("}")[2] in LOOKS:
+                parent.remove(child)
+    return ElementTree.tostring(root)
+
+
+def _read_obj(path: Path, content: bytes) -> list[Part]:
+    """Vertices, faces and diffuse colour per material of an .obj file with its .mtl; of an .stl file as it is."""
+    if path.suffix.lower() != ".obj":
+        return _read_plain(path.suffix, content)
+    resolver = trimesh.resolvers.FilePathResolver(str(path))
+    loaded = trimesh.load_scene(io.BytesIO(content), file_type="obj", resolver=resolver, process=False)
+    parts: list[Part] = []
+    for mesh in loaded.geometry.values():
+        diffuse = getattr(getattr(mesh.visual, "material", None), "diffuse", None)
+        colour = None if diffuse is None else tuple(float(value) / 255.0 for value in diffuse)
+        parts.append((mesh.vertices, mesh.faces, colour))
+    return parts
+
+
+def _read_plain(suffix: str, content: bytes) -> list[Part]:
+    """Vertices and faces of an .stl or .obj file, which have no unit and no transforms."""
+    options = {"skip_materials": True} if suffix.lower() == ".obj" else {}
+    mesh = trimesh.load_mesh(io.BytesIO(content), file_type=suffix[1:].lower(), process=False, **options)
+    return [(mesh.vertices, mesh.faces, None)]
+
+
+def _clean(mesh: Any, scale: tuple[float, float, float]) -> Surface:
+    """Scaled, equal vertices merged, faces without area dropped: contact needs closed surfaces."""
+    mesh.apply_transform(np.diag([*scale, 1.0]))
+    mesh.merge_vertices(merge_tex=True, merge_norm=True)
+    mesh.update_faces(mesh.nondegenerate_faces())
+    mesh.remove_unreferenced_vertices()
+    if not len(mesh.faces):
+        raise UnreadableMeshError("no triangle with an area in it")
+    return Surface(np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64))

@@ -1,0 +1,20 @@
+"""What is computed in C: modules that CMake builds with the workspace (`hric_python_module`), and faces in Python."""
+
+from importlib import import_module
+from types import ModuleType
+
+from hric_core.errors import HricError
+
+
+def load(name: str) -> ModuleType:
+    """The compiled module of this name.
+
+    Raises:
+        HricError: it is not built, or not for this Python.
+    """
+    try:
+        return import_module(name)
+    except ImportError as error:
+        raise HricError(
+            f"the compiled module {name} is not built for this Python ({error}); build the workspace: scripts/setup"
+        ) from error

@@ -1,0 +1,223 @@
+"""Plugins: classes found by name through the `<hric_control plugin="..."/>` export in package.xml, as pluginlib does
+for C++."""
+
+import functools
+import importlib
+import os
+import sys
+import threading
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import ModuleType
+
+from hric_core.errors import HricError, UnknownNameError, check_known
+
+CONTROLLER = "hric_control::Controller"
+ROBOT_HW = "hric_control::RobotHW"
+PLANT = "hric_control::Plant"
+PARTICIPANT = "hric_control::Participant"
+HUMAN_CONTROLLER = "hric_human::HumanController"
+_BASES = {
+    CONTROLLER: "hric_control.controller:Controller",
+    ROBOT_HW: "hric_control.robot_hw:RobotHW",
+    PLANT: "hric_control.plant:Plant",
+    PARTICIPANT: "hric_control.sim.participants:Participant",
+    HUMAN_CONTROLLER: "hric_human.control.controller:HumanController",
+}
+
+
+@dataclass(frozen=True)
+class PluginInfo:
+    """One exported class.
+
+    Attributes:
+        name: lookup name, e.g. "hric_controllers/JointPDController".
+        type: "module:Class".
+        base: base class string, e.g. "hric_control::Controller".
+        description: one sentence.
+        package: exporting package.
+        source: its plugins.xml.
+        library: folder of the library, relative paths being taken from the package ("." adds nothing to the import
+            path).
+    """
+
+    name: str
+    type: str
+    base: str
+    description: str
+    package: str
+    source: Path
+    library: Path
+
+
+@dataclass
+class _Index:
+    plugins: dict[str, dict[str, PluginInfo]] = field(default_factory=lambda: {base: {} for base in _BASES})
+    problems: list[str] = field(default_factory=list)
+
+
+def names(base: str) -> dict[str, PluginInfo]:
+    """All plugins of a base (CONTROLLER, ROBOT_HW, PLANT, PARTICIPANT, HUMAN_CONTROLLER) by name."""
+    check_known("plugin base", [base], _BASES)
+    return dict(_index(_search_path()).plugins[base])
+
+
+def find(base: str, name: str) -> type:
+    """The class exported under `name`.
+
+    Raises:
+        UnknownNameError: no such name; lists the valid ones and the plugin files that could not be read.
+        HricError: the module cannot be imported, lacks the class, or the class has another base.
+    """
+    info = names(base).get(name)
+    if info is None:
+        clear_cache()  # a package may have come since
+        info = names(base).get(name)
+    if info is None:
+        raise _not_found(base, name)
+    module_name, _, class_name = info.type.partition(":")
+    module = _import(info, module_name)
+    found = getattr(module, class_name, None)
+    if not isinstance(found, type):
+        raise HricError(f"plugin {name}: {module_name} has no class {class_name!r} (declared in {info.source})")
+    if not issubclass(found, _base_class(base)):
+        raise HricError(f"plugin {name}: {info.type} is not a {base} (declared in {info.source})")
+    return found
+
+
+def reload(base: str = CONTROLLER) -> list[str]:
+    """Read the plugin files again and reload the modules of this base that were imported.
+
+    Returns:
+        the names of the modules reloaded.
+    """
+    clear_cache()
+    modules = {info.type.partition(":")[0]: info for info in names(base).values()}
+    reloaded = [name for name in modules if name in sys.modules]
+    for name in reloaded:
+        try:
+            importlib.reload(sys.modules[name])
+        except Exception as error:
+            raise HricError(
+                f"cannot reload module {name} of package {modules[name].package}: {_reason(error)}"
+            ) from error
+    return reloaded
+
+
+def clear_cache() -> None:
+    """Forget what was read from package.xml and plugins.xml files."""
+    _index.cache_clear()
+
+
+def _base_class(base: str) -> type:
+    module_name, _, class_name = _BASES[base].partition(":")
+    base_class: type = getattr(importlib.import_module(module_name), class_name)
+    return base_class
+
+
+_importing = threading.RLock()
+"""Two threads that import from one package may each find the other's module half made (a controller that is loaded
+while the robot still starts)."""
+
+
+def _import(info: PluginInfo, module_name: str) -> ModuleType:
+    library = str(info.library)
+    if info.library != info.source.parent and info.library.is_dir() and library not in sys.path:
+        sys.path.append(library)
+    try:
+        with _importing:
+            return importlib.import_module(module_name)
+    except Exception as error:
+        raise HricError(
+            f"plugin {info.name}: cannot import module {module_name} of package {info.package}: {_reason(error)}"
+        ) from error
+
+
+def _reason(error: Exception) -> str:
+    return f"{type(error).__name__}: {error}"
+
+
+def _not_found(base: str, name: str) -> UnknownNameError:
+    index = _index(_search_path())
+    where = "the packages that export hric_control plugins"
+    if index.problems:
+        where += f" (could not be read: {'; '.join(index.problems)})"
+    return UnknownNameError(base, name, index.plugins[base], where)
+
+
+def _search_path() -> str:
+    path = os.environ.get("ROS_PACKAGE_PATH", "")
+    # Without a sourced workspace: the src folder that this package lies in.
+    return path if path else str(Path(__file__).resolve().parents[3])
+
+
+@functools.lru_cache(maxsize=4)
+def _index(search_path: str) -> _Index:
+    index = _Index()
+    seen: set[str] = set()
+    for root in search_path.split(os.pathsep):
+        for package_xml in _packages(root) if root else ():
+            _read_package(package_xml, seen, index)
+    return index
+
+
+def _packages(root: str) -> Iterator[Path]:
+    """package.xml files below `root`; a package is not searched further, nor is a folder with CATKIN_IGNORE."""
+    try:
+        entries = {entry.name: entry for entry in os.scandir(root)}
+    except (FileNotFoundError, NotADirectoryError, PermissionError):
+        return  # ROS_PACKAGE_PATH may name folders that do not exist (yet); rospack skips them as well
+    if "CATKIN_IGNORE" in entries:
+        return
+    if "package.xml" in entries:
+        yield Path(root, "package.xml")
+        return
+    for name in sorted(entries):
+        if not name.startswith(".") and entries[name].is_dir():
+            yield from _packages(entries[name].path)
+
+
+def _read_package(package_xml: Path, seen: set[str], index: _Index) -> None:
+    try:
+        text = package_xml.read_text(encoding="utf-8")
+        if "<hric_control" not in text:
+            return
+        root = ET.fromstring(text)
+    except (OSError, UnicodeDecodeError, ET.ParseError) as error:
+        index.problems.append(f"{package_xml}: {error}")
+        return
+    package = (root.findtext("name") or package_xml.parent.name).strip()
+    if package in seen:  # the first in ROS_PACKAGE_PATH overlays the others
+        return
+    seen.add(package)
+    for export in root.iterfind("export/hric_control"):
+        source = Path((export.get("plugin") or "").replace("${prefix}", str(package_xml.parent)))
+        try:
+            _read_plugins(package, source, index)
+        except (OSError, ET.ParseError, HricError) as error:
+            text = str(error)
+            index.problems.append(text if str(source) in text else f"{source}: {text}")
+
+
+def _read_plugins(package: str, source: Path, index: _Index) -> None:
+    root = ET.parse(source).getroot()
+    for library in [root] if root.tag == "library" else root.iterfind("library"):
+        folder = (source.parent / library.get("path", ".")).resolve()
+        for entry in library.iterfind("class"):
+            info = _plugin(entry, package, source, folder)
+            known = index.plugins[info.base].setdefault(info.name, info)
+            if known is not info:
+                index.problems.append(f"{source}: {info.name} is exported by {known.source} already")
+
+
+def _plugin(entry: ET.Element, package: str, source: Path, folder: Path) -> PluginInfo:
+    kind, base = entry.get("type", ""), entry.get("base_class_type", "")
+    name = entry.get("name", kind)
+    if ":" not in kind or base not in _BASES:
+        raise HricError(
+            f'{source}: class {name!r} needs type="module:Class" and base_class_type, one of {", ".join(_BASES)}'
+        )
+    description = " ".join((entry.findtext("description") or "").split())
+    return PluginInfo(name, kind, base, description, package, source, folder)

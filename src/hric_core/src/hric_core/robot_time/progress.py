@@ -1,0 +1,99 @@
+"""A paced run waits for those who must see all of it: emulated devices, drivers of sensors, the recorder say how far
+they have got, and the robot's clock does not run away from them."""
+
+import time
+from typing import Any
+
+from std_msgs.msg import Header
+
+from hric_core.node import Node
+from hric_core.robot_time import stamps
+from hric_core.robot_time.schedule import NS
+
+TOPIC = "hric/progress"
+"""In the robot's namespace, beside `hric/clock`: std_msgs/Header with the name of the source as `frame_id`, and the
+robot time up to which its work is done as `stamp`; 0: it does no more."""
+PERIOD = NS // 20
+"""Between messages of one source [ns of wall time]. The constants of this file are project defaults, unconfirmed."""
+AHEAD = 0.2
+"""So far the run may be ahead of the slowest source [s of robot time]."""
+SILENT = 2 * NS
+"""A source that has said nothing for so long holds nobody any more [ns of wall time]."""
+
+
+class ProgressReport:
+    """Says how far a source has got. One thread calls it.
+
+    Args:
+        node: private node of the source, whose name is the source's.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._source = node.namespace
+        self._publisher = node.advertise(node.beside(TOPIC), Header, queue_size=10)
+        self._due = 0
+
+    def reached(self, run: float | None) -> None:
+        """Publish, where the last message is long enough ago.
+
+        Args:
+            run: robot time up to which the work is done [s]; None: not known, nothing is published.
+        """
+        now = time.monotonic_ns()
+        if run is None or now < self._due:
+            return
+        self._due = now + PERIOD
+        self._publisher.publish(Header(stamp=stamps.to_time(max(run, 1e-9)), frame_id=self._source))
+
+    def close(self) -> None:
+        """Say that nobody need wait any more."""
+        self._publisher.publish(Header(frame_id=self._source))
+        self._publisher.unregister()
+
+
+class Gate:
+    """The robot time that a run must not pass, by what the sources report.
+
+    Args:
+        node: of the robot.
+
+    Attributes:
+        held: how long the run has waited for each source [s of wall time].
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._reached: dict[str, tuple[float, int]] = {}
+        self._last = 0
+        self.held: dict[str, float] = {}
+        self._subscription = node.subscribe(TOPIC, Header, self._on_progress, queue_size=0)
+
+    def close(self) -> None:
+        """Unsubscribe."""
+        self._subscription.unregister()
+
+    def limit(self, desired: float) -> float:
+        """The robot time up to which the run may go [s]; called in the loop, never blocks.
+
+        Args:
+            desired: up to which it would go [s].
+        """
+        now = time.monotonic_ns()
+        passed, self._last = min(now - self._last, SILENT) / NS, now
+        slowest, name = desired, ""
+        for source, (reached, at) in list(self._reached.items()):
+            if now - at < SILENT and reached + AHEAD < slowest:
+                slowest, name = reached + AHEAD, source
+        if name:
+            self.held[name] = self.held.get(name, 0.0) + passed
+        return slowest
+
+    def silent(self) -> list[str]:
+        """Names of the sources that have said nothing for `SILENT`."""
+        now = time.monotonic_ns()
+        return [source for source, (_, at) in list(self._reached.items()) if now - at >= SILENT]
+
+    def _on_progress(self, message: Any) -> None:
+        if message.stamp:
+            self._reached[message.frame_id] = (message.stamp.to_sec(), time.monotonic_ns())
+        else:
+            self._reached.pop(message.frame_id, None)

@@ -1,0 +1,126 @@
+"""An action server on actionlib: its wire interface as it is, its goal handles behind the face of `GoalHandle`."""
+
+from collections.abc import Callable
+from typing import Any
+
+import actionlib
+import rospy
+from actionlib_msgs.msg import GoalStatus
+
+from hric_core.errors import HricError
+from hric_core.node import GoalHandle
+
+_REJECTABLE = (GoalStatus.PENDING, GoalStatus.RECALLING)
+_ABORTABLE = (GoalStatus.ACTIVE, GoalStatus.PREEMPTING)
+
+
+class RosGoalHandle:
+    """The server's side of one goal."""
+
+    def __init__(self, handle: Any, forget: Callable[[str], None]) -> None:
+        self._handle, self._forget = handle, forget
+
+    @property
+    def goal_id(self) -> str:
+        """Unique id of the goal."""
+        return str(self._handle.get_goal_id().id)
+
+    @property
+    def goal(self) -> Any:
+        """The goal message."""
+        return self._handle.get_goal()
+
+    @property
+    def status(self) -> str:
+        """actionlib's name of the state."""
+        return str(GoalStatus.to_string(self._handle.get_goal_status().status))
+
+    def accept(self) -> None:
+        """The goal becomes active."""
+        self._handle.set_accepted()
+
+    def reject(self, result: Any, text: str) -> None:
+        """Refuse a goal that was not accepted."""
+        self._finish(self._handle.set_rejected, result, text)
+
+    def succeed(self, result: Any, text: str = "") -> None:
+        """The goal was reached."""
+        self._finish(self._handle.set_succeeded, result, text)
+
+    def abort(self, result: Any, text: str) -> None:
+        """The goal failed."""
+        self._finish(self._handle.set_aborted, result, text)
+
+    def cancel(self, result: Any, text: str = "") -> None:
+        """The goal was cancelled or replaced."""
+        self._finish(self._handle.set_canceled, result, text)
+
+    def publish_feedback(self, feedback: Any) -> None:
+        """Send feedback to the client."""
+        self._handle.publish_feedback(feedback)
+
+    def fail(self, text: str) -> None:
+        """Reject or abort, as its state allows."""
+        status = self._handle.get_goal_status().status
+        if status in _REJECTABLE:
+            self.reject(None, text)
+        elif status in _ABORTABLE:
+            self.abort(None, text)
+
+    def _finish(self, end: Callable[[Any, str], None], result: Any, text: str) -> None:
+        end(result, text)
+        self._forget(self.goal_id)
+
+
+class RosActionServer:
+    """Serves one action.
+
+    Args:
+        name: absolute.
+        action_type: action class.
+        on_goal, on_cancel: called in rospy's thread, under actionlib's lock: no waiting in them.
+        report: takes one line of error text.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        action_type: type,
+        on_goal: Callable[[GoalHandle], None],
+        on_cancel: Callable[[GoalHandle], None],
+        report: Callable[[str], None],
+    ) -> None:
+        self._name, self._report = name, report
+        self._on_goal, self._on_cancel = on_goal, on_cancel
+        self._handles: dict[str, RosGoalHandle] = {}
+        self._server = actionlib.ActionServer(name, action_type, self._receive_goal, self._receive_cancel, False)
+        self._server.start()
+
+    def close(self) -> None:
+        """Take the topics back; goals that have not ended are aborted."""
+        for handle in list(self._handles.values()):
+            handle.fail("the action server was shut down")
+        self._server.stop()
+
+    def _forget(self, goal_id: str) -> None:
+        self._handles.pop(goal_id, None)
+
+    def _receive_goal(self, server_handle: Any) -> None:
+        handle = RosGoalHandle(server_handle, self._forget)
+        self._handles[handle.goal_id] = handle
+        try:
+            self._on_goal(handle)
+        except HricError as error:
+            self._report(f"action {self._name}: {error}")
+            handle.fail(str(error))
+
+    def _receive_cancel(self, server_handle: Any) -> None:
+        # actionlib makes a new handle for each cancel; the owner gets the one it knows.
+        handle = self._handles.get(str(server_handle.get_goal_id().id))
+        if handle is None:
+            rospy.logdebug("action %s: cancel of a goal that has ended", self._name)
+            return
+        try:
+            self._on_cancel(handle)
+        except HricError as error:
+            self._report(f"action {self._name}: {error}")

@@ -1,0 +1,131 @@
+"""Live parameters on dynamic_reconfigure: its services, topics and tools, with the parameters given while it runs
+instead of in a .cfg file."""
+
+import math
+import threading
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import roslib.launcher
+import rospy
+
+from hric_core.errors import HricError
+from hric_core.live import LiveValues
+from hric_core.node import LiveParameter
+
+# Importing dynamic_reconfigure queries rospack for Python paths, which only packages older than catkin need, and
+# rospack complains about rosdep.
+roslib.launcher._bootstrapped.append("dynamic_reconfigure")
+from dynamic_reconfigure.server import Server  # noqa: E402
+
+_WIRE_TYPE = {bool: "bool", int: "int", float: "double", str: "str"}
+_INT_RANGE = (-(2**31), 2**31 - 1)
+
+
+class ConfigType:
+    """What a generated `<Name>Config` module offers, built from a list of parameters."""
+
+    def __init__(self, parameters: Sequence[LiveParameter]) -> None:
+        self.defaults: dict[str, Any] = {p.name: p.default for p in parameters}
+        self.min: dict[str, Any] = {p.name: _bounds(p)[0] for p in parameters}
+        self.max: dict[str, Any] = {p.name: _bounds(p)[1] for p in parameters}
+        self.config_description: dict[str, Any] = {
+            "name": "Default",
+            "type": "",
+            "state": True,
+            "cstate": "true",
+            "id": 0,
+            "parent": 0,
+            "parentname": "",
+            "parentclass": "",
+            "class": "DEFAULT",
+            "field": "default",
+            "upper": "DEFAULT",
+            "lower": "groups",
+            "groups": [],
+            "parameters": [self._describe(p) for p in parameters],
+        }
+
+    def _describe(self, parameter: LiveParameter) -> dict[str, Any]:
+        low, high = _bounds(parameter)
+        return {
+            "name": parameter.name,
+            "type": _WIRE_TYPE[type(parameter.default)],
+            "default": parameter.default,
+            "min": low,
+            "max": high,
+            "level": 0,
+            "description": parameter.description,
+            "edit_method": "",
+        }
+
+
+def _bounds(parameter: LiveParameter) -> tuple[Any, Any]:
+    kind = type(parameter.default)
+    if kind is bool:
+        return False, True
+    if kind is str:
+        return "", ""
+    if parameter.minimum < parameter.maximum:
+        return kind(parameter.minimum), kind(parameter.maximum)
+    return _INT_RANGE if kind is int else (-math.inf, math.inf)
+
+
+class _Server(Server):
+    """dynamic_reconfigure's server, which refuses values out of range instead of moving them to the nearest bound."""
+
+    def _clamp(self, config: Any) -> None:
+        """Leave the values as requested: a gain of -5 must not become 0 in silence, and the owner refuses
+        it."""
+
+
+class RosLiveParameters:
+    """Serves live parameters in a namespace.
+
+    Args:
+        namespace: absolute.
+        parameters: what there is.
+        on_change: gets all values, returns those in force; a HricError refuses the change.
+        report: takes one line of error text.
+
+    Raises:
+        HricError: the values on the parameter server, or the defaults, are refused.
+    """
+
+    def __init__(
+        self,
+        namespace: str,
+        parameters: Sequence[LiveParameter],
+        on_change: Callable[[dict[str, Any]], dict[str, Any]],
+        report: Callable[[str], None],
+    ) -> None:
+        self._report = report
+        initial = {
+            p.name: rospy.get_param(f"{namespace}/{p.name}")
+            for p in parameters
+            if rospy.has_param(f"{namespace}/{p.name}")
+        }
+        self._live = LiveValues(namespace, parameters, on_change, initial)
+        self._names = tuple(self._live.values)
+        for name, value in self._live.values.items():  # the server reads them back, now complete and of the right type
+            rospy.set_param(f"{namespace}/{name}", value)
+        self._lock = threading.Lock()
+        self._first = True
+        self._server = _Server(ConfigType(parameters), self._change, namespace)
+
+    def close(self) -> None:
+        """Take the services and topics back."""
+        self._server.set_service.shutdown("unregistered")
+        self._server.descr_topic.unregister()
+        self._server.update_topic.unregister()
+
+    def _change(self, config: Any, level: int) -> Any:
+        with self._lock:
+            if not self._first:
+                try:
+                    self._live.change({name: config[name] for name in self._names})
+                except HricError as error:
+                    self._report(str(error))
+            self._first = False
+            config.update(self._live.values)
+            return config

@@ -1,0 +1,137 @@
+"""A node that remembers what was made and read through it: no topic or service of a controller outlives it, and no
+parameter that it never reads is accepted."""
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from typing import Any, TypeVar
+
+from hric_core.node import REQUIRED, GoalHandle, LiveParameter, Node, Publisher, Registration
+from hric_core.parameters import refuse_unknown
+
+MadeT = TypeVar("MadeT", bound=Publisher | Registration)
+
+
+class ScopedNode:
+    """Passes everything on to `node`; `close` takes back what was advertised, subscribed and served through it and its
+    children, `refuse_unread` refuses parameters that nobody read through it or them."""
+
+    def __init__(
+        self, node: Node, made: list[Publisher | Registration] | None = None, read: set[str] | None = None
+    ) -> None:
+        self._node = node
+        self._made: list[Publisher | Registration] = [] if made is None else made
+        self._read: set[str] = set() if read is None else read
+        self.publishes_inline = node.publishes_inline
+
+    def close(self) -> None:
+        """Take back everything, the newest first; what its owner took back already stays so."""
+        while self._made:
+            self._made.pop().unregister()
+
+    def keep(self, made: MadeT) -> MadeT:
+        """Have `made.unregister()` called at the end; returns `made`."""
+        self._made.append(made)
+        return made
+
+    @property
+    def namespace(self) -> str:
+        """Absolute namespace."""
+        return self._node.namespace
+
+    def child(self, name: str) -> "ScopedNode":
+        """One namespace deeper; what is made there belongs to the same scope."""
+        return ScopedNode(self._node.child(name), self._made, self._read)
+
+    def also(self, node: Node) -> "ScopedNode":
+        """Another node whose makings belong to the same scope."""
+        return ScopedNode(node, self._made, self._read)
+
+    def refuse_unread(self, known: Collection[str] = ()) -> None:
+        """Refuse every parameter in this namespace that was set, but neither read, looked for nor set through the
+        scope.
+
+        Args:
+            known: names that others read.
+
+        Raises:
+            ParameterError: lists each, with the names that were looked for.
+        """
+        given = self._node.param(self.namespace, {})
+        if isinstance(given, Mapping) and self.namespace not in self._read:
+            prefix = f"{self.namespace.rstrip('/')}/"
+            read = {full[len(prefix) :] for full in self._read if full.startswith(prefix)}
+            refuse_unknown(given, read.union(known), self.namespace)
+
+    def resolve(self, name: str) -> str:
+        """Absolute name."""
+        return self._node.resolve(name)
+
+    def beside(self, name: str) -> str:
+        """Absolute name, one namespace up."""
+        return self._node.beside(name)
+
+    def has_param(self, name: str) -> bool:
+        """Whether the parameter exists."""
+        self._read.add(self.resolve(name))
+        return self._node.has_param(name)
+
+    def param(self, name: str, default: Any = REQUIRED) -> Any:
+        """Value of a parameter."""
+        self._read.add(self.resolve(name))
+        return self._node.param(name, default)
+
+    def search_param(self, name: str, default: Any = REQUIRED) -> Any:
+        """Value of the parameter in this namespace or the nearest one above it."""
+        self._read.add(self.resolve(name))
+        return self._node.search_param(name, default)
+
+    def set_param(self, name: str, value: Any) -> None:
+        """Set a parameter."""
+        self._read.add(self.resolve(name))
+        self._node.set_param(name, value)
+
+    def advertise(self, topic: str, message_type: type, *, queue_size: int = 10, latch: bool = False) -> Publisher:
+        """Advertise a topic."""
+        return self.keep(self._node.advertise(topic, message_type, queue_size=queue_size, latch=latch))
+
+    def subscribe(
+        self, topic: str, message_type: type, callback: Callable[[Any], None], *, queue_size: int = 10
+    ) -> Registration:
+        """Subscribe to a topic."""
+        return self.keep(self._node.subscribe(topic, message_type, callback, queue_size=queue_size))
+
+    def service(self, name: str, service_type: type, handler: Callable[[Any], Any]) -> Registration:
+        """Serve."""
+        return self.keep(self._node.service(name, service_type, handler))
+
+    def action_server(
+        self,
+        name: str,
+        action_type: type,
+        on_goal: Callable[[GoalHandle], None],
+        on_cancel: Callable[[GoalHandle], None],
+    ) -> Registration:
+        """Serve an action."""
+        return self.keep(self._node.action_server(name, action_type, on_goal, on_cancel))
+
+    def live_parameters(
+        self, parameters: Sequence[LiveParameter], on_change: Callable[[dict[str, Any]], dict[str, Any]]
+    ) -> Registration:
+        """Offer live parameters."""
+        self._read.update(self.resolve(parameter.name) for parameter in parameters)
+        return self.keep(self._node.live_parameters(parameters, on_change))
+
+    def now(self) -> Any:
+        """Stamp for messages."""
+        return self._node.now()
+
+    def log_info(self, text: str) -> None:
+        """Log for the user."""
+        self._node.log_info(text)
+
+    def log_warn(self, text: str) -> None:
+        """Log a warning."""
+        self._node.log_warn(text)
+
+    def log_error(self, text: str) -> None:
+        """Log an error."""
+        self._node.log_error(text)

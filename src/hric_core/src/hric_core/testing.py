@@ -1,0 +1,111 @@
+"""Fixtures for tests that need a real master. In a conftest.py: `from hric_core.testing import ros, roscore`."""
+
+import atexit
+import contextlib
+import functools
+import os
+import random
+import shutil
+import signal
+import socket
+import subprocess
+import tempfile
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from hric_core.processes import end_process
+
+START_TIMEOUT = 20.0
+"""How long a roscore may take to respond on a busy machine [s]."""
+END_TIMEOUT = 30.0
+"""How long nodes may take to end on a busy machine [s]."""
+
+
+PORTS = range(20_000, 32_000)
+"""Below those that Linux gives where any will do, from 32768 on (net.ipv4.ip_local_port_range): one of them stays
+free until it is used."""
+_given: set[int] = set()
+
+
+def free_port() -> int:
+    """A port that nobody listens on now, TCP nor UDP; another one at each call."""
+    while True:
+        port = random.SystemRandom().choice(PORTS)
+        if port not in _given and all(map(functools.partial(_is_free, port), (socket.SOCK_STREAM, socket.SOCK_DGRAM))):
+            _given.add(port)
+            return port
+
+
+def _is_free(port: int, kind: socket.SocketKind) -> bool:
+    with contextlib.closing(socket.socket(socket.AF_INET, kind)) as probe:
+        try:
+            probe.bind(("", port))
+        except OSError:
+            return False
+    return True
+
+
+@functools.lru_cache(maxsize=1)
+def start_roscore() -> str:
+    """Start a roscore of this process's own, once, and point the environment to it. It ends with the process.
+
+    Returns:
+        its URI.
+    """
+    import rosgraph
+
+    port = free_port()
+    logs = tempfile.mkdtemp(prefix="hric_test_ros_")
+    os.environ.update(ROS_MASTER_URI=f"http://127.0.0.1:{port}", ROS_IP="127.0.0.1", ROS_LOG_DIR=logs, ROS_HOME=logs)
+    os.environ.pop("ROS_HOSTNAME", None)
+    process = subprocess.Popen(
+        ["roscore", "-p", str(port)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
+    )
+    atexit.register(shutil.rmtree, logs, ignore_errors=True)
+    atexit.register(end_process, process, 5.0)  # before, as what is registered last runs first
+    deadline = time.monotonic() + START_TIMEOUT
+    while not rosgraph.is_master_online():
+        if process.poll() is not None or time.monotonic() > deadline:
+            raise RuntimeError(f"roscore on port {port} did not start (exit code {process.poll()})")
+        time.sleep(0.05)
+    return os.environ["ROS_MASTER_URI"]
+
+
+@pytest.fixture(scope="session")
+def roscore() -> Iterator[str]:
+    """URI of a master on a port of its own; ROS_MASTER_URI points to it."""
+    yield start_roscore()
+
+
+@pytest.fixture(scope="session")
+def ros(roscore: str) -> Iterator[str]:
+    """The test process as a rospy node; a process can be one only once. Gives the node's name."""
+    import rospy
+
+    if not rospy.core.is_initialized():
+        rospy.init_node("pytest", anonymous=True, disable_signals=True)
+    yield rospy.get_name()
+
+
+def end_nodes(*processes: subprocess.Popen[Any]) -> list[Any]:
+    """Interrupt those that still run, and kill what lasts. A node that is killed stays known to the master, which has
+    whoever owns its port by then shut down as soon as a node of its name comes again.
+
+    Returns:
+        what each wrote that was not read yet; None for one whose output goes elsewhere.
+    """
+    for process in processes:
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)
+    return [_last_words(process) for process in processes]
+
+
+def _last_words(process: subprocess.Popen[Any]) -> Any:
+    try:
+        return process.communicate(timeout=END_TIMEOUT)[0]
+    except subprocess.TimeoutExpired:
+        process.kill()
+        return process.communicate()[0]

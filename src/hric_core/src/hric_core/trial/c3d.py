@@ -1,0 +1,277 @@
+"""A recorded trial from a c3d file: markers, analog channels and force plates. Needs no ROS; ezc3d reads the file, in a
+process of its own."""
+
+import json
+import os
+import struct
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hric_core.errors import ParameterError, UnknownNameError
+from hric_core.geometry import UP_AXES, FloatArray
+from hric_core.geometry.transforms import vectors_z_up
+from hric_core.trial.plates import PlateError, TrialPlate, read_plates
+
+PROGRAMS = ("c3d", "trc", "mot")
+"""Names of the programs that replay a recorded file: of emulated sensors the first, of a simulated human all."""
+METRES = {"mm": 1e-3, "cm": 1e-2, "dm": 0.1, "m": 1.0}
+"""Unit of POINT:UNITS -> metres."""
+VOLTS = {"v": 1.0, "volts": 1.0, "mv": 1e-3, "uv": 1e-6, "µv": 1e-6, "μv": 1e-6}
+"""Unit of ANALOG:UNITS in small letters -> volts."""
+PACKAGE = "package://"
+READER = Path(__file__).with_name("c3d_child.py")
+"""Not imported: ezc3d takes a tenth of a second."""
+BLOCK = 512
+"""Of which a c3d file is made [byte]."""
+MAGIC = 0x50
+"""Second byte of a c3d file."""
+ORDERS = {84: "<", 85: "<", 86: ">"}
+"""Processor of the parameter section -> byte order: Intel, DEC, SGI."""
+TIMEOUT = 60.0
+"""Longest reading [s] (default chosen by this project, unconfirmed)."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What a c3d file holds. Axes are those of the laboratory, turned to z up.
+
+    Attributes:
+        name: of the file, for messages.
+        rate: of the frames [Hz].
+        labels: of the markers.
+        positions: shape (frames, markers, 3) [m]; NaN: not seen.
+        analog_rate: of the analog samples [Hz], a whole multiple of `rate`; 0: there are none.
+        channels: labels of the analog channels.
+        units: of each channel, as in the file.
+        analogs: shape (samples, channels), in those units.
+        plates: force plates.
+        up: axis that points up in the file, "y" or "z".
+        start: time of the first frame on the clock of the run that was exported [s]; 0 of other files.
+    """
+
+    name: str
+    rate: float
+    labels: tuple[str, ...]
+    positions: FloatArray
+    analog_rate: float
+    channels: tuple[str, ...]
+    units: tuple[str, ...]
+    analogs: FloatArray
+    plates: tuple[TrialPlate, ...]
+    up: str
+    start: float = 0.0
+
+    @property
+    def duration(self) -> float:
+        """From the first frame to the last [s]."""
+        return (len(self.positions) - 1) / self.rate
+
+    def markers(self, labels: Sequence[str]) -> FloatArray:
+        """Positions of some markers, shape (frames, len(labels), 3) [m]. Raises UnknownNameError."""
+        if not self.labels:
+            raise ParameterError(f"{self.name} has no markers")
+        return np.stack(
+            [self.positions[:, _index(label, self.labels, "marker", self.name)] for label in labels], axis=1
+        )
+
+    def volts(self, channels: Sequence[str]) -> FloatArray:
+        """Samples of some channels, shape (samples, len(channels)) [V].
+
+        Raises:
+            HricError: no such channel, or one in another unit.
+        """
+        if not self.channels:
+            raise ParameterError(f"{self.name} has no analog channels")
+        found = []
+        for channel in channels:
+            index = _index(channel, self.channels, "analog channel", self.name)
+            factor = VOLTS.get(self.units[index].lower())
+            if factor is None:
+                raise ParameterError(
+                    f"channel {channel} of {self.name} is in {self.units[index] or 'no unit'!r}; valid: V, mV, uV"
+                )
+            found.append(self.analogs[:, index] * factor)
+        return np.column_stack(found)
+
+    def plate(self, number: int) -> TrialPlate:
+        """A force plate by its number in the file, from 1 on. Raises ParameterError."""
+        if not 1 <= number <= len(self.plates):
+            numbers = ", ".join(map(str, range(1, len(self.plates) + 1)))
+            raise ParameterError(
+                f"{self.name} has no force plate {number}; valid: {numbers or 'none, the file has no force plates'}"
+            )
+        return self.plates[number - 1]
+
+
+def resolve(address: str) -> Path:
+    """File of a path or a package://package/path address. Raises ParameterError."""
+    if not address.startswith(PACKAGE):
+        return Path(address).expanduser().absolute()
+    import rospkg
+
+    package, _, rest = address.removeprefix(PACKAGE).partition("/")
+    try:
+        return Path(rospkg.RosPack().get_path(package)) / rest
+    except rospkg.ResourceNotFound as error:
+        raise ParameterError(f"{address}: there is no ROS package {package!r}") from error
+
+
+def located(tree: Any, folder: Path) -> Any:
+    """The same data, in which programs that replay a trial have its path from the root; folder: that of relative
+    ones."""
+    if not isinstance(tree, Mapping):
+        return tree
+    found = {key: located(value, folder) for key, value in tree.items()}
+    path = found.get("path")
+    if found.get("program") in PROGRAMS and isinstance(path, str) and path and not path.startswith(PACKAGE):
+        found["path"] = str((folder / Path(path).expanduser()).absolute())
+    return found
+
+
+def read_trial(path: Path, up: str = "") -> Trial:
+    """Read a c3d file.
+
+    Args:
+        path: of the file.
+        up: axis that points up in it, y or z; "": that of its POINT:Y_SCREEN, else z, as laboratories have it.
+
+    Raises:
+        HricError: it cannot be read, or holds what no trial can be; one line.
+    """
+    if up and up not in UP_AXES:
+        raise ParameterError(f"the axis that points up in {path.name} is {up!r}; valid: {', '.join(UP_AXES)}")
+    try:
+        about = path.stat()
+    except OSError as error:
+        raise ParameterError(f"c3d file {path}: {error.strerror}") from error
+    return _read(path, up, about.st_mtime_ns, about.st_size)
+
+
+@lru_cache(maxsize=4)  # an experiment is read before it is run, and markers, plates and EMG are of one file
+def _read(path: Path, up: str, modified: int, size: int) -> Trial:
+    _check_size(path, size)
+    with tempfile.TemporaryDirectory() as folder:
+        output = Path(folder) / "trial.npz"
+        words = [sys.executable, os.fspath(READER), os.fspath(path), os.fspath(output)]
+        try:  # in a session of its own: a Ctrl-C for all would look like a damaged file
+            done = subprocess.run(
+                words, capture_output=True, text=True, timeout=TIMEOUT, check=False, start_new_session=True
+            )
+        except subprocess.TimeoutExpired as error:
+            raise ParameterError(f"c3d file {path} cannot be read: it takes longer than {TIMEOUT:g} s") from error
+        if done.returncode:
+            reason = done.stderr.strip().splitlines()[-1:] if done.returncode > 0 else ["it is damaged"]
+            raise ParameterError(f"c3d file {path} cannot be read: {' '.join(reason) or 'it is damaged'}")
+        with np.load(output) as arrays:
+            parameters = json.loads(str(arrays["parameters"]))
+            return _trial(path, up, parameters, arrays["points"], arrays["residuals"], arrays["analogs"])
+
+
+def _check_size(path: Path, size: int) -> None:
+    """Hold the counts of the header against the size of the file, before anything is made of them."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(BLOCK)
+            file.seek(max(0, (head[0] if head else 1) - 1) * BLOCK)
+            parameters = file.read(4)
+    except OSError as error:
+        raise ParameterError(f"c3d file {path}: {error.strerror}") from error
+    if len(head) < BLOCK or head[1] != MAGIC or len(parameters) < 4 or parameters[3] not in ORDERS:
+        raise ParameterError(f"{path} is no c3d file")
+    order = ORDERS[parameters[3]]
+    points, analogs, first, last = struct.unpack_from(f"{order}4H", head, 2)
+    (start,) = struct.unpack_from(f"{order}H", head, 16)
+    (scale_high,) = struct.unpack_from(f"{order}H", head, 14 if parameters[3] == 84 else 12)
+    width = 4 if scale_high & 0x8000 else 2  # a negative scale means floating point
+    frames = last - first + 1
+    needed = (start - 1) * BLOCK + frames * (4 * points + analogs) * width
+    if frames < 1 or start < 2 or needed > size:
+        raise ParameterError(
+            f"c3d file {path} is damaged: its header announces {frames} frames, {needed} bytes, and it has {size}"
+        )
+
+
+def _trial(
+    path: Path, up: str, parameters: Mapping[str, Any], points: FloatArray, residuals: FloatArray, analogs: FloatArray
+) -> Trial:
+    """What was read, checked, in metres and with z up."""
+    name, point, analog = path.name, parameters.get("POINT", {}), parameters.get("ANALOG", {})
+    rate = _first(point, "RATE")
+    if not (np.isfinite(rate) and rate > 0) or not points.shape[2] + analogs.shape[1]:
+        raise ParameterError(
+            f"c3d file {path} has {points.shape[2]} frames at {rate:g} Hz; valid: one frame or more, a rate above 0"
+        )
+    if points.shape[1]:
+        unit = str(_texts(point, "UNITS", 1)[0]).strip().lower() or "mm"
+        if unit not in METRES:
+            raise ParameterError(f"c3d file {path} has points in {unit!r}; valid: {', '.join(METRES)}")
+    metres = METRES[unit] if points.shape[1] else METRES["mm"]
+    up = up or _up(point)
+    positions = np.moveaxis(points, 2, 0).transpose(0, 2, 1) * metres
+    positions[(residuals.T < 0) | ~np.isfinite(positions).all(axis=2)] = np.nan
+    analog_rate = _first(analog, "RATE") if len(analogs) else 0.0
+    if len(analogs) and abs(analog_rate - rate * max(1, round(analog_rate / rate))) > 1e-3 * rate:
+        raise ParameterError(
+            f"c3d file {path} has analog samples at {analog_rate:g} Hz; valid: a whole multiple of {rate:g} Hz, "
+            "that of its frames"
+        )
+    labels, channels = _labels(point, "LABELS", points.shape[1]), _labels(analog, "LABELS", len(analogs))
+    units = tuple(str(text).strip() for text in _texts(analog, "UNITS", len(analogs)))
+    start = _first(parameters.get("HRIC", {}), "START_TIME")
+    try:
+        plates = read_plates(parameters.get("FORCE_PLATFORM", {}), analogs, units, analog_rate, metres, up)
+    except PlateError as error:
+        raise ParameterError(f"c3d file {path}: {error}") from error
+    return Trial(
+        name,
+        rate,
+        labels,
+        vectors_z_up(up, positions),
+        analog_rate,
+        channels,
+        units,
+        analogs.T.copy(),
+        plates,
+        up,
+        start if np.isfinite(start) else 0.0,
+    )
+
+
+def _up(point: Mapping[str, Any]) -> str:
+    """POINT:Y_SCREEN names the axis that is drawn upwards."""
+    screen = str((point.get("Y_SCREEN") or [""])[0]).strip().upper()
+    return "y" if screen.endswith("Y") else "z"
+
+
+def _first(group: Mapping[str, Any], name: str) -> float:
+    values = np.ravel(group.get(name, [np.nan]))
+    return float(values[0]) if len(values) else float("nan")
+
+
+def _texts(group: Mapping[str, Any], name: str, count: int) -> list[str]:
+    """The first texts of a parameter that goes on in NAME2, NAME3, ...; those that are not there are empty."""
+    found = [text for key in (name, *(f"{name}{k}" for k in range(2, 100))) for text in group.get(key, [])]
+    return (found + [""] * count)[:count]
+
+
+def _labels(group: Mapping[str, Any], name: str, count: int) -> tuple[str, ...]:
+    """Names that differ: of those that do not the later ones get their number."""
+    found: list[str] = []
+    for number, text in enumerate(_texts(group, name, count), 1):
+        label = text.strip() or f"*{number}"
+        found.append(label if label not in found else f"{label}_{number}")
+    return tuple(found)
+
+
+def _index(label: str, labels: Sequence[str], what: str, where: str) -> int:
+    if label not in labels:
+        raise UnknownNameError(what, label, labels, where)
+    return labels.index(label)

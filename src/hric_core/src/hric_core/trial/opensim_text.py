@@ -1,0 +1,133 @@
+"""Recorded motions in OpenSim's text formats: markers in .trc files, columns over time in .mot and .sto files. Needs
+neither ROS nor OpenSim."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from hric_core.errors import ParameterError
+from hric_core.geometry import FloatArray
+from hric_core.trial.c3d import METRES
+
+END = "endheader"
+UNEVEN = 0.01
+"""What a time step may differ from the median one, as share of it (project default, unconfirmed)."""
+TRC_HEAD = 5
+"""Lines of a .trc file before its rows: type, keys, values, names of markers, names of axes."""
+
+
+@dataclass(frozen=True)
+class Storage:
+    """A .mot or .sto file.
+
+    Attributes:
+        time: rising, shape (n,) [s].
+        columns: by label, shape (n,).
+        degrees: whether rotations are in degrees.
+    """
+
+    time: FloatArray
+    columns: dict[str, FloatArray]
+    degrees: bool
+
+
+@dataclass(frozen=True)
+class MarkerRows:
+    """A .trc file.
+
+    Attributes:
+        time: rising, shape (n,) [s].
+        markers: positions by name, in axes of the file, shape (n, 3) [m]; NaN: not seen.
+    """
+
+    time: FloatArray
+    markers: dict[str, FloatArray]
+
+
+def read_storage(path: Path) -> Storage:
+    """Read a .mot or .sto file, as the tools of OpenSim write it.
+
+    Raises:
+        ParameterError: it cannot be read, or holds something else; one line.
+    """
+    lines = _lines(path)
+    head = [line.strip().lower() for line in lines]
+    if END not in head:
+        raise ParameterError(f"{path} is no motion or storage file of OpenSim: it has no line {END!r}")
+    start = head.index(END) + 1
+    labels = lines[start].split() if start < len(lines) else []
+    if len(labels) < 2 or labels[0].lower() != "time" or len(set(labels)) < len(labels):
+        raise ParameterError(f"{path}, line {start + 1}: valid: `time` and the labels of the columns, each once")
+    matrix = _matrix(path, [(k, lines[k].split()) for k in range(start + 1, len(lines)) if lines[k].strip()], labels)
+    degrees = "indegrees=yes" in {line.replace(" ", "") for line in head[:start]}
+    return Storage(_rising(path, matrix[:, 0]), {label: matrix[:, k] for k, label in enumerate(labels) if k}, degrees)
+
+
+def read_markers(path: Path) -> MarkerRows:
+    """Read a .trc file; empty cells and those of three zeros are markers that were not seen.
+
+    Raises:
+        ParameterError: it cannot be read, or holds something else; one line.
+    """
+    lines = _lines(path)
+    if len(lines) < TRC_HEAD or not lines[0].startswith("PathFileType"):
+        raise ParameterError(f"{path} is no .trc file: its first line does not begin with PathFileType")
+    keys = dict(zip(lines[1].split(), lines[2].split(), strict=False))
+    unit = keys.get("Units", "mm")
+    if unit not in METRES:
+        raise ParameterError(f"{path} has markers in {unit!r}; valid: {', '.join(METRES)}")
+    names = [name.strip() for name in lines[3].split("\t")[2:] if name.strip()]
+    labels = ["frame", "time", *(f"{name} {axis}" for name in names for axis in "xyz")]
+    if not names or len(set(names)) < len(names):
+        raise ParameterError(f"{path}, line 4: valid: names of markers, each once")
+    rows = [(k, _padded(lines[k].split("\t"), len(labels))) for k in range(TRC_HEAD, len(lines)) if lines[k].strip()]
+    matrix = _matrix(path, rows, labels)
+    positions = METRES[unit] * matrix[:, 2:].reshape(len(matrix), -1, 3)
+    positions[(positions == 0.0).all(axis=2)] = np.nan
+    return MarkerRows(_rising(path, matrix[:, 1]), {name: positions[:, k] for k, name in enumerate(names)})
+
+
+def rate_of(path: Path, time: FloatArray) -> float:
+    """Of rows at even times [Hz]. Raises ParameterError; path: for its message."""
+    steps = np.diff(time)
+    if not len(steps) or np.abs(steps / np.median(steps) - 1.0).max() > UNEVEN:
+        raise ParameterError(f"{path}: valid: two rows or more, at even times")
+    return float((len(time) - 1) / (time[-1] - time[0]))
+
+
+def _lines(path: Path) -> list[str]:
+    try:
+        return path.read_text().splitlines()
+    except OSError as error:
+        raise ParameterError(f"{path}: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise ParameterError(f"{path} is no text file") from error
+
+
+def _padded(cells: list[str], width: int) -> list[str]:
+    """A row without the empty cells at its end, or with those that are missing there."""
+    while len(cells) > width and not cells[-1].strip():
+        cells.pop()
+    return cells + [""] * (width - len(cells))
+
+
+def _matrix(path: Path, rows: list[tuple[int, list[str]]], labels: list[str]) -> FloatArray:
+    """Numbers of rows, each with the index of its line; an empty cell is NaN."""
+    found = []
+    for index, cells in rows:
+        if len(cells) != len(labels):
+            raise ParameterError(f"{path}, line {index + 1}: {len(cells)} columns; valid: {len(labels)}")
+        try:
+            found.append([float(cell) if cell.strip() else np.nan for cell in cells])
+        except ValueError as error:
+            raise ParameterError(f"{path}, line {index + 1}: {error}") from error
+    if not found:
+        raise ParameterError(f"{path} has no rows")
+    return np.array(found)
+
+
+def _rising(path: Path, time: FloatArray) -> FloatArray:
+    if not np.isfinite(time).all() or (np.diff(time) <= 0.0).any():
+        raise ParameterError(f"{path}: valid: times that rise")
+    return time

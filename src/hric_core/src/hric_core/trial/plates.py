@@ -1,0 +1,167 @@
+"""The force plates of a c3d file: where they are, and what pressed on them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hric_core.geometry.transforms import FloatArray, homogeneous, vectors_z_up
+
+CHANNELS = {2: 6, 3: 8, 4: 6}
+"""Type of a plate that can be read -> its analog channels."""
+MOMENT_UNITS = {"nmm": 1e-3, "nm": 1.0}
+"""Unit of a moment channel, small letters alone -> N m."""
+
+
+class PlateError(Exception):
+    """The plates of the file are not valid; the message says why in one line."""
+
+
+@dataclass(frozen=True)
+class TrialPlate:
+    """A force plate.
+
+    Attributes:
+        kind: type in the file.
+        rate: of the samples [Hz].
+        T_lab_plate: of the middle of the surface, shape (4, 4), the laboratory turned to z up; z of the plate points
+            up, x is that of the file.
+        size: of the surface along x and y [m].
+        load: what pressed on the plate, in its frame about the middle of the surface: Fx, Fy, Fz [N], Mx, My, Mz [N m],
+            shape (samples, 6).
+    """
+
+    kind: int
+    rate: float
+    T_lab_plate: FloatArray
+    size: tuple[float, float]
+    load: FloatArray
+
+    def at(self, time: float) -> tuple[float, ...]:
+        """The load at a time of the trial [s], on a straight line between two samples; before the first and after the
+        last one it stays."""
+        return tuple(self.loads(np.array([time]))[0].tolist())
+
+    def loads(self, times: FloatArray) -> FloatArray:
+        """The same at many times, shape (n,) [s] -> shape (n, 6)."""
+        return interpolated(times, self.rate, self.load)
+
+
+def interpolated(times: FloatArray, rate: float, samples: FloatArray) -> FloatArray:
+    """Samples taken at k / rate, shape (m, channels), at times [s], shape (n,) -> shape (n, channels); outside them the
+    first and the last one."""
+    position = np.clip(np.asarray(times) * rate, 0.0, len(samples) - 1.0)
+    before = np.minimum(position.astype(int), max(len(samples) - 2, 0))
+    after = np.minimum(before + 1, len(samples) - 1)
+    share = (position - before)[:, None]
+    return np.asarray((1.0 - share) * samples[before] + share * samples[after])
+
+
+def read_plates(
+    group: Mapping[str, Any], analogs: FloatArray, units: Sequence[str], rate: float, metres: float, up: str
+) -> tuple[TrialPlate, ...]:
+    """The plates of a file.
+
+    The channels give the reaction of the plate on its load, in the plate's axes, whose z usually points down
+    (INTERFACE.md gives the sources).
+
+    Args:
+        group: FORCE_PLATFORM, arrays as nested lists.
+        analogs: shape (channels, samples).
+        units: of the channels.
+        rate: of the samples [Hz].
+        metres: unit of the file's lengths [m].
+        up: axis that points up in the file.
+
+    Raises:
+        PlateError: the parameters do not fit, or a plate is of a type that is not known.
+    """
+    used = np.ravel(group.get("USED", [0]))
+    count = int(used[0]) if len(used) else 0
+    return tuple(_plate(number, group, analogs, units, rate, metres, up) for number in range(count))
+
+
+def _plate(
+    number: int,
+    group: Mapping[str, Any],
+    analogs: FloatArray,
+    units: Sequence[str],
+    rate: float,
+    metres: float,
+    up: str,
+) -> TrialPlate:
+    kinds = np.ravel(group.get("TYPE", []))
+    kind = int(kinds[number]) if number < len(kinds) else 0
+    if kind not in CHANNELS:
+        raise PlateError(f"force plate {number + 1} is of type {kind}; valid: {', '.join(map(str, CHANNELS))}")
+    corners = _of(group, "CORNERS", number, (3, 4)).T * metres
+    origin = _of(group, "ORIGIN", number, (3,)) * metres
+    rows = _channel_rows(group, number, CHANNELS[kind], len(analogs))
+    signals = analogs[rows].T
+    if kind == 4:
+        signals = signals @ _of(group, "CAL_MATRIX", number, (6, 6)).T
+    moments = MOMENT_UNITS.get("".join(filter(str.isalpha, units[rows[3]].lower())), metres) if kind == 2 else metres
+    wrench = _type_3(signals, origin) if kind == 3 else signals * np.array([1, 1, 1, moments, moments, moments])
+    if (
+        origin[2] > 0
+    ):  # the plate's origin is below its surface and z points down: written with the wrong sign, as ezc3d takes it too
+        origin = -origin
+    about_surface = np.array([0.0, 0.0, origin[2]]) if kind == 3 else origin
+    wrench[:, 3:] += np.cross(wrench[:, :3], about_surface)
+    return _turned(kind, rate, corners, wrench, up)
+
+
+def _type_3(ch: FloatArray, origin: FloatArray) -> FloatArray:
+    """Fx12 Fx34 Fy14 Fy23 Fz1 Fz2 Fz3 Fz4 as a wrench about the origin: Kistler's formulae, a and b the distances of
+    the sensors [m]."""
+    a, b = abs(origin[0]), abs(origin[1])
+    x12, x34, y14, y23, z1, z2, z3, z4 = ch.T
+    mx, my = b * (z1 + z2 - z3 - z4), a * (z2 + z3 - z1 - z4)
+    return np.column_stack([x12 + x34, y14 + y23, z1 + z2 + z3 + z4, mx, my, b * (x34 - x12) + a * (y14 - y23)])
+
+
+def _turned(kind: int, rate: float, corners: FloatArray, reaction: FloatArray, up: str) -> TrialPlate:
+    """The load, in a frame whose z points up; corners in the quadrants of the file's plate: +x +y, -x +y, -x -y, +x
+    -y."""
+    corners = vectors_z_up(up, corners)
+    x, y = corners[0] - corners[1], corners[0] - corners[3]
+    z = np.cross(x, y)
+    if not np.isfinite(corners).all() or np.linalg.norm(z) < 1e-6:
+        raise PlateError(
+            f"the corners of a force plate are {corners.round(3).tolist()} m; valid: four that span a rectangle"
+        )
+    size = (float(np.linalg.norm(x)), float(np.linalg.norm(y)))
+    x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
+    R_lab_file = np.column_stack([x, np.cross(z, x), z])
+    flip = 1.0 if z[2] >= 0 else -1.0
+    R_file_plate = np.diag([1.0, flip, flip])
+    T_lab_plate = homogeneous(R_lab_file @ R_file_plate, corners.mean(axis=0))
+    load = -np.hstack([reaction[:, :3] @ R_file_plate, reaction[:, 3:] @ R_file_plate])
+    return TrialPlate(kind, rate, T_lab_plate, size, load)
+
+
+def _of(group: Mapping[str, Any], name: str, number: int, shape: tuple[int, ...]) -> FloatArray:
+    """The values of one plate; the last index of a parameter is that of the plate."""
+    values = np.asarray(group.get(name, []), dtype=float)
+    if (
+        values.ndim != len(shape) + 1
+        or values.shape[:-1] != shape
+        or values.shape[-1] <= number
+        or not np.isfinite(values[..., number]).all()
+    ):
+        expected = " x ".join(map(str, shape))
+        raise PlateError(f"force plate {number + 1} has no FORCE_PLATFORM:{name} of {expected} finite numbers")
+    return np.array(values[..., number])
+
+
+def _channel_rows(group: Mapping[str, Any], number: int, count: int, available: int) -> list[int]:
+    channels = np.asarray(group.get("CHANNEL", []), dtype=int)
+    if channels.ndim != 2 or channels.shape[0] < count or channels.shape[1] <= number:
+        raise PlateError(f"force plate {number + 1} has no FORCE_PLATFORM:CHANNEL of {count} channels")
+    rows = (channels[:count, number] - 1).tolist()
+    if min(rows) < 0 or max(rows) >= available:
+        raise PlateError(
+            f"force plate {number + 1} is on channels {channels[:count, number].tolist()}; valid: 1 to {available}"
+        )
+    return [int(row) for row in rows]

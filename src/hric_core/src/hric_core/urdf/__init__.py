@@ -1,0 +1,45 @@
+"""Robot descriptions (URDF): one tree of links and joints with numbers in place of text, its one reader, and what
+writes such text.
+
+    robot = read(urdf_xml)
+    robot.joints["panda_joint1"].upper
+
+What cannot be meant is refused here, once, with an error that names the element: see `read`. Forms that only one user
+cannot hold, such as floating joints in PyBullet or an inertia that no body has, are that user's to refuse.
+"""
+
+from hric_core.urdf.reading import read
+from hric_core.urdf.robot import (
+    BOUNDED,
+    NO_LIMIT,
+    ONE_COORDINATE,
+    Joint,
+    Limit,
+    Link,
+    Mimic,
+    Robot,
+    SafetyController,
+    mimic_laws,
+)
+from hric_core.urdf.shapes import Shape, join_capsules, solids
+from hric_core.urdf.writing import write_inertial, write_origin, write_shape
+
+__all__ = [
+    "BOUNDED",
+    "NO_LIMIT",
+    "ONE_COORDINATE",
+    "Joint",
+    "Limit",
+    "Link",
+    "Mimic",
+    "Robot",
+    "SafetyController",
+    "Shape",
+    "join_capsules",
+    "mimic_laws",
+    "read",
+    "solids",
+    "write_inertial",
+    "write_origin",
+    "write_shape",
+]

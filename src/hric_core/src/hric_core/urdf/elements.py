@@ -1,0 +1,123 @@
+"""Numbers of XML elements, with errors that name the element."""
+
+import math
+import re
+from xml.etree.ElementTree import Element, TreeBuilder
+from xml.parsers import expat
+
+import numpy as np
+
+from hric_core.errors import DescriptionError
+from hric_core.geometry import FloatArray, homogeneous, transform_from_rpy
+from hric_core.geometry.transforms import rotation_from_quaternion
+
+VERSIONS = ("1.0", "1.1", "1.2")
+"""Versions of the format, the first where the description names none; urdfdom 6 reads the same. 1.1 brought quat_xyzw,
+1.2 the capsule, which is read in any version."""
+DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
+"""Numbers as urdfdom reads them: digits of ASCII, a point, an exponent."""
+
+
+def parse(document: str | bytes) -> Element:
+    """Return the `<robot>` element of a document, with numbers as they are written.
+
+    Tags and attributes keep their prefix: a namespace means nothing, declared or not, as in urdfdom. Blank
+    text before an XML declaration is passed over.
+
+    Args:
+        document: text, or the bytes of a file, whose encoding is that of its declaration.
+
+    Raises:
+        DescriptionError: not XML, another root element, a version that is not known, or what it does not have.
+    """
+    builder, parser = TreeBuilder(), expat.ParserCreate()
+    parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
+    parser.CharacterDataHandler, parser.buffer_text = builder.data, True
+    try:
+        parser.Parse(document.lstrip("\ufeff \t\r\n") if isinstance(document, str) else _without_blank(document), True)
+    except (expat.ExpatError, ValueError, LookupError) as error:  # LookupError: an encoding that Python does not know
+        raise DescriptionError(f"the robot description is not XML: {error}") from error
+    root = builder.close()
+    if root.tag != "robot":
+        raise DescriptionError(
+            f"the robot description starts with <{root.tag}>; it must be <robot> (a .xacro file must be expanded first)"
+        )
+    _check_version(root)
+    return root
+
+
+def _without_blank(content: bytes) -> bytes:
+    return content.removeprefix(b"\xef\xbb\xbf").lstrip(b" \t\r\n")
+
+
+def _check_version(root: Element) -> None:
+    version = root.get("version", VERSIONS[0])
+    if version not in VERSIONS:
+        raise DescriptionError(f"the robot description has version {version!r}; valid: {', '.join(VERSIONS)}")
+    for element in root.iter() if version == VERSIONS[0] else ():
+        if any("quat_xyzw" in tag.attrib for tag in element.findall("origin")):
+            raise DescriptionError(
+                f"{element.tag} {element.get('name', '')}: quat_xyzw of <origin> is URDF 1.1 and the description is "
+                f'1.0, in which it means nothing; give <robot> version="1.1", or write rpy'
+            )
+
+
+def as_number(text: str, where: str) -> float:
+    """Return `text` as a finite decimal number.
+
+    Raises:
+        DescriptionError: it is not one; the message begins with `where`.
+    """
+    word = text.strip(" \t\r\n")
+    value = float(word) if DECIMAL.fullmatch(word) else math.nan
+    if not math.isfinite(value):
+        raise DescriptionError(f"{where} must be a finite number; got {text!r}")
+    return value
+
+
+def number(element: Element, attribute: str, where: str, default: float | None = None) -> float:
+    """Return the finite number in an attribute.
+
+    Args:
+        element: the element that carries it.
+        attribute: its name.
+        where: what the element belongs to, for the error, e.g. "joint panda_joint1".
+        default: value if the attribute is absent; None makes it required.
+
+    Raises:
+        DescriptionError: absent without a default, or not a finite number.
+    """
+    text = element.get(attribute)
+    if text is not None:
+        return as_number(text, f"{where}: {attribute} of <{element.tag}>")
+    if default is None:
+        raise DescriptionError(f"{where}: <{element.tag}> has no {attribute}")
+    return default
+
+
+def numbers(element: Element, attribute: str, count: int, default: str, where: str) -> list[float]:
+    """Return `count` finite numbers of an attribute; `default` is its text where it is absent.
+
+    Raises:
+        DescriptionError: other than that; the message begins with `where`.
+    """
+    words, source = element.get(attribute, default).split(), f"{where}: {attribute} of <{element.tag}>"
+    if len(words) != count:
+        raise DescriptionError(f"{source} must be {count} numbers; got {element.get(attribute)!r}")
+    return [as_number(word, source) for word in words]
+
+
+def origin(element: Element, where: str) -> FloatArray:
+    """Return the pose of an element's `<origin>`, the identity without one, shape (4, 4) [m]."""
+    tag = element.find("origin")
+    if tag is None:
+        return np.eye(4)
+    if "quat_xyzw" in tag.attrib:
+        quaternion = np.array(numbers(tag, "quat_xyzw", 4, "", where))
+        length = float(np.linalg.norm(quaternion))
+        if "rpy" in tag.attrib or not length:
+            raise DescriptionError(f"{where}: <origin> needs either rpy, or quat_xyzw of a length other than 0")
+        return homogeneous(
+            rotation_from_quaternion((quaternion / length).tolist()), numbers(tag, "xyz", 3, "0 0 0", where)
+        )
+    return transform_from_rpy(numbers(tag, "xyz", 3, "0 0 0", where), numbers(tag, "rpy", 3, "0 0 0", where))

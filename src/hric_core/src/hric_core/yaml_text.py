@@ -1,0 +1,118 @@
+"""YAML that people write: one safe loader for files and command lines, which refuses what YAML allows and nobody
+means.
+
+Refused are a key given twice, an anchor that contains itself, aliases that expand to a flood of values, and nesting so
+deep that the C library would overflow its stack.
+"""
+
+from typing import Any
+
+import yaml
+
+from hric_core.errors import ParameterError
+
+MAX_DEPTH = 64
+"""Levels of nesting; project default, unconfirmed. The deepest file of the workspace has 12."""
+MAX_ALIASED = 10_000
+"""Values that the aliases of one text stand for, all together; project default, unconfirmed."""
+
+
+def parse(text: str, where: str) -> Any:
+    """Return what a YAML text holds.
+
+    Args:
+        text: one document.
+        where: its file or its place, for errors.
+
+    Raises:
+        ParameterError: the text is not YAML, or has what is refused; gives the line.
+    """
+    try:
+        return _load(text)
+    except _Refusal as refusal:
+        raise ParameterError(f"{where}: {refusal}") from None
+    except yaml.YAMLError as error:
+        message = " ".join(str(error).replace('in "<unicode string>", ', "").split())
+        raise ParameterError(f"{where} is not YAML: {message}") from None
+
+
+class _Refusal(Exception):
+    """YAML that is refused; the message begins with its line."""
+
+    def __init__(self, node: Any, text: str) -> None:
+        super().__init__(f"line {node.start_mark.line + 1}: {text}")
+
+
+def _load(text: str) -> Any:
+    depth = 0
+    for event in yaml.parse(text, Loader=yaml.CSafeLoader):  # before nodes are composed, which recurses in C
+        if isinstance(event, yaml.CollectionStartEvent):
+            depth += 1
+            if depth > MAX_DEPTH:
+                raise _Refusal(event, f"nested deeper than {MAX_DEPTH} levels")
+        elif isinstance(event, yaml.CollectionEndEvent):
+            depth -= 1
+    loader = yaml.CSafeLoader(text)
+    try:
+        node = loader.get_single_node()
+        if node is None:
+            return None
+        _Check(loader).walk(node)
+        return loader.construct_document(node)
+    finally:
+        loader.dispose()
+
+
+class _Check:
+    """One walk over the nodes of a document, in the order of the text."""
+
+    def __init__(self, loader: yaml.CSafeLoader) -> None:
+        self._loader = loader
+        self._visited: set[int] = set()
+        self._above: list[Any] = []
+        self._aliased = 0
+
+    def walk(self, node: yaml.Node) -> None:
+        """Check a node and all below it."""
+        if id(node) in self._visited:
+            self._count(node)
+        self._visited.add(id(node))
+        if isinstance(node, yaml.ScalarNode):
+            self._value(node)
+            return
+        self._above.append(node)
+        if isinstance(node, yaml.MappingNode):
+            self._check_keys(node)
+        for item in node.value:
+            for part in item if isinstance(item, tuple) else (item,):
+                self.walk(part)
+        self._above.pop()
+
+    def _count(self, node: yaml.Node) -> None:
+        if any(above is node for above in self._above):
+            raise _Refusal(node, "the anchor contains itself")
+        self._aliased += 1
+        if self._aliased > MAX_ALIASED or len(self._above) > MAX_DEPTH:
+            limits = f"{MAX_ALIASED} values or {MAX_DEPTH} levels"
+            raise _Refusal(node, f"aliases of the anchor expand to more than {limits}")
+
+    def _value(self, node: yaml.ScalarNode) -> Any:
+        if node.tag == "tag:yaml.org,2002:merge":
+            return node.value
+        try:
+            return self._loader.construct_object(node)
+        except yaml.YAMLError:
+            raise
+        except Exception as error:  # a constructor fails in its own way on a text that its tag does not fit
+            kind = node.tag.rpartition(":")[2]
+            raise _Refusal(node, f"{node.value!r} is no valid {kind} ({error}); write it in quotes") from None
+
+    def _check_keys(self, node: yaml.MappingNode) -> None:
+        lines: dict[Any, int] = {}
+        for key, _ in node.value:
+            if not isinstance(key, yaml.ScalarNode):
+                raise _Refusal(key, "a key is a list or a mapping; valid: a text or a number")
+            name = self._value(key)
+            if name in lines:
+                raise _Refusal(key, f"the key {name!r} is given twice, first on line {lines[name]}")
+            lines[name] = key.start_mark.line + 1

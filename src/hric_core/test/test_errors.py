@@ -1,0 +1,27 @@
+"""Errors on their way from one process to another."""
+
+import pickle
+
+import pytest
+
+from hric_control.plants.divergence import DivergedError
+from hric_core.errors import FAILURE, FailureError, HricError, UnknownNameError
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        DivergedError("elbow", 0.25, "speed", 1e9, "rad/s", "a hundred times its limit"),
+        UnknownNameError("joint", "elbw", ["elbow"]),
+        FailureError("the disk is full"),
+    ],
+)
+def test_an_error_of_a_worker_process_arrives_whole(error: HricError) -> None:
+    arrived = pickle.loads(pickle.dumps(error))
+    assert type(arrived) is type(error) and str(arrived) == str(error) and vars(arrived) == vars(error)
+
+
+def test_the_exit_code_of_a_failure_arrives_too() -> None:
+    error = HricError("what was requested did not succeed")
+    error.exit_code = FAILURE
+    assert pickle.loads(pickle.dumps(error)).exit_code == FAILURE
