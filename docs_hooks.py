@@ -20,8 +20,8 @@ PYTHON: dict[str, tuple[str, ...]] = {
     "hric_core.parameters": (),
     "franka_hw_interface.interfaces": (),
     "franka_hw_interface.model": (),
-    "hric_experiments.definition.experiment": ("load", "Experiment", "Setpoint", "ExperimentError"),
-    "hric_experiments.headless.runner": ("run", "Result"),
+    "hric_run.definition.experiment": ("load", "Experiment", "Setpoint", "ExperimentError"),
+    "hric_report.headless": ("run", "Result"),
     "hric_bags.reader": (),
 }
 """Modules that users of the workspace import, and what they take of them; empty: all that is public."""

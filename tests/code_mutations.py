@@ -29,7 +29,7 @@ PARTS = {
     "contact": "hric_assessment/contact",
     "ergonomics": "hric_assessment/ergonomics",
     "separation": "hric_assessment/separation",
-    "statistics": "hric_experiments/sweep/statistics",
+    "statistics": "hric_sweep/statistics",
 }
 """Parts that are mutated, as folders of packages."""
 TESTS = {

@@ -13,7 +13,7 @@ sys.path.insert(0, str(ROOT / "scripts/lib"))
 import dask_doors  # noqa: E402
 
 from hric_core.errors import HricError  # noqa: E402
-from hric_experiments.sweep.engines import make  # noqa: E402
+from hric_sweep.engines import make  # noqa: E402
 
 OTHERS = "10.0.0.1"
 """Of another machine, in the tests."""

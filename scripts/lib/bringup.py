@@ -218,9 +218,9 @@ def main(argv: list[str]) -> int:
         arguments = defaults | given.check(given.split(argv), defaults, known)
         check_realism(arguments["realism"])
         if arguments["experiment"].endswith((".yaml", ".yml")):
-            import hric_experiments.definition.experiment  # whose mistakes are one error, as all others
+            import hric_run.definition.experiment  # whose mistakes are one error, as all others
 
-            hric_experiments.definition.experiment.load(arguments["experiment"])
+            hric_run.definition.experiment.load(arguments["experiment"])
         if arguments["env"] == "real" and arguments["robot_ip"] != given.EMULATED:
             # with all that the arm's driver is made of, which a simulated one need not wait for
             import franka_real.probe

@@ -7,7 +7,7 @@ from typing import Any
 from hric_bags.parts import PartsReader, parts
 from hric_bags.run_folder import RunFolder, runs_root
 from hric_core.errors import HricError
-from hric_experiments.analysis.run import bag_of
+from hric_report.run import bag_of
 
 NOT_PLAYED = ("/clock", "/rosout", "/rosout_agg")
 """The player makes the clock; the log of then would mix with that of now."""

@@ -3,10 +3,4 @@
 from catkin_pkg.python_setup import generate_distutils_setup
 from setuptools import find_packages, setup
 
-setup(
-    **generate_distutils_setup(
-        packages=find_packages("src"),
-        package_dir={"": "src"},
-        package_data={f"hric_experiments.{name}": ["assets/*"] for name in ("report_html", "benchmark", "sweep_page")},
-    )
-)
+setup(**generate_distutils_setup(packages=find_packages("src"), package_dir={"": "src"}))

@@ -215,7 +215,7 @@ def set_parameters(*overrides: str) -> None:
     """Of the default bring-up's robot."""
     import rospy
 
-    from hric_experiments.definition import parameters
+    from hric_run.definition import parameters
 
     def described(what: str) -> str:
         return subprocess.check_output(["rosrun", "hric_experiments", "describe", what, "none", *overrides], text=True)

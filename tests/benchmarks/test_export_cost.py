@@ -6,8 +6,8 @@ import pytest
 from export_cost import measure
 
 from hric_bags.export import recording
-from hric_experiments.definition import experiment
-from hric_experiments.headless import runner as headless
+from hric_report import headless
+from hric_run.definition import experiment
 
 pytestmark = pytest.mark.alone
 

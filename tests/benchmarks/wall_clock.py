@@ -27,7 +27,7 @@ from fci_peer import control_box
 
 from franka_real.franka_hw import FrankaHW
 from hric_control.manager.controller_manager import import_controllers
-from hric_experiments.definition import parameters
+from hric_run.definition import parameters
 
 PRIORITY = 85
 """SCHED_FIFO of the box, above that of the client, as nothing delays a real one."""

@@ -9,8 +9,8 @@ import yaml
 from fci_peer import control_box, log_of
 
 from hric_bags import reader as bag_reader
-from hric_experiments.definition import experiment
-from hric_experiments.headless import runner as headless
+from hric_report import headless
+from hric_run.definition import experiment
 
 pytestmark = pytest.mark.alone
 

@@ -17,8 +17,8 @@ from hric_bags import reader as bag_reader
 from hric_bags.run_folder import RunFolder
 from hric_controllers.dynamics import largest_kd
 from hric_core.errors import HricError
-from hric_experiments.definition import experiment
-from hric_experiments.headless import runner as headless
+from hric_report import headless
+from hric_run.definition import experiment
 
 START = (0.0, 0.0, 0.0, -0.08, 0.0, 0.0, 0.0)
 SET_POINT = (0.0, -np.pi / 4, 0.0, -3.0 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4)

@@ -11,7 +11,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts/lib"))
 from live_system import READY_TIMEOUT, LiveSystem, PdStep, wait_for
 
-from hric_experiments.definition import parameters
+from hric_run.definition import parameters
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

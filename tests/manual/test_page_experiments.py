@@ -9,7 +9,8 @@ from manual_page import steps
 from manual_pages import ROOT, commands, names, write
 
 from hric_core.errors import HricError
-from hric_experiments.definition import experiment, study
+from hric_run.definition import experiment
+from hric_sweep.study import definition as study
 
 MADE = re.compile(r"[\w/]+\.(yaml|c3d)")
 """Files in an override: what another command of the page makes is not there."""

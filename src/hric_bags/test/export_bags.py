@@ -14,8 +14,8 @@ from tf2_msgs.msg import TFMessage
 
 from franka_msgs.msg import FrankaState
 from hric_core.robot_time.stamps import to_time
-from hric_experiments.headless.bag_writer import BagWriter
 from hric_msgs.msg import MocapData, RigidBodyState, SampleChunk, SyncedSample, SyncLayout
+from hric_run.bag_writer import BagWriter
 
 CYCLES, BATCH = 400, 20
 EMG_RATE, EMG_CHUNK = 2000.0, 16

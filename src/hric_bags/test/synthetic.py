@@ -10,8 +10,8 @@ from std_msgs.msg import Float64MultiArray
 from control_msgs.msg import JointTrajectoryControllerState
 from hric_bags.run_folder import RunFolder
 from hric_core.robot_time.stamps import to_time
-from hric_experiments.headless.bag_writer import BagWriter
 from hric_msgs.msg import ControlLog, JointLimitCounts
+from hric_run.bag_writer import BagWriter
 
 JOINTS = ("j1", "j2", "j3")
 START = np.array([0.0, 0.2, 0.0])

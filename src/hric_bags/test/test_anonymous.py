@@ -30,8 +30,8 @@ from hric_bags.run_folder import RunFolder
 from hric_core.errors import HricError
 from hric_core.robot_time.stamps import to_time
 from hric_experiments import cli
-from hric_experiments.headless.bag_writer import BagWriter
 from hric_msgs.msg import HumanEvent, JointTorque
+from hric_run.bag_writer import BagWriter
 
 RAW = "/hric/perception/emg/raw"
 WALL = 1_773_480_000

@@ -20,9 +20,9 @@ from hric_bags.export.anonymous import privacy
 from hric_bags.export.exporting import FORMATS, Request
 from hric_bags.run_folder import RunFolder
 from hric_core.parameters import read_yaml
-from hric_experiments.definition import experiment
-from hric_experiments.headless.bag_writer import BagWriter
 from hric_msgs.msg import ControlLog
+from hric_run.bag_writer import BagWriter
+from hric_run.definition import experiment
 
 CANARY = "Kanarienvogel"
 """Begin of each unique canary."""

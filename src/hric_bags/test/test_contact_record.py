@@ -12,8 +12,8 @@ from hric_bags.records.contact_record import RigidForceError
 from hric_control.plant import Contact
 from hric_control.sim.topics import contacts_message
 from hric_core.robot_time.stamps import to_time
-from hric_experiments.analysis.run import analyse
-from hric_experiments.headless.bag_writer import BagWriter
+from hric_report.run import analyse
+from hric_run.bag_writer import BagWriter
 
 HAND, WALL = "panda::panda_hand", "wall::link"
 

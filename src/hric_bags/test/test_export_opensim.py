@@ -12,8 +12,8 @@ from hric_bags.export import exporting, inverse_dynamics, inverse_kinematics, re
 from hric_bags.export.exporting import Request
 from hric_bags.run_folder import RunFolder
 from hric_experiments import cli
-from hric_experiments.definition import experiment
-from hric_experiments.headless import runner as headless
+from hric_report import headless
+from hric_run.definition import experiment
 
 R_GROUND_BASE = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """z of the base points along y of OpenSim's ground."""

@@ -20,8 +20,8 @@ from synthetic import log_message, signals, write_run
 from hric_bags.health.examine import examine
 from hric_core.robot_time.stamps import to_time
 from hric_experiments import cli
-from hric_experiments.headless.bag_writer import BagWriter
 from hric_msgs.msg import MocapData, SampleChunk
+from hric_run.bag_writer import BagWriter
 
 
 @pytest.fixture(scope="module")

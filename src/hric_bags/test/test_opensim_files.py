@@ -13,9 +13,9 @@ from hric_bags import reader as bag_reader
 from hric_bags.export import opensim_files
 from hric_bags.reader import ControlRecord
 from hric_bags.run_folder import RunFolder
-from hric_experiments.analysis.run import bag_of
-from hric_experiments.definition import experiment
-from hric_experiments.headless import runner as headless
+from hric_report import headless
+from hric_report.run import bag_of
+from hric_run.definition import experiment
 
 R_GROUND_BASE = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """z of the base points along y of OpenSim's ground."""
@@ -60,7 +60,7 @@ def test_the_model_of_the_run_is_proved_against_its_description(folder: RunFolde
 
 
 def test_the_report_again_writes_them_again(folder: RunFolder, log: ControlRecord) -> None:
-    from hric_experiments.analysis.run import analyse
+    from hric_report.run import analyse
 
     (folder.path / "states.sto").unlink()
     analyse(folder, figures=False)

@@ -17,12 +17,12 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from synthetic import BATCH, PERIOD, TARGET, log_message, signals
 
+from hric_analysis import recordings
 from hric_bags import reader as bag_reader
 from hric_bags.export import recording
 from hric_bags.run_folder import RunFolder
 from hric_core.testing import ros, roscore  # noqa: F401
 from hric_experiments import cli
-from hric_experiments.analysis import recordings
 from hric_msgs.msg import ControlLog, SampleChunk
 
 SENT_AT, CYCLES = 0.1, 60_000

@@ -14,7 +14,7 @@ from hric_bags import reader as bag_reader
 from hric_bags.memory import MemoryBag
 from hric_bags.reader import BagError
 from hric_core.robot_time.stamps import to_time
-from hric_experiments.headless.bag_writer import BagWriter
+from hric_run.bag_writer import BagWriter
 
 
 def test_the_control_log_comes_back_bit_for_bit(tmp_path: Path) -> None:

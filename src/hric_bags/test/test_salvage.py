@@ -17,7 +17,7 @@ from hric_bags.health.examine import examine
 from hric_bags.health.salvage import salvage
 from hric_core.errors import HricError
 from hric_experiments import cli
-from hric_experiments.headless.bag_writer import BagWriter
+from hric_run.bag_writer import BagWriter
 
 KINDS = ("headless", "none", "lz4", "bz2")
 Messages = Counter[tuple[str, str, str, int, bytes]]

@@ -9,7 +9,7 @@ import rosbag
 from mocap_rig import MOCAP, NAME, STATE, MocapRig
 
 from hric_core.geometry.quaternions import from_rotation_vector, rotated
-from hric_experiments.headless.bag_writer import BagWriter
+from hric_run.bag_writer import BagWriter
 from mocap_natnet.server import Body, Faults, Motive, Scene, Settings, Sinusoid
 
 BASE = {

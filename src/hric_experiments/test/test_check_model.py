@@ -19,9 +19,9 @@ from hric_core.errors import HricError
 from hric_core.robot_time.stamps import to_time
 from hric_experiments import cli
 from hric_experiments.check_model import csv_log
-from hric_experiments.definition import experiment, overrides, parameters
-from hric_experiments.definition.experiment import package_path
-from hric_experiments.headless.bag_writer import BagWriter
+from hric_run.bag_writer import BagWriter
+from hric_run.definition import experiment, overrides, parameters
+from hric_run.definition.experiment import package_path
 from pybullet_ros_control.plant import PyBulletPlant
 
 NAMES = [f"panda_joint{i}" for i in range(1, 8)]

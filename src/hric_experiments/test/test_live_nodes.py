@@ -18,9 +18,9 @@ from rosbags.highlevel import AnyReader
 from hric_bags import reader as bag_reader
 from hric_bags.run_folder import RunFolder
 from hric_core.testing import free_port
-from hric_experiments.definition import experiment as experiments
-from hric_experiments.definition import parameters
 from hric_experiments.recorder.process import RecorderProcess, RecordError
+from hric_run.definition import experiment as experiments
+from hric_run.definition import parameters
 
 HERE = Path(__file__).parent
 pytestmark = [pytest.mark.alone, pytest.mark.rostest]

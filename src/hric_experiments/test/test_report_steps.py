@@ -10,9 +10,9 @@ import rospy
 
 from hric_bags import reader as bag_reader
 from hric_bags.text import Steps
-from hric_experiments.analysis import run as analysis
 from hric_experiments.live import experiment as live
 from hric_experiments.live.node import Interrupted
+from hric_report import run as analysis
 
 
 class Terminal(io.StringIO):
@@ -45,7 +45,7 @@ def test_on_a_terminal_one_line_changes_and_is_free_again_at_the_end(monkeypatch
 def test_an_analysis_has_as_many_steps_as_it_announces(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, figures: bool, count: int
 ) -> None:
-    monkeypatch.setattr("hric_experiments.report.drawing.draw", lambda *_: [])
+    monkeypatch.setattr("hric_report.drawing.draw", lambda *_: [])
     steps: list[str] = []
     analysis.analyse(report_run.write_run(tmp_path), figures=figures, step=steps.append)
     assert len(steps) == count and steps[0] == "reading the control log"

@@ -18,12 +18,12 @@ from hric_core.geometry import Pose, from_rotation_vector
 from hric_core.local.node import LocalNode
 from hric_core.processes import quiet_collector
 from hric_core.urdf import read
-from hric_experiments.definition.overrides import SIMULATORS
 from hric_human.body import Subject, describe
 from hric_human.control import HumanControl
 from hric_human.muscles.anatomy import BUILT_IN, load
 from hric_human.muscles.drive import MuscleDrive
 from hric_human.muscles.muscle_set import MuscleSet
+from hric_run.definition.overrides import SIMULATORS
 
 JOINTS = [f"panda_joint{i}" for i in range(1, 8)]
 SETPOINT = [0.0, -0.785398, 0.0, -2.356194, 0.0, 1.570796, 0.785398]

@@ -14,8 +14,8 @@ from cases import Block
 @contextmanager
 def again(simulator: str) -> Iterator[Block]:
     """A headless run in a process that has made one before."""
-    from hric_experiments.definition import experiment
-    from hric_experiments.headless import runner
+    from hric_report import headless as runner
+    from hric_run.definition import experiment
 
     given = [f"simulator:={simulator}"]
     with tempfile.TemporaryDirectory() as folder:

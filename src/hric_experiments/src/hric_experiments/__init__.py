@@ -1,1 +1,1 @@
-"""Experiment files, headless runner, run folders, recorder, metrics and figures."""
+"""Commands, live runs and the recorder."""

@@ -17,7 +17,8 @@ from hric_bags.run_folder import RunFolder, runs_root
 from hric_bags.text import Steps
 from hric_core.parameters import Settings, json_schema, read_yaml, whole
 from hric_core.processes import INTERRUPTED_CODE, run_command
-from hric_experiments.definition import experiment, overrides, study
+from hric_run.definition import experiment, overrides
+from hric_sweep.study import definition as study
 
 DESCRIBED = {
     "robot": "robot",
@@ -54,7 +55,7 @@ def run(arguments: Sequence[str]) -> int:
         )
     definition = experiment.load(given.experiment, given.overrides)
     from hric_assessment.verdict.conclusions import unknown_beforehand
-    from hric_experiments.headless import runner as headless  # slow to load, which a mistake need not wait for
+    from hric_report import headless  # slow to load, which a mistake need not wait for
 
     if not given.quiet and (lacking := unknown_beforehand(definition.human)):
         print(lacking, file=sys.stderr)
@@ -136,7 +137,7 @@ def _in_any_order(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> 
 def _run_study(given: argparse.Namespace) -> int:
     definition = study.load(given.experiment)
     forms = definition.chosen(given.form)
-    from hric_experiments.headless import study_run
+    from hric_sweep.study import running as study_run
 
     result = study_run.run(
         definition,
@@ -158,7 +159,7 @@ def _run_study(given: argparse.Namespace) -> int:
 
 def _study_pages(metrics: Mapping[str, Any], folder: Path) -> None:
     """One page per form, with its runs overlaid on each other."""
-    from hric_experiments import report_html
+    from hric_report import html as report_html
 
     for form, values in metrics["forms"].items():
         runs = {name: RunFolder(folder.parent / one["run"]) for name, one in values["runs"].items()}
@@ -206,13 +207,13 @@ def report(arguments: Sequence[str]) -> int:
     given = parser.parse_args(list(arguments))
     if Path(given.run).suffix.lower() in (".bag", ".c3d") and not Path(given.run).expanduser().is_dir():
         return _report_recording(Path(given.run).expanduser(), given.html)
-    from hric_experiments.analysis.run import FIGURE_STEPS, STEPS, analyse
+    from hric_report.run import FIGURE_STEPS, STEPS, analyse
 
     folder = RunFolder.open(given.run, runs_root(given.runs))
     with contextlib.closing(Steps(STEPS + FIGURE_STEPS * (not given.no_figures))) as step:
         found = analyse(folder, figures=not given.no_figures, step=step)
     text.show(f"{found['report']}\nrun folder: {folder.path}")
-    from hric_experiments.report_html.verdict import summary, verdict_of
+    from hric_report.html.verdict import summary, verdict_of
 
     if (verdict := verdict_of(folder)) is not None:
         print(summary(verdict))
@@ -224,8 +225,8 @@ def report(arguments: Sequence[str]) -> int:
 def _report_recording(path: Path, html: bool) -> int:
     """Of a bag or a c3d file."""
     from hric_assessment.verdict import opened
-    from hric_experiments.report_html import recording_page
-    from hric_experiments.report_html.verdict import summary, verdict_beside
+    from hric_report.html import recording_page
+    from hric_report.html.verdict import summary, verdict_beside
 
     given = opened(str(path))
     verdict = verdict_beside(given)
@@ -236,7 +237,7 @@ def _report_recording(path: Path, html: bool) -> int:
 
 
 def _html(folder: RunFolder, *, progress: bool = True) -> None:
-    from hric_experiments import report_html
+    from hric_report import html as report_html
 
     print(f"page: {report_html.write(folder, progress=progress and sys.stderr.isatty())}")
 
@@ -295,7 +296,7 @@ def _compare_parser() -> argparse.ArgumentParser:
 
 def _compare(runs: Sequence[RunFolder], names: Sequence[str], folder: Path, given: argparse.Namespace) -> None:
     """Each run with the first one."""
-    from hric_experiments.analysis.compare import compare as compare_runs
+    from hric_report.compare import compare as compare_runs
 
     for other, name in zip(runs[1:], names[1:], strict=True):
         pair = folder if len(runs) == 2 else folder / other.path.name
@@ -303,7 +304,7 @@ def _compare(runs: Sequence[RunFolder], names: Sequence[str], folder: Path, give
         text.show(compare_runs(runs[0], other, pair, labels=(names[0], name), **options)["report"])
     print(f"comparison: {folder.absolute()}")
     if given.html:
-        from hric_experiments import report_html
+        from hric_report import html as report_html
 
         page = report_html.write_comparison(runs, names, folder, fit=given.fit, progress=sys.stderr.isatty())
         print(f"page: {page.absolute()}")
@@ -326,7 +327,7 @@ def schema(arguments: Sequence[str]) -> int:
     kind: type[Settings] = study.Study if given.study else experiment.Experiment
     example = study.EXAMPLE if given.study else experiment.EXAMPLE
     if given.sweep:
-        from hric_experiments.sweep.definition import EXAMPLE, Sweep
+        from hric_sweep.definition import EXAMPLE, Sweep
 
         kind, example = Sweep, EXAMPLE
     print(example if given.example else json.dumps(json_schema(kind), indent=2) + "\n", end="")
@@ -354,7 +355,7 @@ def describe(arguments: Sequence[str]) -> int:
     given = _in_any_order(parser, arguments)
     _log_to_terminal(quiet=False)
     definition = experiment.load(given.experiment, given.overrides)
-    from hric_experiments.definition import parameters
+    from hric_run.definition import parameters
 
     if given.what in ("urdf", "human_urdf"):
         own = given.what == "urdf"
@@ -392,13 +393,13 @@ COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
     "export": _of("hric_bags.export.command"),
     "inverse_kinematics": _of("hric_bags.export.command", "inverse_kinematics"),
     "inverse_dynamics": _of("hric_bags.export.command", "inverse_dynamics"),
-    "muscle_load": _of("hric_experiments.analysis.muscle_load"),
-    "measure_stops": _of("hric_experiments.stops.command"),
-    "speed_map": _of("hric_experiments.speed_map.command"),
+    "muscle_load": _of("hric_report.muscle_load"),
+    "measure_stops": _of("hric_sweep.stops.command"),
+    "speed_map": _of("hric_sweep.speed_map.command"),
     "check_model": _of("hric_experiments.check_model.command"),
-    "approaches": _of("hric_experiments.approaches.command"),
-    "benchmark": _of("hric_experiments.benchmark.command"),
-    "sweep": _of("hric_experiments.sweep.command"),
+    "approaches": _of("hric_sweep.approaches.command"),
+    "benchmark": _of("hric_sweep.benchmark.command"),
+    "sweep": _of("hric_sweep.command"),
 }
 
 

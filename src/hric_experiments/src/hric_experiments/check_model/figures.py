@@ -8,8 +8,8 @@ import numpy as np
 from franka_hw_interface.friction_fit import JointFriction
 from franka_hw_interface.model_check import ModelCheck
 from hric_control.plants import Phi, sigmoid_torque
-from hric_experiments.report import drawing
-from hric_experiments.report.figure import Curve, Figure, per_joint
+from hric_report import drawing
+from hric_report.figure import Curve, Figure, per_joint
 
 POINTS, LINE_POINTS = 6000, 300
 """Of a curve over time at most; of a friction law."""

@@ -21,14 +21,14 @@ from hric_bags.text import Steps
 from hric_core.errors import FailureError
 from hric_core.parameters import Settings, flag, number, text
 from hric_core.ros import RosNode
-from hric_experiments.definition import experiment as experiments
-from hric_experiments.definition import overrides, parameters
-from hric_experiments.definition.experiment import Experiment
 from hric_experiments.live import node as live_node
 from hric_experiments.live.human import LiveHuman
 from hric_experiments.live.sensors import LiveSensors
 from hric_experiments.live.topics import unrecorded
 from hric_experiments.recorder.node import RECORDING_TOPIC, START_SERVICE, STOP_SERVICE, TRIGGER_TOPIC
+from hric_run.definition import experiment as experiments
+from hric_run.definition import overrides, parameters
+from hric_run.definition.experiment import Experiment
 
 POLL = 0.01
 """Between two looks at the clock [s of wall time]."""
@@ -106,8 +106,8 @@ class LiveExperiment:
 
     def _report(self, folder: RunFolder) -> str:
         # Loaded here, since at the start the robot waits for the processors that this would take.
-        from hric_experiments import report_html
-        from hric_experiments.analysis import run as analysis
+        from hric_report import html as report_html
+        from hric_report import run as analysis
 
         html = self._settings.html
         with contextlib.closing(Steps(analysis.STEPS + analysis.FIGURE_STEPS + html)) as step:

@@ -7,10 +7,10 @@ import rosgraph
 import rospy
 from std_srvs.srv import Trigger
 
+from hric_analysis.tracking_record import FRAMES
 from hric_core.errors import FailureError
-from hric_experiments.analysis.tracking_record import FRAMES
-from hric_experiments.definition.parameters import EMULATED_HUMAN, MOCAP_CLIENT
 from hric_msgs.msg import MocapData
+from hric_run.definition.parameters import EMULATED_HUMAN, MOCAP_CLIENT
 
 
 class LiveHuman:

@@ -10,9 +10,9 @@ from typing import Any
 import rosgraph
 import rospy
 
-from hric_experiments.definition.experiment import Experiment
 from hric_experiments.live import node as live_node
 from hric_perception.sent import TOPIC as SENT
+from hric_run.definition.experiment import Experiment
 
 _STAMP = struct.Struct("<xxxxII")
 """Of the header that each of these messages begins with."""

@@ -12,10 +12,10 @@ from hric_control.manager.services import REFUSAL
 from hric_core.errors import FailureError
 from hric_core.parameters import Settings, text
 from hric_core.ros import RosNode
-from hric_experiments.definition import experiment as experiments
-from hric_experiments.definition import overrides, parameters
-from hric_experiments.definition.experiment import Experiment
 from hric_experiments.live import node as live_node
+from hric_run.definition import experiment as experiments
+from hric_run.definition import overrides, parameters
+from hric_run.definition.experiment import Experiment
 
 READY_TIMEOUT = 60.0
 """How long the robot may take to offer its manager [s of wall time]."""

@@ -21,15 +21,15 @@ from hric_bags.files import MEGABYTE
 from hric_bags.run_folder import COMPLETED, FAILED, INTERRUPTED, RunFolder, runs_root
 from hric_core.errors import FailureError, HricError
 from hric_core.ros import RosNode
-from hric_experiments import provenance
-from hric_experiments.definition import experiment as experiments
-from hric_experiments.definition import overrides
 from hric_experiments.live import node as live_node
 from hric_experiments.live import topics as live_topics
 from hric_experiments.recorder import process as recorder_process
 from hric_experiments.recorder.process import RecorderProcess, RecordError
 from hric_experiments.recorder.recording import Recording, check_space, free_space
 from hric_experiments.recorder.settings import NOW, ON_TRIGGER, RecorderSettings
+from hric_run import provenance
+from hric_run.definition import experiment as experiments
+from hric_run.definition import overrides
 
 RECORDING_TOPIC, TRIGGER_TOPIC = "hric/experiment/recording", "hric/experiment/trigger"
 START_SERVICE, STOP_SERVICE, SPLIT_SERVICE = (

@@ -1,0 +1,261 @@
+"""What differs between a run and a reference set-up, and why it matters."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from hric_core.parameters import read_yaml
+from hric_run.definition.experiment import config_path
+
+CHATTER = 0.1
+"""Ripple of a torque at rest above which a loop is said to chatter [N m]."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One line of the comparison.
+
+    Attributes:
+        what: the aspect.
+        reference: what the reference had.
+        here: what this run had.
+        why: the reason, or the consequence.
+    """
+
+    what: str
+    reference: str
+    here: str
+    why: str
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What the comparison looks at.
+
+    Attributes:
+        reference: contents of config/references/<name>.yaml.
+        robot: `robot` of the experiment as it was run.
+        controller: parameters of the controller that got the setpoint.
+        metrics: metrics of the run.
+    """
+
+    reference: Mapping[str, Any]
+    robot: Mapping[str, Any]
+    controller: Mapping[str, Any]
+    metrics: Mapping[str, Any]
+
+    def description(self, key: str, default: Any) -> Any:
+        """Argument of the robot description."""
+        return (self.robot.get("description") or {}).get(key, default)
+
+    def plant(self, key: str, default: Any) -> Any:
+        """Parameter of the plant."""
+        return (self.robot.get("plant") or {}).get(key, default)
+
+
+Check = Callable[[Setup], Difference | None]
+"""Looks at one aspect; None: it does not differ."""
+
+
+def reference(name: str) -> dict[str, Any]:
+    """A reference set-up."""
+    data: dict[str, Any] = read_yaml(config_path("references") / f"{name}.yaml")
+    return data
+
+
+def compare(setup: Setup) -> list[dict[str, str]]:
+    """All differences, the set-up's first, then what the run itself showed."""
+    found = [check(setup) for check in CHECKS]
+    return [asdict(item) for item in found if item is not None]
+
+
+def _engine(setup: Setup) -> Difference:
+    return Difference(
+        "physics engine",
+        setup.reference["engine"],
+        setup.robot.get("plant_type") or "pybullet_ros_control/PyBulletPlant",
+        "the reference takes steps of first order, this plant only with integrator: semi_implicit; contact "
+        "and joint stops are solved differently",
+    )
+
+
+def _robot_hw(setup: Setup) -> Difference:
+    adds = "gravity added by the controller" if setup.controller.get("gravity") else "gravity compensated by the arm"
+    return Difference(
+        "robot interface",
+        setup.reference["robot_hw"],
+        f"{setup.robot['hw']}, {adds}",
+        "the same role; the limits here are counted",
+    )
+
+
+def _half_step(setup: Setup) -> Difference | None:
+    if not setup.plant("half_step_readout", True):
+        return None
+    return Difference(
+        "position read-out",
+        "the engine's position at the end of its step",
+        "position at the measuring instant, q - dt dq/2",
+        "takes out the half step by which a semi-implicit engine runs ahead; plant half_step_readout: false "
+        "switches it off",
+    )
+
+
+def _inertials(setup: Setup) -> Difference | None:
+    used = setup.description("inertials", "barycentric")
+    if used == setup.reference["inertials"]:
+        return Difference(
+            "inertia tensors",
+            "moved by eq. 2",
+            "the same set, loaded as it is",
+            "the published tensors are about the centre of mass already; the shift breaks the triangle "
+            "inequality of links 2 to 6 and leaves "
+            "links 3, 4 and 6 not positive definite: such bodies do not exist, though the joint-space mass "
+            "matrix stays positive definite",
+        )
+    return Difference(
+        "inertia tensors",
+        "moved by eq. 2, links 2 to 6 not physical",
+        f"{used}, as published",
+        "the published tensors are about the centre of mass already; inertials:=thesis loads the thesis's set",
+    )
+
+
+def _value(what: str, key: str, used: Callable[[Setup], Any], why: str) -> Check:
+    """Compares one value of the run with the reference's at `key`; `why` may name other keys of the reference."""
+
+    def check(setup: Setup) -> Difference | None:
+        there, here = setup.reference[key], used(setup)
+        return None if here == there else Difference(what, str(there), str(here), why.format_map(setup.reference))
+
+    return check
+
+
+def _gains(setup: Setup) -> Difference | None:
+    used = {key: setup.controller.get(key) for key in ("kp", "kd")}
+    sets: Sequence[Mapping[str, float]] = setup.reference["gains"]
+    if any(all(_same(used[key], given[key]) for key in ("kp", "kd")) for given in sets):
+        return None
+    listed = " or ".join(f"Kp {given['kp']:g} Kd {given['kd']:g}" for given in sets)
+    return Difference(
+        "gains",
+        listed,
+        f"Kp {used['kp']} Kd {used['kd']}",
+        "kp:=200 kd:=100 is the pair of ch. 4.4, kp:=50 kd:=10 that of listing 6",
+    )
+
+
+def _same(used: Any, expected: float) -> bool:
+    values = used if isinstance(used, list) else list(used.values()) if isinstance(used, Mapping) else [used]
+    return all(value == expected for value in values)
+
+
+def _profile(setup: Setup) -> Difference | None:
+    if not (setup.controller.get("profile") or {}).get("enabled", False):
+        return None
+    return Difference("setpoint", "raw step", "led through a trapezoid", "profile:=false takes it raw")
+
+
+def _start(setup: Setup) -> Difference | None:
+    used = setup.robot.get("q_start")
+    there = [float(value) for value in setup.reference["q_start"]]
+    values = list(used.values()) if isinstance(used, Mapping) else used
+    if values is not None and [float(value) for value in values] == there:
+        return None
+    return Difference("start", str(there), str(values), "joint 4 at 0 is outside its range (at most -0.0698 rad)")
+
+
+def _outside(setup: Setup) -> Difference | None:
+    outside = {name: joint for name, joint in setup.metrics["joints"].items() if joint.get("started_outside")}
+    if not outside:
+        return None
+    names = ", ".join(f"{name} by {joint['position_excess_max']:.4f} rad at most" for name, joint in outside.items())
+    return Difference(
+        "joint limits at the start",
+        "not mentioned",
+        f"outside its range: {names}",
+        "q = 0 is no legal pose of the arm; here only inward effort passes while outside, and a stop acts "
+        "once the joint has been inside",
+    )
+
+
+def _clamped(setup: Setup) -> Difference | None:
+    touched = setup.metrics.get("limits_touched")
+    if touched is None or not any(touched.values()):
+        return None
+    counts = ", ".join(f"{kind} {count}" for kind, count in touched.items() if count)
+    cycles = setup.metrics["control_log"]["cycles"]
+    return Difference(
+        "limits that acted",
+        "enforced by the hardware interface, not counted",
+        f"{counts} joint cycles of {cycles} cycles",
+        "order: position, velocity, effort, rate of torque last, so that no other clamp breaks the rate",
+    )
+
+
+def _above(setup: Setup, key: str, bound: float) -> dict[str, float]:
+    """A metric of the joints in which it is above a bound."""
+    return {name: joint[key] for name, joint in setup.metrics["joints"].items() if joint.get(key, 0.0) > bound}
+
+
+def _overspeed(setup: Setup) -> Difference | None:
+    listed = ", ".join(f"{name} {ratio:.2f} times" for name, ratio in _above(setup, "velocity_ratio", 1.0).items())
+    why = "a raw step drives the joint so fast that the limit on the rate of torque forbids braking in time"
+    reference = "enforced, overshoot not reported"
+    return Difference("velocity limit", reference, f"overshot: {listed}", why) if listed else None
+
+
+def _chatter(setup: Setup) -> Difference | None:
+    listed = ", ".join(f"{name} {ripple:.2f} N m" for name, ripple in _above(setup, "effort_ripple", CHATTER).items())
+    why = (
+        "derivative gains above 2 / dt / ((M+B)^-1)_ii make the sampled loop unstable, and only the clamps keep it "
+        "bounded"
+    )
+    reference = "not reported; ch. 5.4 sees Gazebo oscillate more than OpenSim"
+    return Difference("torque at the end of the run", reference, f"peak to peak {listed}", why) if listed else None
+
+
+CHECKS: tuple[Check, ...] = (
+    _engine,
+    _robot_hw,
+    _half_step,
+    _inertials,
+    _value(
+        "joint damping [N m s/rad]",
+        "damping",
+        lambda setup: setup.description("damping", 0.0),
+        "damping:=1.0 is the thesis's value",
+    ),
+    _value(
+        "joint friction",
+        "friction",
+        lambda setup: setup.description("friction", "none"),
+        "the thesis's model has none beyond the damping",
+    ),
+    _value(
+        "rotor inertia [kg m^2]",
+        "rotor_inertia",
+        lambda setup: setup.plant("rotor_inertia", 0.1),
+        "without it a torque loop at 1 kHz is unstable above Kd {stable_kd_at_1khz:g} on this arm; rotor_inertia:=0 is "
+        "the thesis's model",
+    ),
+    _value(
+        "self-collision",
+        "self_collision",
+        lambda setup: setup.plant("self_collision", True),
+        "at q = 0 the hand stands in the forearm; with self-collision the arm is pushed out of the start",
+    ),
+    _gains,
+    _value(
+        "rotatum saturation [N m/s]",
+        "rotatum_limit",
+        lambda setup: setup.controller.get("rotatum_limit", setup.reference["rotatum_limit"]),
+        "0 switches it off, as in the comparison of thesis ch. 5.4",
+    ),
+    _profile,
+    _start,
+    _outside,
+    _clamped,
+    _overspeed,
+    _chatter,
+)

@@ -1,0 +1,84 @@
+"""The human of a run for OpenSim's own tools: his model, his motion, and what his grips carry as external loads."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import SubElement
+
+import urdf_to_osim
+from hric_bags.export import loads
+from hric_bags.export.opensim_text import write_storage
+from hric_bags.files import atomic
+from hric_bags.records.human_record import HumanRecord
+from hric_core.geometry import Pose, homogeneous
+from hric_core.geometry.transforms import rotation_from_quaternion
+from hric_core.urdf import write_origin
+from hric_human.body import describe
+from hric_human.muscles.choose import find
+from hric_human.muscles.muscle_set import MuscleSet
+from hric_human.muscles.opensim_paths import with_muscles
+from hric_human.participant.settings import MUSCLE, HumanSettings
+from hric_run.definition.parameters import HUMAN
+from urdf_to_osim.transforms import base_pose
+
+MODEL, MOTION = "human.osim", "human.mot"
+LOADS, LOADS_SETUP = "human_external_loads.mot", "human_external_loads.xml"
+
+
+def write(folder: Path, section: Mapping[str, Any], record: HumanRecord, gravity: tuple[float, ...]) -> None:
+    """Write human.osim and human.mot, and with a grip human_external_loads, replacing those that are there. OpenSim's
+    inverse dynamics of the three is the torque of his joints. Muscles that moved him are in his model.
+
+    Args:
+        folder: of the run.
+        section: `human` of the experiment.
+        record: from the bag.
+        gravity: in the world, 3 floats [m/s^2].
+
+    Raises:
+        HricError: the files cannot be written.
+    """
+    settings = HumanSettings.of(section, "human")
+    body = describe(settings.person)
+    urdf = _standing(body.urdf, settings.root(body))
+    options = urdf_to_osim.Options(gravity=gravity, inertia="keep", stops=False, friction="none", meshes=False)
+    conversion = urdf_to_osim.convert(urdf, options)
+    urdf_to_osim.write(conversion, folder / MODEL)
+    if settings.drive == MUSCLE:
+        anatomy = find(settings.muscles.anatomy, "human.muscles.anatomy")
+        muscles = MuscleSet(body, anatomy, settings.muscles.strength)
+        text = with_muscles((folder / MODEL).read_text(), muscles)
+        with atomic(folder / MODEL) as path:
+            path.write_text(text)
+    columns = {name: record.position[:, j] for j, name in enumerate(record.joints)}
+    with atomic(folder / MOTION) as path:
+        write_storage(path, record.time, columns, "Coordinates", about={"units": "s, rad"})
+    own = f"{HUMAN}::"
+    hands = {name: grip.holder for name, grip in record.grips.items() if grip.holder.startswith(own)}
+    if hands:
+        _write_loads(folder, record, {name: holder.removeprefix(own) for name, holder in hands.items()})
+
+
+def _standing(urdf: str, root: Pose) -> str:
+    """The description with the world as its root link."""
+    robot = ElementTree.fromstring(urdf)
+    SubElement(robot, "link", name="world")
+    joint = SubElement(robot, "joint", name="world_to_human", type="fixed")
+    SubElement(joint, "parent", link="world")
+    SubElement(joint, "child", link="human_base")
+    write_origin(joint, homogeneous(rotation_from_quaternion(root.orientation), root.position))
+    return ElementTree.tostring(robot, encoding="unicode")
+
+
+def _write_loads(folder: Path, record: HumanRecord, bodies: Mapping[str, str]) -> None:
+    """Loads of grips on the bodies of the hands that hold."""
+    R, grips = base_pose("y")[:3, :3], [record.grips[name] for name in bodies]
+    found = [
+        loads.load(grip.name, bodies[grip.name], grip.time, R, (grip.force, grip.point, grip.torque), "")
+        for grip in grips
+    ]
+    with atomic(folder / LOADS) as path:
+        loads.write(found, path)
+    with atomic(folder / LOADS_SETUP) as path:
+        path.write_text(loads.setup(bodies, LOADS))

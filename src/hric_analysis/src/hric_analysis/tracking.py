@@ -1,0 +1,346 @@
+"""How well the end effector followed the marker: lag, error after it, acceleration, frames, stamps. No ROS.
+
+The follower anchors marker and end effector at the first frame that it takes, and again after a loss (unless it catches
+up), so the error after a lag is
+
+    e(t) = p(t) - p_0 - R (m(t - lag) - m(t_0))
+
+within the stretch that began at t_0; p_0 is where the end effector stood then, or was coming to rest.
+The lag is that of the largest normalised cross-correlation of the two displacements.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import scipy
+
+from hric_analysis.tracking_record import Frames, States, TrackingRecord
+
+FloatArray = npt.NDArray[np.float64]
+THESIS_ROTATION = ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
+"""From a stream with y up into the base (thesis ch. 3.3): what the controllers take where their parameters say nothing
+else."""
+STEP = 1e-3
+"""Of the common time, and of the lags that are tried [s]."""
+LONGEST_LAG, COARSE = 1.0, 10
+"""[s]; in steps. Project default, unconfirmed."""
+MIN_MOTION = 1e-3
+"""A marker that moves less has no lag (standard deviation) [m]. Project default, unconfirmed."""
+SMOOTHED = 10
+"""The second acceleration is taken over so many cycles, within which the noise of real encoders ends."""
+STAMP_VALUES = (("mean", "uncertainty"), ("largest", "largest_uncertainty"))
+STAMP_WINDOW = 2.0
+"""Over which the error of the stamps is taken as constant [s]."""
+
+
+@dataclass(frozen=True)
+class Followed:
+    """Marker and end effector on a common time, n samples.
+
+    Attributes:
+        time: robot time, shape (n,) [s].
+        ee: of the end effector in the base, shape (n, 3) [m].
+        marker: in axes of the base, shape (n, 3) [m].
+        exact: whether the marker is the truth, not what the motion capture saw.
+        stretches: (anchor, end) of each stretch in which the marker was followed, as indices.
+        origins: p_0 of each, shape (3,) [m].
+    """
+
+    time: FloatArray
+    ee: FloatArray
+    marker: FloatArray
+    exact: bool
+    stretches: tuple[tuple[int, int], ...]
+    origins: tuple[FloatArray, ...]
+
+    def desired(self, lag: int) -> FloatArray:
+        """Where the end effector should be at `lag` steps behind the marker, shape (n, 3); NaN where nothing is
+        followed."""
+        found = np.full_like(self.ee, np.nan)
+        for (begin, end), origin in zip(self.stretches, self.origins, strict=True):
+            if begin + lag < end:
+                found[begin + lag : end] = origin + self.marker[begin : end - lag] - self.marker[begin]
+        return found
+
+    def error(self, lag: int) -> FloatArray:
+        """e(t), shape (n, 3); NaN where nothing is followed."""
+        return self.ee - self.desired(lag)
+
+
+def followed(
+    record: TrackingRecord, times: FloatArray, ee: FloatArray, R_base_marker: FloatArray, *, catch_up: bool = False
+) -> Followed | None:
+    """Bring marker and end effector onto a common time, from the first marker on; None where none was valid.
+
+    Args:
+        record: of the bag.
+        times, ee: of the end effector in the base, shapes (k,), (k, 3) [s, m].
+        R_base_marker: turns positions of the motion capture into the axes of the base, shape (3, 3).
+        catch_up: whether the follower keeps its anchors through a loss.
+    """
+    frames = record.frames
+    anchors = _anchors(frames, record.states, catch_up)
+    if not anchors:
+        return None
+    begin, end = anchors[0][0], float(times[-1])
+    if record.truth is not None:
+        end = min(end, float(record.truth[0][-1]))
+    if end - begin < 2 * STEP:
+        return None
+    time = np.arange(begin, end, STEP)
+    seen = frames.position[frames.valid] @ R_base_marker.T
+    source = record.truth if record.truth is not None else (frames.time[frames.valid], seen)
+    marker = np.stack([np.interp(time, source[0], column) for column in source[1].T], axis=1)
+    if record.truth is not None and len(record.truth[0]) > 3:
+        marker = scipy.interpolate.CubicSpline(*record.truth)(time)
+    path = np.stack([np.interp(time, times, column) for column in ee.T], axis=1)
+    stretches = [(int(np.searchsorted(time, a)), int(np.searchsorted(time, min(b, end)))) for a, b in anchors]
+    stretches = [(a, b) for a, b in stretches if b - a > 1]
+    origins = [path[a] if k == 0 else _target(record.states, float(time[a])) for k, (a, _) in enumerate(stretches)]
+    return Followed(time, path, marker, record.truth is not None, tuple(stretches), tuple(origins))
+
+
+def _target(states: States, time: float) -> FloatArray:
+    """Where the end effector was to go when it followed again after `time`: its new origin."""
+    after = [
+        k for k in range(int(np.searchsorted(states.time, time)), len(states.time)) if states.tracking[k] == "following"
+    ]
+    found: FloatArray = states.target[after[0] if after else -1]
+    return found
+
+
+def _anchors(frames: Frames, states: States, catch_up: bool) -> list[tuple[float, float]]:
+    """(time of the frame that became the origin, time of the loss) of each stretch [s]."""
+    valid = frames.time[frames.valid]
+    if valid.size == 0:
+        return []
+    lost = [
+        states.time[k] for k in range(1, len(states.tracking)) if states.tracking[k] == "lost" != states.tracking[k - 1]
+    ]
+    found, begin = [], float(valid[0])
+    for time in [] if catch_up else lost:
+        found.append((begin, float(time)))
+        after = valid[valid > time]
+        if after.size == 0:
+            return found
+        begin = float(after[0])
+    return [*found, (begin, np.inf)]
+
+
+def lag_of(data: Followed) -> tuple[float, float] | None:
+    """(lag [s], normalised cross-correlation there); None where the marker or the end effector hardly moves.
+
+    The largest is looked for in steps of COARSE lags, then between them, then by a parabola through the three best.
+    """
+    count = min(int(LONGEST_LAG / STEP), len(data.time) // 2)
+    if count < 1 or _likeness(data, 0) is None:
+        return None
+    rough = max(range(0, count, COARSE), key=lambda lag: _likeness(data, lag) or 0.0)
+    near = range(max(0, rough - COARSE), min(count, rough + COARSE + 1))
+    values = {lag: _likeness(data, lag) or 0.0 for lag in near}
+    best = max(values, key=lambda lag: values[lag])
+    shift = 0.0
+    if best - 1 in values and best + 1 in values:
+        left, middle, right = values[best - 1], values[best], values[best + 1]
+        bend = left - 2 * middle + right
+        shift = 0.5 * (left - right) / bend if bend < 0 else 0.0
+    return STEP * (best + shift), values[best]
+
+
+def _likeness(data: Followed, lag: int) -> float | None:
+    """Normalised cross-correlation at a lag; None: of what hardly moves."""
+    desired = data.desired(lag)
+    both = ~np.isnan(desired[:, 0])
+    if np.count_nonzero(both) < 2:
+        return None
+    a, b = (part[both] - part[both].mean(axis=0) for part in (data.ee, desired))
+    size_a, size_b = (float(np.sqrt(np.sum(part * part))) for part in (a, b))
+    if min(size_a, size_b) < MIN_MOTION * np.sqrt(len(a)):
+        return None
+    return float(np.sum(a * b)) / (size_a * size_b)
+
+
+def rms(vectors: FloatArray) -> float:
+    """Root of the mean square of the vectors' lengths, shape (n, 3); rows with NaN are left out."""
+    lengths = np.sum(vectors**2, axis=1)
+    return float(np.sqrt(np.nanmean(lengths)))
+
+
+def acceleration(time: FloatArray, path: FloatArray, cycles: int = 1) -> float:
+    """RMS of the second difference over so many cycles, shape (n, 3) [m] -> [m/s^2]; steps across a gap of the log are
+    left out."""
+    period = float(np.median(np.diff(time)))
+    whole = np.abs(time[2 * cycles :] - time[: -2 * cycles] - 2 * cycles * period) < 0.5 * period
+    second = (path[2 * cycles :] - 2 * path[cycles:-cycles] + path[: -2 * cycles]) / (cycles * period) ** 2
+    return rms(second[whole])
+
+
+def frames_metrics(frames: Frames) -> dict[str, Any]:
+    """How many frames came, how many did not, and how long they took."""
+    steps = np.diff(frames.number)
+    known = frames.latency[np.isfinite(frames.latency)]
+    span = float(frames.time[-1] - frames.time[0])
+    return {
+        "received": len(frames.number),
+        "lost": int(np.sum(steps[steps > 1] - 1)),
+        "not_in_order": int(np.count_nonzero(steps < 1)),
+        "untracked": int(np.count_nonzero(~frames.valid)),
+        "rate": (len(frames.number) - 1) / span if span > 0 else None,
+        "latency_median": float(np.median(known)) if known.size else None,
+        "latency_max": float(known.max()) if known.size else None,
+    }
+
+
+def stamp_error(record: TrackingRecord, R_base_marker: FloatArray) -> dict[str, Any] | None:
+    """How late the stamps are against the truth [s]: the shift of time, with an offset, that fits best; None
+    where the truth is not known.
+
+    Frames carry the position at their exposure, so a frame that is stamped late lies behind the truth: p - m(t) =
+    -error v(t) + constant.
+    """
+    if record.truth is None or len(record.truth[0]) < 4:
+        return None
+    spline, frames = scipy.interpolate.CubicSpline(*record.truth), record.frames
+    use = frames.valid & (frames.time > record.truth[0][0]) & (frames.time < record.truth[0][-1])
+    time, seen = frames.time[use], frames.position[use] @ R_base_marker.T
+    if time.size < 10 or rms(spline(time, 1)) < MIN_MOTION:
+        return None
+    speed, apart = spline(time, 1), seen - spline(time)
+    whole, sigma = late_by(speed, apart)
+    windows = [time // STAMP_WINDOW == k for k in np.unique(time // STAMP_WINDOW)]
+    parts = [late_by(speed[w], apart[w]) for w in windows if rms(speed[w]) > 0.5 * rms(speed)]
+    worst = max(parts, key=lambda part: abs(part[0]))
+    return {
+        "mean": whole,
+        "uncertainty": sigma,
+        "largest": worst[0],
+        "largest_uncertainty": worst[1],
+        "window": STAMP_WINDOW,
+    }
+
+
+def late_by(speed: FloatArray, apart: FloatArray) -> tuple[float, float]:
+    """(error of the stamps, its standard deviation) [s]."""
+    v, d = speed - speed.mean(axis=0), apart - apart.mean(axis=0)
+    power = float(np.sum(v * v))
+    late = -float(np.sum(v * d)) / power
+    left = d + late * v
+    return late, float(np.sqrt(np.sum(left**2) / left.size / power))
+
+
+def metrics(
+    data: Followed | None, record: TrackingRecord, times: FloatArray, ee: FloatArray, R_base_marker: FloatArray
+) -> dict[str, Any]:
+    """The key `tracking` of metrics.json; times, ee: of each cycle, not resampled."""
+    last = record.states.last
+    result: dict[str, Any] = {
+        "controller": record.states.controller,
+        "body": record.frames.body,
+        "marker": "truth" if record.truth is not None else "motion capture",
+        "frames": frames_metrics(record.frames),
+        "stamp_error": stamp_error(record, R_base_marker),
+        "losses": int(last.losses),
+        "ignored": int(last.ignored),
+        "clamped": int(last.clamped),
+        "refused": dict(zip(map(str, last.refused_reasons), map(int, last.refused_counts), strict=True)),
+        "phases": [{"time": time, "phase": phase} for time, phase in record.phases],
+    }
+    if data is None:
+        return {
+            **result,
+            "first_marker": None,
+            "lag": None,
+            "correlation": None,
+            "rms_error": None,
+            "largest_error": None,
+            "acceleration": None,
+        }
+    found = lag_of(data)
+    lag, correlation = found or (0.0, None)
+    error = data.error(round(lag / STEP))
+    lengths = np.linalg.norm(error, axis=1)
+    return {
+        **result,
+        "first_marker": float(data.time[0]),
+        "lag": None if found is None else lag,
+        "correlation": correlation,
+        "rms_error": rms(error),
+        "largest_error": float(np.nanmax(lengths)),
+        "acceleration": _accelerations(data, record, times, ee),
+    }
+
+
+def _ideal(data: Followed, record: TrackingRecord) -> float | None:
+    """RMS acceleration of the marker itself [m/s^2]; None where the truth is not known. In its own time: another
+    clock would bend its motion."""
+    if record.truth is None or len(record.truth[0]) < 4:
+        return None
+    own = record.truth[0] if record.own_time is None else record.own_time
+    begin, end = np.interp(data.time[[0, -1]], record.truth[0], own)
+    time = np.arange(begin, end, STEP)
+    return acceleration(time, scipy.interpolate.CubicSpline(own, record.truth[1])(time), SMOOTHED)
+
+
+def _accelerations(
+    data: Followed, record: TrackingRecord, times: FloatArray, ee: FloatArray
+) -> dict[str, float | None]:
+    use = (times >= data.time[0]) & (times <= data.time[-1])
+    measured, smoothed = (acceleration(times[use], ee[use], cycles) for cycles in (1, SMOOTHED))
+    ideal = _ideal(data, record)
+    ratios = [value / ideal if ideal else None for value in (measured, smoothed)]
+    return {
+        "measured": measured,
+        "measured_smoothed": smoothed,
+        "ideal": ideal,
+        "ratio": ratios[0],
+        "ratio_smoothed": ratios[1],
+    }
+
+
+def render(values: dict[str, Any]) -> str:
+    """The lines of the report; values: of `metrics`."""
+    frames, stamps, parts = values["frames"], values["stamp_error"], []
+    lag = "not known: too little motion" if values["lag"] is None else f"{1e3 * values['lag']:.1f} ms"
+    if values["rms_error"] is None:
+        parts.append(f"{values['controller']}: no valid marker of {values['body'] or 'any body'} came")
+    else:
+        parts.append(
+            f"{values['controller']} follows {values['body']} (against the {values['marker']}), from "
+            f"{values['first_marker']:.3f} s on:"
+        )
+        parts.append(
+            f"  lag {lag}, RMS error after it {1e3 * values['rms_error']:.2f} mm, largest "
+            f"{1e3 * values['largest_error']:.2f} mm"
+        )
+        parts.append("  " + _acceleration_line(values["acceleration"]))
+    latency = "" if frames["latency_median"] is None else f", latency {1e3 * frames['latency_median']:.1f} ms (median)"
+    parts.append(
+        f"  frames: {frames['received']} received, {frames['lost']} lost, {frames['untracked']} without the "
+        f"body{latency}; "
+        f"marker lost {values['losses']} times" + _refused(values)
+    )
+    if stamps is not None:
+        mean, largest = (f"{1e3 * stamps[a]:+.3f} ms (+-{1e3 * stamps[b]:.3f})" for a, b in STAMP_VALUES)
+        parts.append(
+            f"  stamps: {mean} from the truth, at most {largest} over {stamps['window']:g} s; +- is what the "
+            "noise leaves open"
+        )
+    return "\n".join(parts)
+
+
+def _acceleration_line(values: dict[str, float | None]) -> str:
+    text = f"RMS acceleration {values['measured']:.3f} m/s2"
+    if values["ideal"]:
+        text += (
+            f", {values['ratio']:.2f} times the marker's own {values['ideal']:.3f} "
+            f"({values['ratio_smoothed']:.2f} over {SMOOTHED} cycles)"
+        )
+    return text
+
+
+def _refused(values: dict[str, Any]) -> str:
+    counts: Sequence[str] = [f"{count} {reason}" for reason, count in values["refused"].items()]
+    return f"; markers refused: {', '.join(counts)}" if counts else ""

@@ -1,0 +1,90 @@
+"""From a run folder to how well a marker was followed; forward kinematics of a whole control log. No ROS."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import scipy
+
+from hric_analysis import tracking, tracking_record
+from hric_analysis.tracking import Followed
+from hric_analysis.tracking_record import TrackingRecord
+from hric_bags.parts import Bag
+from hric_bags.reader import BagError, ControlRecord, RunRecord
+from hric_core.urdf import read
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """How a run followed a marker.
+
+    Attributes:
+        record: from the bag.
+        data: marker and end effector on a common time; None: no valid marker came.
+        values: the key `tracking` of metrics.json.
+    """
+
+    record: TrackingRecord
+    data: Followed | None
+    values: dict[str, Any]
+
+
+def analyse(description: str, bag: Path | Bag, run: Mapping[str, Any], record: RunRecord) -> Tracking | None:
+    """How well the marker was followed; None where no controller followed one.
+
+    Args:
+        description: URDF of the robot; "": the run folder has none.
+        bag: its bag, or a reader of it.
+        run: contents of its run.yaml.
+        record: the rest of the bag.
+
+    Raises:
+        HricError: the description is missing or does not suit.
+    """
+    body = str((((run.get("definition") or {}).get("mocap")) or {}).get("body") or "")
+    found = tracking_record.read(bag, record.robot_time, body)
+    if found is None:
+        return None
+    own = (run.get("parameters") or {}).get(found.states.controller) or {}
+    R = (
+        np.eye(3)
+        if found.frames.frame == found.base
+        else np.array(own.get("frame_rotation", tracking.THESIS_ROTATION), dtype=float)
+    )
+    if not description:
+        raise BagError("a marker was followed, and there is no description of the robot (robot.urdf) beside the bag")
+    arm_id = str(own.get("arm_id") or "panda")
+    ee = tip_positions(description, record.log, f"{arm_id}_link0", f"{arm_id}_link8", found.p_flange_ee)
+    data = tracking.followed(found, record.log.time, ee, R, catch_up=own.get("on_return") == "catch_up")
+    return Tracking(found, data, tracking.metrics(data, found, record.log.time, ee, R))
+
+
+def tip_positions(description: str, log: ControlRecord, base: str, tip: str, p_tip: FloatArray) -> FloatArray:
+    """Positions of a point of the tip of a chain in its base in each cycle, shape (n, 3) [m].
+
+    Args:
+        description: URDF.
+        log: positions of the joints; those that it does not have stand at 0.
+        base, tip: names of links.
+        p_tip: the point in the tip's frame, shape (3,) [m].
+
+    Raises:
+        HricError: no such link, or the tip does not hang on the base.
+    """
+    R = np.broadcast_to(np.eye(3), (log.cycles, 3, 3))
+    p = np.zeros((log.cycles, 3))
+    for joint in read(description).path(base, tip):
+        T = joint.T_parent_joint
+        p, R = p + R @ T[:3, 3], R @ T[:3, :3]
+        if joint.name in log.joint_names:
+            q = log.position[:, [log.joint_names.index(joint.name)]]
+            if joint.type == "prismatic":
+                p = p + np.einsum("nij,nj->ni", R, q * joint.axis)
+            else:
+                R = R @ scipy.spatial.transform.Rotation.from_rotvec(q * joint.axis).as_matrix()
+    return p + R @ p_tip

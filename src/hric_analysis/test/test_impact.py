@@ -1,0 +1,83 @@
+"""Contacts of a human beside a closed form and the commanded torque, of a run."""
+
+import json
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hric_analysis import human
+from hric_assessment.contact import impact
+from hric_bags.run_folder import RunFolder
+from hric_experiments import cli
+from hric_report import human_figures
+from hric_report.html import run_data, tables
+
+WALL = "package://hric_experiments/worlds/wall_behind_arm.yaml"
+
+
+@pytest.fixture(scope="module")
+def clamped(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunFolder]:
+    """The arm meets a forearm, pushes it to a wall, and goes on pushing."""
+    root = tmp_path_factory.mktemp("runs")
+    words = ["simulator:=mujoco", "robot.parameters.reflexes:=false", f"world:={WALL}", "human.parts:=right_arm"]
+    assert cli.main(["run", "contact", *words, "--quiet", "--no-figures", "--runs", str(root)]) == 0
+    yield RunFolder((root / "latest").resolve())
+
+
+@pytest.fixture(scope="module")
+def found(clamped: RunFolder) -> dict[str, Any]:
+    metrics: dict[str, Any] = json.loads((clamped.path / "metrics.json").read_text())
+    return metrics
+
+
+def test_the_first_peak_of_the_experiment_is_that_of_both_reflected_masses(found: dict[str, Any]) -> None:
+    by_robot = [one for one in found["human"]["contacts"] if one["transient"]]
+    blow = by_robot[0]
+    assert blow["regions"] == ["lower arm, wrist"] and blow["speed"] > 0.2
+    form = blow["transient"]
+    assert form["peak"] == pytest.approx(blow["speed"] * math.sqrt(form["mass"] * 40e3))
+    assert form["measured_peak"] == blow["peak"]
+    assert form["ratio"] == pytest.approx(1.0, abs=0.03)
+    assert blow["duration"] == pytest.approx(form["duration"], abs=3e-3)
+    assert blow["impulse"] == pytest.approx(form["impulse"], rel=0.1)
+
+
+def test_a_clamped_link_carries_what_the_commanded_torque_balances(found: dict[str, Any]) -> None:
+    (press,) = [one["press"] for one in found["human"]["contacts"] if one["press"]]
+    assert press["force"] > 10.0 and press["ratio"] == pytest.approx(1.0, abs=0.02)
+
+
+def test_what_is_expected_is_beside_what_was_found_in_text_table_and_figures(
+    clamped: RunFolder, found: dict[str, Any]
+) -> None:
+    text = human.render(found["human"])
+    assert "v sqrt(mu k) = " in text and "that the commanded torque balances: ratio " in text
+    assert text.count("met panda::panda_hand") == 1 and "they met " in text
+    data = run_data.load(clamped, found)
+    figures = {figure.key: figure for figure in human_figures.human_figures(data.person)}
+    blow, press = figures["blow"].panels[0], figures["press"].panels[0]
+    expected, simulated = blow.curves
+    ((_, peak),) = blow.bounds
+    assert expected.values.max() == pytest.approx(peak, rel=1e-3)
+    at = np.interp(simulated.time, expected.time, expected.values)
+    rising = simulated.time < 0.5e3 * found["human"]["contacts"][0]["transient"]["duration"]
+    assert rising.sum() > 4  # of 13 ms; then both have turned
+    assert np.abs(simulated.values - at)[rising].max() < 0.02 * peak
+    assert not figures["blow"].timed and figures["press"].timed
+    assert figures["blow"].horizontal_range(blow) == (0.0, simulated.time[-1])
+    balanced, contact = press.curves
+    assert contact.values[-50:] == pytest.approx(balanced.values[-50:], rel=0.05)
+    rows = tables.blows_table(found["human"]["contacts"]).rows
+    assert len(rows) == sum(one["transient"] is not None for one in found["human"]["contacts"])
+
+
+def test_a_run_whose_world_file_is_gone_tells_its_contacts_without_a_closed_form(clamped: RunFolder) -> None:
+    run, record = clamped.read(), run_data.load(clamped, {"human": {}}).record
+    run["parameters"]["robot"]["plant"]["world"] = "nowhere.yaml"
+    person = run_data.load(clamped, {"human": {}}).person
+    assert person is not None
+    found = impact.impacts(run, clamped.description(), record, person.record)
+    assert len(found) == len(person.impacts) and not any(one.transient or one.press for one in found)

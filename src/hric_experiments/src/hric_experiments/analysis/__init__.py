@@ -1,1 +1,0 @@
-"""From a recorded run to its metrics."""

@@ -1,1 +1,0 @@
-"""Experiments without a master, as fast as the machine allows."""

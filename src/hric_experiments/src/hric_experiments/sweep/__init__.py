@@ -1,1 +1,0 @@
-"""Sweeps: one experiment in many runs, and what they say together."""

@@ -1,0 +1,1 @@
+"""Reports of a run: figures, texts, pages and comparisons."""

@@ -1,0 +1,75 @@
+"""Figures of a comparison of two runs, in the form of the thesis's figures 13 and 14."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from hric_analysis.comparison import Comparison, difference_metrics
+from hric_report import sections
+from hric_report.figure import Curve, Figure, FloatArray, Panel, per_joint
+
+SINCE = "time since the setpoint [s]"
+
+
+def pair_figures(compared: Comparison, labels: tuple[str, str], joint: int) -> list[Figure]:
+    """Joint states of one joint, positions, and their differences.
+
+    Args:
+        compared: the runs overlaid on each other.
+        labels: what to call them.
+        joint: column of the joint that is shown large.
+    """
+    name, parts = compared.joint_names[joint], compared.overlays
+    time = time_of(compared)
+    ends = np.concatenate([part.time[[0, -1]] + part.start_a - parts[0].start_a for part in parts])
+    targets = [part.target for part in parts if part.target is not None for _ in range(2)]
+    position = [Curve("setpoint", "setpoint", ends, np.array(targets))] if targets else []
+    position += [
+        Curve(labels[0], "measured", time, np.concatenate([part.position_a for part in parts])),
+        Curve(labels[1], "other", time, np.concatenate([part.position_b for part in parts])),
+    ]
+    command = [
+        Curve(labels[0], "measured", time, np.concatenate([part.command_a for part in parts])),
+        Curve(labels[1], "other", time, np.concatenate([part.command_b for part in parts])),
+    ]
+    shown = [("(a) position [rad]", "", position), ("(b) desired torque [N m]", "effort_", command)]
+    panels = tuple(
+        Panel(_largest(compared, name, kind), tuple(curve.column(joint) for curve in curves), unit=unit)
+        for unit, kind, curves in shown[: 2 if compared.effort[joint] else 1]
+    )
+    states = Figure("joint_states", name, "", panels, 0.02, columns=1, abscissa=SINCE)
+    unit, names = "position [rad]", compared.joint_names
+    positions = per_joint("positions", "Joint positions", unit, names, position, min_height=0.02, abscissa=SINCE)
+    return [
+        states.about(sections.FORCES, "Position and desired torque of one joint in both runs."),
+        positions.about(sections.MOTION, "Positions in both runs, overlaid on each other setpoint by setpoint."),
+        differences([(f"{labels[0]} minus {labels[1]}", "measured", compared)]),
+    ]
+
+
+def time_of(compared: Comparison) -> FloatArray:
+    """Times of the parts that both runs have, since the first setpoint of run A, shape (n,) [s]."""
+    parts = compared.overlays
+    return np.concatenate([part.time + part.start_a - parts[0].start_a for part in parts])
+
+
+def differences(pairs: Sequence[tuple[str, str, Comparison]]) -> Figure:
+    """Position of the first run minus that of another, of each pair; pairs: name, role, the runs."""
+    curves = [
+        Curve(name, role, time_of(pair), np.concatenate([part.position_a - part.position_b for part in pair.overlays]))
+        for name, role, pair in pairs
+    ]
+    names = pairs[0][2].joint_names
+    title, unit = "Differences of the positions", "difference [rad]"
+    figure = per_joint("differences", title, unit, names, curves, min_height=1e-6, abscissa=SINCE)
+    return figure.about(sections.RESULTS, "Position of a joint in the first run minus that in the other.")
+
+
+def _largest(compared: Comparison, joint: str, kind: str) -> str:
+    """What the thesis reads from its figure 13, for each setpoint."""
+    found = []
+    for move in difference_metrics(compared):
+        one = move["joints"][joint]
+        peak, at, steady = (one[f"{kind}{key}"] for key in ("peak_difference", "peak_time", "steady_difference"))
+        found.append(f"largest difference {abs(peak):.4g} at {at:.3f} s, steady {steady:.2g}")
+    return "; ".join(found)

@@ -1,0 +1,280 @@
+"""Draws figures for paper: SVG and PNG in the widths of a journal's columns, with their captions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+from matplotlib.ticker import EngFormatter
+
+from hric_bags import files
+from hric_core.processes import quiet_collector
+from hric_report import heat, style
+from hric_report.figure import Figure, Panel
+from hric_report.thinning import limited
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Drawing
+
+FOLDER, CAPTIONS = "figures", "captions.md"
+"""Where the figures of a run or of a comparison go, in its folder, and their captions in it."""
+POINTS = 1500
+"""Of one curve at most: more than a column has dots at 300 per inch. Project default, unconfirmed."""
+INCH = 25.4
+"""[mm]"""
+LEFT, RIGHT, BOTTOM, TOP, TITLE, LEGEND, GAP, BETWEEN = 16.0, 2.5, 9.5, 2.0, 3.5, 3.6, 16.0, 6.5
+"""Room beside, below and above the panels, of their titles and of a row of the legend, and between the columns and rows
+of panels [mm]."""
+LABEL, BELOW = 12.0, 5.468
+"""From an axis to its label, vertical: what a number of six characters takes, and horizontal [mm]; else matplotlib
+measures all numbers."""
+SMALL = 5e-3
+"""Axes that show nothing greater have numbers with a prefix, such as 200µ, as on the page."""
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+ROW, ALONE = 24.0, 52.0
+"""Height of a panel among others, and of one row of panels [mm]."""
+Sheets: TypeAlias = "dict[Layout, tuple[Drawing, list[Axes]]]"
+STYLE = {
+    "axes.grid": True,
+    "axes.linewidth": 0.6,
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlesize": style.TYPE,
+    "axes.titleweight": "bold",
+    "axes.titlepad": 3.0,
+    "axes.labelpad": 2.0,
+    "font.size": style.TYPE,
+    "grid.alpha": 0.3,
+    "grid.linewidth": 0.5,
+    "legend.frameon": False,
+    "lines.linewidth": 1.0,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "hric",
+    "xtick.major.size": 2.5,
+    "ytick.major.size": 2.5,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+}
+
+
+class Layout(NamedTuple):
+    """Of panels: how many, side by side, width of the figure and room above them [mm], whether all axes have one
+    scale."""
+
+    panels: int
+    columns: int
+    width: float
+    top: float
+    equal: bool
+
+
+def stroke(role: str) -> dict[str, Any]:
+    """Of a curve, as matplotlib has it."""
+    look = style.ROLES[role]
+    if not look.width:
+        return {"color": look.light, "linestyle": "none", "marker": ".", "markersize": 1.2}
+    line = (0, look.dash) if look.dash else "-"
+    return {"color": look.light, "linewidth": look.width, "linestyle": line, "alpha": look.opacity}
+
+
+def draw(folder: Path, figures: Iterable[Figure], title: str) -> list[Path]:
+    """Draw figures into a folder, `<key>.png` and `<key>.svg` each, and their captions, `captions.md`; a figure without
+    panels is left out. One panel takes one column of a journal, several take two.
+
+    Args:
+        folder: where the files go; made if missing.
+        figures: what to draw.
+        title: of the run, in the captions.
+
+    Returns:
+        The PNG files.
+    """
+    shown = [figure for figure in figures if figure.panels]
+    if not shown:
+        return []
+    folder.mkdir(parents=True, exist_ok=True)
+    with plt.rc_context(STYLE), quiet_collector():
+        sheets: Sheets = {}
+        made = [save(drawn(figure, sheets), folder / f"{figure.key}.png", caption(figure, title)) for figure in shown]
+    lines = [f"# Captions: {title}"]
+    lines += [f"**{figure.key}.png, {figure.key}.svg.** {caption(figure, title)}" for figure in shown]
+    files.write_text(folder / CAPTIONS, "\n\n".join(lines) + "\n")
+    return made
+
+
+def caption(figure: Figure, title: str) -> str:
+    """Of a figure of a run, for a paper."""
+    return f"{figure.title} ({title}). {figure.caption}".strip()
+
+
+def save(drawing: Drawing, path: Path, words: str = "") -> Path:
+    """Write a drawing as PNG and, beside it, as SVG, each whole or not at all, and close it; words: its caption, which
+    both files hold."""
+    about = {"Title": path.stem, "Description": words}
+    # Packed less, a PNG takes two thirds of the time and is a quarter larger.
+    png: dict[str, Any] = {"metadata": {**about, "Software": None}, "pil_kwargs": {"compress_level": 1}}
+    svg: dict[str, Any] = {"metadata": {**about, "Date": None}}
+    for target, options in ((path, png), (path.with_suffix(".svg"), svg)):
+        with files.atomic(target) as temporary:
+            drawing.savefig(temporary, format=target.suffix[1:], dpi=style.RESOLUTION, **options)
+    plt.close(drawing)
+    return path
+
+
+def drawn(figure: Figure, sheets: Sheets) -> Drawing:
+    """A figure, drawn; `plt.rc_context(STYLE)` has to be around it.
+
+    Args:
+        figure: what is drawn.
+        sheets: empty panels of the figures before it: of those alike it takes the place, since to make panels and ticks
+            takes as long as to draw in them.
+    """
+    if (rows := figure.panels[0].heat) is not None:
+        return heat.drawn(rows, figure.abscissa)
+    figure = limited(figure, POINTS)
+    count = len(figure.panels)
+    width = style.DOUBLE if count > 1 else style.SINGLE
+    columns = min(figure.columns, count)
+    names = list(dict.fromkeys(name for panel in figure.panels for name in _names(figure, panel)))
+    # Fixed margins: matplotlib's own layout engines take longer than all the drawing.
+    per_row, legend_rows = _legend_rows(names, width)
+    top = TOP + TITLE * any(panel.title for panel in figure.panels) + LEGEND * legend_rows
+    layout = Layout(count, columns, width, top, equal=figure.equal)
+    if layout in sheets:
+        _wipe(*sheets[layout])
+    else:
+        sheets[layout] = _sheet(layout)
+    drawing, axes = sheets[layout]
+    for k, (ax, panel) in enumerate(zip(axes, figure.panels, strict=True)):
+        _draw_panel(ax, figure, panel, first=k % columns == 0)
+        if k + columns >= count:
+            ax.set_xlabel(panel.abscissa or figure.abscissa)
+    if legend_rows:
+        _legend(drawing, axes, per_row, LEFT / width)
+    return drawing
+
+
+def _sheet(layout: Layout) -> tuple[Drawing, list[Axes]]:
+    """Empty panels."""
+    count, columns, width, top, equal = layout
+    rows = -(-count // columns)
+    panel_width = (width - LEFT - RIGHT - GAP * (columns - 1)) / columns
+    panel_height = panel_width if equal else ROW if rows > 1 else ALONE
+    height = BOTTOM + top + rows * panel_height + BETWEEN * (rows - 1)
+    grid = {"wspace": GAP / panel_width, "hspace": BETWEEN / panel_height}
+    margins = {"left": LEFT / width, "right": 1 - RIGHT / width, "bottom": BOTTOM / height, "top": 1 - top / height}
+    drawing, axes = plt.subplots(
+        rows,
+        columns,
+        figsize=(width / INCH, height / INCH),
+        sharex=not equal,
+        squeeze=False,
+        gridspec_kw={**margins, **grid},
+    )
+    flat = list(axes.flat)
+    for k, ax in enumerate(flat):
+        ax.yaxis.set_label_coords(-LABEL / panel_width, 0.5)
+        ax.xaxis.set_label_coords(0.5, -BELOW / panel_height)
+        if k + columns >= count:
+            ax.tick_params(labelbottom=True)
+    for ax in flat[count:]:
+        ax.set_axis_off()
+    return drawing, flat[:count]
+
+
+def _wipe(drawing: Drawing, axes: Sequence[Axes]) -> None:
+    """Take out what `drawn` put in; what it sets in any case stays."""
+    for ax in axes:
+        for artist in (*ax.lines, *ax.patches, *ax.texts):
+            artist.remove()
+        ax.relim()
+        ax.set_ylabel("")
+    for legend in [*drawing.legends]:
+        legend.remove()
+
+
+def _names(figure: Figure, panel: Panel) -> list[str]:
+    return [*(curve.name for curve in panel.curves), *(name for name, _, _ in figure.bands)]
+
+
+def _legend_rows(names: Sequence[str], width: float) -> tuple[int, int]:
+    """Entries per row, and rows, so that none is wider than the figure [mm]; nothing where there is one name."""
+    if len(names) < 2:
+        return 1, 0
+    per_row = max(1, min(len(names), int((width - 4.0) / (11.0 + 1.35 * max(map(len, names))))))
+    return per_row, math.ceil(len(names) / per_row)
+
+
+def _draw_panel(ax: Axes, figure: Figure, panel: Panel, *, first: bool) -> None:
+    for curve in panel.curves:
+        ax.plot(curve.time, curve.values, label=curve.name, **stroke(curve.role))
+    for name, begin, end in figure.bands:
+        ax.axvspan(begin, end, color=style.LIMIT[0], alpha=0.12, linewidth=0, label=name)
+    ax.set_title(panel.title, loc="left", y=1.0)  # a height of its own: matplotlib measures all labels to find one
+    if first or panel.unit:
+        ax.set_ylabel(panel.unit or figure.unit)
+    ax.margins(x=0.0)
+    ax.set_yscale("log" if figure.logarithmic else "linear")
+    low, high = figure.vertical_range(panel)
+    ax.set_ylim(low, high)
+    if figure.logarithmic:
+        ax.yaxis.set_major_formatter(_power)
+    else:
+        ax.locator_params(axis="both" if figure.equal else "y", nbins=5)
+        if max(abs(low), abs(high)) < SMALL:
+            ax.yaxis.set_major_formatter(EngFormatter(sep=""))
+    if figure.equal:
+        ax.set_xlim(*figure.horizontal_range(panel))
+        ax.set_aspect("equal")
+    elif low < 0.0 < high:
+        ax.axhline(0.0, color=style.ROLES["setpoint"].light, linewidth=0.5, alpha=0.3)
+    for name, bound in panel.bounds:
+        if low <= bound <= high:
+            _draw_bound(ax, name, bound)
+
+
+def _power(value: float, _: float) -> str:
+    """Of ten, in plain text: matplotlib's own is a formula, which takes longer to read than a panel to draw."""
+    return "10" + str(round(math.log10(value))).translate(RAISED)
+
+
+def _draw_bound(ax: Axes, name: str, bound: float) -> None:
+    """A horizontal line, with its name on the side that is away from the panel's edge."""
+    upper = ax.transData.transform((0.0, bound))[1] > ax.transAxes.transform((0.0, 0.5))[1]
+    ax.axhline(bound, color=style.LIMIT[0], linestyle=":", linewidth=0.9)
+    ax.annotate(
+        name,
+        (1.0, bound),
+        (0.0, -1.0 if upper else 1.0),
+        xycoords=("axes fraction", "data"),
+        textcoords="offset points",
+        ha="right",
+        va="top" if upper else "bottom",
+        color=style.LIMIT[0],
+        fontsize=style.TYPE - 1.0,
+        bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.3},
+    )
+
+
+def _legend(drawing: Drawing, axes: Sequence[Axes], per_row: int, left: float) -> None:
+    """One legend for all panels, above them; per_row: entries side by side; left: where it begins [width]."""
+    entries: dict[str, Any] = {}
+    for ax in axes:
+        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
+            entries.setdefault(label, handle)
+    options: dict[str, Any] = {
+        "borderpad": 0.0,
+        "borderaxespad": 0.2,
+        "handlelength": 2.2,
+        "columnspacing": 1.5,
+        "labelspacing": 0.3,
+    }
+    options |= {"loc": "upper left", "bbox_to_anchor": (left, 1.0), "ncols": per_row}
+    drawing.legend(list(entries.values()), list(entries), **options)

@@ -1,0 +1,118 @@
+"""The headless runner: an experiment into a run folder, as fast as the machine allows."""
+
+import contextlib
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from std_msgs.msg import String
+
+from hric_bags import files
+from hric_bags.files import FileError
+from hric_bags.reader import Messages
+from hric_bags.run_folder import COMPLETED, INTERRUPTED, RunFolder, iso_now
+from hric_bags.text import Steps
+from hric_core.errors import HricError, failing
+from hric_report.run import FIGURE_STEPS, STEPS, analyse
+from hric_run import provenance
+from hric_run.bag_writer import BagWriter
+from hric_run.definition.experiment import Experiment
+from hric_run.simulation import Simulation
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a headless run leaves.
+
+    Attributes:
+        folder: the run folder.
+        metrics: contents of metrics.json, plus the report text under "report".
+        interrupted: whether Ctrl-C ended it before its time.
+    """
+
+    folder: RunFolder
+    metrics: dict[str, Any]
+    interrupted: bool
+
+
+def run(
+    definition: Experiment,
+    arguments: Sequence[str] = (),
+    *,
+    seed: int = 0,
+    root: Path,
+    progress: bool = True,
+    figures: bool = True,
+) -> Result:
+    """Run an experiment and analyse it.
+
+    Args:
+        definition: the experiment.
+        arguments: the overrides it was made with, for run.yaml.
+        seed: of everything random.
+        root: folder of all runs.
+        progress: show on a terminal how far run and report are.
+        figures: draw.
+
+    Raises:
+        HricError: the experiment cannot run, and no folder was made: a mistake of the user; or it failed on its way,
+            and run.yaml says so: `exit_code` FAILURE.
+    """
+    with Simulation(definition, seed=seed) as simulation:
+        folder = RunFolder.create(root, definition.name)
+        tree, limits = simulation.tree, simulation.limits
+        folder.write(provenance.head(folder, definition, arguments, tree, mode="headless", seed=seed, limits=limits))
+        with folder.filled():
+            files.write_text(folder.urdf_path, tree["robot_description"])
+            messages, interrupted = _record(simulation, folder, progress)
+    with failing(), contextlib.closing(Steps(STEPS + FIGURE_STEPS * figures)) as step:
+        shown = step if progress and sys.stderr.isatty() else str
+        metrics = analyse(folder, figures=figures, step=shown, known=messages)
+    folder.update(state_sha256=metrics["state_sha256"])
+    return Result(folder, metrics, interrupted)
+
+
+def _record(simulation: Simulation, folder: RunFolder, progress: bool) -> tuple[Messages, bool]:
+    """Run the robot into the bag: (what of it a report needs, whether it was interrupted)."""
+    app, node = simulation.app, simulation.node
+    interrupted, messages = False, Messages()
+    failure: HricError | None = None
+    with BagWriter(folder.bag_path) as bag:
+
+        def write(topic: str, message: Any, at: float) -> None:
+            nonlocal failure
+            if isinstance(failure, FileError):
+                return
+            try:
+                stamp = bag.write(topic, message, at)
+            except FileError as error:  # whoever publishes is not to blame, and the run ends
+                failure = error
+                app.stop()
+            else:
+                messages.add(topic, message._type.replace("/", "/msg/"), stamp, message)
+
+        folder.become_latest()
+        write("/robot_description", String(node.param("robot_description")), 0.0)
+        for early in simulation.early:
+            write(*early)
+        node.tap(write)
+        began = time.perf_counter()
+        try:
+            simulation.run(progress=progress)
+        except KeyboardInterrupt:
+            interrupted = True
+        except HricError as error:  # raised again when the bag, with all its cycles, is whole
+            failure = failure or error
+        if isinstance(failure, FileError):
+            raise failure
+        wall = time.perf_counter() - began
+    if failure is not None:
+        raise failure
+    factor = round(app.cycles * app.hw.period / wall, 3)
+    arm_error = {"arm_error": app.hw.error} if app.hw.error else {}
+    status = INTERRUPTED if interrupted else COMPLETED
+    folder.update(status=status, finished=iso_now(), real_time_factor=factor, **arm_error)
+    return messages, interrupted

@@ -1,0 +1,81 @@
+"""Values of many alike over time as colours: one row each. Plain data, and how it is drawn for paper."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hric_bags.reader import FloatArray
+from hric_report import style
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Drawing
+
+COLUMNS = 600
+"""Of one heat map at most; more instants are joined, of which the largest value is shown. Project default."""
+ROW_HEIGHT, LETTER = 2.7, 1.15
+"""Of a row, and of a letter of its name [mm]."""
+BELOW, ABOVE, SCALE, BAR = 9.5, 2.0, 17.0, 3.0
+"""Room below and above, beside it for the scale, and width of the scale [mm]."""
+INCH = 25.4
+"""[mm]"""
+
+
+@dataclass(frozen=True)
+class HeatMap:
+    """Of k rows at n instants.
+
+    Attributes:
+        rows: names, from top to bottom.
+        time: increasing, shape (n,) [s].
+        values: shape (n, k); NaN: not known.
+        unit: of the values, as text such as "activation [1]".
+        scale: colours, as `style.Stops`; beyond its last value there is no other colour.
+    """
+
+    rows: tuple[str, ...]
+    time: FloatArray
+    values: FloatArray
+    unit: str
+    scale: style.Stops
+
+    @property
+    def top(self) -> float:
+        """Value of the last colour."""
+        return self.scale[-1][0]
+
+
+def heat_map(rows: tuple[str, ...], time: FloatArray, values: FloatArray, unit: str, scale: style.Stops) -> HeatMap:
+    """Of values of shape (n, k), in at most COLUMNS columns."""
+    if len(time) > COLUMNS:
+        first = np.linspace(0, len(time), COLUMNS + 1).astype(np.int64)[:-1]
+        time, values = time[first], np.fmax.reduceat(values, first, axis=0)
+    return HeatMap(rows, time, values, unit, scale)
+
+
+def drawn(heat: HeatMap, abscissa: str) -> Drawing:
+    """For paper, over two columns of a journal."""
+    import matplotlib.pyplot as plt
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import LinearSegmentedColormap, Normalize
+
+    count, width, left = len(heat.rows), style.DOUBLE, 4.0 + LETTER * max(map(len, heat.rows))
+    height = BELOW + ABOVE + ROW_HEIGHT * count
+    drawing: Drawing
+    drawing, ax = plt.subplots(figsize=(width / INCH, height / INCH))
+    right, tall = (left, width - SCALE), ROW_HEIGHT * count / height
+    ax.set_position((right[0] / width, BELOW / height, (right[1] - right[0]) / width, tall))
+    shares = [(value / heat.top, colour) for value, colour in heat.scale]
+    colours, norm = LinearSegmentedColormap.from_list("scale", shares), Normalize(0.0, heat.top)
+    ends = heat.time[0], heat.time[-1]
+    ax.imshow(heat.values.T, aspect="auto", interpolation="nearest", cmap=colours, norm=norm, extent=(*ends, count, 0))
+    ax.set_yticks(np.arange(count) + 0.5, heat.rows, fontsize=style.TYPE - 1.5)
+    ax.tick_params(axis="y", length=0.0)
+    ax.grid(visible=False)
+    ax.set_xlabel(abscissa)
+    beside = drawing.add_axes(((right[1] + 3.0) / width, BELOW / height, BAR / width, tall))
+    bar = drawing.colorbar(ScalarMappable(norm, colours), cax=beside, extend="max")
+    bar.set_label(heat.unit)
+    return drawing

@@ -1,0 +1,100 @@
+"""What is beside the robot in the replay of a run: the human, what he holds and what touches him, and the objects."""
+
+import numpy as np
+
+from hric_bags.records.human_record import GripRecord
+from hric_bags.records.muscle_record import MuscleRecord
+from hric_bags.records.region_contacts import ContactRecord
+from hric_core.errors import HricError
+from hric_human.body import Body, describe
+from hric_human.muscles.choose import find
+from hric_human.muscles.lines import ACTIVATION_COLOURS, muscle_lines
+from hric_human.participant.settings import HumanSettings
+from hric_report.html.run_data import RunData
+from hric_report.html.scene import Arrow, Lines, Robot, Track, instants
+
+PER_NEWTON_GRIP, PER_NEWTON_CONTACT = 0.02, 0.002
+"""Length of an arrow, as live: project defaults, unconfirmed [m/N]."""
+
+
+def width(data: RunData) -> int:
+    """Numbers per instant of his replay: joints with their time, and arrows with force, point and time."""
+    if data.person is None:
+        return 0
+    record = data.person.record
+    muscles = 0 if record.muscles is None else len(record.muscles.muscles) + 1
+    walks = 0 if record.root is None else 8
+    return walks + len(record.joints) + 1 + 7 * (len(record.grips) + len(record.contacts)) + muscles
+
+
+def human(data: RunData, rate: float, *, role: str = "", shift: float = 0.0) -> list[Robot]:
+    """He, or nobody.
+
+    Args:
+        data: the run.
+        rate: at most so many instants per second.
+        role: colour where a page has several runs, that of his robot; "": of each region of his body its own.
+        shift: is added to all times [s].
+    """
+    if data.person is None:
+        return []
+    record = data.person.record
+    settings = HumanSettings.of(data.run["definition"]["human"], "human")
+    body = describe(settings.person)
+    shown = instants(record.time, rate)
+    arrows = [_grip(grip, rate, shift) for grip in record.grips.values()]
+    arrows += [_contact(one, rate, shift) for one in record.contacts.values()]
+    time, position = record.time[shown] + shift, record.position[shown]
+    lines = None if record.muscles is None else _muscles(record.muscles, body, settings, rate, shift)
+    one = Robot("", body.urdf, record.joints, time, position, role=role, pose=settings.root(body), arrows=arrows)
+    one.lines = lines
+    if record.root is not None:
+        seen = instants(record.root.time, rate)
+        one.motion = Track("frame", "person", "world", record.root.time[seen] + shift, record.root.pose[seen])
+    return [one]
+
+
+def _muscles(record: MuscleRecord, body: Body, settings: HumanSettings, rate: float, shift: float) -> Lines | None:
+    """Lines coloured by activation; None where the anatomy of the run cannot be read any more."""
+    try:
+        lines = muscle_lines(body, find(settings.muscles.anatomy, "human.muscles.anatomy"))
+    except HricError:
+        return None
+    shown, names = instants(record.time, rate), record.muscles
+    activation = record.activation[shown][:, [record.names.index(name) for name in names]]
+    points = {name: lines[name] for name in names}
+    return Lines(points, record.time[shown] + shift, activation, ACTIVATION_COLOURS, "activation of the muscles")
+
+
+def objects(data: RunData, *, role: str = "", shift: float = 0.0) -> list[Robot]:
+    """Of the world around the robot; arguments as of `human`."""
+    return [
+        Robot(
+            "",
+            one.description,
+            (),
+            one.time[:1] + shift,
+            np.zeros((1, 0)),
+            role=role,
+            motion=Track("frame", one.name, "world", one.time + shift, one.pose),
+        )
+        for one in data.objects
+    ]
+
+
+def _grip(grip: GripRecord, rate: float, shift: float) -> Arrow:
+    shown = instants(grip.time, rate)
+    force = np.where(grip.closed[shown, None], grip.force[shown], 0.0)
+    name = f"force of {grip.held} on {grip.holder}"
+    return Arrow(name, "measured", "world", grip.time[shown] + shift, force, grip.point[shown], PER_NEWTON_GRIP, False)
+
+
+def _contact(contact: ContactRecord, rate: float, shift: float) -> Arrow:
+    """The largest force between two instants, where it acts, so that no blow is left out."""
+    first = instants(contact.time, rate)
+    parts = np.split(np.arange(len(contact.time)), first[1:])
+    largest = [part[np.argmax(contact.force[part])] for part in parts]
+    name = f"contact of {', '.join(contact.regions) or contact.link}"
+    along = contact.force[largest, None] * contact.normal[largest]
+    time, point = contact.time[first] + shift, contact.point[largest]
+    return Arrow(name, "limit", "world", time, along, point, PER_NEWTON_CONTACT, True)

@@ -1,0 +1,220 @@
+"""The page of two or more runs of the same motion, overlaid on each other from their first setpoint on."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from hric_analysis import comparison
+from hric_analysis.comparison import Comparison
+from hric_analysis.values import joint_orders
+from hric_report import comparison_figures, headline, run_figures, sections
+from hric_report.figure import Curve, Figure, FloatArray, per_joint
+from hric_report.html import beside, moving, run_page, tables
+from hric_report.html.page import Page, replay_rate
+from hric_report.html.run_data import RunData
+from hric_report.html.scene import Robot
+from hric_report.html.tables import Table, number
+
+
+@dataclass(frozen=True)
+class Laid:
+    """One of the runs.
+
+    Attributes:
+        data: the run.
+        label: what to call it.
+        columns: its column for each joint of the first run.
+        zero: its robot time at which the page's time is 0 [s].
+        compared: with the first run; None: it is the first.
+    """
+
+    data: RunData
+    label: str
+    columns: list[int]
+    zero: float
+    compared: Comparison | None
+
+    @cached_property
+    def time(self) -> FloatArray:
+        """Of its cycles, on the page, shape (n,) [s]."""
+        return self.data.record.log.time - self.zero
+
+
+def lay(runs: Sequence[RunData], labels: Sequence[str], *, fit: bool = False) -> list[Laid]:
+    """Lay runs over the first of them.
+
+    Args:
+        runs: two or more.
+        labels: one per run.
+        fit: by their positions, see `comparison.overlay`.
+
+    Raises:
+        ComparisonError: a run has other joints or other setpoints than the first.
+    """
+    first, orders = runs[0], joint_orders(runs[0].run)
+    zero, found = float(first.record.log.time[0]), []
+    for data, label in zip(runs[1:], labels[1:], strict=True):
+        laid = comparison.overlay(first.record, data.record, orders, joint_orders(data.run), fit=fit)
+        zero = laid.overlays[0].start_a
+        order = comparison.columns(first.record.log.joint_names, data.record.log.joint_names)
+        found.append(Laid(data, label, order, laid.overlays[0].start_b, laid))
+    return [Laid(first, labels[0], list(range(len(first.record.log.joint_names))), zero, None), *found]
+
+
+def build(laid: Sequence[Laid], settings: Sequence[Mapping[str, Any]]) -> Page:
+    """What the page shows.
+
+    Args:
+        laid: the runs, the first one first.
+        settings: what they set differently: key, and values in the order of the runs.
+    """
+    notes = ["Each run's own page shows its sensors, its limits and its parameters."]
+    duration = max(float(np.ptp(one.time)) for one in laid)
+    rate = replay_rate(duration, sum(moving.width(one.data) + beside.width(one.data) for one in laid))
+    made = [_overview(laid)]
+    if settings:
+        rows = tuple(
+            (item["key"], *("not set" if value is None else str(value) for value in item["values"]))
+            for item in settings
+        )
+        made.append(Table("Set differently", ("key", *(one.label for one in laid)), rows, section=sections.MADE))
+    pairs = {one.label: comparison.difference_metrics(one.compared) for one in laid if one.compared is not None}
+    return Page(
+        title=" and ".join(one.label for one in laid),
+        subtitle="runs of the same motion, overlaid on each other",
+        verdicts=[("plain", f"{one.label}: {one.data.run.get('status', '')}") for one in laid],
+        findings=[*headline.of_comparison(laid[0].label, pairs), *_problems(laid)],
+        figures=_figures(laid),
+        tables=[*(table for one in laid[1:] for table in _difference_tables(laid[0].label, one)), _events(laid), *made],
+        robots=[robot for k, one in enumerate(laid) if one.data.description for robot in _robots(one, k, rate, notes)],
+        notes=notes,
+    )
+
+
+def _problems(laid: Sequence[Laid]) -> list[headline.Finding]:
+    """What went wrong in one of the runs, and how each followed a marker."""
+    found = []
+    for one in laid:
+        for finding in headline.of_run(one.data.run, {**one.data.values, "setpoints": [], "sources": None}):
+            if finding.kind == headline.BAD or finding.name in ("Lag", "Error after the lag"):
+                found.append(replace(finding, name=f"{one.label}: {finding.name}"))
+    return found
+
+
+def differing(runs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Keys of experiments that the runs set differently, with the value in each; runs: trees of plain values."""
+    found: dict[str, None] = {}
+    for run in runs[1:]:
+        found |= dict.fromkeys(item["key"] for item in comparison.settings(runs[0], run))
+    leaves = [comparison.leaves(run) for run in runs]
+    return [{"key": key, "values": [one.get(key) for one in leaves]} for key in found]
+
+
+def _overview(laid: Sequence[Laid]) -> Table:
+    columns = [{key: value for key, value in tables.overview(one.data.run, one.data.values).rows} for one in laid]
+    keys = (
+        "experiment",
+        "status",
+        "arguments",
+        "seed",
+        "robot",
+        "started, finished",
+        "robot time",
+        "hash of the states",
+    )
+    rows = [
+        ("run", *(one.data.folder.path.name for one in laid)),
+        *((key, *(column[key] for column in columns)) for key in keys),
+    ]
+    return Table("What ran", ("what", *(one.label for one in laid)), tuple(rows), section=sections.MADE)
+
+
+def _figures(laid: Sequence[Laid]) -> list[Figure]:
+    """What all runs have: positions, torques where a run commands them, differences, and how they followed a marker."""
+    first, names = laid[0], laid[0].data.record.log.joint_names
+    positions = [
+        replace(curve, time=curve.time - first.zero)
+        for curve in run_figures.setpoints(first.data.record.log, first.data.moves)
+    ]
+    torques = []
+    for k, one in enumerate(laid):
+        log = one.data.record.log
+        positions.append(Curve(one.label, f"s{k}", one.time, log.position[:, one.columns]))
+        by_torque = [log.interfaces[column] == "effort" for column in one.columns]
+        torques.append(Curve(one.label, f"s{k}", one.time, np.where(by_torque, log.command[:, one.columns], np.nan)))
+    pairs = [
+        (f"{first.label} minus {one.label}", f"s{k}", one.compared)
+        for k, one in enumerate(laid)
+        if one.compared is not None
+    ]
+    motion = per_joint("positions", "Joint positions", "position [rad]", names, positions, min_height=0.02)
+    forces = per_joint("torques", "Torques sent", "torque [N m]", names, torques, min_height=0.2)
+    figures = [
+        comparison_figures.differences(pairs),
+        motion.about(sections.MOTION, "Positions of all joints in all runs, and their setpoints."),
+        forces.about(sections.FORCES, "Torques that were sent to the joints, after the limits."),
+        *_paths(laid),
+    ]
+    since = "the first setpoint" if first.data.moves else "the begin"
+    return [replace(figure, abscissa=f"time since {since} [s]") for figure in figures]
+
+
+def _paths(laid: Sequence[Laid]) -> list[Figure]:
+    """How the end effectors followed the marker, where those of all runs did."""
+    followed = [figures[0] for one in laid if (figures := run_figures.tracking_figures(one.data.followed))]
+    if len(followed) != len(laid):
+        return []
+    panels = []
+    for k, panel in enumerate(followed[0].panels):
+        own = [figure.panels[k].curves[-1] for figure in followed]
+        curves = [
+            replace(curve, name=one.label, role=f"s{run}", time=curve.time - one.zero)
+            for run, (one, curve) in enumerate(zip(laid, own, strict=True))
+        ]
+        panels.append(replace(panel, curves=tuple(curves)))
+    panels[-1] = replace(panels[-1], title="distance from the marker, after the lag of each run")
+    caption = "Position of the end effector in each run, and its distance from where the marker was a lag before."
+    figure = replace(followed[0], title="The end effectors follow the marker", panels=tuple(panels), bands=())
+    return [figure.about(sections.TRACKING, caption)]
+
+
+def _difference_tables(first: str, one: Laid) -> list[Table]:
+    assert one.compared is not None
+    found = []
+    for move in comparison.difference_metrics(one.compared):
+        efforts = any("effort_peak_difference" in joint for joint in move["joints"].values())
+        head = ["joint", "peak [rad]", "at [s]", "steady [rad]", "rms [rad]"]
+        kinds = ["", "effort_"] if efforts else [""]
+        head += ["torque, peak [N m]", "at [s]", "steady [N m]", "rms [N m]"] if efforts else []
+        keys = [
+            f"{kind}{key}"
+            for kind in kinds
+            for key in ("peak_difference", "peak_time", "steady_difference", "rms_difference")
+        ]
+        rows = tuple((name, *(number(joint.get(key), 3) for key in keys)) for name, joint in move["joints"].items())
+        since = f"from the setpoint at {move['time_a']:.3f} s on" if one.data.moves else "from the begin on"
+        title = f"{first} minus {one.label}, {since}, {move['duration']:.3f} s long"
+        found.append(Table(title, tuple(head), rows, section=sections.RESULTS))
+    return found
+
+
+def _events(laid: Sequence[Laid]) -> Table:
+    events = [(event.time - one.zero, one.label, event) for one in laid for event in run_page.events(one.data)]
+    events.sort(key=lambda item: item[0])
+    shown = events[: tables.SHOWN_EVENTS]
+    rows = tuple((f"{time:.3f}", label, event.kind, event.source, event.text) for time, label, event in shown)
+    note = "" if len(shown) == len(events) else f"The first {len(shown)} of {len(events)}."
+    times = tuple(time for time, _, _ in shown)
+    head = ("time [s]", "run", "what", "of", "text")
+    return Table("Events", head, rows, note, times=times, section=sections.LIMITS)
+
+
+def _robots(one: Laid, number_of_run: int, rate: float, notes: list[str]) -> list[Robot]:
+    """The robot of a run, and who is beside it."""
+    role, shift = f"s{number_of_run}", -one.zero
+    robot = moving.robot(one.data, rate, notes, label=one.label, role=role, shift=shift)
+    human = beside.human(one.data, rate, role=role, shift=shift)
+    return [robot, *human, *beside.objects(one.data, role=role, shift=shift)]

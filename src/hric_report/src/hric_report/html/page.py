@@ -1,0 +1,173 @@
+"""From what a page shows to one file without a network request: its parts, scripts, libraries and numbers."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from hric_report import sections, style
+from hric_report.figure import Figure
+from hric_report.headline import Finding
+from hric_report.heat import HeatMap
+from hric_report.html import libraries
+from hric_report.html.document import ASSETS, document, embedded, links, script, titled
+from hric_report.html.scene import Blob, Robot, Scene
+from hric_report.html.tables import Table, escape, render
+from hric_report.thinning import thin
+
+SCRIPTS = ("data.js", "pictures.js", "plots.js", "scene.js", "replay.js", "page.js")
+PLOT_VALUES, REPLAY_VALUES = 1_100_000, 600_000
+"""Numbers that plots and replay may take. As single precision in base64 they are 5.9 MB and 3.2 MB, times and what
+rounding adds come on top; with 6 MB of libraries and meshes a page stays below 20 MB, however long the run. Project
+default, unconfirmed."""
+REPLAY_RATE = 60.0
+"""Of joints in the replay, at most: what a screen shows [Hz]."""
+
+
+@dataclass
+class Page:
+    """What a page shows.
+
+    Attributes:
+        title: of the run.
+        subtitle: below it.
+        verdicts: short words beside it, as (kind, text): good, bad or plain.
+        findings: what was found, before all else.
+        figures, tables: by the part of the report that they name, in order; a figure without panels is left out.
+        robots: in the replay.
+        notes: what a reader must know of the page itself, e.g. what could not be drawn.
+        verdict: what the run would have meant for the person in it, HTML; "": nobody was there.
+        supervisor: what a supervisor did along time, HTML; "": none was there.
+        name: of the run, for captions and names of files; "": the title.
+    """
+
+    title: str
+    subtitle: str
+    verdicts: list[tuple[str, str]] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
+    figures: list[Figure] = field(default_factory=list)
+    tables: list[Table] = field(default_factory=list)
+    robots: list[Robot] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    verdict: str = ""
+    supervisor: str = ""
+    name: str = ""
+
+
+def render_page(page: Page) -> str:
+    """The file's text.
+
+    Raises:
+        HricError: a library of the page is not installed, or a robot's description cannot be read.
+    """
+    blob = Blob()
+    notes = list(page.notes)
+    figures, kept = thin([figure for figure in page.figures if figure.panels], PLOT_VALUES)
+    if kept is not None:
+        notes.append(
+            f"Long curves are thinned to {kept} points: smallest and greatest value of {kept // 2} equal parts of "
+            "time each. The bag has all."
+        )
+    scene = Scene(blob)
+    for robot in page.robots:
+        scene.add(robot)
+    roles = {name: {"width": r.width, "dash": r.dash, "opacity": r.opacity} for name, r in style.ROLES.items()}
+    plots = [_figure(figure, blob) for figure in figures]
+    data = {"plots": plots, "roles": roles, "scene": scene.data(), "name": page.name or page.title}
+    parts = _parts(page, figures, [*notes, *dict.fromkeys(scene.notes)])
+    used = (libraries.plotly(), libraries.three())
+    main = f"<article>{links(parts)}{titled(parts)}</article>{(ASSETS / 'replay.html').read_text()}"
+    return document(
+        page.title,
+        page.subtitle,
+        page.verdicts,
+        f"<main>{main}</main>",
+        foot=escape(f"In this file: {'; '.join(library.name for library in used)}."),
+        scripts=[
+            *(script(library.text) for library in used),
+            embedded("data", data),
+            embedded("numbers", blob.text()),
+            script(*((ASSETS / name).read_text() for name in SCRIPTS)),
+        ],
+    )
+
+
+def _parts(page: Page, figures: Sequence[Figure], notes: Sequence[str]) -> dict[str, str]:
+    """HTML of each part of the report that has something in it, by its title."""
+    own = {sections.VERDICT: page.verdict, sections.SUPERVISOR: page.supervisor}
+    own[sections.RESULTS] = _findings(page.findings)
+    found = {}
+    for title in sections.ORDER:
+        content = own.get(title, "")
+        content += "".join(_plot(figure) for figure in figures if (figure.section or sections.OTHER) == title)
+        content += "".join(render(table) for table in page.tables if (table.section or sections.OTHER) == title)
+        if title == sections.MADE:
+            content += "".join(f"<p class=note>{escape(note)}</p>" for note in notes)
+        if content:
+            found[title] = content
+    return found
+
+
+def _findings(findings: Sequence[Finding]) -> str:
+    cards = (
+        f'<dl class="finding {one.kind}"><dt>{escape(one.name)}</dt><dd class=value>{escape(one.value)}</dd>'
+        f"<dd class=meaning>{escape(one.meaning)}</dd></dl>"
+        for one in findings
+    )
+    return f"<div class=findings>{''.join(cards)}</div>" if findings else ""
+
+
+def _plot(figure: Figure) -> str:
+    """Where a plot is drawn, with its title, its caption, and what saves it."""
+    buttons = "".join(
+        f"<button type=button data-format={kind} data-width={width:g}>{kind.upper()} {width:g} mm</button> "
+        for kind in ("svg", "png")
+        for width in (style.SINGLE, style.DOUBLE)
+    )
+    save = f"<span class=save>{buttons}<button type=button data-format=txt data-width=0>caption</button></span>"
+    return (
+        f'<figure class=plot id="plot-{escape(figure.key)}"><h3>{escape(figure.title)}</h3><div class=legend></div>'
+        "<div class=canvas><div class=graph></div></div>"
+        f"<figcaption>{escape(figure.caption)} {save}</figcaption></figure>"
+    )
+
+
+def _figure(figure: Figure, blob: Blob) -> dict[str, Any]:
+    panels = []
+    for panel in figure.panels:
+        lines = [
+            {
+                "name": curve.name,
+                "role": curve.role,
+                "time": blob.add(curve.time, "f8"),
+                "values": blob.add(curve.values, "f4"),
+            }
+            for curve in panel.curves
+            if len(curve.values)
+        ]
+        shown = {
+            "title": panel.title,
+            "unit": panel.unit or figure.unit,
+            "own": bool(panel.unit),
+            "abscissa": panel.abscissa or figure.abscissa,
+            "range": figure.vertical_range(panel),
+        }
+        if not figure.timed:
+            shown["xrange"] = figure.horizontal_range(panel)
+        panels.append({**shown, "curves": lines, "bounds": panel.bounds, "heat": _heat(panel.heat, blob)})
+    words = {"key": figure.key, "title": figure.title, "caption": figure.caption, "columns": figure.columns}
+    looks = {"bands": figure.bands, "logarithmic": figure.logarithmic, "equal": figure.equal, "timed": figure.timed}
+    return {**words, **looks, "panels": panels}
+
+
+def _heat(heat: HeatMap | None, blob: Blob) -> dict[str, Any] | None:
+    """Rows of colours; values row by row, as plotly has them."""
+    if heat is None:
+        return None
+    words = {"rows": heat.rows, "unit": heat.unit, "scale": heat.scale}
+    return {**words, "time": blob.add(heat.time, "f8"), "values": blob.add(heat.values.T, "f4")}
+
+
+def replay_rate(duration: float, columns: int) -> float:
+    """Rate at which the replay's numbers stay within REPLAY_VALUES, REPLAY_RATE at most [Hz]; columns: numbers per
+    instant."""
+    return min(REPLAY_RATE, REPLAY_VALUES / max(duration * max(columns, 1), 1e-9))

@@ -1,0 +1,339 @@
+"""The robot of a run as the browser draws it: links with their shapes, joints, and where the joints were."""
+
+import base64
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from hric_bags.reader import ControlRecord
+from hric_core import resources
+from hric_core.errors import HricError
+from hric_core.geometry import FloatArray, Pose, quaternion_from_rotation
+from hric_core.meshes.canonical import UnreadableMeshError
+from hric_core.urdf import Joint, Mimic, Shape, mimic_laws, read
+from hric_report.style import Stops
+
+GREY = (0.86, 0.87, 0.88, 1.0)
+"""Of links without a material."""
+
+
+@dataclass(frozen=True)
+class Track:
+    """Something that moves by itself: a marker or a frame.
+
+    Attributes:
+        kind: marker or frame.
+        name: for people.
+        parent: the link in whose frame it is given; a name that is no link: of the world.
+        time: shape (n,) [s].
+        values: position of a marker, shape (n, 3) [m]; or position and quaternion x y z w of a frame, shape (n, 7);
+            NaN: not seen.
+        trail: whether it leaves one.
+    """
+
+    kind: str
+    name: str
+    parent: str
+    time: FloatArray
+    values: FloatArray
+    trail: bool = False
+
+
+@dataclass(frozen=True)
+class Plate:
+    """A force plate.
+
+    Attributes:
+        name: for people.
+        parent: the link in whose frame it is fixed; a name that is no link: of the world.
+        xyz, quaternion: middle of its surface [m], and x y z w; z is normal to the surface.
+        size: along x and y [m].
+        time: of the forces, shape (n,) [s].
+        force: that acts on it, in its own axes, shape (n, 3) [N].
+    """
+
+    name: str
+    parent: str
+    xyz: tuple[float, ...]
+    quaternion: tuple[float, ...]
+    size: tuple[float, float]
+    time: FloatArray
+    force: FloatArray
+
+
+@dataclass(frozen=True)
+class Arrow:
+    """A force over time.
+
+    Attributes:
+        name: for people.
+        colour: name of a role, or limit.
+        parent: the link in whose frame it is given; a name that is no link: the world's.
+        time: shape (n,) [s].
+        force: shape (n, 3) [N].
+        point: where it acts, shape (n, 3) [m].
+        per_newton: its length [m/N].
+        ends: whether it ends there; else it begins there.
+    """
+
+    name: str
+    colour: str
+    parent: str
+    time: FloatArray
+    force: FloatArray
+    point: FloatArray
+    per_newton: float
+    ends: bool
+
+
+@dataclass(frozen=True)
+class Lines:
+    """Lines through points of links, coloured by values over time.
+
+    Attributes:
+        points: by name: link, and place in its axes [m].
+        time: of the values, shape (n,) [s].
+        values: shape (n, lines).
+        scale: colours, as `style.Stops`.
+        title: what the colours are.
+    """
+
+    points: Mapping[str, Sequence[tuple[str, tuple[float, ...]]]]
+    time: FloatArray
+    values: FloatArray
+    scale: Stops
+    title: str
+
+
+@dataclass
+class Robot:
+    """A robot and its motion, or a human's body and his, or an object and where it was.
+
+    Attributes:
+        label: name of the run, where a page has several.
+        description: URDF.
+        joint_names: columns of `position`.
+        time: of the page, shape (n,) [s].
+        position: shape (n, j) [rad, m].
+        tracks: what else moves.
+        role: colour where a page has several, as `Curve.role`; "": the description's.
+        tip: link and point in its frame [m] that leave a trail; None: none.
+        plates: beside it.
+        pose: of its root link in the world.
+        arrows: forces on it.
+        motion: a frame that its root link follows in the world; None: it is fixed there.
+        lines: on its links, such as muscles; None: none.
+    """
+
+    label: str
+    description: str
+    joint_names: tuple[str, ...]
+    time: FloatArray
+    position: FloatArray
+    tracks: list[Track] = field(default_factory=list)
+    role: str = ""
+    tip: tuple[str, tuple[float, ...]] | None = None
+    plates: list[Plate] = field(default_factory=list)
+    pose: Pose = field(default_factory=Pose)
+    arrows: list[Arrow] = field(default_factory=list)
+    motion: Track | None = None
+    lines: Lines | None = None
+
+
+class Scene:
+    """All robots of a page; meshes that they share are stored once.
+
+    Attributes:
+        notes: what could not be drawn, for the reader.
+    """
+
+    def __init__(self, blob: "Blob") -> None:
+        self._blob = blob
+        self._meshes: list[dict[str, Any]] = []
+        self._mesh_of: dict[tuple[str, tuple[float, ...]], list[dict[str, Any]]] = {}
+        self._robots: list[dict[str, Any]] = []
+        self.notes: list[str] = []
+
+    def add(self, robot: Robot) -> None:
+        """Add a robot.
+
+        Raises:
+            DescriptionError: its description cannot be read.
+        """
+        described = read(robot.description)
+        laws, joints = mimic_laws(described.joints), described.joints.values()
+        links = [
+            {"name": link.name, "visuals": [part for shape in link.visuals for part in self._visuals(shape)]}
+            for link in described.links.values()
+        ]
+        self._robots.append(
+            {
+                "label": robot.label,
+                "role": robot.role,
+                "links": links,
+                "joints": [_joint(joint, laws.get(joint.name), robot.joint_names) for joint in joints],
+                "columns": len(robot.joint_names),
+                "time": self._blob.add(robot.time, "f8"),
+                "position": self._blob.add(robot.position, "f4"),
+                "tracks": [self._track(track) for track in robot.tracks],
+                "plates": [self._plate(plate) for plate in robot.plates],
+                "pose": {"xyz": robot.pose.position, "quaternion": robot.pose.orientation},
+                "arrows": [self._arrow(arrow) for arrow in robot.arrows],
+                "motion": None if robot.motion is None else self._track(robot.motion),
+                "lines": None if robot.lines is None else self._lines(robot.lines),
+                "tip": None if robot.tip is None else {"link": robot.tip[0], "xyz": robot.tip[1]},
+            }
+        )
+
+    def data(self) -> dict[str, Any]:
+        """For the page."""
+        return {"robots": self._robots, "meshes": self._meshes}
+
+    def _track(self, track: Track) -> dict[str, Any]:
+        arrays = {"time": self._blob.add(track.time, "f8"), "values": self._blob.add(track.values, "f4")}
+        return {
+            "kind": track.kind,
+            "name": track.name,
+            "parent": track.parent,
+            "width": track.values.shape[1],
+            "trail": track.trail,
+            **arrays,
+        }
+
+    def _plate(self, plate: Plate) -> dict[str, Any]:
+        words = {key: getattr(plate, key) for key in ("name", "parent", "xyz", "quaternion", "size")}
+        return {**words, "time": self._blob.add(plate.time, "f8"), "force": self._blob.add(plate.force, "f4")}
+
+    def _arrow(self, arrow: Arrow) -> dict[str, Any]:
+        words = {key: getattr(arrow, key) for key in ("name", "colour", "parent", "ends")}
+        arrays = {"force": self._blob.add(arrow.force, "f4"), "point": self._blob.add(arrow.point, "f4")}
+        return {**words, "perNewton": arrow.per_newton, "time": self._blob.add(arrow.time, "f8"), **arrays}
+
+    def _lines(self, lines: Lines) -> dict[str, Any]:
+        points = [{"name": name, "points": of} for name, of in lines.points.items()]
+        arrays = {"time": self._blob.add(lines.time, "f8"), "values": self._blob.add(lines.values, "f4")}
+        return {"lines": points, "scale": lines.scale, "title": lines.title, **arrays}
+
+    def _visuals(self, shape: Shape) -> list[dict[str, Any]]:
+        """What is drawn of a shape: of a mesh one part per colour; its own colours go before the description's."""
+        if shape.kind == "capsule":
+            self.notes.append("a shape <capsule> is not drawn")
+            return []
+        parts = self._mesh(shape.address, shape.size) if shape.kind == "mesh" else [{shape.kind: shape.size}]
+        own = {**_origin(shape.T_link_shape), "rgba": shape.colour or GREY}
+        return [{**own, **part} for part in parts]
+
+    def _mesh(self, address: str, scale: tuple[float, ...]) -> list[dict[str, Any]]:
+        key = (address, scale)
+        if key not in self._mesh_of:
+            self._mesh_of[key] = self._read_mesh(address, scale)
+        return self._mesh_of[key]
+
+    def _read_mesh(self, address: str, scale: tuple[float, ...]) -> list[dict[str, Any]]:
+        from hric_report.html.meshes import few_triangles
+
+        try:
+            parts = few_triangles(mesh_path(address), (scale[0], scale[1], scale[2]))
+        except (HricError, OSError, UnreadableMeshError) as error:
+            self.notes.append(
+                f"a link is drawn without its mesh: {Path(address).name}: "
+                f"{error if isinstance(error, HricError) else 'cannot be read'}"
+            )
+            return []
+        first = len(self._meshes)
+        self._meshes += [
+            {"vertices": self._blob.add(surface.vertices, "f4"), "faces": self._blob.add(surface.faces, "u4")}
+            for surface, _ in parts
+        ]
+        colours = ({} if colour is None else {"rgba": colour} for _, colour in parts)
+        return [{"mesh": first + k, **colour} for k, colour in enumerate(colours)]
+
+
+def mesh_path(address: str) -> Path:
+    """File of a mesh; one of the Panda's that lay elsewhere on the machine of the run is found here by its name.
+
+    Raises:
+        HricError: it is nowhere.
+    """
+    try:
+        return resources.resolve(address)
+    except HricError as error:
+        from panda_description.parameters import folder_uri
+
+        known = folder_uri()
+        if not known:
+            raise error
+        there = Path(address)
+        return resources.resolve(f"{known}/{there.parent.name}/{there.name}")
+
+
+def _origin(T: FloatArray) -> dict[str, Any]:
+    return {"xyz": T[:3, 3].tolist(), "quaternion": quaternion_from_rotation(T[:3, :3])}
+
+
+def _joint(joint: Joint, law: Mimic | None, columns: tuple[str, ...]) -> dict[str, Any]:
+    """Joint for the page. Its column is that of the position that moves it, null where it is fixed, and its value is
+    multiplier * position + offset."""
+    mimic = None if joint.name in columns else law
+    source = mimic.joint if mimic else joint.name
+    return {
+        "name": joint.name,
+        "type": joint.type,
+        "parent": joint.parent,
+        "child": joint.child,
+        "axis": joint.axis.tolist(),
+        "column": columns.index(source) if source in columns else None,
+        "multiplier": mimic.multiplier if mimic else 1.0,
+        "offset": mimic.offset if mimic else 0.0,
+        **_origin(joint.T_parent_joint),
+    }
+
+
+def joint_track(log: ControlRecord, rate: float) -> tuple[FloatArray, FloatArray]:
+    """Positions of the joints at most `rate` times per second, always with the first and the last: (n,) [s], (n, j)
+    [rad, m]."""
+    chosen = instants(log.time, rate)
+    return log.time[chosen], log.position[chosen]
+
+
+def instants(time: FloatArray, rate: float) -> npt.NDArray[np.int64]:
+    """At most `rate` indices per second of increasing times, shape (n,) [s], always with the first and the last."""
+    cycles, span = len(time), float(time[-1] - time[0])
+    count = min(cycles, max(2, int(span * rate) + 1)) if cycles > 1 else 1
+    return np.unique(np.linspace(0, cycles - 1, count).round().astype(np.int64))
+
+
+KINDS = {"f8": "<f8", "f4": "<f4", "u4": "<u4"}
+"""What `data.js` reads, little-endian."""
+ALIGNMENT = 8
+"""A typed array of the browser begins at a multiple of its element's size [bytes]."""
+
+
+class Blob:
+    """Arrays of one page; the same array object is stored once."""
+
+    def __init__(self) -> None:
+        self._parts: list[bytes] = []
+        self._size = 0
+        # The array itself is kept, so that its id stays its own.
+        self._known: dict[tuple[int, str], tuple[Any, dict[str, Any]]] = {}
+
+    def add(self, values: npt.NDArray[Any], kind: str) -> dict[str, Any]:
+        """Store an array, row by row; returns where it lies: kind, offset [bytes], number of values."""
+        found = self._known.get((id(values), kind))
+        if found is None:
+            raw = np.ascontiguousarray(values, dtype=KINDS[kind]).tobytes()
+            entry = {"kind": kind, "offset": self._size, "count": int(values.size)}
+            padding = -len(raw) % ALIGNMENT
+            self._parts.append(raw + bytes(padding))
+            self._size += len(raw) + padding
+            found = self._known[id(values), kind] = (values, entry)
+        return found[1]
+
+    def text(self) -> str:
+        """All of it, as base64."""
+        return base64.b64encode(b"".join(self._parts)).decode()

@@ -1,0 +1,182 @@
+"""The figures of a simulated human: what he holds, and what his joints do."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from hric_analysis.carrying import Carried
+from hric_analysis.human import Person
+from hric_assessment.contact.impact import Impact, Press, Transient
+from hric_bags.records.human_record import HumanRecord
+from hric_bags.records.muscle_record import MuscleRecord
+from hric_human.muscles.lines import ACTIVATION_COLOURS
+from hric_report.figure import Curve, Figure, Panel, per_joint
+from hric_report.heat import heat_map
+from hric_report.sections import HUMAN
+
+SHOWN = 1.5
+"""How much of a blow is shown, in durations of its half sine."""
+ESTIMATE = "A model's estimate, not a measurement of a person."
+
+
+def human_figures(person: Person | None) -> list[Figure]:
+    """Of a run; none without a human."""
+    if person is None:
+        return []
+    record = person.record
+    found = []
+    if panels := [_grip_panel(name, record) for name, grip in record.grips.items() if grip.closed.any()]:
+        forces = Figure("grip", "Grip force", "force on the hand [N]", tuple(panels), min_height=1.0)
+        found.append(forces.about(HUMAN, f"Force of what is held on what holds it. {ESTIMATE}"))
+    found += _contact_figures(person.impacts)
+    for k, one in enumerate(person.carried):
+        suffix = f"_{k + 1}" if len(person.carried) > 1 else ""
+        found += [_carrying(one, f"carrying{suffix}"), _path(one, f"carrying_path{suffix}")]
+    if record.muscles is not None:
+        found += _muscle_figures(record.muscles)
+    share = Curve("of the strength", "measured", record.torque_time, record.share)
+    strength = per_joint(
+        "strength",
+        "Torque of the human's joints as share of their strength",
+        "share [1]",
+        record.joints,
+        [share],
+        lambda joint: (("strength", 1.0),),
+        min_height=0.1,
+    )
+    angles = per_joint(
+        "human_joints",
+        "Joints of the human",
+        "angle [rad]",
+        record.joints,
+        [Curve("angle", "measured", record.time, record.position)],
+        min_height=0.02,
+    )
+    return [
+        *found,
+        strength.about(HUMAN, f"In the sense in which the torque acts. {ESTIMATE}"),
+        angles.about(HUMAN, "Joint angles of the simulated body."),
+    ]
+
+
+def _muscle_figures(record: MuscleRecord) -> list[Figure]:
+    """Activation as colours over time, and contact forces between bones."""
+    sides = {name.partition("_")[0] for name in record.names}
+    rows = tuple(name.partition("_")[2] if len(sides) == 1 else name for name in record.names)
+    heat = heat_map(rows, record.time, record.activation, "activation [1]", ACTIVATION_COLOURS)
+    caption = (
+        f"Activation of {len(record.muscles)} muscles, and of the ideal actuators of joints without any, whose names "
+        f"end with their sense. From {heat.top:g} on all have the same colour. {ESTIMATE}"
+    )
+    found = [Figure("activation", "Activation of the muscles", "", (Panel("", (), heat=heat),)).about(HUMAN, caption)]
+    if record.contact:
+        panels = tuple(
+            Panel(joint, (Curve("contact force", "measured", record.contact_time, size),))
+            for joint, size in record.contact.items()
+        )
+        figure = Figure("joint_contact", "Contact forces between bones", "force [N]", panels, min_height=10.0)
+        text = f"Force of the proximal on the distal bone of a joint: what muscles pull there included. {ESTIMATE}"
+        found.append(figure.about(HUMAN, text))
+    return found
+
+
+def _contact_figures(impacts: Sequence[Impact]) -> list[Figure]:
+    """Of contacts by a spring, as far as something is expected of them."""
+    hardest: dict[tuple[str, str], tuple[Impact, Transient]] = {}
+    for impact in impacts:
+        pair, form = (impact.met.link, impact.met.other), impact.transient
+        if (
+            form is not None
+            and len(impact.met.course.time)
+            and (pair not in hardest or form.peak > hardest[pair][1].peak)
+        ):
+            hardest[pair] = impact, form
+    found = []
+    if panels := [_blow_panel(*one) for one in hardest.values()]:
+        text = (
+            "Force on the human from the first touch on, of each pair of bodies the hardest blow, and the half sine of "
+            "two reflected masses on the spring of the region, which has the first force that was recorded. "
+            f"{ESTIMATE}"
+        )
+        figure = Figure(
+            "blow", "Blow", "force [N]", tuple(panels), min_height=1.0, abscissa="after the first touch [ms]"
+        )
+        found.append(figure.about(HUMAN, text))
+    if panels := [_press_panel(impact, impact.press) for impact in impacts if impact.press]:
+        text = f"Force of contacts that last, beside what the commanded torque balances along the normal. {ESTIMATE}"
+        figure = Figure("press", "Pressed contact", "force [N]", tuple(panels), min_height=1.0)
+        found.append(figure.about(HUMAN, text))
+    return found
+
+
+def _blow_panel(impact: Impact, form: Transient) -> Panel:
+    course, met = impact.met.course, impact.met
+    shown = course.time <= met.begin + SHOWN * form.duration
+    time, force = course.time[shown] - course.time[0] + impact.late(), course.force[shown]
+    instants = np.linspace(0.0, form.duration, 101)
+    curves = (
+        Curve("half sine", "desired", 1e3 * instants, form.force(instants)),
+        Curve("simulated", "measured", 1e3 * time, force),
+    )
+    title = f"{_between(impact)}, {form.speed:.2f} m/s"
+    return Panel(title, curves, (("v sqrt(mu k)", form.peak),))
+
+
+def _press_panel(impact: Impact, press: Press) -> Panel:
+    curves = (
+        Curve("balanced by the commanded torque", "desired", press.time, press.balanced),
+        Curve("contact", "measured", press.time, press.force),
+    )
+    _, _, level = press.level()
+    return Panel(_between(impact), curves, (("balanced", level),))
+
+
+def _between(impact: Impact) -> str:
+    return f"{', '.join(impact.met.regions) or impact.met.link}: {impact.met.other}"
+
+
+def _carrying(one: Carried, key: str) -> Figure:
+    """Load share, squeeze and tilt over time."""
+    panels = []
+    if one.share is not None:
+        shares = zip(one.ends, one.share, strict=True)
+        curves = tuple(Curve(name, f"s{k}", one.time, 100.0 * share) for k, (name, share) in enumerate(shares))
+        panels.append(Panel("load share", curves, unit="of the weight [%]"))
+    panels.append(Panel("squeeze", (Curve("both together", "s2", one.time, one.squeeze),), unit="force [N]"))
+    panels.append(Panel("tilt", (Curve("both together", "s2", one.time, np.rad2deg(one.tilt)),), unit="angle [deg]"))
+    a, b = one.ends
+    caption = (
+        f"Vertical force of the grips {a} and {b} on {one.body} over its weight; what of both forces cancels along the "
+        "line between the grips (positive: it is squeezed, negative: it is stretched); how far that line is out of the "
+        f"horizontal (positive: {b} is higher). {ESTIMATE}"
+    )
+    return Figure(key, f"{one.body}, carried by two", "", tuple(panels), min_height=1.0, columns=3).about(
+        HUMAN, caption
+    )
+
+
+def _path(one: Carried, key: str) -> Figure:
+    """Both ends and their middle, each from where it began: the ends are far apart beside their path."""
+    points = [*zip(one.ends, ("s0", "s1"), one.point, strict=True), ("middle of both", "s2", one.centre)]
+    moved = [(name, role, point - point[0]) for name, role, point in points]
+    panels = tuple(
+        Panel(
+            title,
+            tuple(Curve(name, role, path[:, i], path[:, j]) for name, role, path in moved),
+            unit=f"{'xyz'[j]} [m]",
+            abscissa=f"{'xyz'[i]} [m]",
+        )
+        for title, i, j in (("from above", 0, 1), ("from the side", 0, 2), ("along x", 1, 2))
+    )
+    caption = f"How far both ends of {one.body} and their middle went from where they were, seen along each axis."
+    extent = max(float(np.ptp(path, axis=0).max()) for _, _, path in moved)
+    figure = Figure(key, f"Path of {one.body}", "", panels, max(extent, 0.02), columns=3, equal=True)
+    return figure.about(HUMAN, caption)
+
+
+def _grip_panel(name: str, record: HumanRecord) -> Panel:
+    grip = record.grips[name]
+    force = np.where(grip.closed[:, None], grip.force, np.nan)
+    size = np.linalg.norm(force, axis=1)
+    axes = [Curve(axis, f"s{i}", grip.time, force[:, i]) for i, axis in enumerate("xyz")]
+    return Panel(f"{name}: {grip.held}", (*axes, Curve("size", "s3", grip.time, size)))

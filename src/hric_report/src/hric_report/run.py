@@ -1,0 +1,121 @@
+"""From a run folder to its metrics, figures and report; needs no ROS."""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from hric_analysis import metrics, recordings
+from hric_analysis.human import Person
+from hric_analysis.tracking_run import Tracking
+from hric_analysis.values import Values, joint_orders
+from hric_bags import files
+from hric_bags import reader as bag_reader
+from hric_bags.parts import Bag
+from hric_bags.reader import Messages, RunRecord
+from hric_bags.records.safety_record import SafetyRecord
+from hric_bags.run_folder import RunFolder
+from hric_control.plants import WindowlessConfig
+from hric_report import text as report_text
+
+OPENSIM = "opensim_ros_control/OpenSimPlant"
+"""Plant whose runs leave files for OpenSim's own tools."""
+STEPS, FIGURE_STEPS = 3, 2
+"""Of `analyse`, and with figures so many more."""
+
+
+def analyse(
+    path: str | Path | RunFolder,
+    *,
+    figures: bool = True,
+    step: Callable[[str], object] = str,
+    known: Messages | None = None,
+) -> dict[str, Any]:
+    """Compute metrics.json, the figures and summary.txt of a run, and what OpenSim replays of a run in it, replacing
+    those that are there.
+
+    Args:
+        path: the run folder.
+        figures: whether to draw.
+        step: called with what begins, since a minute of samples takes a minute, too; str: nobody looks on.
+        known: the bag's messages, from whoever has just written them.
+
+    Returns:
+        The metrics, with the report text under "report".
+
+    Raises:
+        HricError: no run folder, or its bag cannot be used.
+    """
+    folder = path if isinstance(path, RunFolder) else RunFolder.open(path)
+    run = folder.read()
+    bag = bag_of(folder, run)
+    step("reading the control log")
+    with bag_reader.opened(bag) as reader:
+        record = bag_reader.read(reader, known)
+        values = Values(run, reader, record, folder.description())
+        step("how a marker was followed")
+        followed = values.followed
+        step("metrics of motion, contacts and samples")
+        result = dict(values)
+        person = values.person
+        files.write_json(folder.metrics_path, result)
+        report = report_text.render(run, result)
+        files.write_text(folder.path / "summary.txt", report)
+        _export(folder, run, record, person)
+        if figures:
+            _draw(folder, run, reader, record, followed, person, values.safety, values.tolerances, step)
+    return {**result, "report": report}
+
+
+def _export(folder: RunFolder, run: Mapping[str, Any], record: RunRecord, person: Person | None) -> None:
+    """What OpenSim's own tools replay, of a run on it."""
+    definition = run.get("definition") or {}
+    if (definition.get("robot") or {}).get("plant_type") != OPENSIM:
+        return
+    from hric_bags.export import opensim_files
+
+    opensim_files.write(folder, run, record.log)
+    if person is not None:
+        from hric_analysis import human_opensim
+
+        plant = ((run.get("parameters") or {}).get("robot") or {}).get("plant") or {}
+        gravity = tuple(plant.get("gravity") or WindowlessConfig().gravity)
+        human_opensim.write(folder.path, definition["human"], person.record, gravity)
+
+
+def _draw(
+    folder: RunFolder,
+    run: Mapping[str, Any],
+    bag: Bag,
+    record: RunRecord,
+    followed: Tracking | None,
+    person: Person | None,
+    safety: SafetyRecord | None,
+    tolerances: Sequence[float],
+    step: Callable[[str], object],
+) -> None:
+    """The figures of a run and what its sensors measured, into its folder `figures`."""
+    from hric_report import drawing, human_figures, run_figures, safety_figures, signal_figures
+    from hric_report.thinning import limited
+
+    step("reading what sensors measured")
+    moves = metrics.moves(record, joint_orders(run))
+    shown = run_figures.robot_figures(record, moves, run.get("limits") or {}, tolerances)
+    shown += human_figures.human_figures(person)
+    shown += safety_figures.safety_figures(safety)
+    shown += run_figures.tracking_figures(followed)
+    sensors = signal_figures.signal_figures(recordings.signals(bag, record.robot_time))
+    shown += [limited(figure, drawing.POINTS) for figure in signal_figures.in_order(sensors)]
+    del sensors
+    step(f"drawing {len(shown)} figures")
+    drawing.draw(folder.path / drawing.FOLDER, shown, title(run))
+
+
+def bag_of(folder: RunFolder, run: Mapping[str, Any]) -> Path:
+    """The bag of a run; run: contents of its run.yaml."""
+    return folder.path / str(run.get("bag", folder.bag_path.name))
+
+
+def title(run: Mapping[str, Any]) -> str:
+    """Of a run: its experiment and its arguments; run: contents of run.yaml."""
+    arguments = " ".join(run.get("arguments") or [])
+    return f"{run.get('experiment', 'run')} ({arguments})" if arguments else str(run.get("experiment", "run"))

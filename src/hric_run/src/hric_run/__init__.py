@@ -1,0 +1,1 @@
+"""Experiment files, and their simulation in one process."""

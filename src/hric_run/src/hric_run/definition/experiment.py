@@ -1,0 +1,400 @@
+"""Experiment files: what robot, which controllers, which setpoints, how long; the same file serves live and headless
+runs."""
+
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from textwrap import indent
+from typing import TYPE_CHECKING, Any
+
+from hric_core import resources
+from hric_core.errors import HricError, ParameterError, UnknownNameError, message_about
+from hric_core.geometry import ORIGIN, Vector
+from hric_core.node import REQUIRED
+from hric_core.parameters import (
+    Mistakes,
+    Parameter,
+    Settings,
+    as_number,
+    declared,
+    either,
+    json_schema,
+    listing,
+    mapping,
+    number,
+    numbers,
+    read_yaml,
+    section,
+    text,
+    unknown,
+)
+from hric_core.parameters import names as names_
+from hric_core.trial.c3d import located
+
+if TYPE_CHECKING:
+    from hric_run.definition.sections import EmgSection, MocapSection, PlateSection, SyncSection
+
+
+class ExperimentError(HricError):
+    """An experiment file or an override that cannot be used; the message gives the file, the key and what would be
+    valid."""
+
+
+_PI = re.compile(
+    r"\s*(?P<sign>[-+]?)\s*(?:(?P<factor>\d+(?:\.\d*)?)\s*\*\s*)?pi\s*(?:/\s*(?P<divisor>\d+(?:\.\d*)?))?\s*"
+)
+
+
+def _angle(value: Any, where: str, joints: Sequence[str]) -> float:
+    match = _PI.fullmatch(value) if isinstance(value, str) else None
+    if match is None:
+        return as_number(value)
+    if float(match["divisor"] or 1) == 0.0:
+        raise ValueError
+    angle = float(match["factor"] or 1) * math.pi / float(match["divisor"] or 1)
+    return -angle if match["sign"] == "-" else angle
+
+
+def _angle_shape() -> dict[str, Any]:
+    multiple_of_pi = "^" + re.sub(r"\?P<\w+>", "?:", _PI.pattern) + "$"  # group names are not the same in all languages
+    return {"anyOf": [{"type": "number"}, {"type": "string", "pattern": multiple_of_pi}]}
+
+
+ANGLE = Parameter(
+    "angle", "a finite number or a multiple of pi such as -3*pi/4", _angle, unit="rad", shape=_angle_shape
+)
+ANGLES: Any = listing(ANGLE, range(1, 100))
+
+
+@dataclass(frozen=True)
+class Setpoint(Settings):
+    """A joint setpoint sent during the run."""
+
+    time: float = number(
+        minimum=0.0, unit="s", text="robot time at which it is sent, from the start of the controllers"
+    )
+    controller: str = text(empty=False, text="instance name of the controller; sent on its `command` topic")
+    positions: tuple[float, ...] = listing(ANGLE, range(1, 100), text="one per joint of the controller")
+
+
+LARGEST_PAYLOAD = 50.0
+"""[kg]; project default, unconfirmed: above that of collaborative arms."""
+
+
+@dataclass(frozen=True)
+class LoadSpec(Settings):
+    """The payload that `franka_control/set_load` gets."""
+
+    mass: float = number(
+        0.0,
+        minimum=0.0,
+        maximum=LARGEST_PAYLOAD,
+        unit="kg",
+        text="of the payload that `franka_control/set_load` gets before the controllers start; 0: none",
+    )
+    com: Vector = numbers(3, ORIGIN, minimum=-1.0, maximum=1.0, unit="m", text="its centre of mass in the flange frame")
+
+    def check(self, where: str) -> None:
+        """Refuse a centre of nothing."""
+        if self.mass == 0.0 and self.com != ORIGIN:
+            raise ParameterError(f"{where}com has no effect without a mass; valid: with {where}mass above 0 [kg]")
+
+
+OF_THE_BRINGUP = {
+    "real_time_factor": "scripts/bringup real_time_factor:=FACTOR; a headless run is as fast as it can",
+    "wait_for_log_listener": "scripts/bringup record:=true",
+}
+"""Private parameters of the robot's node that the bring-up sets itself and a headless run does not read, and what to
+give instead."""
+
+
+@dataclass(frozen=True)
+class RobotSpec(Settings):
+    """The robot of an experiment."""
+
+    separator = "."
+    hw: str = text(empty=False, text='plugin type of the RobotHW, e.g. "franka_sim/FrankaHWSim"')
+    arm_id: str = text("panda", empty=False, text="prefix of joints and links")
+    description: Mapping[str, Any] = mapping(default={}, text="arguments of `panda_description.load`")
+    urdf: str = text("", text="path or package:// address of another robot's URDF or xacro; empty: the Panda")
+    q_start: tuple[float, ...] | Mapping[str, float] | None = either(
+        mapping(ANGLE), ANGLES, default=None, text="start position by joint, or in joint order; none: the robot's own"
+    )
+    plant_type: str = text("", text="plugin type of the plant; empty: the robot's default")
+    plant: Mapping[str, Any] = mapping(default={}, text="parameters of the plant")
+    parameters: Mapping[str, Any] = mapping(default={}, text="further private parameters of the RobotHW")
+    load: LoadSpec = section(LoadSpec)
+
+    def check(self, where: str) -> None:
+        """Refuse what another key of the robot makes void."""
+        mistakes = Mistakes()
+        own = {key: f"{where}{key}" for key in declared(RobotSpec)} | {"robot_hw": f"{where}hw", **OF_THE_BRINGUP}
+        for key in sorted(own.keys() & self.parameters.keys()):
+            with mistakes.noted():
+                raise ParameterError(f"{where}parameters.{key} has no effect; valid: {own[key]}")
+        with mistakes.noted():
+            # The bring-up always gives the pose of the base.
+            unread = [key for key, value in self.description.items() if value not in ("0 0 0", list(ORIGIN))]
+            if self.urdf and unread:
+                raise ParameterError(
+                    f"{where}description.{unread[0]} has no effect beside {where}urdf, another robot's description; "
+                    "valid: one of them"
+                )
+        with mistakes.noted():
+            friction = self.plant.get("friction", self.description.get("friction", "none"))
+            if "friction_parameters" in self.plant and friction == "none":
+                where = f"{where}plant."
+                raise ParameterError(
+                    f"{where}friction_parameters has no effect; valid: with {where}friction: identified"
+                )
+        mistakes.raise_all()
+
+
+@dataclass(frozen=True)
+class MetricsSpec(Settings):
+    """How a run is judged."""
+
+    tolerances: tuple[float, ...] = listing(
+        number(above=0.0, maximum=0.5, unit="rad"),
+        range(1, 100),
+        (1e-2, 1e-3),
+        made=lambda given: tuple(sorted(given, reverse=True)),
+        unit="rad",
+        text="bands for the settling time, at most 0.5 rad each",
+    )
+    reference: str = text("", text="name of a set-up in config/references that the report compares with; empty: none")
+
+    def check(self, where: str) -> None:
+        """Refuse a reference that there is not."""
+        if self.reference and self.reference not in names("references"):
+            raise unknown("reference", self.reference, names("references"), where.rstrip("."))
+
+
+def _beside(name: str) -> Any:
+    """A section of what runs beside the robot. Its declaration is loaded where a file has the section: the bring-up
+    reads an experiment once for each set of parameters, and its user waits."""
+
+    def convert(value: Any, where: str, joints: Sequence[str]) -> Any:
+        from hric_run.definition.sections import SECTIONS
+
+        checked = section(SECTIONS[name]).convert(value, where, joints)
+        return dict(value or {}) if name in _KEPT else checked
+
+    def shape() -> dict[str, Any]:
+        from hric_run.definition.sections import SECTIONS
+
+        return json_schema(SECTIONS[name])
+
+    text = f"the keys {name}.* below; none: the run is without it"
+    return Parameter("mapping", "a mapping", convert, None, text=text, shape=shape)
+
+
+_KEPT = ("human", "person", "supervisor")
+"""Sections that are kept as they are given: whoever they are for reads them himself."""
+_BESIDE = {name: _beside(name) for name in ("mocap", "emg", "force_plate", "sync", "human", "person", "supervisor")}
+
+
+@dataclass(frozen=True)
+class Experiment(Settings):
+    """One experiment, checked. name: of the file without its ending."""
+
+    separator = "."
+    name: str = ""
+    description: str = text("", figures=True, text="one line for people")
+    robot: RobotSpec = section(RobotSpec, REQUIRED)
+    controllers: tuple[str, ...] = names_(text="instance names, started in this order")
+    parameters: Mapping[str, Mapping[str, Any]] = mapping(
+        mapping(), {}, text="parameters that overlay the controllers' YAML, by instance name"
+    )
+    setpoints: tuple[Setpoint, ...] = listing(
+        section(Setpoint),
+        default=(),
+        made=lambda given: tuple(sorted(given, key=lambda setpoint: setpoint.time)),
+        text="in order of time",
+    )
+    duration: float = number(above=0.0, unit="s", text="robot time of the whole run")
+    metrics: MetricsSpec = section(MetricsSpec)
+    mocap: "MocapSection | None" = _BESIDE["mocap"]
+    emg: "EmgSection | None" = _BESIDE["emg"]
+    force_plate: "PlateSection | None" = _BESIDE["force_plate"]
+    sync: "SyncSection | None" = _BESIDE["sync"]
+    human: Mapping[str, Any] | None = _BESIDE["human"]
+    person: Mapping[str, Any] | None = _BESIDE["person"]
+    supervisor: Mapping[str, Any] | None = _BESIDE["supervisor"]
+
+    @property
+    def sensors(self) -> "list[EmgSection | PlateSection]":
+        """The sensors that run and sample evenly."""
+        return [sensor for sensor in (self.emg, self.force_plate) if sensor is not None and sensor.used]
+
+    @property
+    def sources(self) -> "list[MocapSection | EmgSection | PlateSection]":
+        """All that measures beside the robot."""
+        return [*([] if self.mocap is None else [self.mocap]), *self.sensors]
+
+    def check(self, where: str) -> None:
+        """Refuse setpoints and parameters of controllers that are not started, setpoints after the end, and devices
+        that measure a human who is not there."""
+        mistakes, valid = Mistakes(), f"not started; valid: {', '.join(self.controllers)}"
+        for i, setpoint in enumerate(self.setpoints):
+            with mistakes.noted():
+                if setpoint.controller not in self.controllers:
+                    raise ParameterError(f"setpoints[{i}].controller: {setpoint.controller!r} is {valid}")
+            with mistakes.noted():
+                if setpoint.time >= self.duration:
+                    end = f"is not before the end (duration {self.duration} s)"
+                    raise ParameterError(f"setpoints[{i}].time {setpoint.time} s {end}")
+            with mistakes.noted():
+                if (setpoint.time, setpoint.controller) in ((one.time, one.controller) for one in self.setpoints[:i]):
+                    raise ParameterError(f"setpoints[{i}].time is that of the one before; valid: one at a time")
+        with mistakes.noted():
+            if others := sorted(set(self.parameters) - set(self.controllers)):
+                raise ParameterError(f"parameters for {', '.join(others)}, which is {valid}")
+        for key, measuring in (("mocap.human", self.mocap), ("force_plate.emulated.load", self.force_plate)):
+            with mistakes.noted():
+                if measuring is not None and measuring.measures_him and self.human is None:
+                    valid = "a section human, or another program"
+                    raise ParameterError(f"{key}.program is body, and nobody is in the robot's plant; valid: {valid}")
+            with mistakes.noted():
+                if measuring is not None and measuring.measures_him and (self.human or {}).get("walk"):
+                    raise ParameterError(
+                        f"{key}.program is body, which measures nobody who walks; valid: no human.walk"
+                    )
+        with mistakes.noted():
+            self._check_supervisor()
+        if (area := (self.human or {}).get("contact_area")) is not None:
+            from hric_assessment.contact.area import check_area  # a run without a person need not wait for it
+
+            with mistakes.noted():
+                check_area(as_number(area), name="human.contact_area")
+        mistakes.raise_all()
+
+    def _check_supervisor(self) -> None:
+        """Refuse one who sees nobody."""
+        if self.supervisor is None:
+            return
+        source = self.supervisor.get("source", "human")
+        sources = [source] if isinstance(source, str) else list(source)
+        if "human" in sources and self.human is None:
+            valid = "a section human, or another source"
+            raise ParameterError(f"supervisor.source is human, and nobody is in the robot's plant; valid: {valid}")
+        if "person" in sources and self.person is None:
+            valid = "a section person, or another source"
+            raise ParameterError(f"supervisor.source is person, whom nobody tracks; valid: {valid}")
+        if sources != ["human"] and (self.mocap is None or self.mocap.base_from_mocap is None):
+            raise ParameterError(
+                f"supervisor.source is {', '.join(sources)}, and nobody says where it is in the robot's base; valid: a "
+                "section mocap with base_from_mocap, or human"
+            )
+
+
+EXAMPLE = """\
+robot: {hw: franka_sim/FrankaHWSim}
+controllers: [joint_state_controller, franka_state_controller, joint_pd_controller]
+setpoints:
+  - {time: 1.0, controller: joint_pd_controller, positions: [0.3, -pi/4, 0, -3*pi/4, 0, pi/2, pi/4]}   # [s], [rad]
+duration: 4.0   # [s]
+"""
+"""The keys that every experiment has, and a setpoint."""
+NONE = "none"
+"""Name of the run that is no experiment: what the bring-up starts by itself."""
+
+
+PACKAGE = "hric_experiments"
+
+
+def package_path(package: str = PACKAGE) -> Path:
+    """Folder of a ROS package.
+
+    Raises:
+        UnknownNameError: no such package on ROS_PACKAGE_PATH.
+    """
+    own = Path(__file__).resolve().parents[3]
+    return own if package == PACKAGE and (own / "config").is_dir() else resources.package_path(package)
+
+
+def config_path(kind: str) -> Path:
+    """Folder of the files of a kind: experiments, studies, or references, set-ups that reports compare with."""
+    return package_path() / "config" / kind
+
+
+def names(kind: str = "experiments") -> list[str]:
+    """Names of the files of a kind that come with the workspace."""
+    return sorted(path.stem for path in config_path(kind).glob("*.yaml"))
+
+
+def find(name: str) -> Path:
+    """File of an experiment, by name or by the path of a YAML file; "none" is the bring-up without an experiment.
+
+    Raises:
+        UnknownNameError: neither; lists the names.
+    """
+    if name == NONE:
+        return package_path() / "config" / "bringup.yaml"
+    if name.endswith((".yaml", ".yml")):
+        path = Path(name).expanduser()
+        if path.is_file():
+            return path
+        raise ExperimentError(f"no experiment file {name}; experiments by name: {', '.join(names())}")
+    if name not in names():
+        raise UnknownNameError("experiment", name, names(), "experiments")
+    return config_path("experiments") / f"{name}.yaml"
+
+
+def read(name: str) -> dict[str, Any]:
+    """Contents of an experiment file, not checked yet; recorded trials are looked for beside it.
+
+    Raises:
+        HricError: no such experiment, or it is not YAML.
+    """
+    path = find(name)
+    raw = read_yaml(path)
+    if not isinstance(raw, dict):
+        raise ExperimentError(f"{path.name} must be a mapping with the keys {', '.join(declared(Experiment))}")
+    return dict(located(raw, path.parent))
+
+
+def parse(name: str, raw: Mapping[str, Any]) -> Experiment:
+    """Check the contents of an experiment file.
+
+    Args:
+        name: used in messages and for the run folder.
+        raw: the contents.
+
+    Raises:
+        ExperimentError: unknown and missing keys, wrong types, and values out of range, all of them at once.
+    """
+    try:
+        return replace(Experiment.of(raw, ""), name=name)
+    except HricError as error:
+        raise ExperimentError(message_about(f"experiment {name}", error)) from error
+
+
+def load(name: str, given: Iterable[str] = ()) -> Experiment:
+    """Read an experiment, apply overrides, check it.
+
+    Args:
+        name: name, or path of a YAML file.
+        given: overrides, `key:=value`.
+
+    Raises:
+        HricError: no such experiment, or a mistake in it or in an override; of a file of the user's own, with an
+            example.
+    """
+    from hric_run.definition import overrides
+
+    raw = read(name)
+    try:
+        return parse(Path(name).stem, overrides.apply(raw, given))
+    except ExperimentError as error:
+        if name in (*names(), NONE):
+            raise
+        raise ExperimentError(f"{error}\nan experiment file, for example:\n{indent(EXAMPLE.rstrip(), '  ')}") from error
+
+
+def to_dict(experiment: Experiment) -> dict[str, Any]:
+    """Plain data for run.yaml: the keys of an experiment file, plus its name."""
+    sensors = {"emg": experiment.emg, "force_plate": experiment.force_plate}
+    return asdict(experiment) | {name: sensor.record() for name, sensor in sensors.items() if sensor is not None}

@@ -1,0 +1,190 @@
+"""What ran: versions, revision and arguments, without names of the machine, its user or his folders."""
+
+import contextlib
+import math
+import os
+import platform
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Mapping, Sequence
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from hric_bags import run_folder
+from hric_control.limits import load_limits
+from hric_core.node import Node
+from hric_core.trial.c3d import PROGRAMS as RECORDED
+from hric_core.urdf import ONE_COORDINATE, read
+from hric_run.definition.experiment import Experiment, package_path, to_dict
+
+DISTRIBUTIONS = (
+    "numpy",
+    "pybullet",
+    "opensim",
+    "mujoco",
+    "panda-python",
+    "pylibfranka",
+    "scipy",
+    "xacro",
+    "rosbags",
+    "matplotlib",
+)
+ROS_PACKAGES = ("rospy", "rosbag", "roslaunch", "kdl_parser")
+HRIC_PACKAGES = (
+    "hric_control",
+    "hric_controllers",
+    "hric_experiments",
+    "hric_perception",
+    "mocap_natnet",
+    "franka_hw_interface",
+    "franka_real",
+    "franka_sim",
+    "opensim_ros_control",
+    "mujoco_ros_control",
+    "pybullet_ros_control",
+    "urdf_to_osim",
+    "panda_description",
+    "hric_msgs",
+)
+NOT_RECORDED = ("robot_description", "roslaunch", "run_id", "rosdistro", "rosversion")
+"""Parameters of the master that are no settings of the run, or that name the machine."""
+
+
+def head(
+    folder: run_folder.RunFolder, definition: Experiment, overrides: Sequence[str], tree: Mapping[str, Any], **own: Any
+) -> dict[str, Any]:
+    """Contents of run.yaml when a run begins.
+
+    Args:
+        folder: of the run.
+        definition, overrides: what is run, and its overrides.
+        tree: all parameters.
+        own: further keys of live or of headless runs.
+    """
+    return {
+        "experiment": definition.name,
+        "description": definition.description,
+        **own,
+        "status": run_folder.RUNNING,
+        "started": run_folder.iso_now(),
+        "finished": None,
+        "arguments": neutral(list(overrides)),
+        "bag": folder.bag_path.name,
+        "definition": neutral(to_dict(definition)),
+        "parameters": parameters(tree),
+        **_code(),
+        "platform": platform_info(),
+    }
+
+
+@cache
+def _code() -> dict[str, Any]:
+    """Versions and revision as they were when the first run of this process began: what has been loaded since."""
+    return {"versions": versions(), "revision": revision()}
+
+
+def versions() -> dict[str, str]:
+    """Versions of what a result depends on; a package that is not installed is left out."""
+    import rospkg
+
+    result, pack = {"python": platform.python_version()}, rospkg.RosPack()
+    for name in DISTRIBUTIONS:
+        with contextlib.suppress(metadata.PackageNotFoundError):
+            result[name] = metadata.version(name)
+    for name in (*ROS_PACKAGES, *HRIC_PACKAGES):
+        with contextlib.suppress(rospkg.ResourceNotFound):
+            result[name] = ElementTree.parse(Path(pack.get_path(name)) / "package.xml").findtext("version", "").strip()
+    return result
+
+
+def revision(folder: Path | None = None) -> dict[str, Any] | None:
+    """Git commit of the workspace and whether files differ from it; None when it is not under git."""
+    folder = folder or package_path()
+    if (commit := _git(folder, "rev-parse", "HEAD")) is None:
+        return None
+    return {"commit": commit, "dirty": bool(_git(folder, "status", "--porcelain", "--untracked-files=no"))}
+
+
+def _git(folder: Path, *arguments: str) -> str | None:
+    try:
+        done = subprocess.run(
+            ["git", "-C", str(folder), *arguments], capture_output=True, text=True, timeout=10, check=False
+        )
+    except (FileNotFoundError, subprocess.TimeoutExpired):
+        return None
+    return done.stdout.strip() if done.returncode == 0 else None
+
+
+def platform_info() -> dict[str, Any]:
+    """Kind of machine, without its name."""
+    return {
+        "system": platform.system(),
+        "machine": platform.machine(),
+        "cores": os.cpu_count(),
+        "byte_order": sys.byteorder,
+    }
+
+
+def neutral(value: Any) -> Any:
+    """The same data with the workspace's folder written as $HRIC_WS and the home folder as ~; of a recorded trial the
+    file's name alone."""
+    if isinstance(value, str):
+        for folder, name in _folders():
+            value = value.replace(folder, name)
+        return value
+    if isinstance(value, Mapping):
+        return {str(key): neutral(item) for key, item in _without_folder(value).items()}
+    if isinstance(value, list | tuple):
+        return [neutral(item) for item in value]
+    return value
+
+
+def _folders() -> list[tuple[str, str]]:
+    workspace = str(run_folder.workspace())
+    home = os.path.expanduser("~")
+    return [(workspace, "$HRIC_WS")] + ([(home, "~")] if home not in ("/", "~") else [])
+
+
+def _without_folder(values: Mapping[str, Any]) -> dict[str, Any]:
+    """A program that replays a trial, without the folder of its file."""
+    path = values.get("path")
+    return (
+        {**values, "path": Path(path).name}
+        if values.get("program") in RECORDED and isinstance(path, str)
+        else dict(values)
+    )
+
+
+def parameters(tree: Mapping[str, Any]) -> dict[str, Any]:
+    """A parameter tree without descriptions, bookkeeping of ROS and names of the machine; of a recorded trial the
+    file's name alone."""
+    kept = _without_folder({key: value for key, value in tree.items() if key not in NOT_RECORDED})
+    return {key: parameters(value) if isinstance(value, Mapping) else neutral(value) for key, value in kept.items()}
+
+
+FIELDS = ("lower", "upper", "velocity", "effort", "effort_rate")
+
+
+def joint_limits(
+    urdf_xml: str, node: Node | None, joint_names: Sequence[str] | None = None
+) -> dict[str, dict[str, float]]:
+    """Limits per joint, from the description and the `joint_limits` parameters of the robot.
+
+    Args:
+        urdf_xml: robot description.
+        node: the robot's namespace; None: the description alone.
+        joint_names: which joints; None: all that move by themselves.
+
+    Returns:
+        Per joint any of lower, upper [rad], velocity [rad/s], effort [N m], effort_rate [N m/s].
+    """
+    if joint_names is None:
+        joints = read(urdf_xml).joints.values()
+        joint_names = [joint.name for joint in joints if joint.type in ONE_COORDINATE and joint.mimic is None]
+    return {
+        limits.name: {field: value for field in FIELDS if math.isfinite(value := float(getattr(limits, field)))}
+        for limits in (load_limits(urdf_xml, node, joint_names) if joint_names else ())
+    }

@@ -1,0 +1,408 @@
+"""One experiment in this process, without a ROS master and as fast as the machine allows: run, look, reset, again."""
+
+import contextlib
+import copy
+import math
+import signal
+import threading
+from collections.abc import Iterator, Sequence
+from types import FrameType, TracebackType
+from typing import TYPE_CHECKING, Any, Protocol
+
+from std_msgs.msg import Float64MultiArray, Header
+from std_srvs.srv import TriggerRequest
+from tqdm import tqdm
+
+from franka_msgs.msg import FrankaState
+from hric_bags.reader import ControlRecord, stitch
+from hric_control.hardware_interface import JointStateInterface
+from hric_control.robot_app import RobotApp
+from hric_core.errors import FailureError, HricError
+from hric_core.geometry import stamped
+from hric_core.local.node import LocalNode
+from hric_core.robot_time import stamps
+from hric_msgs.msg import ControlLog
+from hric_perception.human import CapturedHuman
+from hric_perception.human.truth import Truth
+from hric_perception.replayed import START_TOPIC
+from hric_perception.simulated import follow_events, follow_joints
+from hric_run import provenance
+from hric_run.definition import experiment, parameters
+from hric_run.definition.experiment import Experiment, Setpoint
+from hric_run.definition.overrides import in_yaml
+from mocap_natnet.headless import HeadlessMocap, robot_time
+from mocap_natnet.node.parameters import Publishing
+from mocap_natnet.node.publisher import MocapPublisher
+
+if TYPE_CHECKING:
+    from hric_assessment.supervisor.app import HeadlessSupervisor
+
+PROGRESS_PERIOD = 0.05
+"""Robot time between two updates of the progress bar [s]."""
+STATE_TOPIC = "franka_state_controller/franka_states"
+Message = tuple[str, Any, float]
+"""Topic, message, robot time [s]."""
+
+
+class Simulation:
+    """Robot, manager and controllers of an experiment on a `LocalNode`.
+
+        with Simulation("pd_step", kp=200) as simulation:
+            simulation.run()
+            overshoot = simulation.signals.position.max(axis=0)   # (7,) [rad]
+
+    The same experiment with the same seed gives the same bits, in a new process or after a thousand runs in this one:
+    `reset` builds robot and controllers again, from parts that are read only once.
+
+    Args:
+        name: of the experiment, path of a YAML file, or the experiment itself.
+        seed: of everything random.
+        overrides: as on the command line, `kp=200`; of a dotted key `**{"robot.plant.friction": "identified"}`.
+
+    Attributes:
+        definition: the experiment.
+        seed: as given.
+        node: the robot's namespace, to publish, subscribe, and call services.
+        app: robot and manager.
+        tree: all parameters.
+        limits: per joint, see `provenance.joint_limits`.
+        early: what was published before the first cycle.
+        supervisor: of the section `supervisor`; None: there is none.
+
+    Raises:
+        HricError: the experiment cannot run.
+    """
+
+    def __init__(self, name: str | Experiment, /, *, seed: int = 0, **overrides: Any) -> None:
+        self._name, self._overrides, self.seed = name, overrides, seed
+        self.supervisor: HeadlessSupervisor | None = None
+        self._open()
+
+    def _open(self) -> None:
+        self.definition = _definition(self._name, self._overrides)
+        _refuse_wires(self.definition)
+        self.tree = _tree(self.definition, self.seed)
+        node = self.node = LocalNode(self.tree)
+        mocap = self.definition.mocap
+        person = parameters.person(self.definition) if mocap is not None and mocap.measures_him else {}
+        beside: list[Beside] = _sensors(self.definition, node)
+        if mocap is not None:
+            beside.insert(0, HeadlessHuman(node, mocap.build(self.seed, person), announced=bool(beside)))
+        self.app = RobotApp(node, node.child(parameters.ROBOT))
+        try:
+            self.limits, self.early = self._prepare()
+        except BaseException:
+            self.app.shutdown()
+            raise
+        self.tree[parameters.ROBOT] = node.param(parameters.ROBOT)  # with what the plant chose
+        starts = [] if self.definition.human is None else [parameters.HUMAN_START]
+        if self.definition.supervisor is not None:
+            beside.append(self._supervised(node))
+        self._timeline = Timeline(node, self.definition.setpoints, beside, starts)
+        self._log: list[Any] = []
+        node.subscribe("control_log", ControlLog, self._log.append)
+
+    def _supervised(self, node: LocalNode) -> "HeadlessSupervisor":
+        # Only a run with a supervisor waits for this import.
+        from hric_assessment.supervisor.app import HeadlessSupervisor
+
+        try:
+            self.supervisor = HeadlessSupervisor(
+                node.child(parameters.SUPERVISOR), lambda service, _, request: node.call(service, request)
+            )
+        except BaseException:
+            self.app.shutdown()
+            raise
+        return self.supervisor
+
+    def _prepare(self) -> tuple[dict[str, dict[str, float]], list[Message]]:
+        """Load and start the controllers, so that all that can be refused is before anything is written.
+
+        Returns:
+            limits per joint, and what was published.
+        """
+        app, node, definition = self.app, self.node, self.definition
+        names = app.hw.get(JointStateInterface).names
+        limits = provenance.joint_limits(node.param("robot_description"), node, names)
+        for setpoint in definition.setpoints:
+            parameters.check_setpoint(setpoint, node.param(setpoint.controller, {}).get("joints", names), limits)
+        early: list[Message] = []
+        tap = node.tap(lambda topic, message, time: early.append((topic, copy.deepcopy(message), time)))
+        for name in definition.controllers:
+            app.manager.load(name)
+        self._set_load()
+        app.manager.switch(list(definition.controllers), [], loop_running=False)
+        tap.unregister()
+        for name in dict.fromkeys(setpoint.controller for setpoint in definition.setpoints):
+            command = node.advertise(f"{name}/command", Float64MultiArray)
+            if not command.subscribers():
+                raise HricError(f"setpoints of {name} have no effect; valid: a controller with a topic command")
+            command.unregister()
+        return limits, early
+
+    def _set_load(self) -> None:
+        request = parameters.load_request(self.definition.robot)
+        if request is None:
+            return
+        response = self.node.call(parameters.LOAD_SERVICE, request)
+        if not response.success:
+            raise HricError(f"robot.load: {response.error}")
+
+    # -- running -------------------------------------------------------------------------------------------------------
+
+    @property
+    def time(self) -> float:
+        """Robot time so far [s]."""
+        return float(self.app.cycles * self.app.hw.period)
+
+    def run(self, duration: float | None = None, *, progress: bool = False) -> None:
+        """Go on.
+
+        Args:
+            duration: robot time [s]; None: to the end of the experiment.
+            progress: show on a terminal how far it is.
+
+        Raises:
+            KeyboardInterrupt: Ctrl-C or SIGTERM, after a whole cycle; `signals` has all until then.
+            HricError: the robot failed, or a controller was stopped by an error.
+        """
+        left = self.definition.duration - self.time if duration is None else duration
+        form = "{l_bar}{bar}| {n:.2f}/{total:.2f} s robot time [{elapsed}<{remaining}]"
+        # disable=None: where stderr is no terminal there is no bar, whose hundreds of states a file would keep.
+        options = {"desc": self.definition.name, "bar_format": form, "leave": False, "disable": None}
+        with (
+            tqdm(total=left, **options) if progress else contextlib.nullcontext() as self._timeline.bar,
+            _interruptible(self.app) as interrupt,
+        ):
+            self.app.run(left, self._timeline)
+        if interrupt.is_set():
+            raise KeyboardInterrupt
+        failed = [f"controller {one.name} was stopped, {one.error}" for one in self.app.manager.list() if one.error]
+        if failed:
+            raise FailureError(f"experiment {self.definition.name}: {'; '.join(failed)}")
+
+    def reset(self, *, seed: int | None = None, **overrides: Any) -> None:
+        """Begin again.
+
+        Args:
+            seed: None: as before.
+            overrides: more of them; those of before stay.
+
+        Raises:
+            HricError: the experiment cannot run; the simulation is then closed.
+        """
+        self.close()
+        self.seed = self.seed if seed is None else seed
+        self._overrides = self._overrides | overrides
+        self._open()
+
+    # -- what it gave --------------------------------------------------------------------------------------------------
+
+    @property
+    def signals(self) -> ControlRecord:
+        """Every cycle so far: time, position, velocity, effort, commands.
+
+        Raises:
+            HricError: there is none yet, or the robot keeps no log.
+        """
+        return stitch(self._log)
+
+    @property
+    def state_sha256(self) -> str:
+        """Hash of the bits of position, velocity and command, as in run.yaml."""
+        return self.signals.state_sha256()
+
+    # -- the end -------------------------------------------------------------------------------------------------------
+
+    def close(self) -> None:
+        """Release the robot; `signals` stays."""
+        self.app.shutdown()
+
+    def __enter__(self) -> "Simulation":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def check(definition: Experiment) -> None:
+    """Build an experiment without running it, so that what robot, controllers and sensors refuse is known beforehand.
+
+    Raises:
+        HricError: the experiment cannot run.
+    """
+    Simulation(definition).close()
+
+
+def _definition(name: str | Experiment, overrides: dict[str, Any]) -> Experiment:
+    if not isinstance(name, Experiment):
+        return experiment.load(name, [f"{key}:={in_yaml(value)}" for key, value in overrides.items()])
+    if overrides:
+        raise HricError(f"overrides ({', '.join(overrides)}) need the experiment's name, not the experiment itself")
+    return name
+
+
+def _tree(definition: Experiment, seed: int) -> dict[str, Any]:
+    """All parameters, as a live run has them on the server."""
+    return {
+        "robot_description": parameters.description(definition.robot),
+        "joint_limits": parameters.joint_limits(definition),
+        **parameters.controllers(definition),
+        parameters.ROBOT: parameters.robot(definition, seed) | {"real_time_factor": 0.0},
+        **parameters.mocap(definition, seed),
+        **parameters.sensors(definition, seed),
+        **parameters.supervisor(definition),
+    }
+
+
+def _refuse_wires(definition: Experiment) -> None:
+    """What comes by wire cannot follow a run that is not paced. Emulated devices have none here; nobody tracks."""
+    if "person" in (definition.supervisor or {}).get("source", ()):
+        raise HricError(
+            f"{definition.name}: supervisor.source has person, whom a node tracks; valid: scripts/bringup "
+            f"experiment:={definition.name}, or another source"
+        )
+    wired = [sensor.wire for sensor in definition.sensors if sensor.wire] + ["sync"] * (definition.sync is not None)
+    if wired:
+        raise HricError(
+            f"{definition.name} has {', '.join(wired)}, which come{'s' * (len(wired) == 1)} by wire; valid: "
+            f"scripts/bringup experiment:={definition.name}"
+        )
+
+
+class Beside(Protocol):
+    """Who goes on with the robot."""
+
+    def advance(self, time: float) -> None:
+        """To a time of the run [s]."""
+
+
+def _sensors(definition: Experiment, node: LocalNode) -> list[Beside]:
+    """Emulated ones with their drivers. Raises HricError."""
+    if not definition.sensors:
+        return []
+    # Only a run with sensors waits for their filters.
+    from hric_perception.headless import headless_emg, headless_plate
+
+    made = {"emg": headless_emg, "force_plate": headless_plate}
+    return [made[one.name](node.child(one.name), node.child(one.emulated_name)) for one in definition.sensors]
+
+
+class HeadlessHuman:
+    """The emulated human, the Motive that sees him and its client, without sockets, with the same codec.
+
+    Moves with robot time; the program's time 0 is the first `advance`. Of the human in the plant, frames and truth come
+    as soon as his joints are known.
+
+    Args:
+        node: the robot's namespace, with the parameters of the motion capture's nodes.
+        seen: the human, and the Motive that sees him.
+        announced: whether others replay a trial with him: he publishes that he begins.
+
+    Raises:
+        HricError: a parameter that does not suit a run without a network.
+    """
+
+    def __init__(self, node: LocalNode, seen: CapturedHuman, announced: bool = False) -> None:
+        self._beginning = node.advertise(START_TOPIC, Header, latch=True) if announced else None
+        self._hand, self._body, self._started = seen.hand, seen.body, seen.body is not None
+        publisher = MocapPublisher(node, Publishing.read(node.child(parameters.MOCAP_CLIENT)), robot_time)
+        self._mocap = HeadlessMocap(seen.motive, publisher)
+        self._truth = Truth(node, seen.hand, node.param(f"{parameters.EMULATED_HUMAN}/base_frame"))
+        node.subscribe(STATE_TOPIC, FrankaState, self._on_state)
+        if self._body is not None:
+            follow_joints(node, self._body.states.add)
+            follow_events(node, self._on_event)
+
+    def _on_event(self, time: float, kind: str) -> None:
+        """Of the human in the robot's plant."""
+        assert self._body is not None
+        self._body.happened(time, kind)
+        if kind == "started":
+            self._announce(time)
+
+    def _announce(self, time: float) -> None:
+        if self._beginning is not None:
+            self._beginning.publish(stamped.header(stamps.to_time(time), ""))
+
+    def _on_state(self, message: Any) -> None:
+        x, y, z = message.O_T_EE[12:15]
+        self._hand.see(message.header.stamp.to_sec(), (x, y, z))
+
+    def advance(self, time: float) -> None:
+        """Go on to a time of the run [s]."""
+        if not self._started:
+            self._started = True
+            self._announce(self._hand.start(time))
+        known = math.inf if self._body is None else self._body.states.known
+        self._mocap.advance(time, known)
+        if known >= 0.0:
+            self._truth.advance(min(time, known))
+
+
+class Timeline:
+    """Sends the setpoints at their times, lets those beside the robot go on, and the progress bar; called in the loop
+    before each update.
+
+    The first cycle starts the controllers, so the earliest setpoint goes out in the second one, 1 ms later, and so
+    does the first frame.
+
+    Args:
+        node: the robot's namespace.
+        setpoints: in order of time.
+        beside: the human before the motion capture, and sensors.
+        starts: services that let others begin with the first setpoint.
+
+    Attributes:
+        bar: shows robot time; None: no bar.
+    """
+
+    def __init__(
+        self, node: LocalNode, setpoints: Sequence[Setpoint], beside: Sequence[Beside], starts: Sequence[str]
+    ) -> None:
+        self._node, self._starts = node, list(starts)
+        self._waiting = list(setpoints)
+        self._publishers = {
+            p.controller: node.advertise(f"{p.controller}/command", Float64MultiArray) for p in setpoints
+        }
+        self._shown, self._started, self._beside = 0.0, False, beside
+        self.bar: Any = None
+
+    def __call__(self, now: float) -> None:
+        """Do what is due at robot time `now` [s]."""
+        if not self._started:
+            self._started = True
+            return
+        while self._starts:
+            self._node.call(self._starts.pop(), TriggerRequest())
+        while self._waiting and now >= self._waiting[0].time - 1e-9:
+            setpoint = self._waiting.pop(0)
+            self._publishers[setpoint.controller].publish(Float64MultiArray(data=list(setpoint.positions)))
+        for one in self._beside:
+            one.advance(now)
+        if self.bar is not None and now - self._shown >= PROGRESS_PERIOD:
+            self.bar.update(round(now - self._shown, 3))
+            self._shown = now
+
+
+@contextlib.contextmanager
+def _interruptible(app: RobotApp) -> Iterator[threading.Event]:
+    """Ctrl-C and SIGTERM end the run after the present cycle, so that log and bag stay whole. Only the main thread gets
+    signals."""
+    interrupt = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield interrupt
+        return
+
+    def stop(_: int, __: FrameType | None) -> None:
+        interrupt.set()
+        app.stop()
+
+    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield interrupt
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -1,0 +1,12 @@
+"""Python package of hric_sweep, installed by catkin."""
+
+from catkin_pkg.python_setup import generate_distutils_setup
+from setuptools import find_packages, setup
+
+setup(
+    **generate_distutils_setup(
+        packages=find_packages("src"),
+        package_dir={"": "src"},
+        package_data={f"hric_sweep.{name}": ["assets/*"] for name in ("benchmark", "page")},
+    )
+)

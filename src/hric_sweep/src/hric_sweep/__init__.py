@@ -1,0 +1,1 @@
+"""Many runs: sweeps, studies, benchmark, approaches, limit speeds and stops."""

@@ -1,0 +1,143 @@
+"""Contacts of a person with a robot: the verdict's findings, and how the arm moved as each contact began."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from hric_analysis.contacts import counted_share
+from hric_assessment.findings import Finding, Outcome
+from hric_assessment.supervisor.arm import ArmShape, ArmState
+from hric_assessment.supervisor.separation import STANDING
+from hric_bags.reader import ControlRecord
+from hric_core.geometry import FloatArray
+
+BEFORE = 0.002
+"""Time before a contact at which the arm's speed is taken: the contact has not changed it yet [s] (project default)."""
+MOVING, STANDING_ARM, PUSHED = "moving", "standing", "pushed"
+"""State of the arm as a contact begins; pushed: it stood until an earlier contact moved it."""
+
+
+@dataclass(frozen=True)
+class ContactEvent:
+    """One contact and its finding.
+
+    Attributes:
+        time, end: first and last touch, robot time [s].
+        subject: bodies that touched, as in the finding.
+        regions: of ISO/TS 15066 that may have been touched.
+        arm: MOVING, STANDING_ARM or PUSHED.
+        arm_speed: speed of the arm's fastest point BEFORE the contact [m/s].
+        speed: speed at which both met [m/s]; None: not known.
+        peak: largest force [N]; NaN: not known.
+        outcome: of the finding.
+        share: of the limit, see `counted_share` [1].
+        reason: of the finding.
+    """
+
+    time: float
+    end: float
+    subject: str
+    regions: str
+    arm: str
+    arm_speed: float
+    speed: float | None
+    peak: float
+    outcome: Outcome
+    share: float
+    reason: str
+
+    @property
+    def above(self) -> bool:
+        """True if the finding is above limits."""
+        return self.outcome == Outcome.ABOVE
+
+    @property
+    def not_assessable(self) -> bool:
+        """True if the finding is neither within nor above limits."""
+        return self.outcome == Outcome.NOT_ASSESSABLE
+
+
+def contact_events(findings: Sequence[Finding], log: ControlRecord, description: str) -> list[ContactEvent]:
+    """Return the contacts in the order in which they began.
+
+    Args:
+        findings: of the verdict's contacts; the one that says that nothing touched the person is left out.
+        log: control log of the robot, every cycle.
+        description: URDF of the robot.
+    """
+    touches = [one for one in findings if not (one.outcome == Outcome.WITHIN and one.share == 0.0)]
+    if not touches:
+        return []
+    arm, events, first = Arm(log, description), list[ContactEvent](), math.inf
+    for finding in sorted(touches, key=lambda one: one.window or (-math.inf, math.inf)):
+        begin, end = finding.window or (float(log.time[0]), float(log.time[-1]))
+        speed = arm.speed(begin - BEFORE)
+        state = STANDING_ARM if speed < STANDING and finding.window else MOVING
+        if state == MOVING and first < begin - BEFORE and arm.speed(first - BEFORE) < STANDING:
+            state = PUSHED
+        first = min(first, begin)
+        events.append(_event(finding, (begin, end), state, speed))
+    return events
+
+
+def _event(finding: Finding, window: tuple[float, float], arm: str, arm_speed: float) -> ContactEvent:
+    values = finding.values
+    peaks = [values.get(f"{part} peak [N]") for part in ("transient", "quasi-static")]
+    return ContactEvent(
+        *window,
+        finding.subject,
+        ", ".join(finding.regions),
+        arm,
+        arm_speed,
+        values.get("speed at which they met [m/s]"),
+        max((peak for peak in peaks if peak is not None), default=math.nan),
+        finding.outcome,
+        counted_share(finding),
+        finding.reason,
+    )
+
+
+class Arm:
+    """Speed of an arm over time.
+
+    Args:
+        log: its control log.
+        description: its URDF.
+    """
+
+    def __init__(self, log: ControlRecord, description: str) -> None:
+        self._log, self._shape = log, shape(description, log.joint_names)
+
+    def speed(self, time: float) -> float:
+        """Return the speed of the fastest point [m/s] at a robot time [s]."""
+        log = self._log
+        at = int(np.clip(np.searchsorted(log.time, time), 0, len(log.time) - 1))
+        velocities: FloatArray = self._shape.at(ArmState(time, log.position[at], log.velocity[at])).velocities
+        return float(np.linalg.norm(velocities, axis=2).max())
+
+
+@cache
+def shape(description: str, joints: tuple[str, ...]) -> ArmShape:
+    """Return the shape of a description, built once per process."""
+    return ArmShape(description, joints)
+
+
+def supervision(states: Sequence[Any]) -> dict[str, float] | None:
+    """Summarise messages hric_msgs/SafetyState; None: there was no supervisor.
+
+    Returns:
+        smallest separation [m], violations: decisions in which the arm moved nearer than it should, stopped and slowed:
+        shares of the time [1].
+    """
+    if not states:
+        return None
+    return {
+        "separation": float(np.nanmin([state.separation for state in states])),
+        "violations": float(sum(state.violation for state in states)),
+        "stopped": float(np.mean([state.state == "stopped" for state in states])),
+        "slowed": float(np.mean([state.state == "slowed" for state in states])),
+    }

@@ -1,0 +1,338 @@
+"""A Dask cluster: chunks of tasks go to its workers, and each worker runs them in a process of its own (`chunks`)."""
+
+import asyncio
+import logging
+import math
+import os
+import pickle
+import platform
+import socket
+import threading
+import uuid
+import warnings
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future
+from contextlib import suppress
+from queue import SimpleQueue
+from typing import Any
+
+from hric_core.errors import HricError
+from hric_sweep import task as runs
+from hric_sweep.engines import chunks
+from hric_sweep.engines.engine import Died, Differs, Lost, Response, Task, arrived, same
+
+CHUNK = 20
+"""Tasks that travel together; fewer only at the end of a batch."""
+OPEN_EACH = 2
+"""Chunks that each worker has open: one that runs, one that waits."""
+CONNECT = 10.0
+"""For the scheduler to respond [s]."""
+WORKERS = 30.0
+"""For the first worker to join [s]."""
+STARTING = 300.0
+"""For all workers to load what they need, and to carry a reference run out [s]."""
+CLOSING = 30.0
+"""For a cluster to end [s]."""
+SCHEMES = ("tcp://", "tls://")
+ON_WORKERS = chunks.__name__
+"""Module of what workers do."""
+
+Part = Sequence[tuple[Task, "Future[Response]"]]
+"""Tasks of a chunk, each with the response to come."""
+
+
+class DaskEngine:
+    """Connects to a cluster.
+
+    Args:
+        address: of its scheduler, tcp://HOST:PORT or tls://HOST:PORT.
+        memory: that a run may take [bytes].
+
+    Raises:
+        HricError: Dask is not installed, no such address, or no scheduler or no worker is there.
+    """
+
+    def __init__(self, address: str, memory: float) -> None:
+        self._connect(address, memory, None)
+
+    @classmethod
+    def local(cls, jobs: int, memory: float) -> "DaskEngine":
+        """A cluster of this machine, reached through its loopback interface alone, which ends with the engine."""
+        distributed = _distributed()
+        cluster = distributed.LocalCluster(
+            n_workers=jobs,
+            threads_per_worker=1,
+            host="127.0.0.1",
+            dashboard_address="127.0.0.1:0",
+            memory_limit=None,
+            silence_logs=logging.CRITICAL,
+        )
+        engine = cls.__new__(cls)
+        engine._connect(cluster.scheduler_address, memory, cluster)
+        return engine
+
+    def _connect(self, address: str, memory: float, cluster: Any) -> None:
+        self._distributed = _distributed()
+        self._address, self._memory, self._cluster = address, memory, cluster
+        self._lock = threading.Lock()
+        self._buffer: list[tuple[Task, Future[Response]]] = []
+        self._open: set[Any] = set()
+        self._ended: SimpleQueue[tuple[Any, Part] | None] = SimpleQueue()
+        self._handshake: chunks.Handshake | None = None
+        self._lost = ""
+        self._client = _client(self._distributed, address)
+        try:
+            self._client.wait_for_workers(1, timeout=WORKERS)
+            self._known = set(self._client.nthreads())
+        except TimeoutError:
+            self.close(now=True)
+            raise HricError(
+                f"the Dask scheduler at {address} has no workers, and none joined within {WORKERS:g} s; valid: start "
+                f"some, on any machine that has this workspace:  scripts/worker {address}"
+            ) from None
+        threading.Thread(target=self._collect, name="collects chunks", daemon=True).start()
+
+    @property
+    def workers(self) -> int:
+        """Of which is known."""
+        return len(self._known)
+
+    @property
+    def window(self) -> int:
+        """See `Engine`."""
+        return OPEN_EACH * CHUNK * self.workers
+
+    # -- tasks ---------------------------------------------------------------------------------------------------------
+
+    def submit(self, task: Task) -> "Future[Response]":
+        """Take a task; it goes with the chunk that it fills, or with `flush`. Raises Lost."""
+        self._check_lost()
+        response: Future[Response] = Future()
+        self._buffer.append((task, response))
+        if len(self._buffer) == CHUNK:
+            self._send(self._buffer)
+            self._buffer = []
+        return response
+
+    def flush(self) -> None:
+        """Send what is there, in equal parts to all workers. Raises Lost."""
+        self._check_lost()
+        size = math.ceil(len(self._buffer) / self.workers)
+        for first in range(0, len(self._buffer), size or 1):
+            self._send(self._buffer[first : first + size])
+        self._buffer = []
+
+    def _send(self, part: Part) -> None:
+        assert self._handshake is not None  # of `check`
+        packed = pickle.dumps(chunks.Chunk([task for task, _ in part], self._handshake))
+        future = self._client.submit(_remote("carry_out"), packed, pure=False)
+        with self._lock:
+            self._open.add(future)
+        future.add_done_callback(lambda done: self._ended.put((done, part)))
+
+    def _collect(self) -> None:
+        """Settle chunks, in a thread of its own: those that ended during one round trip share the next."""
+        going = True
+        while going:
+            ended = arrived(self._ended)
+            going = None not in ended
+            self._settle([one for one in ended if one is not None])
+
+    def _settle(self, ended: Sequence[tuple[Any, Part]]) -> None:
+        with self._lock:
+            self._open.difference_update(done for done, _ in ended)
+        for (done, part), carried in zip(ended, self._fetched([done for done, _ in ended]), strict=True):
+            try:
+                outcomes = self._outcomes(done, carried, len(part))
+            except BaseException as error:
+                outcomes = [error] * len(part)
+            for (_, response), outcome in zip(part, outcomes, strict=True):
+                if isinstance(outcome, BaseException):
+                    response.set_exception(outcome)
+                else:
+                    response.set_result(outcome)
+
+    def _fetched(self, ended: Sequence[Any]) -> Sequence[chunks.Carried | BaseException | None]:
+        """What came of chunks; None: nothing, and their futures say why."""
+        try:
+            return list(self._client.gather(dict(enumerate(ended)), errors="skip").values())
+        except BaseException as error:
+            return [error] * len(ended)
+
+    def _outcomes(
+        self, done: Any, carried: chunks.Carried | BaseException | None, count: int
+    ) -> Sequence[Response | BaseException]:
+        """Raises Lost, Differs; and HricError: a worker that cannot even begin."""
+        if carried is None and done.status == "error":
+            return [self._about(done.exception())] * count
+        if carried is None or self._says_lost(carried):
+            self._lost = f"the Dask scheduler at {self._address} is lost: it ended, or cannot be reached any more"
+            raise Lost(self._lost)
+        if isinstance(carried, BaseException):
+            raise carried
+        if carried.differs:
+            raise Differs(f"worker {carried.worker}, which joined later, differs: {carried.differs}")
+        self._known.add(carried.worker)
+        return carried.outcomes
+
+    def _says_lost(self, carried: chunks.Carried | BaseException) -> bool:
+        """A client that gave the scheduler up fails in whatever it was at, by errors of any type."""
+        if isinstance(carried, self._distributed.client.FutureCancelledError | OSError):
+            return True
+        return isinstance(carried, Exception) and self._client.status != "running"
+
+    def _about(self, error: BaseException) -> HricError:
+        if isinstance(error, self._distributed.scheduler.KilledWorker):
+            return Died("ended one Dask worker after the other")
+        return HricError(f"a worker cannot carry runs out: {_reason(error)}; valid: {self._start()}")
+
+    def _start(self) -> str:
+        return f"workers started by scripts/worker {self._address}, of the same revision"
+
+    def _check_lost(self) -> None:
+        if self._lost:
+            raise Lost(self._lost)
+
+    # -- handshake -----------------------------------------------------------------------------------------------------
+
+    def check(self, reference: Task) -> Response:
+        """All workers carry the reference run out; one that joins later does before its first chunk.
+
+        Raises:
+            Differs: as in `Engine`.
+            HricError: the scheduler is lost meanwhile.
+        """
+        handshake = chunks.Handshake(uuid.uuid4().hex, self._memory, reference)
+        try:
+            found = self._reference_runs(handshake)
+        except HricError:
+            raise
+        except Exception as error:
+            if not self._says_lost(error):
+                raise
+            raise self._lost_in_handshake() from error
+        own = same(found.items(), {**_usual(found), "code": runs.code_version()})
+        self._handshake = chunks.Handshake(handshake.session, self._memory, reference, own)
+        return own
+
+    def _lost_in_handshake(self) -> HricError:
+        return HricError(f"the Dask scheduler at {self._address} was lost during the handshake; valid: start it again")
+
+    def _reference_runs(self, handshake: chunks.Handshake) -> dict[str, Response]:
+        """Responses of all workers by name. Raises Differs, HricError."""
+        self._known = set(self._client.nthreads())
+        packed = pickle.dumps(handshake)
+        asked = {
+            address: self._client.submit(
+                _remote("reference"), packed, workers=[address], allow_other_workers=False, pure=False
+            )
+            for address in self._known
+        }
+        with suppress(TimeoutError, self._distributed.client.FutureCancelledError):
+            self._distributed.wait(list(asked.values()), timeout=STARTING)
+        ended = [address for address, future in asked.items() if future.status == "finished"]
+        responses: list[Response] = self._client.gather([asked[address] for address in ended])
+        found = {f"{address} ({one['host']})": one for address, one in zip(ended, responses, strict=True)}
+        told = []
+        for address, future in asked.items():
+            if future.status == "error":
+                told.append(f"{address}: {_reason(future.exception())}")
+            elif future.status == "pending":
+                told.append(f"{address}: no response within {STARTING:g} s")
+            elif future.status != "finished":
+                raise self._lost_in_handshake()
+        if told:
+            raise Differs(
+                "\n  ".join(["workers cannot carry the reference run out:", *told, f"valid: {self._start()}"])
+            )
+        return found
+
+    def close(self, *, now: bool) -> None:
+        """Leave the cluster, and end it if it is this machine's; `now`: nobody waits for what is open."""
+        with self._lock:
+            left = list(self._open)
+        with suppress(Exception):  # whatever goes wrong at the end, nothing is lost any more
+            if now and left and not self._lost:
+                self._client.cancel(left, force=True)
+        self._ended.put(None)
+        with suppress(Exception):
+            self._client.close(timeout=CLOSING)
+        if self._cluster is not None:
+            with suppress(Exception):
+                self._cluster.close(timeout=CLOSING)
+
+
+def _remote(name: str) -> Callable[[bytes], Any]:
+    """A function of ON_WORKERS as one that only workers import: the scheduler reads tasks, and may be anywhere."""
+    module = ON_WORKERS
+
+    def carried(packed: bytes) -> Any:
+        import importlib
+
+        return getattr(importlib.import_module(module), name)(packed)
+
+    return carried
+
+
+def _usual(found: Mapping[str, Response]) -> Response:
+    """The response of most workers."""
+    usual = Counter(response["state_sha256"] for response in found.values()).most_common(1)[0][0]
+    return next(response for response in found.values() if response["state_sha256"] == usual)
+
+
+def _reason(error: BaseException) -> str:
+    if isinstance(error, Differs):
+        return "its code was changed since it was started; valid: start it again"
+    while error.__cause__ is not None:
+        error = error.__cause__
+    return " ".join(f"{type(error).__name__}: {error}".split())
+
+
+def _client(distributed: Any, address: str) -> Any:
+    """Raises HricError: nothing there that is a scheduler."""
+    if not address.startswith(SCHEMES):
+        raise HricError(f"--dask {address}: no address; valid: local, tcp://HOST:PORT or tls://HOST:PORT")
+    try:
+        where = distributed.comm.get_address_host_port(address, strict=True)
+    except ValueError:
+        raise HricError(f"--dask {address}: no address; valid: tcp://HOST:PORT, such as tcp://10.0.0.1:8786") from None
+    security = distributed.Security()
+    try:
+        with socket.create_connection(where, CONNECT):
+            found = asyncio.run(asyncio.wait_for(_identity(distributed, address, security), CONNECT))
+    except (OSError, OverflowError) as error:
+        why = "what listens there says nothing" if isinstance(error, TimeoutError) else str(error)
+    except Exception as error:  # of any kind: whatever is there may send whatever
+        why = str(error) if "TLS" in str(error) else "what listens there speaks otherwise"
+    else:
+        if found.get("type") == "Scheduler":
+            name = f"hric-{platform.node()}-{os.getpid()}"
+            return distributed.Client(address, security=security, timeout=CONNECT, name=name)
+        why = f"a {found.get('type')} is there"
+    raise HricError(
+        f"no Dask scheduler responds at {address}: {' '.join(why.split())}; valid: start one there (scripts/scheduler) "
+        "and name the address it prints"
+    )
+
+
+async def _identity(distributed: Any, address: str, security: Any) -> Mapping[str, Any]:
+    """What a program of Dask's says of itself."""
+    arguments = security.get_connection_args("client")
+    async with distributed.rpc(address, timeout=CONNECT, connection_args=arguments) as peer:
+        found: Mapping[str, Any] = await peer.identity()
+        return found
+
+
+def _distributed() -> Any:
+    """Raises HricError: it is not installed."""
+    os.environ.setdefault("DASK_LOGGING__DISTRIBUTED", "critical")  # of the processes that it starts
+    try:
+        import distributed  # here: it is an extra part of the set-up
+    except ImportError:
+        raise HricError("--dask needs Dask, which is not installed:  scripts/setup --with cluster") from None
+    for name in ("distributed", "tornado", "asyncio", *logging.root.manager.loggerDict):
+        if name.split(".")[0] in ("distributed", "tornado", "asyncio"):
+            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+    warnings.filterwarnings("ignore", module="distributed")
+    return distributed

@@ -1,0 +1,104 @@
+"""Outputs of a run: numbers at paths of its metrics, and of what it adds to them for sweeps.
+
+A path has the keys of metrics.json with dots between them; `*` is all items of a list or a mapping, and
+`reduce` makes one number of them; a number that is not known (NaN) makes the result not known. Three keys are of sweeps
+alone: `impact`, contacts of a person as the verdict judges them, `supervision`, decisions of a supervisor, and
+`collaboration`, numbers by which the benchmark compares controllers.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hric_analysis.values import KEYS
+from hric_core.errors import HricError, ParameterError
+from hric_core.parameters import Settings, choice, number, text
+
+IMPACT, SUPERVISION, COLLABORATION = "impact", "supervision", "collaboration"
+GROUPS = (*KEYS, IMPACT, SUPERVISION, COLLABORATION)
+REDUCE: dict[str, Callable[[Sequence[float]], float]] = {
+    "max": max,
+    "min": min,
+    "mean": lambda found: float(np.mean(found)),
+    "sum": math.fsum,
+    "largest": lambda found: max(map(abs, found)),
+    "first": lambda found: found[0],
+    "last": lambda found: found[-1],
+}
+COUNT = "count"
+
+
+@dataclass(frozen=True)
+class Output(Settings):
+    """One number of each run."""
+
+    separator = "."
+    path: str = text(empty=False, text="of the value in the run's metrics; `*`: all items of a list or mapping")
+    reduce: str = choice(
+        *REDUCE, COUNT, default="max", text="one number of several; largest: in absolute value; count: how many"
+    )
+    otherwise: float | None = number(
+        None, text="where the run has no such value, such as a peak without a contact; none: not a number"
+    )
+    unit: str = text("", text="of the number, for table and page")
+    text: str = text("", text="what it is, for people")
+
+    def check(self, where: str) -> None:
+        """Refuse a path whose first key no run has."""
+        group = self.path.split(".")[0]
+        if group not in GROUPS:
+            raise ParameterError(f"{where}path: {group!r} is not in the metrics of a run; valid: {', '.join(GROUPS)}")
+
+    @property
+    def group(self) -> str:
+        """First key."""
+        return self.path.split(".")[0]
+
+    def measured(self, values: Mapping[str, Any]) -> float:
+        """Return the number; NaN: the run has none and `otherwise` is not set, or one of several is not known.
+
+        Raises:
+            HricError: an item is not a number, or the path has a key that no run has.
+        """
+        items = [item for item in walk(values, self.path.split("."), self.path) if item is not None]
+        if self.reduce == COUNT:
+            return float(len(items))
+        for item in items:
+            if not isinstance(item, bool | int | float):
+                raise HricError(f"output {self.path} is {type(item).__name__}, no number{_keys(item)}")
+        if not items:
+            return math.nan if self.otherwise is None else self.otherwise
+        numbers = [float(item) for item in items]
+        return math.nan if any(map(math.isnan, numbers)) else float(REDUCE[self.reduce](numbers))
+
+
+def walk(value: Any, path: Sequence[str], whole: str) -> Iterator[Any]:
+    """What is at a path; a key may have dots itself, as a tolerance has. None where a run has no such part.
+
+    Raises:
+        HricError: a mapping has other keys.
+    """
+    if not path or value is None:
+        yield value
+        return
+    head, rest = path[0], path[1:]
+    if head == "*" and isinstance(value, Mapping | list | tuple):
+        for item in value.values() if isinstance(value, Mapping) else value:
+            yield from walk(item, rest, whole)
+    elif isinstance(value, Mapping):
+        for length in range(1, len(path) + 1):
+            if (key := ".".join(path[:length])) in value:
+                yield from walk(value[key], path[length:], whole)
+                return
+        raise HricError(f"output {whole}: no {'.'.join(path)!r}{_keys(value)}")
+    elif isinstance(value, list | tuple) and head.lstrip("-").isdigit():
+        yield from walk(value[int(head)] if int(head) < len(value) else None, rest, whole)
+    else:
+        raise HricError(f"output {whole}: {head!r} of {type(value).__name__}; valid: an index, or *")
+
+
+def _keys(value: Any) -> str:
+    return f"; valid: {', '.join(map(str, value))}" if isinstance(value, Mapping) else ""

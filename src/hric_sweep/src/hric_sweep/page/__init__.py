@@ -1,0 +1,1 @@
+"""Page of a sweep, each part in a module of its own; `build` writes it."""

@@ -1,0 +1,84 @@
+"""What the browser draws: the columns of all runs, or of a seeded sample of them, as typed arrays."""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from hric_core.geometry import FloatArray
+from hric_report.html.scene import Blob
+from hric_sweep.page.lists import WORST
+from hric_sweep.page.sample import Sample
+from hric_sweep.page.sensitivity import Ranks
+from hric_sweep.page.study import OUTPUT, VARIABLE, Study
+
+VALUES = 2_600_000
+"""Numbers of all columns together; as single precision in base64 they are 14 MB, so that a page stays below 20 MB with
+the names of its runs. Project default, unconfirmed."""
+SEED = 0
+AXES, PAIRS = 12, 8
+"""Columns that are drawn at first, and in the scatter matrix. Project default, unconfirmed."""
+DECADES = 2.5
+"""From so many on, and where all are positive, an output's axis is logarithmic."""
+
+
+def chosen(study: Study) -> npt.NDArray[np.intp]:
+    """Rows that are drawn: all, or a sample by seed and the worst ones; rising."""
+    columns = (
+        len(study.named(VARIABLE)) + len(study.named(OUTPUT)) + 7
+    )  # kind, index, counts, and 17 letters of the name
+    drawn = VALUES // columns
+    if study.runs <= drawn:
+        return np.arange(study.runs)
+    sample = np.random.default_rng(SEED).choice(study.runs, drawn, replace=False)
+    return np.unique(np.concatenate([sample, study.order_of_worst[0][:WORST]]))
+
+
+def said(study: Study, rows: npt.NDArray[np.intp]) -> str:
+    """Of the caption: how many runs are drawn."""
+    if len(rows) == study.runs:
+        return f"All {study.runs} runs are drawn."
+    return f"Drawn: a sample of {len(rows)} of {study.runs} runs by seed {SEED}, the worst {WORST} among them."
+
+
+def counts(sample: Sample, rows: npt.NDArray[np.intp], blob: Blob) -> Any:
+    """What each drawn run counts in a distribution, for the scripts; None: all alike, or nothing."""
+    return blob.add(sample.counts[rows], "f4") if np.any(sample.counts[rows] != 1.0) else None
+
+
+def columns(study: Study, rows: npt.NDArray[np.intp], rank: Ranks, blob: Blob) -> list[dict[str, Any]]:
+    """The columns for the scripts; rank: correlations of each column with others, by name."""
+    names = [*study.named(VARIABLE), *study.named(OUTPUT)]
+    # The counted output is drawn at first, however many there are.
+    order = sorted(names, key=lambda name: study.limit is None or study.limit.output != name)
+    on = set([name for name in order if not study.constant(name)][:AXES])
+    return [_column(study, name, rows, rank.get(name, {}), name in on, blob) for name in names]
+
+
+def _column(
+    study: Study, name: str, rows: npt.NDArray[np.intp], rank: dict[str, tuple[float, float]], on: bool, blob: Blob
+) -> dict[str, Any]:
+    values, labels = study.numbers(name)
+    about, limit = study.about[name], study.limit
+    return {
+        "name": name,
+        "role": about.role,
+        "unit": about.unit,
+        "text": about.text,
+        "labels": labels,
+        "log": not labels and _logarithmic(study, name, values),
+        "limit": limit.bound if limit is not None and limit.output == name else None,
+        "rank": {other: value for other, (value, _) in rank.items()},
+        "on": on,
+        "values": blob.add(values[rows], "f4"),
+    }
+
+
+def _logarithmic(study: Study, name: str, values: FloatArray) -> bool:
+    known = values[np.isfinite(values)]
+    if not len(known) or known.min() <= 0.0:
+        return False
+    if study.about[name].role == VARIABLE:
+        given = (study.section.get("vary") or {}).get(name) or {}
+        return (given.get("distribution") or {}).get("kind") in ("log_uniform", "log_normal")
+    return bool(np.log10(known.max() / known.min()) > DECADES)

@@ -1,0 +1,134 @@
+"""The probability of exceeding the limit in one line, with its interval and what kind of interval it is."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from hric_report.html.tables import Table, escape, number, render
+from hric_sweep.page.study import EXCEEDED, FAILED, VARIABLE, Study
+from hric_sweep.page.words import CROSS_ENTROPY, GRID, LIST, RANDOM, SALTELLI, SPREAD, TPE
+from hric_sweep.statistics.intervals import LEVEL, clopper_pearson
+
+APART = 6
+"""Values of a variable that are counted apart. Project default, unconfirmed."""
+KIND = ("Clopper-Pearson.", "Clopper-Pearson as of independent points, an estimate that is usually too wide.")
+TRUSTED = 20.0
+"""Effective number of runs that exceeded, from which the interval of importance sampling covers as often as it says
+(docs/concepts/rare_events.md)."""
+DESIGNED = {
+    GRID: "The points were chosen, not drawn",
+    LIST: "The points were chosen, not drawn",
+    TPE: "The points were searched for the worst, not drawn",
+    SALTELLI: "Runs of this design share values with each other",
+}
+"""Samplers whose runs count nothing, and why."""
+
+
+def part(study: Study) -> str:
+    """HTML."""
+    if study.limit is None:
+        return "<p>No limit is given, so nothing is counted.</p>"
+    value, *notes = lines(study, "given the distributions below")
+    below = "".join(f"<p>{escape(note)}</p>" for note in notes if note)
+    return f"<div class=estimate><p class=value>{escape(value)}</p>{below}</div>{_apart(study)}"
+
+
+def condition(study: Study) -> str:
+    """What is counted, e.g. "peak > 140 N"; "exceeded" where nothing is."""
+    limit = study.limit
+    if limit is None:
+        return "exceeded"
+    unit = study.about[limit.output].unit if limit.output in study.about else ""
+    return f"{limit.output} {limit.sign} {limit.bound:g}{' ' + unit if unit else ''}"
+
+
+def lines(study: Study, given: str) -> list[str]:
+    """The line, and notes to it, some of them empty; of a study with a limit. given: what the probability is of."""
+    exceeded, failed = int((study.kinds == EXCEEDED).sum()), int((study.kinds == FAILED).sum())
+    if study.sampler in DESIGNED:
+        why = f"{DESIGNED[study.sampler]}: this is no probability, and has no interval."
+        return [f"{condition(study)} in {exceeded} of {study.runs - failed} runs", why]
+    of = f"P({condition(study)} {given})"
+    found = study.estimate or _counted(study, exceeded, failed)
+    if found is None:
+        return [
+            f"{of}: not known yet",
+            "It is estimated when the first runs, or the levels of the sampler, are done.",
+        ]
+    level = f"{100.0 * found['level']:g} % interval"
+    low, high = number(found["low"], 3), number(found["high"], 3)
+    if found["probability"] > 0.0:
+        line = f"{of} = {number(found['probability'], 3)}, {level} {low} to {high}"
+    else:
+        line = f"{of}: no run exceeded, {level} {low} to {high}"
+    return [line, _method(study, found), _failed(int(found["failed"])), _check(found.get("check"))]
+
+
+def _counted(study: Study, exceeded: int, failed: int) -> dict[str, Any] | None:
+    """Of runs that are drawn, until the sampler says it; None: there is none, or the runs have weights."""
+    if study.sampler not in (RANDOM, *SPREAD) or study.runs == failed:
+        return None
+    low, high = clopper_pearson(exceeded, study.runs).low, clopper_pearson(exceeded + failed, study.runs).high
+    counts = {"runs": study.runs, "exceeded": exceeded, "failed": failed, "ess": float(exceeded)}
+    share = exceeded / (study.runs - failed)
+    return {"probability": share, "low": low, "high": high, "level": LEVEL, "method": "Clopper-Pearson", **counts}
+
+
+def _apart(study: Study) -> str:
+    """HTML of a table for each variable of words: how often each value exceeds, given the rest of the distributions."""
+    if study.sampler not in (RANDOM, *SPREAD):
+        return ""
+    head = (
+        "runs that did not fail",
+        "exceeded",
+        "probability",
+        f"{100.0 * LEVEL:g} % interval, failed runs either way",
+    )
+    found = ""
+    for name in study.named(VARIABLE):
+        codes, labels = study.numbers(name)
+        if 1 < len(labels) <= APART:
+            rows = tuple((label, *_of_one(study, codes == code)) for code, label in enumerate(labels))
+            found += render(Table(f"By {name}", (name, *head), rows, KIND[study.sampler in SPREAD]))
+    return found
+
+
+def _of_one(study: Study, chosen: npt.NDArray[np.bool_]) -> tuple[str, ...]:
+    """Cells of runs that are chosen by one value."""
+    runs, kinds = int(chosen.sum()), study.kinds[chosen]
+    exceeded, failed = int((kinds == EXCEEDED).sum()), int((kinds == FAILED).sum())
+    low, high = clopper_pearson(exceeded, runs).low, clopper_pearson(exceeded + failed, runs).high
+    share = number(exceeded / (runs - failed), 3) if runs > failed else "-"
+    return str(runs - failed), str(exceeded), share, f"{number(low, 3)} to {number(high, 3)}"
+
+
+def _method(study: Study, found: Mapping[str, Any]) -> str:
+    runs = f"{found['exceeded']} of {found['runs'] - found['failed']} runs exceeded"
+    method = str(found["method"])
+    said = f"{method[:1].upper()}{method[1:]}; {runs}."
+    if study.weighted:
+        said += f" Runs have weights: effective number of those that exceeded {number(float(found['ess']), 3)}."
+        if study.sampler == CROSS_ENTROPY and found["ess"] < TRUSTED:
+            said += f" Below about {TRUSTED:g} the interval is not to be trusted: more runs are needed."
+    if study.sampler in SPREAD:
+        said += (
+            " The points are spread evenly, not drawn one by one: the interval is that of independent points, an "
+            "estimate that is usually too wide."
+        )
+    return said
+
+
+def _failed(failed: int) -> str:
+    if not failed:
+        return ""
+    return f"Failed: {failed}. The interval's lower end takes them as not exceeding, its upper end as exceeding."
+
+
+def _check(check: Mapping[str, Any] | None) -> str:
+    if not check:
+        return ""
+    ends = f"{number(check['low'], 3)} to {number(check['high'], 3)}"
+    agrees = "agrees" if check["agrees"] else "DOES NOT AGREE"
+    return f"Plain Monte Carlo beside it: {check['exceeded']} of {check['runs']} runs, {ends}; it {agrees}."

@@ -1,0 +1,64 @@
+"""What each run counts for as a sample of the distributions, or why the runs are none."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hric_core.geometry import FloatArray
+from hric_report.html.tables import number
+from hric_sweep.page.study import Study
+from hric_sweep.page.words import CROSS_ENTROPY, RANDOM, SPREAD, SUBSET, TPE
+from hric_sweep.statistics.intervals import effective_size
+
+FEWEST = 10.0
+"""Effective number of runs below which weights say nothing of a distribution. Project default, unconfirmed."""
+
+
+@dataclass(frozen=True)
+class Sample:
+    """The runs as a sample of the distributions.
+
+    Attributes:
+        counts: what each run counts, shape (runs,); 0: it is not in the sample.
+        independent: whether the runs in it are drawn one by one, or spread more evenly than that.
+        note: what is to be said of it; "": nothing.
+        refused: why the runs are no sample; "": they are one.
+    """
+
+    counts: FloatArray
+    independent: bool
+    note: str = ""
+    refused: str = ""
+
+    @property
+    def weighted(self) -> bool:
+        """Whether runs in it count differently."""
+        inside = self.counts[self.counts > 0.0]
+        return bool(np.any(inside != inside[:1]))
+
+
+def of(study: Study) -> Sample:
+    """The sample that a sweep is.
+
+    Weights of importance sampling are likelihood ratios, batch by batch, so that averages with them are those of the
+    distributions. Points that the chains of subset simulation try are of no known distribution: its first level is one.
+    """
+    if study.sampler == TPE:
+        why = "The points were searched for the worst, not drawn: among them nothing is spread as the distributions are"
+        return Sample(np.zeros(study.runs), independent=False, refused=f"{why}.")
+    if study.sampler == SUBSET:
+        first = np.asarray(study.columns["batch"]) == 0
+        note = f"Of the {first.sum()} runs of the first level alone, which are drawn from the distributions themselves."
+        return Sample(first.astype(float), independent=True, note=note)
+    if study.sampler == CROSS_ENTROPY and study.weighted:
+        return _weighted(study)
+    return Sample(np.ones(study.runs), independent=study.sampler in (RANDOM, CROSS_ENTROPY, *SPREAD))
+
+
+def _weighted(study: Study) -> Sample:
+    size = effective_size(study.weights)
+    if size < FEWEST:
+        why = f"By their weights the {study.runs} runs are worth {number(size, 2)} runs drawn from the distributions"
+        return Sample(study.weights, independent=True, refused=f"{why}: too few to say how anything is spread in them.")
+    note = f"Runs count by their weights; together they are worth {number(size, 3)} runs drawn from the distributions."
+    return Sample(study.weights, independent=True, note=note)

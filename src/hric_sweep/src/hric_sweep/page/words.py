@@ -1,0 +1,98 @@
+"""What a sweep varied and by what sampler, in words and as a table."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from hric_report.html.tables import Table, number
+from hric_sweep.page.study import VARIABLE, Study
+
+RANDOM, GRID, LIST, TPE, SALTELLI = "random", "grid", "list", "tpe", "saltelli"
+CROSS_ENTROPY, SUBSET = "cross_entropy", "subset"
+SPREAD = ("sobol", "lhs")
+SAMPLERS: Mapping[str, str] = {
+    RANDOM: "drawn at random, each run by itself",
+    "sobol": "scrambled Sobol points, spread evenly over the distributions",
+    "lhs": "a Latin hypercube, spread evenly over each distribution",
+    SALTELLI: "Saltelli's design for Sobol indices",
+    GRID: "a grid: every value with every other",
+    LIST: "a list of given points",
+    TPE: "a search for the worst case (TPE), which samples no distribution",
+    CROSS_ENTROPY: "importance sampling by the cross-entropy method, weighted back to the distributions",
+    SUBSET: "subset simulation, level by level towards the limit",
+}
+"""What each does, after its name."""
+
+
+def figure(value: Any, digits: int = 4) -> str:
+    """A number for a reader, also an infinite one: a share of a limit of 0 is."""
+    if isinstance(value, float) and math.isinf(value):
+        return "infinite" if value > 0.0 else "minus infinite"
+    return number(value, digits)
+
+
+def sampler(study: Study) -> str:
+    """By what the points were chosen."""
+    settings = dict(study.section.get("sampler") or {})
+    settings.pop("kind", None)
+    given = "".join(f", {key} {number(value)}" for key, value in settings.items() if value is not None)
+    seeds = {
+        "common": "; all runs share one seed (common random numbers)",
+        "each": "; each run has a seed of its own",
+    }.get(str(study.section.get("seeds", "")), "")
+    kind = study.sampler
+    return f"{kind}: {SAMPLERS[kind]}{given}{seeds}" if kind in SAMPLERS else f"{kind or 'unknown'}{given}{seeds}"
+
+
+def distribution(settings: Mapping[str, Any]) -> str:
+    """A distribution in words; settings: as in the definition."""
+    given = {key: value for key, value in settings.items() if value is not None}
+    kind = str(given.pop("kind", ""))
+    low, high = given.pop("low", None), given.pop("high", None)
+    if kind in ("uniform", "log_uniform", "triangular"):
+        rest = _rest(given)
+        return f"{kind.replace('_', '-')}, {number(low)} to {number(high)}{rest}"
+    cut = [f"{word} {number(bound)}" for word, bound in (("from", low), ("to", high)) if bound is not None]
+    ends = f", truncated {' '.join(cut)}" if cut else ""
+    if kind == "population":
+        of, quantity = given.pop("of", ""), given.pop("quantity", "")
+        return f"{quantity} of the population {of}, by percentile{_rest(given)}{ends}"
+    return f"{kind.replace('_', '-')}{_rest(given)}{ends}"
+
+
+def _rest(given: Mapping[str, Any]) -> str:
+    return "".join(f", {key.replace('_', ' ')} {_value(value)}" for key, value in given.items())
+
+
+def _value(value: Any) -> str:
+    return ", ".join(_value(item) for item in value) if isinstance(value, list) else number(value)
+
+
+def varied(study: Study) -> Table:
+    """The variables with their distributions."""
+    settings: Mapping[str, Any] = study.section.get("vary") or {}
+    rows = []
+    for name in study.named(VARIABLE):
+        given = settings.get(name) or {}
+        paths = given.get("paths") or ()
+        about = study.about[name]
+        shown = distribution(given.get("distribution") or {}) if given.get("distribution") else "-"
+        rows.append(
+            (
+                name,
+                about.unit or ("-" if study.numbers(name)[1] else "1"),
+                shown,
+                about.text,
+                ", ".join(map(str, paths)),
+            )
+        )
+    head = ("variable", "unit", "distribution", "what it is", "sets")
+    return Table("", head, tuple(rows), _correlations(study))
+
+
+def _correlations(study: Study) -> str:
+    pairs = study.section.get("correlation") or ()
+    if not pairs:
+        return "The variables are independent of each other."
+    said = ", ".join(f"{a} with {b} {number(value)}" for a, b, value in pairs)
+    return f"Correlated in their normal scores (Gaussian copula): {said}; the others are independent."

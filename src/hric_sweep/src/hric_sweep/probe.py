@@ -1,0 +1,117 @@
+"""Runs before a sweep: each variable at both ends and in the middle, the others in the middle. A variable that changes
+no output, or whose values the experiment refuses, ends the sweep before it has begun.
+
+Cost: two runs for each variable and one for all, with one seed.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hric_core.errors import ParameterError, message_about
+from hric_core.parameters import Mistakes
+from hric_run.definition.experiment import ExperimentError
+from hric_sweep.definition import Plan
+from hric_sweep.engines.engine import Died, Engine, Response, TimedOut
+from hric_sweep.supervisor import make_task
+from hric_sweep.task import REFUSED
+from hric_sweep.variables import Variable
+
+ENDS = (0.01, 0.99)
+"""Percentiles that are tried, as shares; project default, unconfirmed: further out a distribution may have no end."""
+MAX_REFUSED = 1
+"""Refused values of the three of a variable that a sweep goes on with: they are runs that failed."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One run of the probe: value of its variable, and what it gave."""
+
+    value: Any
+    response: Response
+
+    @property
+    def result(self) -> tuple[Any, ...]:
+        """What is compared: outputs, and why it failed."""
+        return *self.response["outputs"].items(), self.response["failure"]
+
+
+def probe(plan: Plan, engine: Engine, code: str) -> list[str]:
+    """Try all variables.
+
+    Args:
+        plan: the sweep.
+        engine: carries the runs out.
+        code: version of the code.
+
+    Returns:
+        warnings for people.
+
+    Raises:
+        ExperimentError: names the variables that change no output, and those whose values are refused.
+    """
+    middle = plan.middle()
+    points = {name: ends for name, variable in plan.section.vary.items() if (ends := _ends(variable))}
+    runs = [middle, *({**middle, name: value} for name, ends in points.items() for value in ends)]
+    responses = iter(_responses(plan, engine, code, runs))
+    central, mistakes, warnings = next(responses), Mistakes(), []
+    for name, (low, high) in points.items():
+        trials = [Trial(low, next(responses)), Trial(middle[name], central), Trial(high, next(responses))]
+        with mistakes.noted():
+            warnings += _judged(plan, name, trials)
+    try:
+        mistakes.raise_all()
+    except ParameterError as error:
+        raise ExperimentError(message_about(f"sweep {plan.name}", error)) from error
+    return warnings
+
+
+def runs_of(plan: Plan) -> int:
+    """Return how many runs the probe takes."""
+    return 1 + 2 * sum(bool(_ends(variable)) for variable in plan.section.vary.values())
+
+
+def _ends(variable: Variable) -> tuple[Any, Any] | None:
+    """The first and the last value; None: it has one value only."""
+    distribution = variable.distribution
+    values = distribution.ppf(distribution.middles if distribution.discrete else np.array(ENDS))
+    last = next((value for value in reversed(values) if value != values[0]), None)
+    return None if last is None else (values[0], last)
+
+
+def _responses(plan: Plan, engine: Engine, code: str, runs: list[dict[str, Any]]) -> list[Response]:
+    tasks = [{**make_task(plan, 0, values, code), "index": index} for index, values in enumerate(runs)]
+    futures = [engine.submit(task) for task in tasks]
+    engine.flush()
+    responses = []
+    for future, task in zip(futures, tasks, strict=True):
+        try:
+            responses.append(future.result())
+        except (Died, TimedOut) as error:  # it has an effect, if not a good one
+            responses.append({"outputs": dict.fromkeys(task["outputs"]), "failure": str(error), "state_sha256": ""})
+    return responses
+
+
+def _judged(plan: Plan, name: str, trials: list[Trial]) -> list[str]:
+    """Warnings about a variable. Raises ParameterError."""
+    refused = [trial for trial in trials if trial.response.get(REFUSED)]
+    if len(refused) > MAX_REFUSED:
+        first = refused[0]
+        raise ParameterError(f"sweep.vary.{name} at {_short(first.value)}: {first.response['failure']}")
+    if any(trial.result != trials[0].result for trial in trials):
+        return []
+    tried = ", ".join(_short(trial.value) for trial in trials)
+    paths, outputs = ", ".join(plan.section.vary[name].paths), ", ".join(plan.section.outputs)
+    text = f"sweep.vary.{name} ({paths}) changes none of the outputs {outputs} at {tried}"
+    moved = {trial.response["state_sha256"] for trial in trials}
+    if plan.section.exceedance is not None and len(moved) > 1:  # what is counted may happen in between
+        return [f"{text}, though the motion"]
+    raise ParameterError(f"{text}; valid: another path, an output that it changes, or one value in changes")
+
+
+def _short(value: Any) -> str:
+    return (
+        f"{value:.6g}" if isinstance(value, float) else repr(value) if isinstance(value, str | Mapping) else str(value)
+    )

@@ -1,0 +1,183 @@
+"""Importance sampling by cross-entropy: what is drawn moves to where the limit is exceeded, and weights put it right.
+
+Half of the batches at most adapt: each fits the proposal to all points so far whose margin is among the highest, until
+enough exceed the limit. The other batches are drawn from that one proposal and alone make the estimate, so that it is
+unbiased; a tenth of each is drawn from the distributions themselves, which bounds the weights and checks the estimate.
+
+Sources: Rubinstein & Kroese, The Cross-Entropy Method, 2004; de Boer et al., Ann. Oper. Res. 134:19, 2005.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import logsumexp, ndtr
+
+from hric_core.errors import HricError
+from hric_core.parameters import Settings, refused, whole
+from hric_sweep.samplers.mixture import DEFENSIVE, Proposal, fit, log_normal
+from hric_sweep.samplers.sampler import CrossCheck, Estimate, Point, Told, in_order
+from hric_sweep.space import EDGE, Space
+from hric_sweep.statistics.intervals import LEVEL, clopper_pearson, effective_size, log_interval
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+BATCHES = 10
+"""Of a sweep, where the size of a batch is not given (project default)."""
+SMALLEST_BATCH = 20
+ADAPTING = 0.5
+"""Largest share of the batches that adapt [1]."""
+ELITE, FEWEST = 0.2, 20
+"""Points that a proposal is fitted to: share of a batch, and how many at least (project defaults)."""
+METHOD = "importance sampling, t interval of the logarithm"
+
+
+@dataclass(frozen=True)
+class CrossEntropy(Settings):
+    """Rare exceedance, with weights. Finds a few separate regions of failure; for many or curved ones use subset."""
+
+    batch: int | None = whole(
+        None, minimum=SMALLEST_BATCH, text="runs of a batch; none: a tenth of all", default_text="runs / 10"
+    )
+
+    def sampler(self, space: Space, runs: int | None, seed: int) -> "CrossEntropySampler":
+        """Raises ParameterError: too few runs for four batches."""
+        if runs is None or runs < 4 * (self.batch or SMALLEST_BATCH):
+            fewest = 4 * (self.batch or SMALLEST_BATCH)
+            raise refused("sweep.runs", runs, f"a whole number of {fewest} or more with the sampler cross_entropy")
+        return CrossEntropySampler(len(space.names), runs, self.batch or max(SMALLEST_BATCH, runs // BATCHES), seed)
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Points of one draw and what they gave.
+
+    Attributes:
+        z: normal scores, shape (m, n).
+        plain: how many of them, the first ones, are drawn from the distributions themselves.
+        proposal: of the others; None: there are none.
+        weights: likelihood ratios, shape (m,).
+        margins: output less limit, -inf where the run failed, shape (m,).
+        exceeded, failed: shape (m,).
+    """
+
+    z: FloatArray
+    plain: int
+    proposal: Proposal | None
+    weights: FloatArray
+    margins: FloatArray = field(default_factory=lambda: np.zeros(0))
+    exceeded: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    failed: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+
+
+class CrossEntropySampler:
+    """See the module.
+
+    Args:
+        n: variables.
+        runs: at most.
+        batch: runs of a batch; the last one has the rest, too.
+        seed: of all that is drawn.
+    """
+
+    def __init__(self, n: int, runs: int, batch: int, seed: int) -> None:
+        self.total = runs
+        self._n, self._batch, self._seed = n, batch, seed
+        self._count = runs // batch
+        self._adapting: list[Batch] = []
+        self._final: list[Batch] = []
+        self._open: Batch | None = None
+        self._proposal: Proposal | None = None
+        self._near, self._adapted = False, False
+
+    def ask(self) -> Sequence[Point]:
+        """See `Sampler`."""
+        index = len(self._adapting) + len(self._final)
+        if index == self._count:
+            return []
+        size = self._batch if index < self._count - 1 else self.total - index * self._batch
+        random = np.random.default_rng([self._seed, index])
+        if self._proposal is None:
+            self._open = Batch(random.standard_normal((size, self._n)), size, None, np.ones(size))
+        else:
+            plain = round(DEFENSIVE * size)
+            z = np.concatenate([random.standard_normal((plain, self._n)), self._proposal.draw(size - plain, random)])
+            self._open = Batch(z, plain, self._proposal, np.exp(self._proposal.log_weights(z, plain / size)))
+        u = np.clip(ndtr(self._open.z), EDGE, 1.0 - EDGE).tolist()
+        return [Point(tuple(row), weight) for row, weight in zip(u, self._open.weights.tolist(), strict=True)]
+
+    def tell(self, results: Sequence[Told]) -> None:
+        """See `Sampler`. Raises HricError: results without a margin."""
+        if self._open is None:
+            raise HricError("results were given before points; valid: those of a batch that was drawn")
+        first = sum(len(one.z) for one in (*self._adapting, *self._final))
+        in_order(results, first, len(self._open.z))
+        done, self._open = with_results(self._open, results), None
+        if self._adapted:
+            self._final.append(done)
+            return
+        self._adapting.append(done)
+        self._adapt()
+
+    def _adapt(self) -> None:
+        """Fit the proposal to the best points so far; once it was fitted to exceedances twice, it stays."""
+        z = np.concatenate([one.z for one in self._adapting])
+        margins = np.concatenate([one.margins for one in self._adapting])
+        elite = max(round(ELITE * self._batch), FEWEST)
+        level = min(float(np.sort(margins)[-elite]), 0.0)
+        best = (margins >= level) & (margins > -np.inf)
+        if np.any(best):
+            self._proposal = fit(z[best], np.exp(self._log_weights(z[best])))
+        reached = level >= 0.0
+        used_up = len(self._adapting) >= max(1, round(ADAPTING * self._count))
+        self._adapted = self._proposal is not None and (used_up or (reached and self._near))
+        self._near = reached
+
+    def _log_weights(self, z: FloatArray) -> FloatArray:
+        """Likelihood ratios of points of all adapting batches together, against the mixture of their proposals."""
+        plain = log_normal(z)
+        densities, sizes = [], []
+        for one in self._adapting:
+            share = one.plain / len(one.z)
+            densities.append(plain if one.proposal is None else plain - one.proposal.log_weights(z, share))
+            sizes.append(len(one.z))
+        weights: FloatArray = plain - logsumexp(densities, axis=0, b=np.array(sizes)[:, None] / sum(sizes))
+        return weights
+
+    def estimate(self) -> Estimate | None:
+        """From the batches after the adaptation; None until there is one."""
+        if not self._final:
+            return None
+        weights = np.concatenate([one.weights for one in self._final])
+        exceeded = np.concatenate([one.exceeded for one in self._final])
+        failed = np.concatenate([one.failed for one in self._final])
+        check = self._plain_runs()
+        counted, runs = weights[exceeded], len(weights)
+        low, high = log_interval(counted, runs, LEVEL) if counted.size else (0.0, check.high)
+        if np.any(failed):
+            high = max(high, log_interval(weights[exceeded | failed], runs, LEVEL).high)
+        probability = float(counted.sum()) / runs
+        check = replace(check, agrees=check.low <= high and low <= check.high)
+        sums = int(exceeded.sum()), int(failed.sum()), effective_size(counted)
+        return Estimate(probability, low, high, LEVEL, runs, *sums, METHOD, check)
+
+    def _plain_runs(self) -> CrossCheck:
+        """Of all batches: what was drawn from the distributions themselves."""
+        batches = (*self._adapting, *self._final)
+        runs = sum(one.plain - int(one.failed[: one.plain].sum()) for one in batches)
+        exceeded = sum(int(one.exceeded[: one.plain].sum()) for one in batches)
+        return CrossCheck(runs, exceeded, *clopper_pearson(exceeded, max(runs, 1), LEVEL), agrees=True)
+
+
+def with_results(batch: Batch, results: Sequence[Told]) -> Batch:
+    """A batch with what its runs gave.
+
+    Raises:
+        HricError: a run that did not fail has no margin.
+    """
+    failed = np.array([one.exceeded is None for one in results])
+    if any(one.margin is None for one in results if one.exceeded is not None):
+        raise HricError("results have no margin; valid: the output less the limit, with a sampler of rare exceedance")
+    margins = np.array([-np.inf if one.exceeded is None else float(one.margin or 0.0) for one in results])
+    return replace(batch, margins=margins, exceeded=np.array([bool(one.exceeded) for one in results]), failed=failed)

@@ -1,0 +1,170 @@
+"""Samplers that know all their points from the start: grid, list, random, sobol, lhs, saltelli."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+from scipy.stats import qmc
+
+from hric_core.parameters import Settings, refused
+from hric_sweep.samplers.sampler import Estimate, Point, Told, in_order
+from hric_sweep.space import EDGE, Space
+from hric_sweep.statistics.intervals import LEVEL, clopper_pearson
+
+FloatArray = npt.NDArray[np.float64]
+
+
+class Design:
+    """A sampler of given points, in one batch.
+
+    Args:
+        u: points of the unit cube, shape (m, n).
+        drawn: whether they are drawn from the distributions, so that counts say something of probabilities.
+    """
+
+    def __init__(self, u: FloatArray, drawn: bool) -> None:
+        self.total = len(u)
+        self._u, self._drawn, self._given = np.clip(u, EDGE, 1.0 - EDGE), drawn, False
+        self._results: Sequence[Told] = ()
+
+    def ask(self) -> Sequence[Point]:
+        """All points, once."""
+        if self._given:
+            return []
+        self._given = True
+        return [Point(tuple(row)) for row in self._u.tolist()]
+
+    def tell(self, results: Sequence[Told]) -> None:
+        """See `Sampler`."""
+        in_order(results, 0, self.total)
+        self._results = results
+
+    def estimate(self) -> Estimate | None:
+        """Clopper-Pearson interval of the runs that were counted, where the points are drawn from the distributions."""
+        counted = [result.exceeded for result in self._results]
+        if not self._drawn or all(one is None for one in counted):
+            return None
+        exceeded, failed, runs = counted.count(True), counted.count(None), len(counted)
+        low, high = clopper_pearson(exceeded, runs, LEVEL).low, clopper_pearson(exceeded + failed, runs, LEVEL).high
+        share = exceeded / (runs - failed)
+        return Estimate(share, low, high, LEVEL, runs, exceeded, failed, float(exceeded), "Clopper-Pearson")
+
+
+@dataclass(frozen=True)
+class Grid(Settings):
+    """Each value of each variable with each of the others; all variables are of kind choice."""
+
+    def sampler(self, space: Space, runs: int | None, seed: int) -> Design:
+        """Raises ParameterError: a variable without single values, or another number of runs than the grid has."""
+        middles = _middles(space, "grid")
+        _all_of(runs, int(np.prod([len(one) for one in middles])), "the whole grid")
+        axes = np.meshgrid(*middles, indexing="ij")
+        return Design(np.stack([axis.ravel() for axis in axes], axis=1), drawn=False)
+
+
+@dataclass(frozen=True)
+class Listed(Settings):
+    """The first value of each variable in the first run, the second in the second: all variables are of kind choice,
+    with as many values."""
+
+    def sampler(self, space: Space, runs: int | None, seed: int) -> Design:
+        """Raises ParameterError: variables without single values, or not as many each, or another number of runs."""
+        middles = _middles(space, "list")
+        counts = [len(one) for one in middles]
+        if len(set(counts)) > 1:
+            told = ", ".join(f"{name} {count}" for name, count in zip(space.names, counts, strict=True))
+            raise refused("sweep.vary", told, "as many values of each variable with the sampler list")
+        _all_of(runs, counts[0], "one for each value")
+        return Design(np.stack(middles, axis=1), drawn=False)
+
+
+@dataclass(frozen=True)
+class Random(Settings):
+    """Independent draws from the distributions."""
+
+    def sampler(self, space: Space, runs: int | None, seed: int) -> Design:
+        """Raises ParameterError: runs that are not given."""
+        u = np.random.default_rng(seed).random((_given(runs), len(space.names)))
+        return Design(u, drawn=True)
+
+
+@dataclass(frozen=True)
+class Sobol(Settings):
+    """A scrambled Sobol sequence: fills the space evenly."""
+
+    def sampler(self, space: Space, runs: int | None, seed: int) -> Design:
+        """Raises ParameterError: a number of runs that is no power of two."""
+        count = _given(runs)
+        if count & (count - 1):
+            raise refused(
+                "sweep.runs", count, f"a power of two with the sampler sobol; the next one is {_above(count)}"
+            )
+        return Design(_sobol(len(space.names), count, seed), drawn=True)
+
+
+@dataclass(frozen=True)
+class Lhs(Settings):
+    """A Latin hypercube: one run in each of as many equally likely slices of each variable as there are runs."""
+
+    def sampler(self, space: Space, runs: int | None, seed: int) -> Design:
+        """Raises ParameterError: runs that are not given."""
+        cube = qmc.LatinHypercube(len(space.names), rng=np.random.default_rng(seed))
+        return Design(cube.random(_given(runs)), drawn=True)
+
+
+@dataclass(frozen=True)
+class Saltelli(Settings):
+    """Saltelli's design for first-order and total indices (Saltelli et al., Comput. Phys. Commun. 181:259, 2010).
+
+    With n variables, `rows` x (n + 2) runs: the matrix A, the matrix B, and for each variable A with its column of B.
+    """
+
+    extra: ClassVar[int] = 2
+
+    def sampler(self, space: Space, runs: int | None, seed: int) -> Design:
+        """Raises ParameterError: correlated variables, or a number of runs that is no power of two times n + 2."""
+        if not space.independent:
+            raise refused(
+                "sweep.sampler.kind", "saltelli", "variables without correlation: the indices are defined for those"
+            )
+        count, n = _given(runs), len(space.names)
+        rows, rest = divmod(count, n + self.extra)
+        if rest or rows < 2 or rows & (rows - 1):
+            fits = _above(max(2, -(-count // (n + self.extra)))) * (n + self.extra)
+            raise refused("sweep.runs", count, f"{n + self.extra} times a power of two; the next one is {fits}")
+        base = _sobol(2 * n, rows, seed)
+        a, b = base[:, :n], base[:, n:]
+        mixed = [np.where(np.arange(n) == i, b, a) for i in range(n)]
+        return Design(np.concatenate([a, b, *mixed]), drawn=False)
+
+
+def _sobol(dimensions: int, count: int, seed: int) -> FloatArray:
+    sequence = qmc.Sobol(dimensions, scramble=True, rng=np.random.default_rng(seed))
+    points: FloatArray = sequence.random_base2(count.bit_length() - 1)
+    return points
+
+
+def _above(count: int) -> int:
+    """The smallest power of two that is not below."""
+    return 1 << (count - 1).bit_length()
+
+
+def _middles(space: Space, kind: str) -> list[FloatArray]:
+    middles = [variable.distribution.middles for variable in space.variables.values()]
+    without = [name for name, one in zip(space.names, middles, strict=True) if not one.size]
+    if without:
+        raise refused("sweep.vary", ", ".join(without), f"distributions of kind choice with the sampler {kind}")
+    return middles
+
+
+def _all_of(runs: int | None, total: int, what: str) -> None:
+    if runs not in (None, total):
+        raise refused("sweep.runs", runs, f"{total}, {what}; or leave it out")
+
+
+def _given(runs: int | None) -> int:
+    if runs is None or runs < 1:
+        raise refused("sweep.runs", runs, "a whole number of 1 or more")
+    return runs

@@ -1,0 +1,177 @@
+"""Subset simulation: a small probability as a product of larger ones, each of a level nearer to the limit.
+
+The first level is drawn from the distributions. The tenth of it with the highest margins begins as many chains, which
+draw the next level among those above that margin, and so on until a tenth exceeds the limit, or the runs are used up.
+All chains make a step in one batch. The step, z' = a z + sqrt(1 - a^2) e, leaves the standard normal as it is; a point
+below the level is refused and counts the old one again; a is adapted towards an acceptance of 0.44.
+
+Sources: Au & Beck, Probab. Eng. Mech. 16:263, 2001; Papaioannou et al., Probab. Eng. Mech. 41:89, 2015.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import ndtr, ndtri
+
+from hric_core.errors import HricError
+from hric_core.parameters import Settings, number, refused
+from hric_sweep.samplers.cross_entropy import Batch, with_results
+from hric_sweep.samplers.sampler import CrossCheck, Estimate, Point, Told, in_order
+from hric_sweep.space import EDGE, Space
+from hric_sweep.statistics.intervals import LEVEL, clopper_pearson
+
+FloatArray = npt.NDArray[np.float64]
+LENGTH = 10
+"""Points of a chain; its inverse is the probability of each level."""
+FEWEST = 10
+"""Chains, at least: below it no interval is worth the name (project default)."""
+FIRST_STEP = 0.8
+"""The chains' first a [1]."""
+ACCEPTED = 0.44
+"""Share of accepted points that a is adapted towards (Papaioannou et al. 2015)."""
+METHOD = "subset simulation, normal interval of the logarithm"
+
+
+@dataclass(frozen=True)
+class Subset(Settings):
+    """Rare exceedance by levels. Wider intervals than cross_entropy; regions of failure may have any shape."""
+
+    smallest: float = number(1e-5, minimum=1e-9, maximum=0.1, text="probability that the runs must suffice for")
+
+    def sampler(self, space: Space, runs: int | None, seed: int) -> "SubsetSampler":
+        """Raises ParameterError: too few runs for the levels."""
+        levels = math.ceil(-math.log10(self.smallest) - 1e-9)
+        per_chain = LENGTH + (levels - 1) * (LENGTH - 1)
+        if runs is None or runs < FEWEST * per_chain:
+            what = f"{FEWEST * per_chain} or more with the sampler subset down to {self.smallest:g}"
+            raise refused("sweep.runs", runs, f"a whole number of {what}")
+        return SubsetSampler(len(space.names), runs // per_chain, levels, seed)
+
+
+class Step(NamedTuple):
+    """Where the chains are: normal scores, shape (chains, n), and margins, shape (chains,)."""
+
+    z: FloatArray
+    margins: FloatArray
+
+
+class SubsetSampler:
+    """See the module.
+
+    Args:
+        n: variables.
+        chains: of each level.
+        levels: at most.
+        seed: of all that is drawn.
+    """
+
+    def __init__(self, n: int, chains: int, levels: int, seed: int) -> None:
+        self._n, self._chains, self._levels, self._seed = n, chains, levels, seed
+        self.total = chains * (LENGTH + (levels - 1) * (LENGTH - 1))
+        self._given, self._batches, self._a = 0, 0, FIRST_STEP
+        self._open: Batch | None = None
+        self._steps: list[Step] = []
+        self._level, self._shares, self._variances = -np.inf, 1.0, list[float]()
+        self._exceeded, self._failed, self._done = 0, 0, False
+        self._first: CrossCheck | None = None
+        self._last: float | None = None
+        self._bound = 1.0
+
+    def ask(self) -> Sequence[Point]:
+        """See `Sampler`. The weight of a point is the probability of its level, as estimated."""
+        if self._done:
+            return []
+        random = np.random.default_rng([self._seed, self._batches])
+        if not self._steps:
+            z = random.standard_normal((self._chains * LENGTH, self._n))
+        else:
+            before = self._steps[-1].z
+            z = self._a * before + math.sqrt(1.0 - self._a**2) * random.standard_normal(before.shape)
+        self._open = Batch(z, len(z), None, np.full(len(z), self._shares))
+        return [Point(tuple(row), self._shares) for row in np.clip(ndtr(z), EDGE, 1.0 - EDGE).tolist()]
+
+    def tell(self, results: Sequence[Told]) -> None:
+        """See `Sampler`. A run that failed counts as one that does not exceed. Raises HricError: no margin."""
+        if self._open is None:
+            raise HricError("results were given before points; valid: those of a batch that was drawn")
+        in_order(results, self._given, len(self._open.z))
+        batch, self._open = with_results(self._open, results), None
+        self._given, self._batches = self._given + len(results), self._batches + 1
+        self._exceeded += int(batch.exceeded.sum())
+        self._failed += int(batch.failed.sum())
+        if self._first is None:
+            runs, exceeded = len(results) - int(batch.failed.sum()), int(batch.exceeded.sum())
+            self._first = CrossCheck(runs, exceeded, *clopper_pearson(exceeded, max(runs, 1), LEVEL), agrees=True)
+            self._finish(batch.z, batch.margins, chained=False)
+            return
+        self._step(batch)
+        if len(self._steps) == LENGTH:
+            z, margins = (np.concatenate([getattr(one, name) for one in self._steps]) for name in ("z", "margins"))
+            self._finish(z, margins, chained=True)
+
+    def _step(self, batch: Batch) -> None:
+        """Take the points above the level; where it is not, the chain stays."""
+        before, above = self._steps[-1], batch.margins > self._level
+        z = np.where(above[:, None], batch.z, before.z)
+        margins = np.where(above, batch.margins, before.margins)
+        self._steps.append(Step(z, margins))
+        spread = (1.0 - self._a**2) * math.exp(0.5 * (float(above.mean()) - ACCEPTED))
+        self._a = min(max(math.sqrt(max(1.0 - spread, 0.0)), 0.3), 0.98)
+
+    def _finish(self, z: FloatArray, margins: FloatArray, chained: bool) -> None:
+        """End of a level: the last one if a tenth exceeds, or no runs are left; else the chains of the next."""
+        order = np.argsort(-margins, kind="stable")
+        level = 0.5 * float(margins[order[self._chains - 1]] + margins[order[self._chains]])
+        self._done = level >= 0.0 or len(self._variances) + 1 == self._levels or not np.isfinite(level)
+        above = margins > (0.0 if self._done else level)
+        share = float(above.mean())
+        size = len(z) / (correlation_factor(above.reshape(LENGTH, -1)) if chained else 1.0)
+        if self._done:
+            self._last = clopper_pearson(0, max(int(size), 1), LEVEL).high if share == 0.0 else None
+        if share > 0.0:
+            self._variances.append((1.0 - share) / (share * size))
+        self._bound = self._shares
+        self._shares *= share
+        best = order[: self._chains]
+        self._level = level
+        self._steps = [Step(z[best], margins[best])]
+
+    def estimate(self) -> Estimate | None:
+        """Of the whole product; None until the last level is done.
+
+        Its relative variance lies between those of levels that are independent and of levels that scatter together; it
+        is taken halfway, which covers (docs/concepts/rare_events.md has how often).
+        """
+        if not self._done or self._first is None:
+            return None
+        variances = np.array(self._variances)
+        variance = 0.5 * (float(variances.sum()) + float(np.sqrt(variances).sum()) ** 2)
+        factor = math.exp(float(ndtri(0.5 + 0.5 * LEVEL)) * math.sqrt(math.log1p(variance)))
+        low, high = self._shares / factor, min(self._shares * factor, 1.0)
+        if self._last is not None:
+            low, high = 0.0, min(self._bound * factor * self._last, 1.0)
+        agrees = self._first.low <= high and low <= self._first.high
+        check = replace(self._first, agrees=agrees)
+        size = 1.0 / variance if self._last is None else 0.0
+        counts = self._given, self._exceeded, self._failed
+        return Estimate(self._shares, low, high, LEVEL, *counts, size, METHOD, check)
+
+
+def correlation_factor(above: npt.NDArray[np.bool_]) -> float:
+    """How many times the variance of a share grows since points of a chain go together; 1 or more.
+
+    Source: Au & Beck 2001, eq. 29: 1 + 2 sum (1 - k/L) r_k.
+
+    Args:
+        above: whether each point is above the level, shape (steps L, chains).
+    """
+    share = float(above.mean())
+    if share in (0.0, 1.0):
+        return 1.0
+    length = len(above)
+    lags = [(1.0 - k / length) * (float(np.mean(above[:-k] & above[k:])) - share**2) for k in range(1, length)]
+    return max(1.0, 1.0 + 2.0 * sum(lags) / (share * (1.0 - share)))

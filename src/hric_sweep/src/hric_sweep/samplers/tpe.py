@@ -1,0 +1,111 @@
+"""The worst case within the distributions: Optuna's tree-structured Parzen estimator.
+
+It searches for the largest objective among the normal scores of the variables, less a tail at each end of each: what it
+finds is no further out than the tail says. A batch is drawn before the results of any of its points.
+
+Source: Bergstra et al., Algorithms for hyper-parameter optimization, NIPS 24, 2011; Optuna is MIT-licensed.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from scipy.special import ndtr, ndtri
+
+from hric_core.errors import HricError
+from hric_core.parameters import Settings, number, refused, whole
+from hric_sweep.samplers.sampler import Point, Told, in_order
+from hric_sweep.space import Space
+
+BATCH = 5
+"""Of points at a time (project default: larger batches know less, smaller ones leave processors idle)."""
+TAIL = 0.001
+"""Share of each variable's distribution that is left out at each end (project default)."""
+STARTUP = 20
+"""Random points before the search (project default)."""
+
+
+@dataclass(frozen=True)
+class Tpe(Settings):
+    """The worst case: maximises the objective."""
+
+    batch: int = whole(BATCH, minimum=1, maximum=1000, text="runs that are drawn at once")
+    tail: float = number(
+        TAIL, minimum=1e-6, maximum=0.25, unit="1", text="share of each distribution that is left out at each end"
+    )
+
+    def sampler(self, space: Space, runs: int | None, seed: int) -> "TpeSampler":
+        """Raises ParameterError: runs that are not given; HricError: Optuna is not installed."""
+        if runs is None or runs < 1:
+            raise refused("sweep.runs", runs, "a whole number of 1 or more")
+        return TpeSampler(space, runs, self.batch, self.tail, seed)
+
+
+class TpeSampler:
+    """See the module.
+
+    Args:
+        space: of the variables.
+        runs: at most.
+        batch: runs that are drawn at once.
+        tail: see TAIL.
+        seed: of all that is drawn.
+
+    Raises:
+        HricError: Optuna is not installed.
+    """
+
+    def __init__(self, space: Space, runs: int, batch: int, tail: float, seed: int) -> None:
+        optuna = _optuna()
+        self.total = runs
+        self._batch, self._given = batch, 0
+        self._optuna, self._open = optuna, list[Any]()
+        self._middles = {name: variable.distribution.middles for name, variable in space.variables.items()}
+        end = float(ndtri(1.0 - tail))
+        continuous = optuna.distributions.FloatDistribution(-end, end)
+        self._axes = {
+            name: optuna.distributions.CategoricalDistribution(range(len(middles))) if middles.size else continuous
+            for name, middles in self._middles.items()
+        }
+        search = optuna.samplers.TPESampler(seed=seed, multivariate=True, constant_liar=True, n_startup_trials=STARTUP)
+        self._study = optuna.create_study(direction="maximize", sampler=search)
+
+    def ask(self) -> Sequence[Point]:
+        """See `Sampler`."""
+        size = min(self._batch, self.total - self._given)
+        self._open = [self._study.ask(self._axes) for _ in range(size)]
+        return [Point(tuple(self._shares(trial.params))) for trial in self._open]
+
+    def _shares(self, found: dict[str, Any]) -> list[float]:
+        """Percentiles of what the search chose; of single values the middle of their share."""
+        return [
+            float(middles[found[name]] if middles.size else ndtr(found[name]))
+            for name, middles in self._middles.items()
+        ]
+
+    def tell(self, results: Sequence[Told]) -> None:
+        """See `Sampler`. Raises HricError: no run has an objective although none failed."""
+        in_order(results, self._given, len(self._open))
+        if any(one.objective is None and one.exceeded is not None for one in results):
+            raise HricError("results have no objective; valid: sweep.objective with the sampler tpe")
+        failed = self._optuna.trial.TrialState.FAIL
+        for trial, one in zip(self._open, results, strict=True):
+            if one.objective is None:
+                self._study.tell(trial, state=failed)
+            else:
+                self._study.tell(trial, one.objective)
+        self._given += len(results)
+        self._open = []
+
+    def estimate(self) -> None:
+        """A worst case has no probability."""
+        return None
+
+
+def _optuna() -> Any:
+    try:
+        import optuna  # here: only this sampler needs it, and it is an extra part of the set-up
+    except ImportError:
+        raise HricError("the sampler tpe needs Optuna, which is not installed:  scripts/setup --with search") from None
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    return optuna

@@ -1,0 +1,90 @@
+"""The space of a sweep's variables: from points of the unit cube to their values.
+
+A correlation is one of normal scores (a Gaussian copula): the ranks of two variables go together, and each has its own
+distribution. The axes of the cube are independent: u -> z = normal scores -> L z, with L L^T the correlation -> shares
+-> values (Nataf's transform; Lebrun & Dutfoy, Probab. Eng. Mech. 24:172, 2009).
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import ndtr, ndtri
+
+from hric_core.errors import HricError
+from hric_core.parameters import Mistakes, as_number, refused, unknown
+from hric_sweep.variables import Variable
+
+FloatArray = npt.NDArray[np.float64]
+EDGE = 2.0**-53
+"""Nearest that a coordinate comes to 0 and 1, where an unbounded distribution has no value."""
+SMALLEST = 1e-8
+"""Least eigenvalue of a correlation: below it one variable follows from the others."""
+
+
+class Space:
+    """Variables and how they go together.
+
+    Args:
+        variables: by name.
+        correlation: of pairs of them: two names and the correlation of their normal scores [1].
+        where: name of the correlation, for errors.
+
+    Raises:
+        HricError: no variable.
+        ParameterError: a pair that is none of two different variables, comes twice, or is not within -1 and 1; or
+            correlations that no variables can have together.
+    """
+
+    def __init__(
+        self, variables: Mapping[str, Variable], correlation: Sequence[Any] = (), where: str = "sweep.correlation"
+    ) -> None:
+        if not variables:
+            raise HricError("sweep.vary is empty; valid: at least one variable")
+        self.variables = dict(variables)
+        self.names = tuple(variables)
+        matrix: FloatArray = np.eye(len(self.names))
+        mistakes = Mistakes()
+        for index, pair in enumerate(correlation):
+            with mistakes.noted():
+                self._enter(matrix, pair, f"{where}[{index}]")
+        mistakes.raise_all()
+        if (smallest := float(np.linalg.eigvalsh(matrix)[0])) < SMALLEST:
+            raise refused(
+                where, list(correlation), f"a positive definite matrix; the smallest eigenvalue is {smallest:.3g}"
+            )
+        self.independent = not np.any(matrix - np.eye(len(self.names)))
+        self._factor: FloatArray = np.linalg.cholesky(matrix).astype(float)
+
+    def _enter(self, matrix: FloatArray, pair: Any, where: str) -> None:
+        if not isinstance(pair, Sequence) or isinstance(pair, str) or len(pair) != 3 or pair[0] == pair[1]:
+            raise refused(where, pair, "two different variables and the correlation of their normal scores")
+        for name in pair[:2]:
+            if name not in self.names:
+                raise unknown("variable", name, self.names, where)
+        try:
+            value = as_number(pair[2])
+        except ValueError:
+            value = np.inf
+        if not -1.0 < value < 1.0:
+            raise refused(where, pair[2], "a correlation between -1 and 1")
+        row, column = self.names.index(pair[0]), self.names.index(pair[1])
+        if matrix[row, column] != 0.0:
+            raise refused(where, pair[:2], "each pair once")
+        matrix[row, column] = matrix[column, row] = value
+
+    def values(self, u: FloatArray) -> list[dict[str, Any]]:
+        """Values of the variables.
+
+        Args:
+            u: points of the unit cube, shape (m, n), n variables in the order of `names`.
+
+        Returns:
+            m mappings of name to value, in the variables' units.
+        """
+        shares = np.clip(np.asarray(u, dtype=float), EDGE, 1.0 - EDGE)
+        if not self.independent:
+            shares = np.clip(ndtr(ndtri(shares) @ self._factor.T), EDGE, 1.0 - EDGE)
+        columns = [v.distribution.ppf(shares[:, i]) for i, v in enumerate(self.variables.values())]
+        return [dict(zip(self.names, row, strict=True)) for row in zip(*columns, strict=True)]

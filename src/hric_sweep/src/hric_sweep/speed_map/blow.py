@@ -1,0 +1,117 @@
+"""A blow of the end effector against a measuring device, in a simulation of the arm."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from franka_hw_interface.model import Frame
+from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand, MoveRequest
+from franka_sim.franka_hw_sim import FrankaHWSim
+from hric_assessment.contact.limits import TRANSIENT_TIME
+from hric_core.geometry import FloatArray
+from hric_sweep.speed_map.device import Body, Device
+
+STIFFNESS, DAMPING = 100.0, 20.0
+"""Of each joint of a driven arm around its way: those of the experiment `contact` [N m/rad], [N m s/rad]."""
+SHARE = 0.9
+"""Of its fastest speed an arm uses at most, as the reaction of a blow makes some joints faster."""
+
+
+class Arm(Enum):
+    """What the arm does while it touches.
+
+    PASSIVE: nothing but carry its own weight, as the closed form assumes.
+    DRIVEN: its joints go on at their speeds, held by springs, behind the control box with its limits and reflexes.
+    """
+
+    PASSIVE = "passive"
+    DRIVEN = "driven"
+
+
+@dataclass(frozen=True)
+class Approach:
+    """Along which the end effector comes.
+
+    Attributes:
+        q: joint position where it touches, shape (7,) [rad].
+        direction: unit vector in the base frame, shape (3,).
+        dq: joint velocity for 1 m/s along the direction without rotation, shape (7,) [rad/m].
+        mass: reflected along the direction, with rotors [kg].
+        fastest: speed that the joints' velocity limits allow [m/s].
+    """
+
+    q: FloatArray
+    direction: FloatArray
+    dq: FloatArray
+    mass: float
+    fastest: float
+
+
+class Blows:
+    """Blows of one arm.
+
+    Args:
+        robot: of a simulation, which nobody else steps.
+        arm: what it does meanwhile.
+    """
+
+    def __init__(self, robot: FrankaHWSim, arm: Arm) -> None:
+        self._robot, self._arm = robot, arm
+        self._link = f"{robot.arm_id}_link8"
+        self._point = robot.model.F_T_EE[:3, 3].tolist()
+        self._rotors = np.diag(robot.box.config.rotor_inertia)
+        robot.box.report = lambda text: None  # reflexes are part of what is measured
+
+    def approach(self, q: FloatArray, direction: FloatArray) -> Approach:
+        """The approach along a direction, shape (3,), through a posture, shape (7,) [rad]."""
+        model = self._robot.model
+        J = model.zero_jacobian(Frame.END_EFFECTOR, q)
+        dq = np.linalg.pinv(J) @ np.array([*direction, 0.0, 0.0, 0.0])
+        row = direction @ J[:3]
+        mass = 1.0 / float(row @ np.linalg.solve(model.mass(q) + self._rotors, row))
+        allowed = np.array(self._robot.box.config.limits.velocity) / np.maximum(np.abs(dq), 1e-9)
+        return Approach(q, direction, dq, mass, float(allowed.min()))
+
+    def peak(self, approach: Approach, body: Body, speed: float) -> float:
+        """Largest force that the device reads of a blow, within the time of a transient contact [N].
+
+        Args:
+            approach: of the arm.
+            body: that it meets.
+            speed: at which both come towards each other; what the arm's joints do not allow of it the body does [m/s].
+        """
+        robot, dt, own = self._robot, self._robot.plant.time_step, min(speed, SHARE * approach.fastest)
+        dq = own * approach.dq
+        robot.plant.reset(approach.q.tolist(), dq.tolist())
+        robot.box.reset(approach.q.tolist())
+        robot.read(0.0, dt)
+        if self._arm is Arm.DRIVEN:
+            robot.box.move(MoveRequest(ControllerMode.EXTERNAL, GeneratorMode.NONE))
+        device = Device(body, approach.mass, dt, speed - own)
+        begin = float(approach.direction @ self._position(approach.q))
+        for cycle in range(1, round(TRANSIENT_TIME / dt)):
+            q, v = (np.array(part) for part in robot.plant.engine_state())
+            along = approach.direction @ robot.model.zero_jacobian(Frame.END_EFFECTOR, q)[:3]
+            force = device.push(float(approach.direction @ self._position(q)) - begin, float(along @ v))
+            if device.apart:
+                break
+            robot.plant.apply_wrench(self._link, (-force * approach.direction).tolist(), (0.0,) * 3, self._point, dt)
+            robot.plant.apply(self._torque(approach.q + (cycle - 1) * dt * dq - q, dq - v, q, v))
+            robot.plant.step()
+            robot.read(cycle * dt, dt)
+        return device.peak
+
+    def _position(self, q: FloatArray) -> FloatArray:
+        """Of the end effector in the base, shape (3,) [m]."""
+        return np.asarray(self._robot.model.pose(Frame.END_EFFECTOR, q)[:3, 3])
+
+    def _torque(self, behind: FloatArray, slower: FloatArray, q: FloatArray, v: FloatArray) -> list[float]:
+        """For the plant; behind, slower: by how much the joints are so of their approach, shape (7,) [rad], [rad/s]."""
+        robot = self._robot
+        if self._arm is Arm.PASSIVE:
+            weight: list[float] = robot.model.gravity_list(q.tolist())
+            return weight
+        command = MotionCommand()
+        command.tau = (STIFFNESS * behind + DAMPING * slower + robot.model.coriolis(q, v)).tolist()
+        return robot.box.write(command)

@@ -1,0 +1,146 @@
+"""Command line: speed_map."""
+
+import argparse
+import csv
+import io
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from tqdm import tqdm
+
+from franka_sim.franka_hw_sim import FrankaHWSim
+from hric_assessment.contact.limits import Limits
+from hric_assessment.findings import DISCLAIMER
+from hric_bags import files
+from hric_core.errors import HricError
+from hric_core.parameters import number
+from hric_human.body.regions import REGION_MODELS
+from hric_run.definition import experiment, overrides
+from hric_run.simulation import Simulation
+from hric_sweep.speed_map import grid
+from hric_sweep.speed_map.blow import Arm
+from hric_sweep.speed_map.measured import Cell, Request, alone, lowest, measure
+
+REGION = "hand, fingers"
+X, Y, Z = (0.3, 0.7, 5), (-0.4, 0.4, 5), (0.2, 0.6, 3)
+"""Lowest, highest [m], and how many."""
+CSV_FILE, PICTURE = "speed_map.csv", "speed_map.png"
+HEAD = (
+    "x [m]",
+    "y [m]",
+    "z [m]",
+    "direction",
+    "reflected mass [kg]",
+    "limit speed [m/s]",
+    "fastest of the arm [m/s]",
+    "closed form [m/s]",
+    "by M/2 + m_L [m/s]",
+)
+Measured = Mapping[tuple[float, ...], list[Cell]]
+"""Cells by point; none where the arm does not reach it."""
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Measure a map, print what it comes to, write its table and picture."""
+    given = _parser().parse_args(list(arguments))
+    number(minimum=0.0).checked(given.damping, "--damping")
+    points = grid.points(given.x, given.y, given.z)
+    request = Request(given.region, Limits.named(), given.damping, Arm(given.arm))
+    force = request.check()
+    definition = experiment.load(experiment.NONE, ["simulator:=mujoco", *given.overrides])
+    with Simulation(definition) as simulation:
+        robot = simulation.app.hw
+        if not isinstance(robot, FrankaHWSim):
+            raise HricError(f"{definition.robot.hw} is no arm with a control box; valid: franka_sim/FrankaHWSim")
+        shown = tqdm(
+            measure(robot, request, points),
+            total=len(points),
+            unit=" points",
+            desc="speed map",
+            disable=not sys.stderr.isatty(),
+            leave=False,
+        )
+        found = {tuple(map(float, point)): cells for point, cells in shown}
+    if not any(found.values()):
+        raise HricError(f"the arm reaches none of the {len(points)} points; valid: a grid within its workspace")
+    print(report(found, request, force))
+    if given.out is not None:
+        _write(given.out, found, request, force)
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        "rosrun hric_experiments speed_map",
+        description="Map of the estimated limit speed over the workspace: the end effector meets a virtual measuring "
+        "device, the spring of a region of the body (ISO/TS 15066) before its mass, read at 1 kHz, at each point of a "
+        "grid along the six directions of the base; the speed at which the force reaches the limit of a transient "
+        f"contact. {DISCLAIMER}",
+        epilog="overrides, of the arm alone:\n" + overrides.help_text(),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("overrides", nargs="*", metavar="key:=value", help="simulator:=pybullet, friction:=..., ...")
+    add = parser.add_argument
+    add("--region", choices=REGION_MODELS, default=REGION, help=f"that is met (default: {REGION})")
+    add("--damping", type=float, default=0.0, help="of the device [N s/m] (default: 0)")
+    add(
+        "--arm",
+        choices=[one.value for one in Arm],
+        default=Arm.DRIVEN.value,
+        help="driven: its joints go on at their speeds, with the reflexes of the control box (default); passive: it "
+        "only carries its weight, as the closed form assumes",
+    )
+    for name, default in (("x", X), ("y", Y), ("z", Z)):
+        text = f"lowest, highest [m] and number of points (default: {' '.join(map(str, default))})"
+        add(f"--{name}", nargs=3, type=float, default=default, metavar=("LOW", "HIGH", "COUNT"), help=text)
+    add(
+        "-o",
+        dest="out",
+        type=Path,
+        metavar="DIR",
+        help=f"folder for {CSV_FILE} and {PICTURE} (default: none is written)",
+    )
+    return parser
+
+
+def report(found: Measured, request: Request, force: float) -> str:
+    """For the terminal."""
+    cells = [cell for one in found.values() for cell in one]
+    worst, ratios = lowest(cells), [cell.speed / cell.closed_form for cell in cells]
+    unsafe = sum(cell.standard > cell.speed for cell in cells)
+    limit = request.limit
+    lines = [
+        f"{request.region}, {request.arm.value} arm: {force:g} N ({request.limits.table.title}), spring "
+        f"{limit.stiffness:g} N/m, mass {REGION_MODELS[request.region].mass:g} kg, damping {request.damping:g} N s/m",
+        f"{len(found)} points, {sum(map(bool, found.values()))} of them within reach; {len(cells)} directions",
+        f"limit speeds {worst.speed:.3f} to {max(cell.speed for cell in cells):.3f} m/s; the lowest at "
+        f"({', '.join(f'{x:.2f}' for x in worst.point)}) m along {worst.direction}, reflected mass {worst.mass:.2f} kg",
+        f"the arm alone moves so fast in {sum(map(alone, cells))} of {len(cells)} directions",
+        f"limit speed over the closed form F/sqrt(mu k): {min(ratios):.3f} to {max(ratios):.3f}",
+        f"by M/2 + m_L more is permitted than by the device: in {unsafe} of {len(cells)}",
+    ]
+    return "\n".join([*lines, DISCLAIMER])
+
+
+def as_csv(found: Measured) -> str:
+    """The table as CSV; its first line says what it is."""
+    text = io.StringIO()
+    text.write(f"# {DISCLAIMER}\n")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(HEAD)
+    for cells in found.values():
+        for cell in cells:
+            numbers = (cell.mass, cell.speed, cell.fastest, cell.closed_form, cell.standard)
+            row = (*(f"{x:g}" for x in cell.point), cell.direction, *(f"{value:.5g}" for value in numbers))
+            writer.writerow(row)
+    return text.getvalue()
+
+
+def _write(folder: Path, found: Measured, request: Request, force: float) -> None:
+    from hric_sweep.speed_map.picture import draw  # slow to load, which a map without a picture need not wait for
+
+    files.make_folder(folder)
+    files.write_text(folder / CSV_FILE, as_csv(found))
+    draw(folder / PICTURE, found, f"{request.region}, {request.arm.value} arm, {force:g} N")
+    print(f"table: {folder / CSV_FILE}\npicture: {folder / PICTURE}")

@@ -1,0 +1,162 @@
+"""A whole map: the limit speed at each point in each direction, beside what the closed form gives."""
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from franka_sim.franka_hw_sim import FrankaHWSim
+from hric_assessment.contact.limits import Limit, Limits
+from hric_assessment.contact.speed import half_mass, permitted_regions, speed_limit
+from hric_assessment.verdict.contacts import masses
+from hric_core import urdf
+from hric_core.errors import FailureError, HricError
+from hric_core.geometry import FloatArray
+from hric_human.body.regions import REGION_MODELS
+from hric_sweep.speed_map.blow import Arm, Blows
+from hric_sweep.speed_map.device import Body
+from hric_sweep.speed_map.grid import DIRECTIONS, Postures
+
+CLOSE, TRIES = 0.005, 20
+"""Of the force to the limit [1], and measurements at most."""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One point and direction.
+
+    Attributes:
+        point: of the end effector in the base frame, shape (3,) [m].
+        direction: its name.
+        mass: reflected mass of the arm [kg].
+        speed: limit speed by the device, at which arm and body come towards each other [m/s].
+        fastest: that the arm's joints allow along this direction without turning the hand [m/s].
+        closed_form: limit speed by the reflected mass [m/s].
+        standard: limit speed by half the moving mass, as ISO/TS 15066 estimates it [m/s].
+    """
+
+    point: FloatArray
+    direction: str
+    mass: float
+    speed: float
+    fastest: float
+    closed_form: float
+    standard: float
+
+
+@dataclass(frozen=True)
+class Request:
+    """Settings of a map.
+
+    Attributes:
+        region: of the body.
+        limits: with the table.
+        damping: of the device [N s/m].
+        arm: behaviour of the arm while it touches.
+    """
+
+    region: str
+    limits: Limits
+    damping: float
+    arm: Arm
+
+    @property
+    def limit(self) -> Limit:
+        """Limit of the region."""
+        found = self.limits.at((self.region,))
+        assert found is not None, "`check` refuses a region without one"
+        return found
+
+    def check(self) -> float:
+        """Return the limit of a transient contact [N].
+
+        Raises:
+            HricError: no contact with the region is permitted, or the table has no such region.
+        """
+        force = speed_limit(self.limits, self.region, 1.0).force_transient
+        if force is None:
+            raise HricError(
+                f"no contact with {self.region} is permitted by {self.limits.table.title}, at no speed; valid: "
+                f"{'; '.join(permitted_regions(self.limits))}"
+            )
+        return force
+
+
+def measure(robot: FrankaHWSim, request: Request, points: FloatArray) -> Iterator[tuple[FloatArray, list[Cell]]]:
+    """Measure the limit speeds at some points.
+
+    Args:
+        robot: of a simulation.
+        request: settings of the map.
+        points: shape (n, 3) [m].
+
+    Yields:
+        each point with its cells; none where the arm does not reach it.
+
+    Raises:
+        HricError: as `Request.check`.
+    """
+    force = request.check()
+    postures, blows = Postures(robot), Blows(robot, request.arm)
+    arm = masses(urdf.read(robot.description), robot.model.joint_names)
+    standard = half_mass(arm.moving - arm.tool, arm.tool)
+    for point in points:
+        q = postures.at(point)
+        yield (
+            point,
+            [] if q is None else [_cell(blows, q, point, name, request, force, standard) for name in DIRECTIONS],
+        )
+
+
+def _cell(
+    blows: Blows, q: FloatArray, point: FloatArray, name: str, request: Request, force: float, standard: float
+) -> Cell:
+    approach = blows.approach(q, np.array(DIRECTIONS[name]))
+    by_mass = speed_limit(request.limits, request.region, np.array([approach.mass, standard]))
+    closed_form, by_half = (float(speed) for speed in by_mass.transient)
+    model = REGION_MODELS[request.region]
+    body = Body(model.mass, request.limit.stiffness, request.damping)
+    speed = limit_speed(lambda speed: blows.peak(approach, body, speed), force, closed_form)
+    return Cell(point, name, approach.mass, speed, approach.fastest, closed_form, by_half)
+
+
+def limit_speed(force_of: Callable[[float], float], limit: float, guess: float) -> float:
+    """Search it; a force in proportion to the speed needs two measurements [m/s].
+
+    Args:
+        force_of: force of a speed [N], [m/s]; rises with it, from 0 on.
+        limit: [N].
+        guess: of the speed [m/s].
+
+    Raises:
+        HricError: the force jumps over the limit.
+    """
+    low, high, speed = 0.0, math.inf, guess
+    for _ in range(TRIES):
+        force = force_of(speed)
+        if abs(force - limit) <= CLOSE * limit:
+            return speed
+        low, high = (speed, high) if force < limit else (low, speed)
+        following = speed * limit / force if force > 0.0 else 2.0 * speed
+        speed = following if low < following < high else 0.5 * (low + min(high, 4.0 * max(low, guess)))
+    raise FailureError(f"no speed gives {limit:g} N: {low:g} m/s less, {high:g} m/s more")
+
+
+def alone(cell: Cell) -> bool:
+    """Whether the arm alone can move as fast as the limit, with nobody moving towards it."""
+    return cell.fastest >= cell.speed
+
+
+def lowest(cells: Sequence[Cell]) -> Cell:
+    """The direction of a point that permits least."""
+    return min(cells, key=lambda cell: cell.speed)
+
+
+def by_height(found: Mapping[tuple[float, ...], list[Cell]]) -> dict[float, list[Cell]]:
+    """The lowest of each point, by its height [m]."""
+    heights: dict[float, list[Cell]] = {}
+    for cells in found.values():
+        if cells:
+            heights.setdefault(float(cells[0].point[2]), []).append(lowest(cells))
+    return dict(sorted(heights.items()))

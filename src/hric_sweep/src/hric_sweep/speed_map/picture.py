@@ -1,0 +1,93 @@
+"""The picture of a map: for each height the lowest limit speed of all directions, and along which it is."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+
+from hric_assessment.findings import DISCLAIMER
+from hric_report import style
+from hric_report.drawing import INCH, STYLE, save
+from hric_sweep.speed_map.measured import Cell, alone, by_height
+
+COLOURS = "viridis"
+COLUMNS = 3
+"""Heights in a row, at most."""
+BESIDE, BETWEEN, BELOW = 30.0, 11.0, 14.0
+"""Room for the scale, around each row of heights, and for title and note [mm]."""
+MARGIN = 0.5
+"""Around the outermost points, in distances between points."""
+
+
+def draw(path: Path, found: Mapping[tuple[float, ...], list[Cell]], title: str) -> None:
+    """Write the picture as PNG and SVG.
+
+    Args:
+        path: of the PNG.
+        found: cells by point.
+        title: what was met by what.
+    """
+    heights = by_height(found)
+    speeds = [cell.speed for cells in heights.values() for cell in cells]
+    low, high = min(speeds), max(max(speeds), min(speeds) + 1e-3)
+    lines = {axis: sorted({point[axis] for point in found}) for axis in (0, 1)}
+    columns = min(len(heights), COLUMNS)
+    rows = -(-len(heights) // columns)
+    panel = (style.DOUBLE - BESIDE) / columns
+    tall = panel * max(0.25, np.ptp(_edges(lines[0])) / np.ptp(_edges(lines[1]))) + BETWEEN
+    with plt.rc_context({**STYLE, "axes.grid": False}):
+        drawing, axes = plt.subplots(
+            rows,
+            columns,
+            figsize=(style.DOUBLE / INCH, (rows * tall + BELOW) / INCH),
+            sharex=True,
+            sharey=True,
+            squeeze=False,
+            layout="constrained",
+        )
+        for ax in axes.flat[len(heights) :]:
+            ax.set_axis_off()
+        for ax, (height, cells) in zip(axes.flat, heights.items(), strict=False):
+            _level(ax, cells, lines, (low, high))
+            ax.set_title(f"z = {height:.2f} m")
+            ax.set_xlabel("y [m]")
+        for row in axes:
+            row[0].set_ylabel("x [m]")
+        shown = plt.cm.ScalarMappable(plt.Normalize(low, high), COLOURS)
+        drawing.colorbar(shown, ax=axes, label="lowest limit speed [m/s]", shrink=0.9)
+        drawing.suptitle(f"Estimated limit speed: {title}", fontsize=style.TYPE + 1.0, fontweight="bold")
+        drawing.supxlabel(
+            "Below each speed the direction into which it is lowest. *: faster than the arm alone moves there.\n"
+            f"{DISCLAIMER}",
+            fontsize=style.TYPE - 1.5,
+            color="0.35",
+        )
+        save(drawing, path, f"Estimated limit speed over the workspace, {title}. {DISCLAIMER}")
+
+
+def _level(ax: Axes, cells: list[Cell], lines: Mapping[int, list[float]], ends: tuple[float, float]) -> None:
+    """One height: y to the left, as one looks along x."""
+    xs, ys = lines[0], lines[1]
+    image = np.full((len(xs), len(ys)), np.nan)
+    for cell in cells:
+        image[xs.index(float(cell.point[0])), ys.index(float(cell.point[1]))] = cell.speed
+    edges = [_edges(ys), _edges(xs)]
+    ax.pcolormesh(*edges, image, cmap=COLOURS, vmin=ends[0], vmax=ends[1])
+    ax.set_xlim(edges[0][-1], edges[0][0])
+    ax.set_ylim(edges[1][0], edges[1][-1])
+    ax.set_aspect("equal")
+    for cell in cells:
+        dark = cell.speed < 0.5 * (ends[0] + ends[1])
+        words = f"{cell.speed:.2f}{'' if alone(cell) else '*'}\n{cell.direction}"
+        ax.text(cell.point[1], cell.point[0], words, ha="center", va="center", size=5.0, color="w" if dark else "k")
+
+
+def _edges(values: list[float]) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+    """Between the points of an axis, and around its ends."""
+    if len(values) == 1:
+        return np.array([values[0] - 0.05, values[0] + 0.05])
+    middles = 0.5 * (np.array(values[1:]) + np.array(values[:-1]))
+    first, last = values[0] - MARGIN * (values[1] - values[0]), values[-1] + MARGIN * (values[-1] - values[-2])
+    return np.array([first, *middles, last])

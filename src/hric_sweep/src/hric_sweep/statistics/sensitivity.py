@@ -1,0 +1,134 @@
+"""How much each variable matters: first-order and total indices, and correlation of ranks."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy import stats
+
+from hric_core.errors import HricError
+from hric_sweep.space import Space
+from hric_sweep.statistics.intervals import LEVEL, effective_size
+
+FloatArray = npt.NDArray[np.float64]
+RESAMPLES = 1000
+"""Of the bootstrap."""
+FEWEST = 16
+"""Rows of Saltelli's design without a failed run, at least: below it the bootstrap says nothing."""
+
+
+@dataclass(frozen=True)
+class Index:
+    """Of one variable, shares of the output's variance [1], each with its bootstrap interval.
+
+    Attributes:
+        first: what the variable explains alone.
+        total: what it explains with all its interactions.
+        first_interval, total_interval: low and high, at `level`.
+        level: of the intervals.
+        rows: of the design that were used: those without a failed run.
+    """
+
+    first: float
+    total: float
+    first_interval: tuple[float, float]
+    total_interval: tuple[float, float]
+    level: float
+    rows: int
+
+
+def indices(space: Space, output: FloatArray, seed: int = 0, level: float = LEVEL) -> dict[str, Index]:
+    """First-order and total indices of each variable, from the runs of the sampler saltelli.
+
+    Estimators: first-order of Saltelli et al., Comput. Phys. Commun. 181:259, 2010, table 2 (b); total of Jansen,
+    Comput. Phys. Commun. 117:35, 1999.
+
+    Args:
+        space: of the variables.
+        output: of all runs in order of index, NaN where a run failed, shape (rows x (n + 2),).
+        seed: of the bootstrap.
+        level: of its intervals.
+
+    Raises:
+        HricError: correlated variables, runs that are no whole design, an output that is constant or infinite, or too
+            few rows without a failed run.
+    """
+    n = len(space.names)
+    if not space.independent:
+        raise HricError("indices are not defined for correlated variables; valid: a sweep without correlation")
+    if output.size % (n + 2):
+        raise HricError(f"{output.size} runs are no design of Saltelli; valid: a multiple of {n + 2} in order of index")
+    if endless := int(np.isinf(output).sum()):
+        raise HricError(f"the output is infinite in {endless} runs: it has no variance; valid: one that is finite")
+    blocks = output.reshape(n + 2, -1)
+    blocks = blocks[:, np.all(np.isfinite(blocks), axis=0)]
+    if (rows := blocks.shape[1]) < FEWEST:
+        raise HricError(f"{rows} rows of the design have no failed run; valid: {FEWEST} or more")
+    if np.ptp(blocks[:2]) == 0.0:
+        raise HricError("the output is the same in all runs: no variable matters; valid: one that varies")
+    random = np.random.default_rng(seed)
+    first, total = _indices(blocks)
+    resampled = [_indices(blocks[:, random.integers(0, rows, rows)]) for _ in range(RESAMPLES)]
+    shares = [50.0 * (1.0 - level), 50.0 * (1.0 + level)]
+    ends = np.nanpercentile(np.array(resampled), shares, axis=0)
+    return {
+        name: Index(
+            float(first[i]),
+            float(total[i]),
+            (float(ends[0, 0, i]), float(ends[1, 0, i])),
+            (float(ends[0, 1, i]), float(ends[1, 1, i])),
+            level,
+            rows,
+        )
+        for i, name in enumerate(space.names)
+    }
+
+
+def _indices(blocks: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """First-order and total indices, shape (n,) each, of outputs of A, B and A with one column of B, (n + 2, rows)."""
+    a, b, mixed = blocks[0], blocks[1], blocks[2:]
+    variance = float(np.var(blocks[:2]))
+    if variance == 0.0:
+        return np.full(len(mixed), np.nan), np.full(len(mixed), np.nan)
+    middle = float(np.mean(blocks[:2]))
+    first: FloatArray = np.mean((b - middle) * (mixed - a), axis=1) / variance
+    total: FloatArray = 0.5 * np.mean((a - mixed) ** 2, axis=1) / variance
+    return first, total
+
+
+def rank_correlation(values: FloatArray, output: FloatArray, weights: FloatArray | None = None) -> tuple[float, float]:
+    """Spearman's coefficient of a variable and an output, and the probability of one so far from 0 by chance.
+
+    With weights a rank is the weight of all that is below, and half of that of its equals; the coefficient is Pearson's
+    of such ranks, with the weights, and chance is that of the effective number of runs.
+
+    Args:
+        values: of the variable, shape (m,).
+        output: NaN where a run failed; those runs are left out, shape (m,).
+        weights: likelihood ratios, runs of weight 0 are left out, shape (m,); None: all count alike.
+
+    Returns:
+        Coefficient in [-1, 1] and two-sided p-value [1].
+
+    Raises:
+        HricError: fewer than 3 runs, or one of both is constant.
+    """
+    weights = np.ones(values.shape) if weights is None else weights
+    kept = ~np.isnan(values) & ~np.isnan(output) & (weights > 0.0)
+    a, b, counts = values[kept], output[kept], weights[kept]
+    if effective_size(counts) < 3.0 - 1e-9 or a.min() == a.max() or b.min() == b.max():
+        raise HricError("ranks have no correlation; valid: 3 runs or more in which both vary")
+    x, y = _ranks(a, counts), _ranks(b, counts)
+    found = float(np.clip(counts @ (x * y) / np.sqrt((counts @ (x * x)) * (counts @ (y * y))), -1.0, 1.0))
+    freedom = effective_size(counts) - 2.0
+    t = np.inf if abs(found) == 1.0 else abs(found) * np.sqrt(freedom / (1.0 - found**2))
+    return found, float(2.0 * stats.t.sf(t, freedom))
+
+
+def _ranks(values: FloatArray, weights: FloatArray) -> FloatArray:
+    """Ranks less their mean, shape (m,), of values with weights above 0."""
+    _, groups = np.unique(values, return_inverse=True)
+    sums = np.bincount(groups, weights)
+    middles = np.cumsum(sums) - 0.5 * sums
+    centred: FloatArray = (middles - sums @ middles / sums.sum())[groups]
+    return centred

@@ -1,0 +1,101 @@
+"""Command line: measure_stops."""
+
+import argparse
+import shlex
+import sys
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from tqdm import tqdm
+
+from franka_sim.franka_hw_sim import FrankaHWSim
+from hric_assessment.separation import stopping
+from hric_assessment.separation.stopping import Row, StopTable
+from hric_bags import files
+from hric_core.errors import HricError
+from hric_core.parameters import number
+from hric_run.definition import experiment, overrides
+from hric_run.simulation import Simulation
+from hric_sweep.stops import measuring
+
+PROGRAM = "rosrun hric_experiments measure_stops"
+SPEEDS = (0.05, 0.1, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0)
+"""Of the end effector [m/s]."""
+LOADS = (0.0, 1.0, 2.0, 3.0)
+"""[kg]; a Panda carries 3 kg."""
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Measure the stops of the emulated arm, and print or write their table."""
+    given = _parser().parse_args(list(arguments))
+    for name, values, minimum in (("--speeds", given.speeds, 1e-3), ("--loads", given.loads, 0.0)):
+        for value in values:
+            number(minimum=minimum).checked(value, name)
+    definition = experiment.load(experiment.NONE, ["simulator:=mujoco", *given.overrides])
+    command = shlex.join([*PROGRAM.split(), *arguments])
+    with Simulation(definition) as simulation:
+        robot = simulation.app.hw
+        if not isinstance(robot, FrankaHWSim):
+            raise HricError(f"{definition.robot.hw} has no control box that stops it; valid: franka_sim/FrankaHWSim")
+        found = measured(robot, sorted(set(given.speeds)), sorted(set(given.loads)), command)
+    text = stopping.as_yaml(found)
+    if given.out is None:
+        print(text, end="")
+        return 0
+    files.write_text(given.out, text)
+    print(f"{len(found.stops)} stops, the worst of each speed and load: {given.out}")
+    print(stopping.NOT_A_BRAKE)
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        PROGRAM,
+        description="How long and how far the emulated arm moves on once its user stop is pressed, by speed of the end "
+        "effector and load, the worst of some poses and directions; a file for --stop. These are "
+        f"{stopping.NOT_A_BRAKE}. Needs no ROS master.",
+        epilog="overrides, of the arm alone:\n" + overrides.help_text(),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("overrides", nargs="*", metavar="key:=value", help="simulator:=pybullet, friction:=..., ...")
+    add = parser.add_argument
+    add("--speeds", nargs="+", type=float, default=SPEEDS, metavar="V", help="of the end effector [m/s]")
+    add("--loads", nargs="+", type=float, default=LOADS, metavar="M", help="at the end effector [kg]")
+    add("-o", dest="out", type=Path, metavar="FILE", help="where to write (default: print)")
+    return parser
+
+
+def measured(robot: FrankaHWSim, speeds: Sequence[float], loads: Sequence[float], command: str) -> StopTable:
+    """The table of an arm.
+
+    Args:
+        robot: of a simulation.
+        speeds, loads: from the smallest on [m/s], [kg].
+        command: that makes it again.
+
+    Raises:
+        HricError: no pose reaches any of the speeds.
+    """
+    limits = robot.box.config.limits
+    poses = measuring.poses(limits.lower, limits.upper)
+    stopping_arm, rows = measuring.Stopping(robot), list[Row]()
+    for load, speed in _shown([(load, speed) for load in loads for speed in speeds]):
+        if not rows or rows[-1].load != load:
+            stopping_arm.carry(load)
+        found = measuring.worst(stopping_arm, poses, speed, load, limits.velocity)
+        rows += [] if found is None else [found]
+    if not rows:
+        raise HricError(f"no pose reaches {speeds[0]:g} m/s within the velocity limits; valid: slower ones")
+    return StopTable(
+        title=f"stops of the emulated {robot.arm_id}, {type(robot.plant).__name__}",
+        kind=stopping.SIMULATION,
+        source=f"user stop of the emulated control box: the worst of {len(poses)} poses and up to "
+        f"{2 * (3 + measuring.ALONE)} directions; at rest below {1000.0 * measuring.STANDSTILL:g} mm/s",
+        command=command,
+        reaction_time=robot.plant.time_step,
+        stops=tuple(rows),
+    )
+
+
+def _shown(pairs: Sequence[tuple[float, float]]) -> Iterable[tuple[float, float]]:
+    return tqdm(pairs, unit=" speeds", desc="stops", disable=not sys.stderr.isatty(), leave=False)  # type: ignore[no-any-return]

@@ -1,0 +1,161 @@
+"""Study files: one experiment run in several variants, and how far apart the runs may be."""
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from hric_core.errors import ParameterError, UnknownNameError, message_about
+from hric_core.parameters import Settings, listing, mapping, number, read_yaml, refused, section, text
+from hric_core.parameters import names as names_
+from hric_run.definition import experiment
+from hric_run.definition.experiment import Experiment, ExperimentError
+from hric_run.definition.overrides import once
+
+EXAMPLE = """\
+description: how stiffness changes the step
+forms:
+  step:
+    experiment: pd_step
+    runs: {soft: ["kp:=50", "kd:=10"], stiff: ["kp:=200", "kd:=100"]}   # overrides of each run
+    compared:
+      - {runs: [soft, stiff]}
+"""
+
+RENAMED = {"opensim_vs_pybullet": "engines"}
+"""Names that studies had before."""
+_NUMERIC = re.compile(r"-?\d+(\.\d+)?")
+OVERRIDES: Any = listing(text(empty=False), default=(), different=True, made=once)
+
+
+@dataclass(frozen=True)
+class Pair(Settings):
+    """Two runs of a form that are overlaid on each other."""
+
+    runs: tuple[str, str] = names_(2, text="names of the runs")
+    at_most: float | None = number(
+        None,
+        above=0.0,
+        unit="rad",
+        text="largest difference of a joint position, of the robot or a human, that the study accepts; none: reported "
+        "only",
+    )
+    force_bound: float | None = number(
+        None, above=0.0, unit="N", text="largest difference of a grip's force that it accepts; none: reported only"
+    )
+
+
+@dataclass(frozen=True)
+class Form(Settings):
+    """One experiment in several variants. name: within the study."""
+
+    name: str = ""
+    experiment: str = text(empty=False, text="its name, or the path of its YAML file")
+    changes: tuple[str, ...] = listing(
+        text(empty=False), default=(), different=True, made=once, text="overrides of all runs"
+    )
+    runs: Mapping[str, tuple[str, ...]] = mapping(
+        OVERRIDES, text="name of each run and its own overrides, in the order in which they are run"
+    )
+    abscissa: str = text(
+        "", text="what the names of the runs are, numbers then, with the unit; figures show values over it"
+    )
+    compared: tuple[Pair, ...] = listing(
+        section(Pair), range(1, 100), text="which runs are overlaid on each other; figures show the first pair"
+    )
+
+    def check(self, where: str) -> None:
+        """Refuse a pair that names no run, and runs without a number where there is an abscissa."""
+        if self.abscissa and not all(map(_NUMERIC.fullmatch, self.runs)):
+            raise refused(f"{where}runs", ", ".join(self.runs), f"names that are numbers, of {self.abscissa}")
+        for i, pair in enumerate(self.compared):
+            if unknown := [name for name in pair.runs if name not in self.runs]:
+                raise refused(f"{where}compared[{i}].runs", ", ".join(unknown), f"two of {', '.join(self.runs)}")
+
+    def arguments(self, run: str, given: Iterable[str]) -> list[str]:
+        """Overrides of one run; given: the user's, which come last."""
+        return [*self.changes, *self.runs[run], *given]
+
+    def definition(self, run: str, given: Iterable[str]) -> Experiment:
+        """The experiment of one run.
+
+        Raises:
+            HricError: a mistake in an override.
+        """
+        return experiment.load(self.experiment, self.arguments(run, given))
+
+
+@dataclass(frozen=True)
+class Study(Settings):
+    """A study. name: of the file without its ending."""
+
+    name: str = ""
+    description: str = text(text="one line for people")
+    forms: Mapping[str, Form] = mapping(
+        section(Form), made=lambda given: {name: replace(form, name=name) for name, form in given.items()}
+    )
+
+    def check(self, where: str) -> None:
+        """Refuse a study without forms."""
+        if not self.forms:
+            raise refused(f"{where}forms", {}, "at least one form")
+
+    def chosen(self, names: Iterable[str]) -> list[Form]:
+        """The forms of these names, all if there are none.
+
+        Raises:
+            UnknownNameError: no such form.
+        """
+        requested = list(names) or list(self.forms)
+        for name in requested:
+            if name not in self.forms:
+                raise UnknownNameError("form", name, self.forms, f"study {self.name}")
+        return [self.forms[name] for name in requested]
+
+
+def names() -> list[str]:
+    """Names of the studies that come with the workspace."""
+    return experiment.names("studies")
+
+
+def is_study(name: str) -> bool:
+    """Whether a name is that of a study, or of a YAML file with one.
+
+    Raises:
+        ParameterError: the file cannot be read or is not YAML.
+    """
+    if not name.endswith((".yaml", ".yml")) or not Path(name).expanduser().is_file():
+        return name in (*names(), *RENAMED)
+    content = read_yaml(Path(name).expanduser())
+    return isinstance(content, Mapping) and "forms" in content
+
+
+def load(name: str) -> Study:
+    """Read a study and check it.
+
+    Args:
+        name: name, or path of a YAML file.
+
+    Raises:
+        HricError: no such study, or mistakes in its file; the message gives the keys and what is valid.
+    """
+    if name.endswith((".yaml", ".yml")):
+        path = Path(name).expanduser()
+    elif name in (*names(), *RENAMED):
+        path = experiment.config_path("studies") / f"{RENAMED.get(name, name)}.yaml"
+    else:
+        raise UnknownNameError("study", name, names(), "studies")
+    return parse(path.stem, read_yaml(path))
+
+
+def parse(name: str, raw: Any) -> Study:
+    """Check the contents of a study file.
+
+    Raises:
+        ExperimentError: unknown and missing keys, all of them at once, or a pair that names no run.
+    """
+    try:
+        return replace(Study.of(raw, ""), name=name)
+    except ParameterError as error:
+        raise ExperimentError(message_about(f"study {name}", error)) from error

@@ -1,0 +1,250 @@
+"""A supervised run without a master: the arm slows, stops and goes on; what does not obey is stopped; approaches."""
+
+import json
+import math
+from dataclasses import asdict
+
+import numpy as np
+import pytest
+
+from hric_assessment.contact.limits import PARTED, TRANSIENT_TIME
+from hric_assessment.findings import Outcome as Result
+from hric_assessment.supervisor.app import HeadlessSupervisor
+from hric_assessment.supervisor.arm import ArmShape, ArmState
+from hric_assessment.supervisor.settings import SupervisorSettings
+from hric_control.speed_scale import stopping_time
+from hric_core.errors import HricError
+from hric_core.local.node import LocalNode
+from hric_msgs.msg import SafetyEvent, SafetyState, SpeedScaleState
+from hric_run.definition import experiment, parameters
+from hric_run.simulation import Simulation
+from hric_sweep.approaches import command
+from hric_sweep.approaches.draw import LONGEST, SPEEDS, draw
+from hric_sweep.approaches.meetings import ContactEvent
+from hric_sweep.approaches.run import Outcome, Runner
+
+NAME = "shared_workspace"
+
+
+def supervised(duration=None, **changes):
+    if duration is not None:
+        rows = [row for row in experiment.read(NAME)["setpoints"] if row["time"] < duration]
+        changes = {"duration": duration, "setpoints": rows, **changes}
+    simulation = Simulation(NAME, simulator="mujoco", **changes)
+    kept = {"states": [], "events": [], "scales": []}
+    for topic, kind, name in (
+        ("hric/safety/state", SafetyState, "states"),
+        ("hric/safety/events", SafetyEvent, "events"),
+        ("hric/safety/speed_scale_state", SpeedScaleState, "scales"),
+    ):
+        simulation.node.subscribe(topic, kind, kept[name].append)
+    return simulation, kept
+
+
+def speeds(simulation):
+    """Of the arm's fastest place in each cycle [m/s]."""
+    log = simulation.signals
+    shape = ArmShape(simulation.node.param("robot_description"), log.joint_names)
+    return log.time, np.array(
+        [
+            np.linalg.norm(shape.at(ArmState(t, q, dq)).velocities, axis=2).max()
+            for t, q, dq in zip(log.time, log.position, log.velocity, strict=True)
+        ]
+    )
+
+
+def test_the_arm_is_slowed_stopped_and_freed_as_the_person_comes_and_goes():
+    simulation, kept = supervised(10.5)
+    with simulation:
+        simulation.run()
+    assert [event.kind for event in kept["events"]].count("violation") == 0
+    assert {"slowed", "stopped"} <= {event.kind for event in kept["events"]}
+    assert {state.state for state in kept["states"]} >= {"slowed", "stopped"}
+    assert max(state.scale for state in kept["states"] if state.header.stamp.to_sec() > 9.0) > 0.5
+    assert len(kept["states"]) == pytest.approx(1050, abs=2)
+    assert simulation.supervisor.latencies and max(simulation.supervisor.latencies) < 0.02
+
+
+def test_without_it_the_same_run_comes_nearer_than_it_should():
+    simulation, kept = supervised(4.5, **{"supervisor.active": False})
+    with simulation:
+        simulation.run()
+    assert any(state.violation for state in kept["states"]) and not kept["scales"]
+
+
+def test_lost_perception_stops_the_arm_within_the_stop_distance():
+    simulation, kept = supervised(
+        4.0, **{"human.walk.points": [[0.0, 0.0, 0.0]], "human.position": [4.0, 0.0], "human.control": {}}
+    )
+    with simulation:
+        simulation.run(2.6)
+        for registration in simulation.supervisor._persons[0].registrations:
+            registration.unregister()
+        simulation.run()
+    (fault,) = [event for event in kept["events"] if event.kind == "fault"]
+    assert "stale" in fault.text
+    time, speed = speeds(simulation)
+    lost, own = 2.6, SupervisorSettings()
+    before = speed[(time > lost - 0.05) & (time <= lost)].max()
+    assert before > 0.2  # it was at work
+    noticed = own.max_age + 2.0 / own.rate
+    stopped = time[np.flatnonzero(speed > 0.01)[-1]]
+    assert stopped - lost < noticed + stopping_time(1.0) + own.settling_time
+    after = (time > lost) & (time <= stopped)
+    # What the terms of the protective distance say of the arm, at the fastest that it was meanwhile.
+    fastest = speed[after].max()
+    assert speed[after].sum() * 1e-3 < fastest * (noticed + 0.5 * stopping_time(1.0) + own.settling_time)
+
+
+def test_a_controller_that_does_not_obey_is_stopped_and_named():
+    simulation, kept = supervised(1.0, setpoints=[], **{"parameters.joint_pd_controller.profile.enabled": False})
+    with simulation:
+        simulation.run()
+        states = {status.name: status.state for status in simulation.app.manager.list()}
+    assert states["joint_pd_controller"] == "stopped" and states["joint_state_controller"] == "running"
+    (stopped,) = [event for event in kept["events"] if event.kind == "controller_stopped"]
+    assert "joint_pd_controller" in stopped.text
+
+
+def test_a_supervised_run_is_the_same_each_time_and_one_that_is_watched_only_is_that_without():
+    def digest(name=NAME, **changes):
+        with Simulation(name, simulator="mujoco", duration=1.5, **changes) as simulation:
+            simulation.run()
+        return simulation.state_sha256
+
+    first = {"setpoints": experiment.read(NAME)["setpoints"][:1]}
+    assert digest(**first) == digest(**first)
+    raw = experiment.read(NAME)
+    del raw["supervisor"]
+    raw["duration"], raw["setpoints"] = 1.5, raw["setpoints"][:1]
+    raw["robot"]["plant_type"] = "mujoco_ros_control/MujocoPlant"
+    watched = digest(setpoints=raw["setpoints"], **{"supervisor.active": False})
+    with Simulation(experiment.parse(NAME, raw)) as simulation:
+        simulation.run()
+    assert watched == simulation.state_sha256
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"supervisor.mode": "brave"}, "monitored_standstill"),
+        ({"supervisor.source": "marker"}, "base_from_mocap"),
+        ({"supervisor.source": "person"}, "a section person"),
+        ({"supervisor.limits": "nobody"}, "iso_ts_15066"),
+        ({"supervisor.speed": 0.0}, "above 0"),
+    ],
+)
+def test_a_mistake_in_the_section_is_one_error_with_what_is_valid(changes, said):
+    with pytest.raises(HricError, match=said):
+        Simulation(NAME, simulator="mujoco", **changes)
+
+
+def test_a_supervisor_who_sees_nobody_is_refused():
+    raw = experiment.read(NAME)
+    del raw["human"]
+    with pytest.raises(HricError, match="nobody is in the robot's plant"):
+        experiment.parse(NAME, raw)
+
+
+def test_a_tracked_person_is_of_live_runs_and_his_section_reaches_the_supervisor():
+    raw = experiment.read(NAME)
+    del raw["human"]
+    raw["mocap"] = {"base_from_mocap": {"xyz": [0, 0, 0], "xyzw": [0, 0, 0, 1]}}
+    raw["person"], raw["supervisor"]["source"] = {"subject": "P50_female"}, "person"
+    definition = experiment.parse(NAME, raw)
+    (given,) = parameters.supervisor(definition).values()
+    assert given["person"]["subject"] == "P50_female"
+    with pytest.raises(HricError, match="scripts/bringup"):
+        Simulation(definition)
+
+
+def test_a_real_arm_is_refused_without_the_acknowledgement():
+    node = LocalNode({"robot": {"robot_ip": "172.16.0.2"}}, "/hric/safety/supervisor")
+    with pytest.raises(HricError, match="acknowledge_no_safety_function"):
+        HeadlessSupervisor(node, lambda *_: None)
+
+
+def test_what_is_drawn_is_the_seeds_and_within_what_is_said():
+    assert draw(3) == draw(3) != draw(4)
+    drawn = [draw(seed) for seed in range(300)]
+    assert all(SPEEDS[0] <= one.speed <= SPEEDS[1] for one in drawn)
+    assert min(one.speed for one in drawn) < 0.6 and max(one.speed for one in drawn) > 1.9
+
+
+@pytest.mark.parametrize(
+    ("given", "count", "bound"),
+    [
+        (["--count", "8"], 8, "31.2"),
+        pytest.param(["--quick"], 20, "13.9", marks=pytest.mark.slow),
+    ],
+)
+def test_approaches_meet_no_moving_arm_and_without_the_supervisor_they_do(given, count, bound, tmp_path, capsys):
+    file = tmp_path / "approaches.jsonl"
+    assert command.main([*given, "--jobs", "1", "--output", str(file)]) == 0
+    said = capsys.readouterr().out
+    assert f"in 0 of {count}, at most {bound} % (one-sided 95 %)" in said and "no certified safety function" in said
+    rows = [json.loads(line) for line in file.read_text().splitlines()]
+    assert [row["seed"] for row in rows] == list(range(count))
+    assert any(met["arm"] == "standing" for row in rows for met in row["contacts"])  # somebody did come
+    command.main([*given, "--output", str(file)])  # nothing is run again
+    assert capsys.readouterr().out == said
+    assert command.main(["--count", "2", "--without", "--jobs", "1"]) == 1
+    assert "WITHOUT the supervisor" in capsys.readouterr().out
+
+
+def test_a_run_goes_on_until_its_contact_has_parted_or_is_a_clamp():
+    runner = Runner()
+    try:
+        outcome = runner.run(draw(0))
+    finally:
+        runner.close()
+    first, last = min(one.time for one in outcome.contacts), max(one.end for one in outcome.contacts)
+    assert outcome.duration - first > TRANSIENT_TIME or outcome.duration - last > PARTED
+    assert outcome.duration - first < LONGEST + 0.1
+
+
+def test_a_run_that_failed_counts_as_above_in_the_bound_and_is_named():
+    outcomes = [Outcome(seed, 1.0, 0.0, True) for seed in range(20)]
+    outcomes[7].failure = "the simulation diverged at 2.946 s: speed of panda_joint1 is nan rad/s, not finite"
+    text = command.report(outcomes)
+    assert "in 0 of 20, at most 21.6 % (one-sided 95 %)" in text  # of 1 in 20
+    assert "nothing is known (above in the bound): 1\n  seed 7: the simulation diverged at 2.946 s" in text
+
+
+def test_a_contact_that_is_not_assessable_is_counted_as_such_and_bounded_as_above():
+    contact = ContactEvent(
+        1.0, 1.1, "contact of a with b", "", "moving", 0.4, None, math.nan, Result.NOT_ASSESSABLE, math.inf, "no area"
+    )
+    outcomes = [Outcome(seed, 1.0, 0.0, True, contacts=[contact] if seed == 3 else []) for seed in range(20)]
+    text = command.report(outcomes)
+    assert "in 0 of 20, at most 21.6 % (one-sided 95 %)" in text  # Clopper-Pearson of 1 in 20
+    assert "contacts with a moving arm: in 1 of 20 runs (above limits in 0, not assessable in 1" in text
+
+
+@pytest.mark.parametrize(("result", "code"), [("above limits", 1), ("not assessable", 4), ("warning", 0)])
+def test_the_exit_code_is_that_of_the_worst_contact_with_a_moving_arm(result, code, tmp_path):
+    contact = {"subject": "", "regions": "", "arm_speed": 0.4, "speed": None, "peak": 9.0, "share": 2.0, "reason": ""}
+    rows = []
+    for seed, arm in enumerate(("moving", "standing")):
+        own = {**contact, "time": 1.0, "end": 1.1, "arm": arm, "outcome": result if seed == 0 else "above limits"}
+        rows.append(json.dumps(asdict(Outcome(seed, 1.0, 0.0, True)) | {"contacts": [own]}))
+    file = tmp_path / "approaches.jsonl"
+    file.write_text("\n".join(rows))
+    assert command.main(["--count", "2", "--output", str(file)]) == code
+
+
+def test_a_file_that_is_none_of_its_own_is_refused(tmp_path):
+    file = tmp_path / "x.jsonl"
+    file.write_text('{"seed": 1}\n')
+    with pytest.raises(HricError, match="line 1"):
+        command.read(file, True)
+
+
+@pytest.mark.parametrize("engine", ["pybullet", "opensim"])
+def test_on_the_other_engines_an_approach_ends_at_a_standing_arm_too(engine):
+    runner = Runner(engine)
+    try:
+        outcome = runner.run(draw(3))
+    finally:
+        runner.close()
+    assert not outcome.met("moving") and outcome.stopped > 0.1

@@ -1,0 +1,104 @@
+"""Samplers that learn from their runs give the same table, whichever run ends first and however often it is cut off."""
+
+import random
+import time
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import pytest
+import test_sweep as sweeps
+
+from hric_sweep import definition, table
+from hric_sweep.definition import Plan
+from hric_sweep.engines.engine import Response, Task
+from hric_sweep.journal import Journal
+from hric_sweep.supervisor import Supervisor
+
+KP = "parameters.joint_pd_controller.kp"
+RARE = {"exceedance": {"output": "speed", "above": 0.763}, "keep": {"worst": 0}}
+"""A kp above 78, where it is between 40 and 80, of the runs and of `answer`."""
+SAMPLERS: dict[str, dict[str, Any]] = {
+    "cross_entropy": {"sampler": {"kind": "cross_entropy", "batch": 20}, "runs": 120, **RARE},
+    "subset": {"sampler": {"kind": "subset", "smallest": 0.01}, "runs": 190, **RARE},
+    "tpe": {"sampler": {"kind": "tpe"}, "runs": 50, "objective": {"maximise": "speed"}, "keep": {"worst": 0}},
+}
+
+
+class AnyOrder:
+    """An engine whose tasks end in any order, and which is cut off.
+
+    Args:
+        seed: of how long tasks take.
+        after: tasks that it takes before Ctrl-C; None: all.
+    """
+
+    window = workers = 7
+
+    def __init__(self, seed: int, after: int | None = None) -> None:
+        self._random, self._after = random.Random(seed), after
+        self._threads = ThreadPoolExecutor(self.workers)
+
+    def submit(self, task: Task) -> "Future[Response]":
+        if self._after == 0:
+            raise KeyboardInterrupt
+        self._after = None if self._after is None else self._after - 1
+        return self._threads.submit(answer, task, self._random.uniform(0.0, 0.004))
+
+    def flush(self) -> None:
+        pass
+
+    def check(self, reference: Task) -> Response:
+        raise NotImplementedError
+
+    def close(self, *, now: bool) -> None:
+        self._threads.shutdown()
+
+
+def answer(task: Task, duration: float) -> Response:
+    """Of a run that fails at the lower end, always."""
+    time.sleep(duration)
+    kp = task["changes"][KP]
+    failed = kp < 45.0
+    return {
+        "id": task["id"],
+        "index": task["index"],
+        "outputs": {"speed": None if failed else kp / 100.0 - 0.017, "error": 0.0},
+        "failure": "HricError: no" if failed else "",
+        "state_sha256": f"{kp}",
+        **dict.fromkeys(("processor", "wall"), 0.0),
+        "host": "here",
+    }
+
+
+def results(folder: Path, plan: Plan, *engines: AnyOrder) -> tuple[str, Any]:
+    """Hash and estimate of a sweep that each engine but the last one is cut off in, within a line of the journal."""
+    folder.mkdir()
+    for number, engine in enumerate(engines):
+        with Journal(folder) as journal:
+            supervisor = Supervisor(plan, folder, journal, engine, "code")
+            if number == len(engines) - 1:
+                supervisor.run()
+            else:
+                with pytest.raises(KeyboardInterrupt):
+                    supervisor.run()
+        engine.close(now=False)
+        with (folder / "runs.jsonl").open("a") as file:
+            file.write('{"id": "')
+    return table.results_sha256(table.read(folder)), supervisor.estimate
+
+
+@pytest.mark.parametrize("sampler", SAMPLERS)
+def test_the_points_of_a_sampler_that_learns_do_not_depend_on_order_or_interruptions(
+    tmp_path: Path, sampler: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(table, "find", Path)
+    plan = definition.load(str(sweeps.written(tmp_path, **SAMPLERS[sampler])))
+    expected = results(tmp_path / "whole", plan, AnyOrder(0))
+    drawn = random.Random(sampler)
+    for case in range(3):
+        cuts = [AnyOrder(case, after=drawn.randrange(1, SAMPLERS[sampler]["runs"] // 4)) for _ in range(3)]
+        assert results(tmp_path / str(case), plan, *cuts, AnyOrder(9 + case)) == expected
+    frame = table.read(tmp_path / "whole").to_pandas()
+    assert frame["batch"].nunique() > 2 and (frame["failure"] != "").any()
+    assert (expected[1] is None) == (sampler == "tpe")

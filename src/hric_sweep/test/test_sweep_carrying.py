@@ -1,0 +1,155 @@
+"""How an engine is had carry tasks out: what is tried again, what is kept, and what is no response."""
+
+import signal
+from collections.abc import Callable
+from concurrent.futures import Future
+from pathlib import Path
+from typing import ClassVar
+
+import pytest
+
+from hric_sweep.carrying import TRIES, carry_out
+from hric_sweep.engines.engine import Died, Response, Task, TimedOut
+from hric_sweep.journal import Journal
+
+WINDOW = 3
+
+
+class Scripted:
+    """An engine whose tasks have ended when they are submitted.
+
+    Args:
+        of: what comes of a task in an attempt.
+    """
+
+    window, workers = WINDOW, 1
+
+    def __init__(self, of: Callable[[Task, int], Response | Exception] | None = None) -> None:
+        self._of, self.begun = of or (lambda task, attempt: answer(task)), list[str]()
+
+    def submit(self, task: Task) -> "Future[Response]":
+        self.begun.append(task["id"])
+        given = self._of(task, self.begun.count(task["id"]))
+        future: Future[Response] = Future()
+        if isinstance(given, Exception):
+            future.set_exception(given)
+        else:
+            future.set_result(given)
+        return future
+
+    def flush(self) -> None:
+        pass
+
+    def check(self, reference: Task) -> Response:
+        raise NotImplementedError
+
+    def close(self, *, now: bool) -> None:
+        raise NotImplementedError
+
+
+def answer(task: Task) -> Response:
+    return {"id": task["id"], "index": task["index"], "outputs": {"x": 1.0}, "failure": "", "host": "here"}
+
+
+def some(*ids: str) -> list[Task]:
+    return [{"id": one, "index": index, "outputs": {"x": {}}} for index, one in enumerate(ids)]
+
+
+def test_a_task_that_dies_or_takes_too_long_is_tried_again_and_the_attempt_is_told(tmp_path: Path) -> None:
+    def of(task: Task, attempt: int) -> Response | Exception:
+        first = {1: Died("ended its worker"), 2: TimedOut("took longer than 1 s")} if task["id"] == "b" else {}
+        return first.get(attempt) or answer(task)
+
+    engine, told = Scripted(of), list[Response]()
+    with Journal(tmp_path) as journal:
+        found = carry_out(some("a", "b", "c"), engine, journal, told.append)
+        kept = {entry["id"]: entry for entry in journal.entries}
+    assert [one["attempt"] for one in found] == [1, 3, 1] and [one["failure"] for one in found] == ["", "", ""]
+    assert kept["b"]["attempt"] == 3 and len(told) == len(kept) == 3
+
+
+@pytest.mark.parametrize("why", [Died("ended its worker (exit code 7)"), TimedOut("took longer than 1 s")])
+def test_a_task_that_always_dies_is_marked_after_its_tries_and_its_neighbours_are_not(
+    tmp_path: Path, why: Exception
+) -> None:
+    engine = Scripted(lambda task, attempt: why if task["id"] == "b" else answer(task))
+    with Journal(tmp_path) as journal:
+        found = carry_out(some("a", "b", "c"), engine, journal)
+    assert engine.begun.count("b") == TRIES == 3
+    assert [one["failure"] for one in found] == ["", f"poison: {why} in each of 3 tries", ""]
+    assert found[1]["outputs"] == {"x": None} and found[1]["attempt"] == 3
+
+
+def test_an_engine_that_cannot_go_on_ends_it_and_what_ended_by_then_is_kept(tmp_path: Path) -> None:
+    class Gone(Exception):
+        pass
+
+    engine = Scripted(lambda task, attempt: Gone() if task["id"] == "b" else answer(task))
+    with Journal(tmp_path) as journal:
+        with pytest.raises(Gone):
+            carry_out(some("b", "a"), engine, journal)
+        assert [entry["id"] for entry in journal.entries] == ["a"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_while_the_journal_is_written_comes_when_all_in_it_is_told(
+    tmp_path: Path, number: signal.Signals, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Journal, "_append", Journal.append, raising=False)
+    monkeypatch.setattr(Journal, "append", lambda self, lines: (self._append(lines), signal.raise_signal(number)))
+    before, told = signal.signal(signal.SIGTERM, signal.default_int_handler), list[Response]()
+    try:
+        with Journal(tmp_path) as journal:
+            with pytest.raises(KeyboardInterrupt):
+                carry_out(some("a", "b"), Scripted(), journal, told.append)
+            assert [entry["id"] for entry in told] == [entry["id"] for entry in journal.entries] == ["a", "b"]
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def test_what_the_journal_has_is_not_run_again_and_a_point_chosen_twice_keeps_its_two_places(tmp_path: Path) -> None:
+    tasks = some("a", "b", "a")
+    with Journal(tmp_path) as journal:
+        first = carry_out(tasks, Scripted(), journal)
+    engine, told = Scripted(), list[Response]()
+    with Journal(tmp_path) as journal:
+        again = carry_out(tasks, engine, journal, told.append)
+    assert engine.begun == [] and again == first == told
+    assert [one["index"] for one in again] == [0, 1, 2]
+
+
+def test_no_more_tasks_are_open_than_the_engine_wants() -> None:
+    class Slow(Scripted):
+        """Ends its tasks when it has as many as it wants, or the last."""
+
+        open_: ClassVar[list[tuple[Future[Response], Task]]] = []
+
+        def submit(self, task: Task) -> "Future[Response]":
+            future: Future[Response] = Future()
+            self.open_.append((future, task))
+            assert len(self.open_) <= WINDOW
+            if len(self.open_) == WINDOW or task["id"] == "g":
+                for one, about in self.open_:
+                    one.set_result(answer(about))
+                self.open_.clear()
+            return future
+
+    assert len(carry_out(some(*"abcdefg"), Slow(), None)) == 7
+
+
+def test_tasks_that_an_engine_keeps_back_go_when_no_further_one_comes() -> None:
+    class Chunks(Scripted):
+        """Ends its tasks when it is told that no further one comes."""
+
+        kept: ClassVar[list[tuple[Future[Response], Task]]] = []
+
+        def submit(self, task: Task) -> "Future[Response]":
+            self.kept.append((Future(), task))
+            return self.kept[-1][0]
+
+        def flush(self) -> None:
+            for future, task in self.kept:
+                future.set_result(answer(task))
+            self.kept.clear()
+
+    assert [one["id"] for one in carry_out(some("a", "b"), Chunks(), None)] == ["a", "b"]
