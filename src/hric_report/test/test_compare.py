@@ -20,7 +20,7 @@ from hric_bags.run_folder import RunFolder
 from hric_core.errors import UnknownNameError
 from hric_report.run import analyse
 
-NODES = Path(__file__).parents[1] / "nodes"
+NODES = Path(__file__).parents[2] / "hric_experiments" / "nodes"
 """Of this package: rosrun looks for them longer than they take to start."""
 PANDA = [f"panda_joint{i}" for i in range(1, 8)]
 

@@ -47,7 +47,7 @@ def by_muscles(runs: Path) -> Path:
 
 
 def led(runs: Path, *more: str) -> Path:
-    packaged = Path(experiment.__file__).parents[3] / "config" / "experiments" / "guided_collection.yaml"
+    packaged = experiment.find("guided_collection")
     content = yaml.safe_load(packaged.read_text())
     seen = runs / "seen.yaml"
     seen.write_text(yaml.safe_dump({key: content[key] for key in content if key not in ("force_plate", "sync")}))
@@ -273,6 +273,6 @@ def test_markers_elsewhere_are_refused(run: Path, c3d: Path, tmp_path: Path) -> 
 
 
 def test_an_experiment_without_a_human_is_refused() -> None:
-    packaged = Path(experiment.__file__).parents[3] / "config" / "experiments" / "pd_step.yaml"
+    packaged = experiment.find("pd_step")
     with pytest.raises(MuscleLoadError, match=r"pd_step.yaml has no human"):
         muscle_load.described_by(str(packaged))

@@ -22,7 +22,7 @@ from hric_report import headless
 from hric_report.run import analyse
 from hric_run.definition import experiment
 
-NODES = Path(__file__).parents[1] / "nodes"
+NODES = Path(__file__).parents[2] / "hric_experiments" / "nodes"
 """Of this package: rosrun looks for them longer than they take to start."""
 JOINTS = [f"panda_joint{i}" for i in range(1, 8)]
 

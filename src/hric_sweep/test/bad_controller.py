@@ -8,6 +8,8 @@ import pytest
 import test_sweep as sweeps
 import yaml
 
+from hric_run.definition import experiment
+
 BAD = """\
 import os
 import time
@@ -56,7 +58,7 @@ def sweep(folder: Path, monkeypatch: pytest.MonkeyPatch, ways: Sequence[str], *,
     for name, content in {"package.xml": PACKAGE, "plugins.xml": PLUGINS, "src/bad_module.py": BAD}.items():
         (package / name).write_text(content)
     monkeypatch.setenv("ROS_PACKAGE_PATH", f"{package.parent}:{os.environ['ROS_PACKAGE_PATH']}")
-    base = yaml.safe_load((Path(sweeps.__file__).parents[1] / "config/experiments/pd_step.yaml").read_text())
+    base = yaml.safe_load(experiment.find("pd_step").read_text())
     base["controllers"].append("bad")
     base["parameters"]["bad"] = {"type": "bad_runs/Bad", "how": "not"}
     (folder / "base.yaml").write_text(yaml.safe_dump(base))

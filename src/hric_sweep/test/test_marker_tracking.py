@@ -95,7 +95,7 @@ def test_two_processes_with_one_seed_are_bit_identical(tmp_path: Path) -> None:
     short = ["mocap.human.begin:=0.1", "duration:=0.5", "--quiet", "--no-figures"]
     commands = [
         [
-            str(Path(__file__).parents[1] / "nodes" / "run"),
+            str(Path(__file__).parents[2] / "hric_experiments" / "nodes" / "run"),
             "marker_tracking",
             *short,
             "--seed",

@@ -311,7 +311,7 @@ def package_path(package: str = PACKAGE) -> Path:
     Raises:
         UnknownNameError: no such package on ROS_PACKAGE_PATH.
     """
-    own = Path(__file__).resolve().parents[3]
+    own = Path(__file__).resolve().parents[4] / PACKAGE
     return own if package == PACKAGE and (own / "config").is_dir() else resources.package_path(package)
 
 

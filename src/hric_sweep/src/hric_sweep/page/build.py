@@ -14,7 +14,7 @@ from hric_sweep.page import drawn, estimate, indices, lists, sample, sensitivity
 from hric_sweep.page.sample import Sample
 from hric_sweep.page.study import EXCEEDED, FAILED, FINE, Study, load
 
-OWN = Path(__file__).parents[1] / "sweep_page" / "assets"
+OWN = Path(__file__).parent / "assets"
 SCRIPTS = ("columns.js", "density.js", "parallel.js", "matrix.js", "sweep.js")
 PERIOD, RUNS_PER_SECOND = 10.0, 2000.0
 """Time between two loads of a growing page [s]: at least, and a second more for so many runs."""
