@@ -1,2 +1,1 @@
-"""The vocabulary and life cycle of ros_control, in Python: interfaces, limits, transmissions, controllers, manager,
-loop."""
+"""Interfaces, limits, transmissions, controllers, manager and control loop of ros_control, in Python."""

@@ -1,5 +1,6 @@
-"""Robot time for everybody beside the loop: the robot's nodes, /clock, stamps, and pairs with the machine's clock on
-hric/clock, by which drivers and emulators of sensors keep the time of the run."""
+"""Robot time for everything outside the control loop: the robot's nodes, /clock and stamps.
+
+Pairs of robot time and machine time on hric/clock keep sensor drivers and emulators on the time of the run."""
 
 from collections.abc import Callable
 from time import monotonic_ns
@@ -16,22 +17,23 @@ from hric_core.robot_time.progress import Gate
 from hric_msgs.msg import ClockPair
 
 TOPIC = "hric/clock"
-"""In the robot's namespace: one clock per run."""
+"""Topic of the clock pairs, in the robot's namespace: one clock per run."""
 PERIOD = 20_000_000
-"""Between pairs, of wall time [ns]."""
+"""Wall time between two measured pairs [ns]."""
 
 
 class ClockPairs:
-    """Publishes pairs from the control loop: the knots of the schedule of a paced loop; else what is measured, one in
-    20 ms of wall time.
+    """Publisher of clock pairs from the control loop.
+
+    A paced loop publishes the knots of its schedule; any other loop publishes measured pairs every 20 ms of wall time.
 
     Args:
-        node: where to advertise.
-        stamp: robot time [s] -> stamp of the run (genpy.Time).
-        loop: of a simulated robot; None: the robot brings its own clock.
+        node: node that advertises.
+        stamp: function from robot time [s] to a stamp of the run (genpy.Time).
+        loop: loop of a simulated robot; None: the robot brings its own clock.
 
     Attributes:
-        gate: for whom a paced loop waits; None: there is no loop.
+        gate: progress reports for which a paced loop waits; None: there is no loop.
     """
 
     __slots__ = ("_due", "_loop", "_publisher", "_stamp", "gate")
@@ -45,14 +47,13 @@ class ClockPairs:
             loop.pace.on_knot, loop.pace.limit = self._on_knot, self.gate.limit
 
     def send_due(self, time: float) -> None:
-        """Publish a pair if one is due; never blocks. Also while the run is paused, so that the pause is
-        known.
+        """Publish a pair if one is due, also while the run is paused, so that the pause is known. Never blocks.
 
         Args:
             time: robot time now [s].
         """
         if self._loop is not None and self._loop.real_time_factor:
-            return  # its schedule is announced
+            return  # a paced loop announces its schedule instead
         now = monotonic_ns()
         if now >= self._due:
             # On a grid, so that cycles of 1 ms give a pair in 20 ms, not in 21.
@@ -60,7 +61,7 @@ class ClockPairs:
             self._publisher.publish(ClockPair, now, self._stamp(time), 1.0 if self._loop is None else 0.0, False)
 
     def close(self) -> None:
-        """Wait for nobody any more."""
+        """Stop waiting for progress reports and unregister the topic."""
         if self.gate is not None:
             self.gate.close()
         self._publisher.unregister()
@@ -71,17 +72,18 @@ class ClockPairs:
 
 
 class RobotClock:
-    """What a robot publishes of its time. One that brings its own clock (no `loop`) has no /clock; its nodes keep ROS
-    time.
+    """Publisher of the robot's time.
+
+    A robot that brings its own clock (no `loop`) has no /clock; its nodes keep ROS time.
 
     Args:
         hw: the robot, initialised.
-        nodes: the robot's own; the first one advertises.
-        live: publish pairs on hric/clock, for drivers of sensors and emulators.
-        on_clock: called with each stamp that goes out on /clock, in the loop; None: nobody.
+        nodes: nodes of the robot; the first one advertises.
+        live: publish pairs on hric/clock, for sensor drivers and emulators.
+        on_clock: callback in the loop for each stamp published on /clock; None: no callback.
 
     Attributes:
-        pairs: publishes those pairs; None of a robot that is not live.
+        pairs: publisher of clock pairs; None if the robot is not live.
     """
 
     def __init__(
@@ -90,7 +92,7 @@ class RobotClock:
         self._hw, self._on_clock = hw, on_clock
         self._publisher: realtime.RealtimePublisher | None = None
         if (loop := hw.loop) is not None:
-            for node in nodes:  # their children share it
+            for node in nodes:  # also the clock of their children
                 node.clock = lambda: loop.time  # type: ignore[attr-defined]  # LocalNode and RosNode have it
             loop.on_pause = self.pair_now
             self._publisher = realtime.publisher(nodes[0], "/clock", Clock, newest_only=True)
@@ -98,15 +100,15 @@ class RobotClock:
 
     @property
     def time(self) -> float:
-        """Robot time of the last state [s]; 0 of a robot that does not know it."""
+        """Robot time of the last state [s]; 0 if the robot does not know it."""
         return self._hw.time or 0.0
 
     def stamp(self, time: float) -> Any:
-        """Stamp of a robot time [s]; a robot that brings its own clock knows at which ROS time that was 0."""
+        """Return the stamp of a robot time [s], offset by the ROS time at which robot time was 0."""
         return stamps.to_time(time + self._hw.epoch)
 
     def publish(self, stamp: Any) -> None:
-        """Send /clock; not 0, which to ROS means that there is no time yet."""
+        """Publish /clock, except for a stamp of 0, which in ROS means that there is no time yet."""
         if self._publisher is None or not stamp:
             return
         if self._on_clock is not None:
@@ -114,7 +116,7 @@ class RobotClock:
         self._publisher.publish(Clock, stamp)
 
     def pair_now(self) -> None:
-        """Send a pair of clocks if one is due, outside a cycle: robot time is paused."""
+        """Publish a clock pair if one is due while robot time is paused, outside a cycle."""
         if self.pairs is not None:
             self.pairs.send_due(self.time)
             if self._hw.loop is not None:

@@ -1,4 +1,4 @@
-"""Every cycle of the control loop, in batches: what was read, commanded and sent."""
+"""Log of every cycle of the control loop, in batches: states read, commands before and after the limits."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -11,11 +11,11 @@ BATCH = 20
 
 
 class ControlLog:
-    """Collects one row per cycle and hands over a message per batch. Plain floats in the loop; the message is built
-    elsewhere.
+    """Collector of one row per cycle, which publishes one message per batch.
 
-    A row is begun when the controllers have been updated and completed at the start of the next cycle, by when the
-    robot has written; so it works the same on a robot that drives its own loop.
+    The loop handles plain floats; the message is built in another thread. A row is begun when the controllers have been
+    updated and completed at the start of the next cycle, when the robot has written its commands, so it works the same
+    on a robot that drives its own loop.
 
     Args:
         states: measured states; copied by `begin`.
@@ -48,7 +48,7 @@ class ControlLog:
         self._sent: list[float] = []
 
     def begin(self, time: float) -> None:
-        """Take what was read in this cycle, after the controllers' update.
+        """Begin a row with the states read in this cycle, after the controllers' update.
 
         Args:
             time: robot time of the cycle [s].
@@ -61,13 +61,12 @@ class ControlLog:
         self._open = True
 
     def complete(self) -> None:
-        """Add the commands of the last cycle, which the robot has written by now. Without a row begun, does nothing."""
+        """Add the commands of the last cycle, which the robot has written by now. Do nothing if no row was begun."""
         if not self._open:
             return
         self._open = False
         kinds, raw, sent = self._row()
-        # The robot hands out the same list while nothing is switched: looking at its identity spares the comparison of
-        # seven names.
+        # The robot returns the same list between two switches: a test of its identity saves comparing seven names.
         if kinds is not self._last_kinds and self._change_kinds(kinds):
             self._split(raw, sent)
             return
@@ -84,8 +83,7 @@ class ControlLog:
         return True
 
     def _split(self, raw: Sequence[float], sent: Sequence[float]) -> None:
-        """The row at hand is the first one under other interfaces: the rows before it go out, it begins a new
-        message."""
+        """Publish the rows before the current one, and begin a new message with it under its new command interfaces."""
         n, states = len(self._names), (self._position, self._velocity, self._effort)
         time, last = self._time.pop(), [values[-n:] for values in states]
         for values in states:
@@ -96,7 +94,7 @@ class ControlLog:
         self._position, self._velocity, self._effort = last
 
     def flush(self) -> None:
-        """Hand over the rows collected so far."""
+        """Publish the rows collected so far."""
         n = len(self._time)
         if n == 0:
             return

@@ -1,11 +1,11 @@
-"""The controller base class: four methods, called by the manager in the order of ros_control's life cycle."""
+"""Controller base class: methods that the manager calls in the order of ros_control's life cycle."""
 
 from hric_control.robot_hw import RobotHW
 from hric_core.node import Node
 
 
 class Controller:
-    """A control law.
+    """Base of all controllers.
 
     A controller class is found by its type string through the package.xml plugin export, is constructed without
     arguments, and gets everything else in `init`. States: constructed -> initialized -> running <-> stopped.
@@ -24,26 +24,27 @@ class Controller:
         """
 
     def starting(self, time: float) -> None:
-        """First call in the loop after a start or restart; `update` follows in the same cycle. Must not block.
+        """Prepare to run, as first call in the loop after a start or restart; `update` follows in the same cycle.
+
+        Must not block.
 
         Args:
             time: robot time, never backwards [s].
         """
 
     def update(self, time: float, period: float) -> None:
-        """Read the state, write the command. Called every cycle in the loop's thread; must not block on ROS, disk or
-        locks.
+        """Read the state and write the command, each cycle in the loop's thread. Must not block on ROS, disk or locks.
 
         Args:
             time: robot time [s].
             period: time since the last cycle [s].
 
         Raises:
-            HricError: the law cannot continue; the manager stops this controller and the robot holds.
+            HricError: the control law cannot continue; the manager stops this controller and the robot holds.
         """
 
     def stopping(self, time: float) -> None:
-        """Last call in the loop before the joints are released. Must not block."""
+        """Finish, as last call in the loop before the joints are released. Must not block."""
 
     def shutdown(self) -> None:
-        """Take back topics, services and actions. Called once at unload, outside the loop."""
+        """Unregister topics, services and actions. Called once at unload, outside the loop."""

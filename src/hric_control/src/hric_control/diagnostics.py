@@ -13,20 +13,20 @@ from hric_core.node import Node
 from hric_core.robot_time.progress import Gate
 
 PERIOD = 1.0
-"""[s of wall time]."""
+"""Time between two messages [s of wall time]."""
 SLOW = 0.95
-"""Below this part of the requested real-time factor the loop counts as too slow."""
+"""Part of the requested real-time factor below which the loop counts as too slow."""
 
 
 class Diagnostics:
-    """Publishes `/diagnostics` from a thread of its own, also while the simulation is paused.
+    """Publisher of `/diagnostics` from its own thread, also while the simulation is paused.
 
     Args:
-        node: where to advertise; its namespace names the robot.
+        node: node that advertises; its namespace names the robot.
         hardware: name of the RobotHW.
         loop: loop of a simulated robot, or None.
         counts: snapshot of the limit counts, or None.
-        gate: for whom a paced simulation waits, or None.
+        gate: progress reports for which a paced simulation waits, or None.
     """
 
     def __init__(
@@ -44,19 +44,19 @@ class Diagnostics:
         self._missed = self._touched = self._lost = 0
 
     def start(self) -> None:
-        """Begin publishing."""
+        """Start publishing."""
         self._thread = threading.Thread(target=self._work, name="diagnostics", daemon=True)
         self._thread.start()
 
     def stop(self) -> None:
-        """End publishing."""
+        """Stop publishing."""
         self._end.set()
         if self._thread is not None:
             self._thread.join(PERIOD)
         self._publisher.unregister()
 
     def message(self) -> Any:
-        """The statuses now."""
+        """Return the current statuses as a DiagnosticArray."""
         message = DiagnosticArray()
         message.header.stamp = self._node.now()
         if self._loop is not None:

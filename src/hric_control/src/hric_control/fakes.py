@@ -1,4 +1,4 @@
-"""A robot and a controller without physics, for tests of their surroundings."""
+"""Robot and controller without physics, for tests of the code around them."""
 
 from collections.abc import Sequence
 
@@ -15,13 +15,13 @@ from hric_core.node import Node
 
 
 class FakeRobotHW(RobotHW):
-    """Joints with effort and position interfaces that do nothing.
+    """Robot whose joints have effort and position interfaces that do nothing.
 
     Attributes:
-        states, effort, position: the storage.
-        calls: what the manager called, e.g. ("do_switch", ["a"], ["b"]).
-        ready: what `switch_done` returns, or an error that it raises.
-        refuse: an error that `prepare_switch` raises.
+        states, effort, position: storage of the states and of both commands.
+        calls: calls of the manager, e.g. ("do_switch", ["a"], ["b"]).
+        ready: return value of `switch_done`, or an error that it raises.
+        refuse: error that `prepare_switch` raises, or None.
     """
 
     def __init__(self, joints: Sequence[str] = ("joint1", "joint2")) -> None:
@@ -36,17 +36,17 @@ class FakeRobotHW(RobotHW):
         self.register_interface(PositionJointInterface(self.position))
 
     def prepare_switch(self, start: Sequence[ControllerInfo], stop: Sequence[ControllerInfo]) -> None:
-        """Raise `refuse` where it is set."""
+        """Raise `refuse` if it is set."""
         self._note("prepare_switch", start, stop)
         if self.refuse is not None:
             raise self.refuse
 
     def do_switch(self, start: Sequence[ControllerInfo], stop: Sequence[ControllerInfo]) -> None:
-        """Note the call."""
+        """Record the call."""
         self._note("do_switch", start, stop)
 
     def switch_done(self, start: Sequence[ControllerInfo]) -> bool:
-        """As `ready` says."""
+        """Return `ready`, or raise it if it is an error."""
         if isinstance(self.ready, Exception):
             raise self.ready
         return self.ready
@@ -56,11 +56,11 @@ class FakeRobotHW(RobotHW):
 
 
 class FakeController(Controller):
-    """Claims the efforts of its parameter `joints` (none by default) and notes what is done to it.
+    """Controller that claims the efforts of its parameter `joints` (none by default) and records its calls.
 
     Attributes:
         calls: "init", "starting", "update", "stopping", "shutdown".
-        fail: methods that raise the error given for them.
+        fail: error to raise, by the name of the method that raises it.
     """
 
     fail: dict[str, Exception] = {}  # noqa: RUF012  # a test sets it on a subclass or an instance
@@ -69,7 +69,7 @@ class FakeController(Controller):
         self.calls: list[str] = []
 
     def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
-        """Take the handles."""
+        """Take the handles and record the call."""
         self.node = controller_node
         joints = controller_node.param("joints", [])
         if joints:
@@ -77,19 +77,19 @@ class FakeController(Controller):
         self._note("init")
 
     def starting(self, time: float) -> None:
-        """Note it."""
+        """Record the call."""
         self._note("starting")
 
     def update(self, time: float, period: float) -> None:
-        """Note it."""
+        """Record the call."""
         self._note("update")
 
     def stopping(self, time: float) -> None:
-        """Note it."""
+        """Record the call."""
         self._note("stopping")
 
     def shutdown(self) -> None:
-        """Note it."""
+        """Record the call."""
         self._note("shutdown")
 
     def _note(self, what: str) -> None:

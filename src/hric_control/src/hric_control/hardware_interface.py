@@ -61,7 +61,7 @@ class JointCommands:
 
 
 class JointStateHandle:
-    """One joint's state, read-only."""
+    """Read-only state of one joint."""
 
     __slots__ = ("_i", "_states", "name")
 
@@ -86,7 +86,7 @@ class JointStateHandle:
 
 
 class JointHandle(JointStateHandle):
-    """One joint's state and command."""
+    """State and command of one joint."""
 
     __slots__ = ("_commands",)
 
@@ -140,15 +140,15 @@ class JointStateGroup:
         return np.array(self._take(self._states.effort))
 
     def positions(self) -> list[float]:
-        """Joint position as n plain floats [rad or m]: for laws that count microseconds."""
+        """Return the joint position as n plain floats [rad or m], for control laws that save microseconds."""
         return self._take(self._states.position)
 
     def velocities(self) -> list[float]:
-        """Joint velocity as n plain floats [rad/s or m/s]."""
+        """Return the joint velocity as n plain floats [rad/s or m/s]."""
         return self._take(self._states.velocity)
 
     def efforts(self) -> list[float]:
-        """Measured joint effort as n plain floats [N m or N]."""
+        """Return the measured joint effort as n plain floats [N m or N]."""
         return self._take(self._states.effort)
 
 
@@ -163,7 +163,7 @@ class JointGroup(JointStateGroup):
 
     @property
     def command(self) -> FloatArray:
-        """Commands now in force, shape (n,), in the unit of the interface."""
+        """Current commands, shape (n,), in the unit of the interface."""
         return np.array(self._take(self._commands.value))
 
     @command.setter
@@ -171,15 +171,15 @@ class JointGroup(JointStateGroup):
         self.set_command(values.tolist() if isinstance(values, np.ndarray) else values)
 
     def set_command(self, values: Sequence[float]) -> None:
-        """Set all commands at once, or none.
+        """Set all commands, or none of them if one is bad.
 
         Args:
             values: n finite numbers in the order of `names`, in the unit of the interface.
 
         Raises:
-            CommandError: wrong length or a value that is not finite; the command before it stays.
+            CommandError: wrong length or a value that is not finite; the previous command stays.
         """
-        # A sum is finite if every part is: one test in the usual case, the search for the culprit only on failure.
+        # A sum is finite if every part is: one test in the usual case, a search for the bad value only on failure.
         if len(values) != len(self.names) or not math.isfinite(sum(values)):
             self._refuse(values)
         if self._whole:
@@ -202,8 +202,8 @@ class HardwareInterface:
     """Base of all interfaces: a set of named resources, and the names claimed since `clear_claims`.
 
     Attributes:
-        cpp_name: the name that ros_control's messages and transmissions use.
-        claims_resources: whether a handle is exclusive.
+        cpp_name: name of the interface in ros_control's messages and transmissions.
+        claims_resources: True if a handle is exclusive.
     """
 
     cpp_name: ClassVar[str] = ""
@@ -223,7 +223,7 @@ class HardwareInterface:
         return frozenset(self._claims)
 
     def clear_claims(self) -> None:
-        """Forget the claims; the manager calls it before each controller's `init`."""
+        """Forget the claims. The manager calls it before each controller's `init`."""
         self._claims.clear()
 
     def _claim(self, names: Iterable[str]) -> None:
@@ -235,7 +235,7 @@ class HardwareInterface:
 
 
 class JointStateInterface(HardwareInterface):
-    """Read-only joint states; claims nothing."""
+    """Interface to read-only joint states; claims nothing."""
 
     cpp_name = "hardware_interface::JointStateInterface"
 
@@ -249,19 +249,19 @@ class JointStateInterface(HardwareInterface):
         return self.states.names
 
     def handle(self, name: str) -> JointStateHandle:
-        """State of one joint."""
+        """Return the state of one joint."""
         self._check([name])
         return JointStateHandle(self.states, name)
 
     def group(self, names: Iterable[str] | None = None) -> JointStateGroup:
-        """States of the named joints, in that order; all of them when none are named."""
+        """Return the states of the named joints, in that order; of all joints by default."""
         requested = _unique_names(self.names if names is None else names)
         self._check(requested)
         return JointStateGroup(self.states, requested)
 
 
 class JointCommandInterface(HardwareInterface):
-    """Joint states plus commands; a handle claims its joints."""
+    """Interface to joint states and commands; a handle claims its joints."""
 
     claims_resources = True
 
@@ -277,13 +277,13 @@ class JointCommandInterface(HardwareInterface):
         return self._names
 
     def handle(self, name: str) -> JointHandle:
-        """State and command of one joint; claims it."""
+        """Return state and command of one joint, and claim it."""
         self._check([name])
         self._claim([name])
         return JointHandle(self.commands, name)
 
     def group(self, names: Iterable[str] | None = None) -> JointGroup:
-        """States and commands of the named joints, in that order (all of them when none are named); claims them."""
+        """Return states and commands of the named joints, in that order (of all joints by default), and claim them."""
         requested = _unique_names(self.names if names is None else names)
         self._check(requested)
         self._claim(requested)
@@ -291,19 +291,19 @@ class JointCommandInterface(HardwareInterface):
 
 
 class EffortJointInterface(JointCommandInterface):
-    """Commands are joint efforts [N m or N]."""
+    """Interface whose commands are joint efforts [N m or N]."""
 
     cpp_name = "hardware_interface::EffortJointInterface"
 
 
 class VelocityJointInterface(JointCommandInterface):
-    """Commands are joint velocities [rad/s or m/s]."""
+    """Interface whose commands are joint velocities [rad/s or m/s]."""
 
     cpp_name = "hardware_interface::VelocityJointInterface"
 
 
 class PositionJointInterface(JointCommandInterface):
-    """Commands are joint positions [rad or m]."""
+    """Interface whose commands are joint positions [rad or m]."""
 
     cpp_name = "hardware_interface::PositionJointInterface"
 
@@ -318,21 +318,21 @@ class InterfaceManager:
         self._interfaces: dict[type[HardwareInterface], HardwareInterface] = {}
 
     def register_interface(self, interface: HardwareInterface) -> None:
-        """Offer `interface` under its type; a second one of the same type is refused."""
+        """Register `interface` under its type; a second one of the same type is refused."""
         if type(interface) in self._interfaces:
             raise HricError(f"{type(interface).__name__} is registered already")
         self._interfaces[type(interface)] = interface
 
     def interfaces(self) -> tuple[HardwareInterface, ...]:
-        """All registered interfaces, in order of registration."""
+        """Return all registered interfaces, in order of registration."""
         return tuple(self._interfaces.values())
 
     def has(self, interface_type: type[HardwareInterface]) -> bool:
-        """Whether an interface of this type is registered."""
+        """Return True if an interface of this type is registered."""
         return interface_type in self._interfaces
 
     def get(self, interface_type: type[InterfaceT]) -> InterfaceT:
-        """The registered interface of this type.
+        """Return the registered interface of this type.
 
         Raises:
             UnknownNameError: this robot does not offer it; the message lists what it offers.

@@ -1,5 +1,6 @@
-"""What a physics engine must offer to carry a simulated robot. Engines are plugins, found by name while it starts;
-nothing here imports one."""
+"""Interface of a physics engine that simulates a robot.
+
+Engines are plugins, found by name at start-up; this module imports none."""
 
 import math
 from abc import ABC, abstractmethod
@@ -18,12 +19,12 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Load:
-    """A physical payload, fixed to a link.
+    """Physical payload fixed to a link.
 
     Attributes:
-        mass: [kg].
+        mass: mass [kg].
         com: centre of mass in the link frame, 3 floats [m].
-        inertia: about the centre of mass, axes of the link frame, 9 floats row-major [kg m^2].
+        inertia: inertia about the centre of mass, axes of the link frame, 9 floats row-major [kg m^2].
     """
 
     mass: float
@@ -33,12 +34,12 @@ class Load:
 
 @dataclass(frozen=True)
 class Surface:
-    """How a body's surface responds.
+    """Contact properties of a body's surface.
 
     Attributes:
-        stiffness: of penalty contact [N/m]; None for the engine's rigid contact.
-        damping: of penalty contact [N s/m].
-        friction: coefficient; a pair has the product of both.
+        stiffness: stiffness of penalty contact [N/m]; None for the engine's rigid contact.
+        damping: damping of penalty contact [N s/m].
+        friction: friction coefficient [1]; a pair of bodies has the product of both.
     """
 
     stiffness: float | None = None
@@ -48,20 +49,20 @@ class Surface:
 
 @dataclass(frozen=True)
 class Contact:
-    """One contact point between two bodies.
+    """Contact point between two bodies.
 
     Attributes:
         body_a, body_b: "model::link" names.
         position: world frame, 3 floats [m].
         normal: from b to a, world frame, unit vector of 3 floats.
         depth: penetration, positive when inside [m].
-        force: normal force on a, along `normal`, at the end of the step or, where it had its maximum within the step,
-            this maximum [N].
-        kind: "penalty": of a spring, as a sensor would read it; "rigid": what stops the bodies within a step, an impact
-            far above the elastic one.
-        impulse: of the normal force over the step [N s]; that of a spring differs from step times `force`.
-        closing: speed along the normal at which both came towards each other as the step began [m/s]; None of rigid
-            contact, which engines report after they have stopped it.
+        force: normal force on a, along `normal`, at the end of the step or, if the maximum within the step is known,
+            that maximum [N].
+        kind: "penalty": force of a spring, comparable with a sensor's reading; "rigid": force that stops the bodies
+            within one step, which in an impact is far above the elastic one.
+        impulse: normal force integrated over the step [N s]; for a spring it differs from step times `force`.
+        closing: approach speed along the normal at the start of the step [m/s]; None for rigid contact, which engines
+            report after they have stopped it.
     """
 
     body_a: str
@@ -76,13 +77,13 @@ class Contact:
 
 
 class JointReaction(NamedTuple):
-    """What the parent link does to the child link through a joint, its drive included.
+    """Load that the parent link exerts on the child link through a joint, its drive included.
 
     Attributes:
-        joint: of the description.
-        link: the child.
-        position: origin of the child link, where the torque is meant, world frame, 3 floats [m].
-        force, torque: on the child, world frame, 3 floats each [N], [N m].
+        joint: joint name in the description.
+        link: child link.
+        position: origin of the child link, reference point of the torque, world frame, 3 floats [m].
+        force, torque: load on the child, world frame, 3 floats each [N], [N m].
     """
 
     joint: str
@@ -94,15 +95,14 @@ class JointReaction(NamedTuple):
 
 @dataclass(frozen=True)
 class Bushing:
-    """A spring and a damper between two bodies, as a hand around a handle; slips where it would need more than its
-    limits.
+    """Spring and damper between two bodies, as a hand around a handle; slips when its limits are exceeded.
 
     Attributes:
         body_a, body_b: "link" of the robot or "model::link".
         T_a_grip, T_b_grip: the grip's frame in the frames of both links, shape (4, 4); relaxed where both coincide.
-        stiffness, damping: of the distance between the two [N/m], [N s/m].
-        rotational_stiffness, rotational_damping: of the rotation between them [N m/rad], [N m s/rad].
-        force_limit, torque_limit: [N], [N m].
+        stiffness, damping: translational, between both grip frames [N/m], [N s/m].
+        rotational_stiffness, rotational_damping: rotational, between both grip frames [N m/rad], [N m s/rad].
+        force_limit, torque_limit: largest force and torque before it slips [N], [N m].
     """
 
     body_a: str
@@ -118,14 +118,15 @@ class Bushing:
 
 
 class BushingLoad(NamedTuple):
-    """What a bushing did in the last step.
+    """State of a bushing after the last step.
 
     Attributes:
-        force, torque: on body a, at `point`, world frame, 3 floats each [N], [N m]; body b has the opposite ones there.
+        force, torque: load on body a at `point`, world frame, 3 floats each [N], [N m]; body b has the opposite load
+            there.
         point: origin of body b's grip frame, world frame, 3 floats [m].
         stretch: distance between both grip frames [m].
-        slipped: how far it has slipped since it was connected [m].
-        turned: by how much it has turned then [rad].
+        slipped: accumulated slip since it was connected [m].
+        turned: accumulated rotational slip since it was connected [rad].
     """
 
     force: tuple[float, float, float]
@@ -137,7 +138,7 @@ class BushingLoad(NamedTuple):
 
 
 class Mode(Enum):
-    """What the value given to a joint means."""
+    """Meaning of the value commanded to a joint."""
 
     EFFORT = "effort"
     VELOCITY = "velocity"
@@ -146,11 +147,10 @@ class Mode(Enum):
 
 
 class Plant(ABC):
-    """The physical side of a robot: joints, friction, rotor inertia, contact. No control, no limits on commands, no
-    ROS.
+    """Physics of a robot: joints, friction, rotor inertia, contact. No control, no limits on commands, no ROS.
 
-    What only some engines offer are the types `DrivenPlant`, `ReactingPlant` and `Articulated` below: their plants
-    derive from these.
+    Features that only some engines offer are the types `DrivenPlant`, `ReactingPlant` and `Articulated` below: their
+    plants derive from these.
 
     Constructed by the RobotHW as `PlantClass(urdf_xml, joint_names, config)`:
         urdf_xml: robot description (pure URDF).
@@ -163,39 +163,38 @@ class Plant(ABC):
     time_step: float
     """Step for which the plant was set up [s]; `step` advances by it."""
     integrator: str = "accurate"
-    """Of the choices of the parameter `integrator` the one that steps it."""
+    """Integrator in use, one of the choices of the parameter `integrator`."""
     gravity: Sequence[float] = (0.0, 0.0, -9.81)
-    """In the world frame, 3 floats [m/s^2]."""
+    """Gravity in the world frame, 3 floats [m/s^2]."""
 
     @abstractmethod
     def reset(self, q: Sequence[float], dq: Sequence[float] | None = None) -> None:
-        """Put the robot at q, dq (zero by default), the world back to its start; clears wrenches and contact memory."""
+        """Put the robot at q, dq (zero by default) and the world back to its start; clear wrenches and contacts."""
 
     @abstractmethod
     def set_configuration(self, q: Sequence[float]) -> None:
-        """Put the robot at q at rest and leave the world as it is."""
+        """Put the robot at q at rest and leave the world unchanged."""
 
     @abstractmethod
     def read_state(self, q: list[float], dq: list[float], tau: list[float]) -> None:
         """Write the state at the measuring instant into the lists in place.
 
         q: joint position at the measuring instant (a semi-implicit engine gives q - dt*dq/2) [rad]; dq [rad/s];
-        tau: joint effort in the last step as an arm's sensors measure it, on the link's side of the rotor: effort of
-        the motor, less rotor inertia
-            times acceleration; joint friction, which acts behind the sensor, is still in it [N m].
+        tau: joint effort in the last step as an arm's sensors measure it, on the link's side of the rotor [N m]: motor
+            effort less rotor inertia times acceleration; friction, which acts behind the sensor, is included.
         """
 
     @abstractmethod
     def motor_effort(self) -> list[float]:
-        """Efforts of the motors in the last step: those of `apply`, or what a drive or a brake took, n floats [N m]."""
+        """Return the motors' efforts in the last step: those of `apply`, or of a drive or brake, n floats [N m]."""
 
     @abstractmethod
     def engine_state(self) -> tuple[list[float], list[float]]:
-        """Raw q, dq of the engine, without the half-step correction."""
+        """Return the raw q, dq of the engine, without the half-step correction."""
 
     @abstractmethod
     def apply(self, tau: Sequence[float]) -> None:
-        """Joint efforts for the next step [N m]; must be given before every step."""
+        """Set the joint efforts for the next step [N m]; required before every step."""
 
     @abstractmethod
     def step(self) -> None:
@@ -203,29 +202,28 @@ class Plant(ABC):
 
     @abstractmethod
     def set_brakes(self, on: Sequence[bool]) -> None:
-        """Lock (True) or free (False) each joint, as the brakes of an arm do; locked joints ignore efforts."""
+        """Lock (True) or free (False) each joint, as an arm's brakes do; locked joints ignore efforts."""
 
     @abstractmethod
     def set_load(self, load: Load | None, link: str | None = None) -> None:
-        """Fix a physical payload to `link` (the last link of the chain by default), keeping q and dq; None takes it
-        off."""
+        """Fix a payload to `link` (by default the chain's last link) without changing q and dq; None removes it."""
 
     @abstractmethod
     def apply_wrench(
         self, body: str, force: Sequence[float], torque: Sequence[float], point: Sequence[float], duration: float
     ) -> None:
-        """Act on "link" or "model::link" for `duration` seconds (negative: until cleared).
+        """Apply a wrench to "link" or "model::link" for `duration` seconds (negative: until cleared).
 
-        force [N], torque [N m]: world frame. point: where it acts, link frame [m].
+        force [N], torque [N m]: world frame. point: point of application, link frame [m].
         """
 
     @abstractmethod
     def clear_wrenches(self, body: str | None = None) -> None:
-        """End the wrenches on one body, or all."""
+        """Clear the wrenches on one body, or on all."""
 
     @abstractmethod
     def contacts(self) -> list[Contact]:
-        """Contacts of the last step that involve the robot or a spawned model."""
+        """Return the contacts of the last step that involve the robot or a spawned model."""
 
     def spawn(
         self,
@@ -239,9 +237,12 @@ class Plant(ABC):
         """Add a model.
 
         Args:
-            T_world_model: of its root link, shape (4, 4).
-            surfaces: of its links, by name; links that are left out are rigid. Rules of the world file and of the
-                plant's parameters go over them.
+            name: name of the model, unique in the world.
+            urdf_xml: description of the model (pure URDF).
+            T_world_model: pose of its root link, shape (4, 4).
+            fixed: fix the root link to the world.
+            surfaces: surfaces of its links, by name; other links are rigid. Rules of the world file and of the plant's
+                parameters override them.
 
         Raises:
             HricError: the name is taken, the pose is no transform, the URDF is bad, or a surface is of a link that the
@@ -255,7 +256,7 @@ class Plant(ABC):
     def _spawn(
         self, name: str, urdf_xml: str, T_world_model: FloatArray, fixed: bool, surfaces: Mapping[str, Surface]
     ) -> None:
-        """What `spawn` does, with a pose that is a transform."""
+        """Add a model whose pose has been checked; see `spawn`."""
 
     @abstractmethod
     def delete(self, name: str) -> None:
@@ -263,59 +264,60 @@ class Plant(ABC):
 
     @abstractmethod
     def model_names(self) -> list[str]:
-        """Names of the spawned models, the robot not among them."""
+        """Return the names of the spawned models, without the robot."""
 
     @abstractmethod
     def link_state(self, body: str) -> tuple[FloatArray, FloatArray]:
-        """(T_world_link shape (4, 4), twist at the link frame's origin in the world frame, linear then angular, shape
-        (6,))."""
+        """Return the pose and the twist of a link.
+
+        The pose is T_world_link, shape (4, 4); the twist is at the link frame's origin in the world frame, linear then
+        angular, shape (6,)."""
 
     def base_link(self, model: str) -> str:
-        """Name of the link that carries a model; that of a plain shape is "link"."""
+        """Return the name of a model's root link; for a plain shape it is "link"."""
         return "link"
 
     def take_contact_peaks(self) -> dict[tuple[str, str], float]:
-        """Largest force of each pair of bodies that met by a spring, as `contacts` would have had it in any step since
-        the last call [N]."""
+        """Return the largest penalty force in any step since the last call [N], by pair of bodies as in `contacts`."""
         return {}
 
     @abstractmethod
     def mass_matrix(self) -> FloatArray:
-        """The engine's own joint-space mass matrix at the present q, without rotor inertia, with what joints that mimic
-        the actuated ones add to it, shape (n, n) [kg m^2]; for checks."""
+        """Return the engine's joint-space mass matrix at the present q, for checks, shape (n, n) [kg m^2].
 
-    def close(self) -> None:  # noqa: B027  (an engine that holds nothing need not say so)
+        Without rotor inertia; joints that mimic the actuated ones are included."""
+
+    def close(self) -> None:  # noqa: B027  (an engine without resources needs no override)
         """Release the engine."""
 
 
 class DrivenPlant(Plant):
-    """A plant whose joints have stiff drives of their own, beside efforts."""
+    """Plant whose joints offer stiff drives in addition to efforts."""
 
     @abstractmethod
     def set_modes(self, modes: Sequence[Mode]) -> None:
-        """What `apply` means for each joint from now on."""
+        """Set the meaning of `apply` for each joint from now on."""
 
 
 class ReactingPlant(Plant):
-    """A plant that measures the loads in its joints."""
+    """Plant that measures the loads in its joints."""
 
     @abstractmethod
     def joint_reactions(self) -> list[JointReaction]:
-        """Loads of the robot's moving joints in the last step; empty before the first."""
+        """Return the loads of the robot's moving joints in the last step; empty before the first step."""
 
 
 class Articulated(Plant):
-    """A plant whose spawned models have joints that can be read, placed and driven, and whose bodies can be held
-    together.
+    """Plant with articulated models: their joints can be read, placed and driven, their bodies connected.
 
-    Names of models and links, and what was connected, outlive `reset`, `spawn`, `delete` of another model, and
-    `set_load`; what a deleted model was connected to is free. A joint of a spawned model has the damping and Coulomb
-    friction of its description where the plant's `friction` says so for the robot, and `plants.StopLaw` at its ends.
+    Names of models and links, and connections, outlive `reset`, `spawn`, `delete` of another model, and `set_load`;
+    bodies connected to a deleted model are free. A joint of a spawned model has the damping and Coulomb friction of its
+    description if the plant's `friction` says so for the robot, and `plants.StopLaw` at its ends.
     """
 
     @abstractmethod
     def model_joints(self, model: str) -> tuple[str, ...]:
-        """Names of the moving joints of a spawned model, parents before children: the order of its vectors here.
+        """Return the names of a spawned model's moving joints, parents before children: the order of its vectors here.
 
         Raises:
             UnknownNameError: no such model.
@@ -323,13 +325,15 @@ class Articulated(Plant):
 
     @abstractmethod
     def read_joints(self, model: str, q: list[float], dq: list[float]) -> None:
-        """Write the joints' state at the measuring instant into the lists in place, as `read_state` does for the robot
-        [rad or m], [rad/s or m/s]."""
+        """Write the joints' state at the measuring instant into the lists in place [rad or m], [rad/s or m/s].
+
+        As `read_state` does for the robot."""
 
     @abstractmethod
     def set_joints(self, model: str, q: Sequence[float], dq: Sequence[float] | None = None) -> None:
-        """Put the joints at q, dq (zero by default). After `reset` a model is where it was spawned, with its joints as
-        they were placed last.
+        """Put the joints at q, dq (zero by default).
+
+        After `reset` a model is where it was spawned, with its joints as they were placed last.
 
         Raises:
             CommandError: not one finite number per joint.
@@ -337,29 +341,30 @@ class Articulated(Plant):
 
     @abstractmethod
     def drive_joints(self, model: str, tau: Sequence[float]) -> None:
-        """Joint efforts from the next step on, until they are given again; zero after `reset` [N m or N].
+        """Set joint efforts [N m or N] that act from the next step until the next call; zero after `reset`.
 
         Raises:
-            CommandError: not as many as joints.
+            CommandError: not as many efforts as joints.
         """
 
     @abstractmethod
     def connect(self, name: str, bushing: Bushing) -> None:
-        """Hold two bodies together from the next step on. Links that are connected do not touch each other, nor does
-        what is fixed to them or hangs on them by one joint.
+        """Connect two bodies by a bushing from the next step on.
+
+        Connected links have no contact with each other, nor with links fixed to them or attached to them by one joint.
 
         Raises:
-            HricError: the name is taken; no such body; both bodies are one; a transform or number that is none.
+            HricError: the name is taken; no such body; both bodies are the same; a bad transform or number.
         """
 
     @abstractmethod
     def disconnect(self, name: str) -> None:
-        """Let go. Raises UnknownNameError with the names that exist."""
+        """Remove a connection. Raises UnknownNameError with the names that exist."""
 
     @abstractmethod
     def connections(self) -> list[str]:
-        """Names of what is connected."""
+        """Return the names of the connections."""
 
     @abstractmethod
     def bushing_load(self, name: str) -> BushingLoad:
-        """Of the last step; zero before the first. Raises UnknownNameError."""
+        """Return the load of a bushing in the last step; zero before the first step. Raises UnknownNameError."""

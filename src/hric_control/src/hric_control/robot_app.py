@@ -1,4 +1,4 @@
-"""One robot with its controllers: what the robot node and the headless runner share."""
+"""Robot with its controllers: common code of the robot node and the headless runner."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -29,21 +29,22 @@ from hric_msgs.msg import ControlLog as ControlLogMessage
 from hric_msgs.msg import JointLimitCounts
 
 CLOCK_PERIOD = 0.01
-"""[s of robot time]"""
+"""Period of /clock [s of robot time]."""
 COUNTS_PERIOD = 1.0
-"""[s of robot time]"""
+"""Period of the limit counts [s of robot time]."""
 LISTENER_POLL = 0.01
-"""[s of wall time]"""
+"""Time between two checks for a listener [s of wall time]."""
 DRAIN_TIMEOUT = 0.5
-"""Longest wait of an unpaced loop for its messages [s of wall time]."""
+"""Longest wait of an unpaced loop for its messages to be sent [s of wall time]."""
 COMMON_PARAMETERS = ("arm_id", "failure", "participants", "plant", "plant_type", "q_start", "realism")
-"""Private parameters that an experiment gives to any robot, so that one file serves simulated and real ones; and
-`failure`, by which a robot's node reports its own end."""
+"""Private parameters that an experiment sets for any robot, so that one file serves simulated and real ones.
+
+`failure` is written by a robot's node to report why it ended."""
 
 
 @dataclass(frozen=True)
 class RobotSettings(Settings):
-    """Parameters of any robot; a backend adds its own."""
+    """Parameters common to all robots; a backend adds its own."""
 
     robot_hw: str = text("", valid="a type", text="RobotHW type; empty: the `robotSimType` of the description")
     real_time_factor: float = REAL_TIME_FACTOR
@@ -58,10 +59,10 @@ class RobotSettings(Settings):
 
 
 def robot_hw_type(root_node: Node, robot_hw_node: Node) -> str:
-    """Which RobotHW: the parameter `robot_hw`, or else what the description says in `robotSimType`.
+    """Return the RobotHW type: the parameter `robot_hw`, or else `robotSimType` of the description.
 
     Raises:
-        HricError: neither says it; the message lists the types.
+        HricError: neither is set; the message lists the types.
     """
     found = RobotSettings.read(robot_hw_node).robot_hw or transmission.robot_sim_type(
         root_node.search_param("robot_description", "<robot/>")
@@ -75,22 +76,21 @@ def robot_hw_type(root_node: Node, robot_hw_node: Node) -> str:
 
 
 class RobotApp:
-    """Wires a RobotHW, the controller manager, its services, the control log, clock and diagnostics on any Node.
+    """RobotHW with the controller manager, its services, the control log, clock and diagnostics on any Node.
 
     Args:
         root_node: the robot's namespace.
-        robot_hw_node: where the RobotHW and this class find their parameters (`robot_hw`, `control_log`, and the
-            robot's own).
-        hw: a robot that is made already (not yet initialised); None: the plugin that the parameters name.
-        live: a process with a master: `/diagnostics` come at 1 Hz of wall time from a thread, drivers receive the
-            time on `/hric/clock`, and a switch always waits for the loop. Otherwise nothing happens but in the caller's
-            thread, and a switch between two runs acts at once.
-        on_clock: called with each stamp that goes out on /clock, in the loop.
+        robot_hw_node: node with the parameters of the RobotHW and of this class (`robot_hw`, `control_log`, ...).
+        hw: robot that exists already but is not initialised; None: the plugin that the parameters name.
+        live: process with a master: `/diagnostics` come at 1 Hz of wall time from a thread, drivers receive the time on
+            `/hric/clock`, and a switch always waits for the loop. Otherwise everything happens in the caller's thread,
+            and a switch between two runs acts at once.
+        on_clock: callback in the loop for each stamp published on /clock.
 
     Attributes:
         hw: the robot.
-        name: its type string.
-        simulated: whether it has a plant, and so a clock and services of its own.
+        name: type string of the robot.
+        simulated: True if it has a plant, and so its own clock and services.
         manager: the controller manager.
         loop: the loop of a simulated robot, or None.
         cycles: number of cycles so far.
@@ -170,12 +170,12 @@ class RobotApp:
         return ControlLog(states, self.hw.log_row, publisher.publish, self._clock.stamp)
 
     def limit_counts(self) -> LimitCounts:
-        """Snapshot of what the limits did since the start, over all interfaces; of no joint if nothing counts."""
+        """Return a snapshot of the limit counts since the start, of all interfaces; no joints if nothing counts."""
         counts = self.hw.limiter_counts()
         return LimitCounts((), ()) if counts is None else counts.copy()
 
     def on_cycle(self, time: float, period: float, reset_controllers: bool) -> bool:
-        """One cycle between the robot's `read` and `write`: the controllers, and a row of the log.
+        """Run one cycle between the robot's `read` and `write`: the controllers, and a row of the log.
 
         Args:
             time: robot time at the measuring instant [s].
@@ -183,7 +183,7 @@ class RobotApp:
             reset_controllers: restart the running controllers.
 
         Returns:
-            False when a robot that drives its own loop shall leave its mode for a switch.
+            False if a robot that drives its own loop must leave its mode for a switch.
         """
         log = self.log
         if log is not None:
@@ -212,11 +212,10 @@ class RobotApp:
             self._counts.publish(LimitCounts.message, self.limit_counts(), self._clock.stamp(time))
 
     def wait_for_log_listener(self) -> None:
-        """Hold robot time at its start until somebody listens to the control log, so that a recording has every cycle
-        from the first one on.
+        """Hold robot time at 0 until `control_log` has a listener, so that a recording has every cycle.
 
-        Before `run`. The parameter `wait_for_log_listener` is the longest wait [s of wall time], 0 by default. Without
-        a log, or when `stop` was called, returns at once; when nobody came in time, warns and goes on.
+        Called before `run`. The parameter `wait_for_log_listener` is the longest wait [s of wall time], 0 by default.
+        Returns at once if there is no log or `stop` was called; warns and continues after the longest wait.
         """
         timeout = self._settings.wait_for_log_listener
         if timeout == 0.0 or self._log_publisher is None:
@@ -239,13 +238,11 @@ class RobotApp:
             self.manager.loop_timeout = patience
 
     def run(self, duration: float | None = None, on_cycle_hook: Callable[[float], None] | None = None) -> None:
-        """Run the robot until `stop`, or for `duration`. What is left of the log and the last limit counts are
-        published at the end.
+        """Run the robot until `stop`, or for `duration`. Publish the rest of the log and the limit counts at the end.
 
         Args:
             duration: robot time to cover, a whole number of cycles [s]; None: until stopped. For simulated robots.
-            on_cycle_hook: called in the loop with robot time, after `read` and before the controllers; must not
-                block.
+            on_cycle_hook: called in the loop with robot time, after `read` and before the controllers; must not block.
         """
         if duration is not None and self.hw.time is None:
             raise HricError(
@@ -272,13 +269,12 @@ class RobotApp:
         realtime.drain(DRAIN_TIMEOUT)
 
     def stop(self) -> None:
-        """Let `run` return after this cycle; from any thread or a signal handler."""
+        """Let `run` return after this cycle. May be called from any thread or a signal handler."""
         self._stopping = True
         self.hw.stop()
 
     def shutdown(self) -> None:
-        """Take everything back and release the robot; after `run` returned. The first failure is raised when all have
-        been tried."""
+        """Unregister everything and release the robot, after `run` returned. Raises the first failure at the end."""
         failure: Exception | None = None
         while self._closers:
             try:

@@ -1,4 +1,4 @@
-"""The robot as the manager sees it: interfaces, and whoever owns the clock drives the cycle."""
+"""Robot as the manager sees it: interfaces, and a loop driven by the owner of the clock."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -12,16 +12,17 @@ from hric_core.errors import ResourceConflictError
 from hric_core.node import Node
 
 OnCycle = Callable[[float, float, bool], bool]
-"""(time [s], period [s], reset_controllers) -> True to go on, False to leave the mode (a switch waits, or the end)."""
+"""Callback (time [s], period [s], reset_controllers) -> True to go on, False to leave the mode (switch or end)."""
 
 LogRow = tuple[Sequence[str], Sequence[float], Sequence[float]]
-"""Of one cycle: (command interface per joint: "effort", "velocity", "position" or "none"; commands before the limits;
-commands that were sent)."""
+"""Row of one cycle: command interfaces, commands before the limits, commands sent; one value per joint each.
+
+The interface is "effort", "velocity", "position" or "none"."""
 
 
 @dataclass(frozen=True)
 class ControllerInfo:
-    """What the hardware may know of a controller when it is switched.
+    """Information about a controller that the hardware receives at a switch.
 
     Attributes:
         name: instance name.
@@ -36,32 +37,32 @@ class ControllerInfo:
 
 
 class RobotHW(InterfaceManager):
-    """Base of all robots, simulated or real; found by its type string through the package.xml plugin export and
-    constructed without arguments.
+    """Base of all robots, simulated or real.
 
-    A robot implements `init`, `read`, `write`, `run` and `stop`; all else has a default. What is optional comes first.
+    Found by its type string through the package.xml plugin export and constructed without arguments. A robot implements
+    `init`, `read`, `write`, `run` and `stop`; all else has a default. What is optional comes first.
     """
 
     # -- what a robot may have -----------------------------------------------------------------------------------------
 
     compensates_gravity: bool = False
-    """Whether the robot adds g(q) to effort commands by itself; a controller that adds it too is refused by name."""
+    """True if the robot adds g(q) to effort commands; a controller that adds it too is refused by name."""
 
     def __init__(self) -> None:
         super().__init__()
         speed = SpeedScaleInterface()
         self.register_interface(speed)
         self.speed_scale: SpeedScale = speed.scale
-        """By which a supervisor slows the controllers that obey it; every robot has it."""
-        # Of the instance, not of the class: the loop reads them in each cycle, which Python does faster so.
+        """Scale by which a supervisor slows the controllers that obey it; every robot has it."""
+        # Instance attributes, as the loop reads them in each cycle: class attributes are slower.
         self.loop: SimLoop | None = None
-        """The clock of a simulated robot, to pause, step and pace it; None: the robot brings its own clock."""
+        """Clock of a simulated robot, to pause, step and pace it; None: the robot brings its own clock."""
         self.plant: Plant | None = None
-        """The physics of a simulated robot in this process; None: it has none."""
+        """Physics of a simulated robot in this process; None: there is none."""
         self.rotor_inertia: Sequence[float] | None = None
-        """Seen at each joint, n floats [kg m^2]; controllers check their gains by it. None: unknown."""
+        """Rotor inertia at each joint, n floats [kg m^2], by which controllers check their gains. None: unknown."""
         self.error = ""
-        """Why the robot ended the last motion by itself, until it has recovered; empty otherwise."""
+        """Reason why the robot aborted the last motion, until it has recovered; else empty."""
 
     @property
     def time(self) -> float | None:
@@ -70,20 +71,20 @@ class RobotHW(InterfaceManager):
 
     @property
     def epoch(self) -> float:
-        """ROS time at which robot time was 0 [s]; 0 where ROS time is robot time."""
+        """ROS time at which robot time was 0 [s]; 0 if ROS time is robot time."""
         return 0.0
 
     @property
     def period(self) -> float:
-        """Period of the control loop [s]; 1 ms where there is no simulated clock, as Franka's arms have it."""
+        """Period of the control loop [s]; 1 ms, as for Franka's arms, if there is no simulated clock."""
         return 0.001 if self.loop is None else self.loop.time_step
 
     def limiter_counts(self) -> LimitCounts | None:
-        """What the joint limits did since the start, over all interfaces (the live object); None: nothing counts."""
+        """Return the live limit counts since the start, over all interfaces; None: nothing counts."""
         return None
 
     def log_row(self) -> LogRow:
-        """The commands of the last cycle for the control log, from `init` on; of no joint: there is no log."""
+        """Return the commands of the last cycle for the control log, from `init` on; without joints: no log."""
         return (), (), ()
 
     # -- the life of a robot -------------------------------------------------------------------------------------------
@@ -96,7 +97,7 @@ class RobotHW(InterfaceManager):
         """
 
     def check_for_conflict(self, controllers: Sequence[ControllerInfo]) -> None:
-        """Refuse controllers that would run together. The default lets each joint be claimed once, over all interfaces.
+        """Refuse controllers that may not run together. By default each joint can be claimed once, over all interfaces.
 
         Raises:
             ResourceConflictError: names the joint and both claimants.
@@ -109,15 +110,19 @@ class RobotHW(InterfaceManager):
                 owner[joint] = controller.name
 
     def prepare_switch(self, start: Sequence[ControllerInfo], stop: Sequence[ControllerInfo]) -> None:
-        """Check that the switch can be made; outside the loop. Raises HricError if not."""
+        """Check that the switch is possible; outside the loop. Raises HricError if not."""
 
     def do_switch(self, start: Sequence[ControllerInfo], stop: Sequence[ControllerInfo]) -> None:
-        """Make the switch; inside the loop, between two cycles. A simulated robot changes its mode at once; one whose
-        mode needs a new control call remembers it, and its `run` enters it after `on_cycle` returned False."""
+        """Make the switch; inside the loop, between two cycles.
+
+        A simulated robot changes its mode at once; a robot whose mode needs a new control call remembers it, and its
+        `run` enters it after `on_cycle` returned False."""
 
     def switch_done(self, start: Sequence[ControllerInfo]) -> bool:
-        """Whether the hardware is ready for the commands of these controllers; inside the loop, called each cycle after
-        `do_switch` until it is. Until then they wait. Raises HricError if the change failed; they are aborted then."""
+        """Return True if the hardware is ready for the commands of these controllers.
+
+        Called in the loop, each cycle after `do_switch` until it is; until then the controllers wait. Raises HricError
+        if the change failed; the controllers are then aborted."""
         return True
 
     def read(self, time: float, period: float) -> None:
@@ -127,12 +132,11 @@ class RobotHW(InterfaceManager):
         """Enforce the limits, then send the commands to the robot."""
 
     def run(self, on_cycle: OnCycle) -> None:
-        """Own the clock: each cycle `read`, `on_cycle`, `write`, until `stop` was called. Raises HricError if the robot
-        fails."""
+        """Run cycles of `read`, `on_cycle`, `write` until `stop`; raises HricError if the robot fails."""
         raise NotImplementedError(f"{type(self).__name__} has no run")
 
     def stop(self) -> None:
-        """Let `run` return after this cycle; from any thread or a signal handler."""
+        """Let `run` return after this cycle. May be called from any thread or a signal handler."""
         raise NotImplementedError(f"{type(self).__name__} has no stop")
 
     def shutdown(self) -> None:

@@ -1,11 +1,11 @@
-"""How a supervisor slows controllers down: one speed scale of the robot, which they read.
+"""Speed scale of the robot, by which a supervisor slows controllers down.
 
-Each `RobotHW` has the resource. A controller that obeys takes its handle in `init`, which declares it, and leads its
-motion on by `ScaledTime`, so that the path stays and only the time along it stretches. Who does not take the handle is
-not slowed; the supervisor stops it.
+Each `RobotHW` has the resource. A controller that obeys takes its handle in `init`, which declares it, and advances its
+motion by `ScaledTime`: the path stays and only the time along it stretches. A controller that does not take the handle
+is not slowed; the supervisor stops it.
 
-The scale s goes to what was requested with |ds/dt| <= RATE and |d2s/dt2| <= ACCELERATION. A motion of velocity v then
-brakes by at most RATE v beside what it does anyway.
+The scale s approaches the requested one with |ds/dt| <= RATE and |d2s/dt2| <= ACCELERATION. A motion of velocity v then
+decelerates by at most RATE v in addition to its own acceleration.
 """
 
 import math
@@ -15,31 +15,34 @@ from hric_control.hardware_interface import HardwareInterface
 from hric_core.errors import CommandError
 
 RATE = 3.4
-"""Largest rate of the scale [1/s]: of the Panda's joints the second has the least acceleration for its speed, 7.5
-rad/s^2 at 2.175 rad/s, 3.45 1/s (Franka's published limits); chosen here."""
+"""Largest rate of the scale [1/s] (project default).
+
+Of the Panda's joints the second has the least acceleration for its speed: 7.5 rad/s^2 at 2.175 rad/s, 3.45 1/s
+(Franka's published limits)."""
 ACCELERATION = 68.0
-"""Largest change of that rate [1/s^2]: RATE within 50 ms; at 2.175 rad/s a jerk of 148 rad/s^3, of 3750 allowed; chosen
-here."""
+"""Largest change of that rate [1/s^2]: RATE within 50 ms (project default).
+
+At 2.175 rad/s this is a jerk of 148 rad/s^3, of 3750 allowed."""
 _SETTLED = 1e-9
 RESOURCE = "speed_scale"
 
 
 def stopping_time(scale: float) -> float:
-    """How long it takes from a scale at rest to 0 [s]: a ramp of the rate up, the rate held, and the ramp down."""
+    """Return the time from a scale at rest to 0 [s]: a ramp of the rate up, the rate held, and the ramp down."""
     if scale * ACCELERATION <= RATE * RATE:
         return 2.0 * math.sqrt(scale / ACCELERATION)
     return scale / RATE + RATE / ACCELERATION
 
 
 class Request(NamedTuple):
-    """What a supervisor requests of the robot.
+    """Limits that a supervisor requests of the robot.
 
     Attributes:
-        scale: of the speed, 0 (standstill) to 1.
+        scale: speed scale, 0 (standstill) to 1.
         stiffness: largest translational stiffness of controllers that have one [N/m].
         force: largest force of their springs [N].
-        valid_for: without another request of the same holder the robot stops after so long of robot time [s], and after
-            LONGEST_LEASE at the latest.
+        valid_for: robot time until the robot stops without another request of the same holder [s], at most
+            LONGEST_LEASE.
     """
 
     scale: float = 1.0
@@ -48,7 +51,7 @@ class Request(NamedTuple):
     valid_for: float = math.inf
 
     def check(self) -> "Request":
-        """Itself. Raises CommandError."""
+        """Return the request if it is valid. Raises CommandError."""
         if not 0.0 <= self.scale <= 1.0:
             raise CommandError(f"speed scale is {self.scale}; valid: 0 to 1")
         for name in ("stiffness", "force", "valid_for"):
@@ -58,13 +61,15 @@ class Request(NamedTuple):
 
 
 UNLIMITED = Request()
-"""Request that limits nothing and never ends: it gives a lease back."""
+"""Request that limits nothing and never expires: it gives a lease back."""
 LONGEST_LEASE = 3600.0
-"""Longest time without another request of a holder [s]: one that is gone holds no limit that nobody watches (project
-default, unconfirmed)."""
+"""Longest time without another request of a holder [s], so that no limit outlives a lost holder for long.
+
+Project default, unconfirmed."""
 MAX_HOLDERS = 16
-"""Holders with a lease each (project default, unconfirmed). All others, and those without a name, share the lease
-`OTHERS`, in which each only makes the robot slower."""
+"""Number of holders with a lease each (project default, unconfirmed).
+
+All others, and those without a name, share the lease `OTHERS`, in which a request can only make the robot slower."""
 OTHERS = "others"
 
 
@@ -74,25 +79,26 @@ def _smaller(before: Request | None, request: Request) -> Request:
 
 
 class _Lease(NamedTuple):
-    """Request of a holder, and when it expires [s of robot time]."""
+    """Request of a holder and the time at which it expires [s of robot time]."""
 
     request: Request
     expires: float
 
 
 class SpeedScale:
-    """The scale of one robot. `request` may come from any thread, the rest is the loop's.
+    """Speed scale of one robot. `request` may be called from any thread, the rest only in the loop.
 
-    Who requests holds a lease. Of all leases the smallest scale, stiffness and force count. One that expires stops the
-    robot until its holder requests again; a request without any limit and without an end gives the lease back.
+    A holder's request is a lease. The smallest scale, stiffness and force of all leases apply. A lease that expires
+    stops the robot until its holder requests again; a request without any limit and without an end gives the lease
+    back.
 
     Attributes:
-        value: in force; exactly 1 where no less was requested.
+        value: scale in force; exactly 1 if no holder requests less.
         stiffness, force: limits in force [N/m], [N]; a controller filters them as it does its gains.
-        target: scale that the value goes to.
+        target: scale that the value approaches.
         active: True if `advance` has something to do.
         lost: holders whose leases have expired; while there are any the robot comes to a stop.
-        holder: name of the holder whose scale counts, or of those that are lost; empty where nothing is limited.
+        holder: name of the holder whose scale applies, or of those that are lost; empty if nothing is limited.
     """
 
     def __init__(self) -> None:
@@ -106,17 +112,17 @@ class SpeedScale:
 
     @property
     def expired(self) -> bool:
-        """True if the robot stops because a holder fell silent."""
+        """True if the robot stops because a holder's lease has expired."""
         return bool(self.lost)
 
     def request(self, request: Request, holder: str = "") -> None:
-        """Replace what this holder requested before. Raises CommandError."""
+        """Replace the previous request of this holder. Raises CommandError."""
         request.check()
         self._pending[holder] = _smaller(self._pending.get(holder), request) if holder == OTHERS else request
         self.active = True
 
     def advance(self, time: float, period: float) -> None:
-        """One cycle of the loop, at robot time `time` [s], `period` [s] after the last."""
+        """Advance by one cycle of the loop, to robot time `time` [s], `period` [s] after the last cycle."""
         if self._pending or time > self._next_expiry or time < self._now:
             self._settle(time)
         self._now = time
@@ -127,10 +133,10 @@ class SpeedScale:
             self.active = bool(self._pending)
 
     def _settle(self, time: float) -> None:
-        """Take the new requests up, and find who is lost and what counts at robot time `time` [s]."""
+        """Apply new requests; update lost holders and the limits in force at robot time `time` [s]."""
         leases = self._leases
         while self._pending:
-            holder, request = self._pending.popitem()  # at once, whoever requests meanwhile
+            holder, request = self._pending.popitem()  # atomic, as other threads may request meanwhile
             if holder not in leases and len(leases) >= MAX_HOLDERS:
                 holder = OTHERS
             if holder == OTHERS:
@@ -139,7 +145,7 @@ class SpeedScale:
                 leases.pop(holder, None)
                 continue
             leases[holder] = _Lease(request, time + min(request.valid_for, LONGEST_LEASE))
-        if time < self._now:  # the clock was set back: nobody's lease became longer
+        if time < self._now:  # the clock was set back: no lease may become longer
             for holder, (request, expires) in leases.items():
                 leases[holder] = _Lease(request, min(expires, time + min(request.valid_for, LONGEST_LEASE)))
         smallest, holder_of_it, lost = UNLIMITED, "", []
@@ -163,7 +169,7 @@ class SpeedScale:
         if error == 0.0 == self._rate:
             return
         step = ACCELERATION * period
-        # The largest rate from which steps of the deceleration come to rest within what is left.
+        # The largest rate from which steps of the deceleration come to rest within the remaining change.
         rate = -0.5 * step + math.sqrt(0.25 * step * step + 2.0 * ACCELERATION * abs(error))
         aimed = math.copysign(min(RATE, rate), error)
         self._rate = min(max(aimed, self._rate - step), self._rate + step)
@@ -173,11 +179,11 @@ class SpeedScale:
 
 
 class SpeedScaleInterface(HardwareInterface):
-    """The scale as a resource that any number of controllers read.
+    """Interface to the speed scale, which any number of controllers read.
 
     Attributes:
-        scale: of the robot.
-        declared: whether a handle was taken since `clear_claims`.
+        scale: speed scale of the robot.
+        declared: True if a handle was taken since `clear_claims`.
     """
 
     cpp_name = "hric_control::SpeedScaleInterface"
@@ -188,26 +194,26 @@ class SpeedScaleInterface(HardwareInterface):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the one resource."""
+        """Name of the single resource."""
         return (RESOURCE,)
 
     def clear_claims(self) -> None:
-        """See the base."""
+        """Forget the claims and the declaration."""
         super().clear_claims()
         self.declared = False
 
     def handle(self) -> SpeedScale:
-        """To read; whoever takes it declares that it obeys."""
+        """Return the scale to read. A controller that takes it declares that it obeys."""
         self.declared = True
         return self.scale
 
 
 class ScaledTime:
-    """Robot time as it passes for a motion that obeys the scale: it stops where the scale is 0.
+    """Robot time as it passes for a motion that obeys the scale; it stops while the scale is 0.
 
     Attributes:
-        scale: as given.
-        lag: how far it is behind [s]; 0 as long as the scale was 1.
+        scale: speed scale of the robot.
+        lag: delay behind robot time [s]; 0 as long as the scale was 1.
     """
 
     __slots__ = ("_last", "lag", "scale")
@@ -216,15 +222,15 @@ class ScaledTime:
         self.scale, self.lag, self._last = scale, 0.0, 0.0
 
     def restart(self, time: float) -> None:
-        """A motion begins at robot time `time` [s]."""
+        """Begin a motion at robot time `time` [s]."""
         self.lag, self._last = 0.0, time
 
     def along(self, time: float, period: float) -> float:
-        """Time of the motion [s]; once per cycle, at robot time `time`, `period` after the last [s]."""
+        """Return the time of the motion [s]; once per cycle, at robot time `time`, `period` after the last [s]."""
         scale = self.scale.value
         if scale != 1.0:
             self.lag += (1.0 - scale) * period
-            if scale == 0.0:  # to the bit, whatever rounding makes of the difference
+            if scale == 0.0:  # exactly constant, without rounding errors
                 return self._last
         self._last = max(time - self.lag, self._last)
         return self._last

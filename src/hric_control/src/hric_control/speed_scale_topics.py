@@ -1,4 +1,4 @@
-"""The topics of a robot's speed scale: requests in, what is in force out."""
+"""Topics of a robot's speed scale: requests in, state out."""
 
 import math
 from collections.abc import Callable
@@ -19,7 +19,7 @@ class SpeedScaleTopics:
 
     Args:
         node: the robot's namespace.
-        scale: its own.
+        scale: speed scale of the robot.
         stamp: robot time [s] -> stamp of messages.
     """
 
@@ -30,14 +30,14 @@ class SpeedScaleTopics:
         self._subscription = node.subscribe(REQUEST_TOPIC, SpeedScaleMessage, self._on_request, queue_size=1)
 
     def _on_request(self, message: Any) -> None:
-        """Refuse a request that cannot be, with the topic's name; the publisher's last one stays, until it expires."""
+        """Pass a request on. An invalid one is refused; the publisher's last one stays until it expires."""
         valid_for = message.valid_for or math.inf
         request = Request(message.scale, message.stiffness, message.force, valid_for)
         self._scale.request(request, publisher_of(message) or OTHERS)
         self._request.set(message.header.stamp)
 
     def advance(self, time: float, period: float) -> None:
-        """One cycle in which the scale is active; in the loop."""
+        """Advance the scale by one cycle in which it is active, in the loop; publish its state if that changed."""
         scale = self._scale
         lost = scale.lost
         scale.advance(time, period)
@@ -52,7 +52,7 @@ class SpeedScaleTopics:
             self._state.publish(_state, self._stamp(time), self._request.get(), *now)
 
     def unregister(self) -> None:
-        """Take the topics back."""
+        """Unregister the topics."""
         self._subscription.unregister()
         self._state.unregister()
 

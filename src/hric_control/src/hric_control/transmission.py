@@ -1,4 +1,4 @@
-"""Transmissions: what lies between an actuator and a joint, read from the robot description."""
+"""Transmissions between actuators and joints, read from the robot description."""
 
 import logging
 from collections.abc import Collection
@@ -11,17 +11,17 @@ from hric_core.urdf.elements import as_number, parse
 
 LOG = logging.getLogger("hric.transmission")
 SIMPLE = ("transmission_interface/SimpleTransmission", "SimpleTransmission")
-"""Names of the only type that is read."""
+"""Names of the only type that is supported."""
 INTERFACES = ("EffortJointInterface", "VelocityJointInterface", "PositionJointInterface", "JointStateInterface")
 """Hardware interfaces that a transmission may name, with or without "hardware_interface/" in front."""
 
 
 @dataclass(frozen=True)
 class SimpleTransmission:
-    """A gear of constant ratio between one actuator and one joint.
+    """Gear of constant ratio between one actuator and one joint.
 
     With reduction n and offset x0: x_actuator = n (x_joint - x0), v_actuator = n v_joint, tau_actuator = tau_joint / n.
-    A negative n turns the sense.
+    A negative n reverses the direction.
 
     Attributes:
         reduction: n = actuator turns per joint turn [1], not 0.
@@ -36,27 +36,27 @@ class SimpleTransmission:
             raise DescriptionError("a transmission's mechanicalReduction must not be 0")
 
     def joint_to_actuator_effort(self, effort: float) -> float:
-        """Actuator effort for a joint effort [N m]."""
+        """Return the actuator effort for a joint effort [N m]."""
         return effort / self.reduction
 
     def joint_to_actuator_velocity(self, velocity: float) -> float:
-        """Actuator velocity for a joint velocity [rad/s]."""
+        """Return the actuator velocity for a joint velocity [rad/s]."""
         return velocity * self.reduction
 
     def joint_to_actuator_position(self, position: float) -> float:
-        """Actuator position for a joint position [rad]."""
+        """Return the actuator position for a joint position [rad]."""
         return (position - self.offset) * self.reduction
 
     def actuator_to_joint_effort(self, effort: float) -> float:
-        """Joint effort for an actuator effort [N m]."""
+        """Return the joint effort for an actuator effort [N m]."""
         return effort * self.reduction
 
     def actuator_to_joint_velocity(self, velocity: float) -> float:
-        """Joint velocity for an actuator velocity [rad/s]."""
+        """Return the joint velocity for an actuator velocity [rad/s]."""
         return velocity / self.reduction
 
     def actuator_to_joint_position(self, position: float) -> float:
-        """Joint position for an actuator position [rad]."""
+        """Return the joint position for an actuator position [rad]."""
         return position / self.reduction + self.offset
 
 
@@ -65,7 +65,7 @@ class Transmission(SimpleTransmission):
     """One `<transmission>` of the description.
 
     Attributes:
-        name: its name.
+        name: name of the transmission.
         type: short type name, "SimpleTransmission".
         joint: joint name.
         interfaces: hardware interfaces of the joint, short names, e.g. ("EffortJointInterface",).
@@ -101,7 +101,7 @@ def parse_transmissions(urdf_xml: str) -> list[Transmission]:
 
 
 def robot_sim_type(urdf_xml: str) -> str | None:
-    """The type in `<gazebo><plugin><robotSimType>`, or None: which RobotHW simulates this robot."""
+    """Return `<gazebo><plugin><robotSimType>`, the RobotHW type that simulates this robot, or None."""
     for plugin in parse(urdf_xml).findall("gazebo/plugin"):
         if plugin.get("name") == "gazebo_ros_control" or "gazebo_ros_control" in plugin.get("filename", ""):
             text = (plugin.findtext("robotSimType") or "").strip()
@@ -115,7 +115,7 @@ def _short(name: str) -> str:
 
 
 def _foreign(element: ElementTree.Element) -> str:
-    """Return what a transmission is that is not read, or an empty text."""
+    """Return a description of a transmission whose type is not supported, or an empty text."""
     kind = (element.findtext("type") or element.get("type") or "(missing)").strip().replace("::", "/")
     simple = kind in SIMPLE
     if (

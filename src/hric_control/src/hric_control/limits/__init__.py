@@ -1,4 +1,4 @@
-"""Joint limits: values, reading them, enforcing them, counting what they did. This is the module to import from."""
+"""Joint limits: values, loading, enforcement, counts. Import them from this module."""
 
 from hric_control.limits.counts import LimitCounts
 from hric_control.limits.effort import EffortLimiter, Limiter

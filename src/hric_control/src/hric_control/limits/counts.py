@@ -1,24 +1,24 @@
-"""Counting what the limits did: enforced, never silently."""
+"""Counts of the commands that joint limits changed, so that limits never act silently."""
 
 from collections.abc import Sequence
 from typing import Any
 
 
 class LimitCounts:
-    """How often each limit changed a command, and how far a limit was overshot. Plain lists in the order of `names`.
+    """Number of commands that each limit changed, and largest excess over a limit. Plain lists in the order of `names`.
 
     Attributes:
         names: joint names.
         cycles: cycles in which limits were enforced.
         position, velocity, effort, effort_rate: cycles in which that limit changed the command by more than 1e-12, per
-            joint. Acceleration counts as velocity; a command that is not a number counts as effort, velocity or
-            position, by its interface.
+            joint. Acceleration counts as velocity; a command that is not finite counts as effort, velocity or position,
+            by its interface.
         speed_limit: velocity limit per joint [rad/s].
-        speed_max: largest speed seen per joint [rad/s].
-        position_excess_max: how far the position was outside its range at most [rad].
-        started_outside: whether the joint began the run outside its range.
-        not_finite: commands that were not a number and were replaced by the one before, per joint.
-        run: number of `clear` calls, so that limiters notice it.
+        speed_max: largest measured speed per joint [rad/s].
+        position_excess_max: largest distance of the position beyond its range [rad].
+        started_outside: True if the joint began the run outside its range.
+        not_finite: commands that were not finite and were replaced by the previous one, per joint.
+        run: number of `clear` calls, by which limiters notice them.
     """
 
     __slots__ = (
@@ -55,18 +55,18 @@ class LimitCounts:
 
     @property
     def velocity_ratio_max(self) -> list[float]:
-        """Largest speed seen, divided by the velocity limit [1]; 0 where there is none."""
+        """Largest measured speed divided by the velocity limit [1]; 0 for a limit of 0."""
         return [
             top / limit if limit > 0.0 else 0.0 for top, limit in zip(self.speed_max, self.speed_limit, strict=True)
         ]
 
     @property
     def total(self) -> int:
-        """Sum over all joints and kinds; 0 means that no limit was touched."""
+        """Sum over all joints and kinds; 0: no limit changed a command."""
         return sum(self.position) + sum(self.velocity) + sum(self.effort) + sum(self.effort_rate)
 
     def clear(self) -> None:
-        """Back to zero; the next cycle is the start of a run. The lists stay the same objects."""
+        """Reset all counts to zero; the next cycle is the start of a run. The lists stay the same objects."""
         for values in (self.position, self.velocity, self.effort, self.effort_rate, self.not_finite):
             values[:] = [0] * len(self.names)
         self.speed_max[:] = [0.0] * len(self.names)
@@ -77,7 +77,7 @@ class LimitCounts:
         self.start_checked = False
 
     def copy(self) -> "LimitCounts":
-        """A snapshot."""
+        """Return a snapshot."""
         snapshot = LimitCounts(self.names, self.speed_limit)
         for name in self.__slots__:
             value = getattr(self, name)
@@ -85,7 +85,7 @@ class LimitCounts:
         return snapshot
 
     def message(self, stamp: Any) -> Any:
-        """As hric_msgs/JointLimitCounts.
+        """Return the counts as hric_msgs/JointLimitCounts.
 
         Args:
             stamp: genpy.Time of the header.

@@ -13,43 +13,43 @@ from hric_core.errors import HricError, check_known
 from hric_core.native.vectors import touched
 
 TOUCHED = 1e-12
-"""A limit was touched when it changed the command by more than this."""
+"""Smallest change of a command that counts as limited."""
 
 FINITE = sys.float_info.max
-"""Bound of the quick tests where there is no limit, so that an infinite command is caught too."""
+"""Bound of the quick tests if there is no limit, so that an infinite command is caught too."""
 
 _log = logging.getLogger("hric")
 
 
 def clamp(value: float, low: float, high: float) -> float:
-    """`value` within [low, high]; `high` wins where they cross."""
+    """Return `value` within [low, high]; `high` wins if low is above high."""
     return high if value > high else low if value < low else value
 
 
 def counted(count: list[int], i: int, before: float, after: float) -> float:
-    """`after`, counted for joint `i` where a limit touched the command."""
+    """Return `after`, and count it for joint `i` if a limit changed the command."""
     if abs(after - before) > TOUCHED:
         count[i] += 1
     return after
 
 
 class Limiter:
-    """What the limiters of all three interfaces share: the joints, the counts, the start outside the range.
+    """Base of the limiters of all three interfaces: joints, counts, the start outside the range.
 
     Args:
-        states: measured state, of which the limits depend.
+        states: measured state, on which the limits depend.
         commands: written in place by `enforce`.
         limits: one per joint, in the order of the states.
-        counts: shared with other limiters of the robot, or None for an own one.
+        counts: shared with other limiters of the robot; None: a new one.
 
     Raises:
         HricError: the limits are not those of the joints.
     """
 
     _kind: ClassVar[str] = ""
-    """The count of `LimitCounts` that a command takes which is not finite."""
+    """Field of `LimitCounts` that counts a command which is not finite."""
     _bounds_command: ClassVar[bool] = False
-    """Whether `_low` and `_high` bound the command instead of the measured position."""
+    """True if `_low` and `_high` bound the command instead of the measured position."""
 
     def __init__(
         self,
@@ -71,14 +71,14 @@ class Limiter:
         self._selected = [True] * n
         self._previous = [math.nan] * n
         self._period, self._run = math.nan, -1
-        self._been_inside = [False] * n  # the range, since the start: from then on the soft limits of efforts act
-        self._speed = [0.0] * n  # of the position command before [rad/s or m/s]
-        # Within these no limit touches a command, see `native.vectors.touched`.
+        self._been_inside = [False] * n  # was inside the range since the start, from when on the soft limits act
+        self._speed = [0.0] * n  # of the last position command [rad/s or m/s]
+        # Bounds within which no limit changes a command, see `native.vectors.touched`.
         self._low, self._high, self._bound, self._change = ([0.0] * n for _ in range(4))
         self._fastest, self._softness = [FINITE] * n, [0.0] * n
 
     def enforce(self, period: float) -> None:
-        """Limit the commands in place. Well below a microsecond for seven joints when no limit is near.
+        """Limit the commands in place, in well below a microsecond for seven joints when no limit is near.
 
         Args:
             period: time since the last cycle [s].
@@ -94,7 +94,7 @@ class Limiter:
         last[:] = value
 
     def reset(self, previous: Sequence[float] | None = None) -> None:
-        """Set the command that the rate limits start from.
+        """Set the command from which the rate limits start.
 
         Args:
             previous: n commands, in force until now. None: not known; the first effort command passes the rate limit,
@@ -107,8 +107,9 @@ class Limiter:
         )
 
     def select(self, names: Iterable[str] | None) -> None:
-        """Enforce on these joints only (those driven through this interface now); None: on all. Newly selected ones
-        start as after `reset(None)`."""
+        """Select the joints that are driven through this interface and limited; None: all.
+
+        Newly selected ones start as after `reset(None)`."""
         selected = self.states.names if names is None else tuple(names)
         check_known("joint", selected, self.states.names, type(self).__name__)
         now = [name in selected for name in self.states.names]
@@ -119,8 +120,9 @@ class Limiter:
         self._period = math.nan
 
     def check_start(self) -> None:
-        """Say once which joints begin outside their range; `enforce` calls it in the first cycle after construction or
-        `counts.clear()`."""
+        """Log the joints that start outside their range, once per run.
+
+        `enforce` calls it in the first cycle after construction or `counts.clear()`."""
         self.counts.start_checked = True
         for i, (limit, position) in enumerate(zip(self.limits, self.states.position, strict=True)):
             if not limit.lower <= position <= limit.upper and not self.counts.started_outside[i]:
@@ -131,18 +133,18 @@ class Limiter:
                 )  # fmt: skip
 
     def _begin(self, period: float) -> None:
-        """Rarely called head of `enforce`: another period, another selection, or counts that were cleared."""
+        """Prepare for a new period, a new selection, or cleared counts; rarely called by `enforce`."""
         if not self.counts.start_checked:
             self.check_start()
         self._period, self._run = period, self.counts.run
         self._prepare(period)
 
     def _prepare(self, period: float) -> None:
-        """Set what no limit touches: `_low`, `_high`, `_bound`, `_change`, and for efforts `_fastest`, `_softness`."""
+        """Set the bounds in which no limit acts: `_low`, `_high`, `_bound`, `_change`; also `_fastest`, `_softness`."""
         raise NotImplementedError
 
     def _limit(self, i: int, q: float, v: float, value: float, last: float) -> float:
-        """The command of one joint within its limits; `last`: the command before it, NaN where it is not known."""
+        """Return the command of one joint within its limits; `last`: previous command, NaN if unknown."""
         counts, limit = self.counts, self.limits[i]
         last = last if math.isfinite(last) else self._first(i, q, v)
         if not math.isfinite(value + (last if self._bounds_command else q + v)):
@@ -156,11 +158,11 @@ class Limiter:
         return self._enforced(i, q, v, value, last)
 
     def _first(self, i: int, q: float, v: float) -> float:
-        """What the rate limits of a joint start from that had no command yet; NaN: no rate limit."""
+        """Return the start of the rate limits of a joint without previous command; NaN: no rate limit."""
         return math.nan
 
     def _enforced(self, i: int, q: float, v: float, value: float, last: float) -> float:
-        """`value` after all limits in their order, each `counted`."""
+        """Return `value` after all limits in their order, each `counted`."""
         raise NotImplementedError
 
     def _note_not_finite(self, i: int) -> None:
@@ -174,20 +176,19 @@ class Limiter:
 
 
 class EffortLimiter(Limiter):
-    """Limits effort commands: position, then velocity, then effort, and the rate of effort last, so that what is sent
-    is always continuous.
+    """Limiter of effort commands: position, velocity, effort, then rate of effort, so that the result is continuous.
 
     Position: outside the range only inward effort passes. With soft limits (k_position, k_velocity) the velocity bound
-    shrinks with the distance to the soft limit, v_max(q) = -k_position (q - soft), and the effort bound with the speed
-    that is left, -k_velocity (v - v_max(q)). A joint that started outside its range is not pushed in: its soft limits
-    act once it has been inside. Velocity: above the limit only braking effort passes; with k_velocity the bound is
-    -k_velocity (v - v_max).
+    shrinks with the distance to the soft limit, v_max(q) = -k_position (q - soft), and the effort bound with the
+    remaining speed, -k_velocity (v - v_max(q)). A joint that started outside its range is not pushed in: its soft
+    limits act once it has been inside. Velocity: above the limit only braking effort passes; with k_velocity the bound
+    is -k_velocity (v - v_max).
     """
 
     _kind = "effort"
 
     def check_start(self) -> None:
-        """Say once which joints begin outside their range."""
+        """Log the joints that start outside their range, and disable their soft limits until they have been inside."""
         super().check_start()
         self._been_inside[:] = [False] * len(self._been_inside)
 
@@ -213,8 +214,10 @@ class EffortLimiter(Limiter):
         return tau
 
     def _soft_acts(self, i: int, q: float) -> bool:
-        """Whether the soft range counts: not yet for a joint that started outside, which it would push in with all its
-        might."""
+        """Return True if the soft limits of the joint act.
+
+        They would push a joint that started outside its range inwards with full effort, so they wait until it has been
+        inside."""
         if self.limits[i].lower <= q <= self.limits[i].upper:
             self._been_inside[i] = True
         return self._been_inside[i] or not self.counts.started_outside[i]

@@ -1,4 +1,4 @@
-"""Reading joint limits: URDF first, parameters over it, with ros_control's names."""
+"""Joint limits from the URDF, overridden by parameters with ros_control's names."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -15,8 +15,9 @@ from hric_core.urdf import BOUNDED, Limit, SafetyController, read
 
 URDF = "from the URDF"
 FAR_OUTSIDE = 0.5
-"""Distance beyond the end of its range at which a joint may start [rad or m]; project default, unconfirmed: an arm that
-was pushed to its stops, or a pose that was rounded."""
+"""Distance beyond its range at which a joint may start [rad or m] (project default, unconfirmed).
+
+It covers an arm that was pushed to its stops, or a pose that was rounded."""
 # Switch of a group of parameters -> parameter -> (field, value that means "not limited").
 _GROUPS: dict[str, dict[str, tuple[str, float]]] = {
     "has_position_limits": {"min_position": ("lower", -INFINITY), "max_position": ("upper", INFINITY)},
@@ -36,7 +37,7 @@ _GROUPS: dict[str, dict[str, tuple[str, float]]] = {
 
 @dataclass(frozen=True)
 class LimitParameters(Settings):
-    """What parameters may say of one joint's limits, in ros_control's names."""
+    """Parameters of one joint's limits, with ros_control's names."""
 
     has_position_limits: bool | None = flag(
         None,
@@ -104,18 +105,18 @@ ENFORCE_LIMITS: Any = either(
     name="enforce_limits",
     text="`true`: position, velocity, effort, effort_rate, soft; `false`: none; or the kinds named",
 )
-"""Of a robot: which kinds it enforces, as the `use` of `load_limits`."""
+"""Kinds of limit that a robot enforces, as the `use` of `load_limits`."""
 
 
 def load_limits(
     urdf_xml: str, node: Node | None, joint_names: Sequence[str], use: Sequence[str] = DEFAULT_KINDS
 ) -> list[JointLimits]:
-    """The limits of the joints, in order.
+    """Return the limits of the joints, in order.
 
     Args:
         urdf_xml: robot description; `<limit>` and `<safety_controller>` of each joint are read.
-        node: its parameters `joint_limits/<joint>/...` go before the URDF; None: the URDF alone.
-        joint_names: which joints.
+        node: node whose parameters `joint_limits/<joint>/...` override the URDF; None: the URDF alone.
+        joint_names: names of the joints.
         use: kinds to keep, of `joint_limits.KINDS`; the others are returned as not limited.
 
     Raises:
@@ -136,12 +137,12 @@ def load_limits(
 
 
 def check_start(urdf_xml: str, joint_names: Sequence[str], q: Sequence[float], where: str) -> None:
-    """Refuse a start pose that no pushed or rounded one is: further than `FAR_OUTSIDE` beyond the range of a joint.
+    """Refuse a start pose with a joint further than `FAR_OUTSIDE` beyond its range.
 
     Args:
         urdf_xml: robot description.
-        joint_names: which joints.
-        q: their positions [rad or m].
+        joint_names: names of the joints.
+        q: joint positions [rad or m].
         where: full name of the parameter.
 
     Raises:
@@ -160,8 +161,9 @@ def check_start(urdf_xml: str, joint_names: Sequence[str], q: Sequence[float], w
 def _of_joint(
     name: str, kind: str, limit: Limit | None, safety: SafetyController | None, parameters: str, where: str
 ) -> JointLimits:
-    """What the description says of a joint, and its parameters, which are JSON. Kept: robot, controllers and the next
-    run read the same."""
+    """Return the limits of a joint from its description and its parameters (JSON).
+
+    Cached: robot, controllers and the next run read the same."""
     values, given = _from_urdf(name, kind, limit, safety), json.loads(parameters)
     if given is not None:
         _override(values, given, where)

@@ -7,7 +7,7 @@ from hric_control.limits.values import INFINITY, JointLimits
 
 
 def stopping_speed(distance: float, acceleration: float, period: float) -> float:
-    """Largest speed from which a joint, braked at `acceleration` in steps of `period`, still stops within `distance`.
+    """Return the largest speed from which a joint, braked in steps of `period`, still stops within `distance` [rad/s].
 
     In units of a dt (speed) and a dt^2 (distance), braking from n + f covers n (n + 1) / 2 + (n + 1) f, with n whole
     and 0 <= f < 1. Without an acceleration limit the whole distance may be covered in one step.
@@ -32,7 +32,7 @@ def stopping_speed(distance: float, acceleration: float, period: float) -> float
 
 
 def _speeds(limit: JointLimits, position: float, period: float) -> tuple[float, float]:
-    """Least and greatest velocity that the position allows [rad/s]: the stop of the range, and the soft limits."""
+    """Return the smallest and largest velocity [rad/s] allowed by the end of the range and the soft limits."""
     low = -stopping_speed(position - limit.lower, limit.acceleration, period)
     high = stopping_speed(limit.upper - position, limit.acceleration, period)
     if limit.has_soft_range:
@@ -42,8 +42,7 @@ def _speeds(limit: JointLimits, position: float, period: float) -> tuple[float, 
 
 
 class VelocityLimiter(Limiter):
-    """Limits velocity commands: velocity bound, braking before the end of the range (soft limits bend it), acceleration
-    last.
+    """Limiter of velocity commands: velocity, braking before the end of the range or soft limit, acceleration last.
 
     Outside the range only inward velocity passes. Acceleration is the change of the command per cycle.
     """
@@ -76,10 +75,9 @@ class VelocityLimiter(Limiter):
 
 
 class PositionLimiter(Limiter):
-    """Limits position commands: range (soft limits bend the approach), then the change per cycle by velocity and
-    acceleration.
+    """Limiter of position commands: range and soft limits, then change per cycle by velocity and acceleration.
 
-    A command that begins outside the range is led back to it at the velocity limit, not in one jump.
+    A command that starts outside the range is moved back to it at the velocity limit, not in one jump.
     """
 
     _kind = "position"
@@ -91,7 +89,7 @@ class PositionLimiter(Limiter):
             if chosen:
                 low, high = max(limit.lower, -FINITE), min(limit.upper, FINITE)
                 self._low[i], self._high[i] = limit.full_speed_range(low, high)
-                # With an acceleration limit each command needs the speed before it: none is quiet.
+                # With an acceleration limit each command depends on the last speed: no quick test.
                 self._change[i] = limit.velocity * period if limit.acceleration == INFINITY else -1.0
 
     def _first(self, i: int, q: float, v: float) -> float:
@@ -103,7 +101,7 @@ class PositionLimiter(Limiter):
         goal = clamp(value, limit.lower, limit.upper)
         if limit.has_soft_range:
             low, high = limit.soft_speeds(last)
-            # Where they leave the whole speed, it is the velocity limit below that cuts, and that counts.
+            # If they allow the full speed, the velocity limit below acts and is counted.
             low, high = low if low > -limit.velocity else -INFINITY, high if high < limit.velocity else INFINITY
             goal = clamp(goal, last + min(low, 0.0) * period, last + max(high, 0.0) * period)
         counted(counts.position, i, value, goal)
@@ -115,7 +113,7 @@ class PositionLimiter(Limiter):
         return counted(counts.velocity, i, goal, reached)
 
     def _accelerated(self, limit: JointLimits, speed: float, last: float, goal: float, before: float) -> float:
-        """Speed of this cycle within the acceleration limit, slow enough to stop at the commanded position [rad/s]."""
+        """Return a speed within the acceleration limit, slow enough to stop at the commanded position [rad/s]."""
         reach = stopping_speed(abs(goal - last), limit.acceleration, self._period)
         change = limit.acceleration * self._period
         return clamp(clamp(speed, -reach, reach), before - change, before + change)

@@ -1,4 +1,4 @@
-"""The limits of one joint as values, checked once."""
+"""Limits of one joint as checked values."""
 
 import math
 from dataclasses import dataclass, fields
@@ -7,7 +7,7 @@ from hric_core.errors import ParameterError
 
 INFINITY = math.inf
 KINDS = ("position", "velocity", "effort", "effort_rate", "acceleration", "jerk", "soft")
-"""What can be enforced; `use` and `enforce_limits` take names from here."""
+"""Kinds of limit that can be enforced; `use` and `enforce_limits` take names from here."""
 
 _KIND_FIELDS: dict[str, dict[str, float]] = {
     "position": {"lower": -INFINITY, "upper": INFINITY},
@@ -22,8 +22,9 @@ _KIND_FIELDS: dict[str, dict[str, float]] = {
 
 @dataclass(frozen=True)
 class JointLimits:
-    """Limits of one joint; what is infinite (or a gain of 0) is not limited. Units are those of a revolute joint; read
-    m and N for a prismatic one.
+    """Limits of one joint, in units of a revolute joint; read m and N for a prismatic one.
+
+    An infinite limit, or a gain of 0, limits nothing.
 
     Attributes:
         name: joint name.
@@ -32,11 +33,11 @@ class JointLimits:
         effort: largest effort [N m].
         effort_rate: largest rate of effort [N m/s].
         acceleration: largest acceleration [rad/s^2]; used for velocity and position commands.
-        jerk: largest jerk [rad/s^3]; for those who plan motion, no limiter enforces it.
+        jerk: largest jerk [rad/s^3]; for motion planners, no limiter enforces it.
         k_position: speed allowed per distance to the soft range [1/s]; 0: no soft range.
-        k_velocity: effort allowed per speed left [N m s/rad]; 0: the velocity limit of effort commands is a hard one.
+        k_velocity: effort allowed per remaining speed [N m s/rad]; 0: hard velocity limit for effort commands.
         soft_lower, soft_upper: soft position range, inside the range [rad].
-        unit: of the position, "rad" or "m".
+        unit: unit of the position, "rad" or "m".
     """
 
     name: str
@@ -71,11 +72,11 @@ class JointLimits:
 
     @property
     def has_soft_range(self) -> bool:
-        """Whether the speed is bent towards zero near a soft position limit."""
+        """True if the allowed speed decreases to zero near a soft position limit."""
         return self.k_position > 0.0 and (self.soft_lower > -INFINITY or self.soft_upper < INFINITY)
 
     def only(self, kinds: tuple[str, ...] | list[str]) -> "JointLimits":
-        """The same limits without the kinds that are not named.
+        """Return the same limits without the kinds that are not named.
 
         Raises:
             ParameterError: a kind that does not exist.
@@ -88,8 +89,9 @@ class JointLimits:
         return JointLimits(**{**kept, **dropped})
 
     def soft_speeds(self, position: float) -> tuple[float, float]:
-        """Least and greatest velocity allowed at `position` [rad/s]: -k_position (q - soft limit), within the velocity
-        limit."""
+        """Return the smallest and largest velocity allowed at `position` [rad/s].
+
+        -k_position (q - soft limit), within the velocity limit."""
         low, high = -self.velocity, self.velocity
         if self.k_position > 0.0:
             low = min(max(-self.k_position * (position - self.soft_lower), low), high)
@@ -97,7 +99,7 @@ class JointLimits:
         return low, high
 
     def full_speed_range(self, low: float, high: float) -> tuple[float, float]:
-        """The part of a position range [low, high] in which the soft limits allow the whole velocity [rad]."""
+        """Return the part of a position range [low, high] in which the soft limits allow the full velocity [rad]."""
         if not self.has_soft_range:
             return low, high
         reach = self.velocity / self.k_position
@@ -105,7 +107,7 @@ class JointLimits:
 
 
 def check_kinds(kinds: tuple[str, ...] | list[str]) -> None:
-    """Refuse names that are no kind of limit.
+    """Refuse names that are not a kind of limit.
 
     Raises:
         ParameterError: with the valid kinds.

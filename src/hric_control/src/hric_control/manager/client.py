@@ -1,4 +1,4 @@
-"""A client of a controller manager's services, for the command-line tools. Needs no `rospy.init_node`."""
+"""Client of a controller manager's services, for the command-line tools. Needs no `rospy.init_node`."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -23,7 +23,7 @@ SERVICES = ("load_controller", "unload_controller", "switch_controller", "list_c
 
 
 def check_master() -> None:
-    """Refuse to go on without a ROS master, which rospy itself would wait for in silence.
+    """Raise an error if there is no ROS master, for which rospy itself would wait silently.
 
     Raises:
         HricError: gives the address that was tried.
@@ -35,17 +35,17 @@ def check_master() -> None:
 
 
 class ManagerClient:
-    """Calls the services of one controller manager; what it refuses is raised.
+    """Client of one controller manager's services; raises an error if a request is refused.
 
     Args:
-        namespace: of the robot; relative names are taken from the process's namespace.
+        namespace: namespace of the robot; a relative name is resolved in the process's namespace.
     """
 
     def __init__(self, namespace: str = "") -> None:
         self._prefix = f"{namespace.rstrip('/')}/controller_manager" if namespace else "controller_manager"
 
     def service(self, name: str) -> str:
-        """Absolute name of one of the services."""
+        """Return the absolute name of a service."""
         resolved: str = rospy.resolve_name(f"{self._prefix}/{name}")
         return resolved
 
@@ -57,7 +57,7 @@ class ManagerClient:
             say: takes one line of text.
 
         Raises:
-            HricError: they did not come.
+            HricError: a service did not appear in time.
         """
         begin = reported = time.monotonic()
         for name in map(self.service, SERVICES):
@@ -74,12 +74,12 @@ class ManagerClient:
                     say(f"waiting for the service {name}")
 
     def list(self) -> Sequence[Any]:
-        """Loaded controllers, as controller_manager_msgs/ControllerState."""
+        """Return the loaded controllers, as controller_manager_msgs/ControllerState."""
         controllers: Sequence[Any] = self._call("list_controllers", ListControllers).controller
         return controllers
 
     def types(self) -> Sequence[tuple[str, str]]:
-        """Types that can be loaded, with their base classes."""
+        """Return the types that can be loaded, with their base classes."""
         response = self._call("list_controller_types", ListControllerTypes)
         return list(zip(response.types, response.base_classes, strict=True))
 
@@ -102,7 +102,7 @@ class ManagerClient:
         self._demand(self._call("switch_controller", SwitchController, request), f"could not {action}")
 
     def reload(self, force_kill: bool) -> None:
-        """Load the controllers' modules again."""
+        """Reload the controllers' modules."""
         self._demand(
             self._call("reload_controller_libraries", ReloadControllerLibraries, force_kill),
             "could not reload the libraries",

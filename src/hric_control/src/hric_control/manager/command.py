@@ -1,4 +1,4 @@
-"""The tool `controller_manager`: one command, one request to a controller manager."""
+"""Command-line tool `controller_manager`: each command is a request to a controller manager."""
 
 import argparse
 import time
@@ -19,7 +19,7 @@ _NAMED: dict[str, str] = {
 
 
 def parser() -> argparse.ArgumentParser:
-    """Command line of the tool."""
+    """Return the command-line parser of the tool."""
     top = argparse.ArgumentParser(
         prog="controller_manager", description="List, load, start or stop the controllers of a robot."
     )
@@ -47,7 +47,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def run(argv: Sequence[str]) -> int:
-    """Program `controller_manager`; returns the exit code."""
+    """Run the program `controller_manager` and return its exit code."""
     args = read_words(parser(), argv)
 
     def work() -> None:

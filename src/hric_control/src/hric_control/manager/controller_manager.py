@@ -1,4 +1,4 @@
-"""Loading, switching and listing controllers, with the life cycle and the rules of ros_control's controller manager."""
+"""Controller manager with the life cycle and the rules of ros_control: loads, switches and lists controllers."""
 
 import contextlib
 import math
@@ -17,12 +17,13 @@ from hric_core.node import Node
 from hric_core.scoped_node import ScopedNode
 
 LOOP_TIMEOUT = 2.0
-"""How long a switch waits for the loop to take it up [s of wall time]."""
+"""Longest wait of a switch for the loop to begin it [s of wall time]."""
 
 
 def import_controllers(root_node: Node) -> list[str]:
-    """Import the module of every controller that is configured below the robot's namespace, so that loading one later
-    does not hold the loop.
+    """Import the modules of all controllers configured below the robot's namespace.
+
+    Loading one later then does not hold the loop.
 
     Returns:
         the type names imported. One that cannot be imported is logged and left for `load` to refuse.
@@ -45,17 +46,17 @@ def import_controllers(root_node: Node) -> list[str]:
 
 
 class ControllerManager:
-    """Owns the controllers of one robot. `update` belongs to the control loop, everything else to any other thread.
+    """Manager of one robot's controllers. `update` belongs to the control loop, everything else to any other thread.
 
     Args:
         robot_hw: the robot, initialised.
-        root_node: its namespace; a controller's parameters are below `<root>/<name>/`.
+        root_node: the robot's namespace; a controller's parameters are below `<root>/<name>/`.
         classes: controllers by type string that no package exports, for scripts and tests; looked up first.
 
     Attributes:
-        loop_running: whether `switch` hands over to the loop (True) or acts at once (False, before a headless run
-            begins).
-        loop_timeout: how long a switch waits for the loop to take it up [s of wall time].
+        loop_running: True if the loop carries out a `switch`, False if the caller's thread does so at once (before a
+            headless run).
+        loop_timeout: longest wait of a switch for the loop to begin it [s of wall time].
     """
 
     def __init__(
@@ -72,27 +73,28 @@ class ControllerManager:
             robot_hw, lambda text: realtime.defer(root_node, lambda: root_node.log_error(text), "log")
         )
         self.update: Callable[..., None] = self._first_update
-        """`update(time, period, reset_controllers=False)`: one cycle, from the loop. Both times in seconds."""
+        """Run one cycle, from the loop: `update(time, period, reset_controllers=False)`, both times in seconds."""
 
     def _first_update(self, time: float, period: float, reset_controllers: bool = False) -> None:
-        # The first cycle gives the loop's thread; from then on the loop calls its work directly.
+        # The first cycle identifies the loop's thread; later cycles call the loop's method directly.
         self._loop_thread = threading.get_ident()
         self.update = self._loop.update
         self._loop.update(time, period, reset_controllers)
 
     @property
     def switch_pending(self) -> bool:
-        """Whether the last `update` called the robot's `do_switch`, or the robot is not ready yet for what was
-        switched. `on_cycle` returns its opposite, so that a robot leaves its mode in the same cycle.
-        It is no reason to end a run."""
+        """True if the last `update` called the robot's `do_switch`, or the robot is not ready yet after a switch.
+
+        `on_cycle` returns its opposite, so that a robot leaves its mode in the same cycle. It is no reason to end a
+        run."""
         return self._loop.mode_changed
 
     def load(self, name: str) -> None:
         """Construct and initialise the controller configured under `<root>/<name>`.
 
         Raises:
-            HricError: loaded already, no type, unknown type, its `init` refused, or a parameter was set that its
-                `init` does not read.
+            HricError: loaded already, no type, unknown type, its `init` refused, or a parameter was set that its `init`
+                does not read.
         """
         with self._exclusive():
             if name in self._loaded:
@@ -100,7 +102,7 @@ class ControllerManager:
             self._loaded[name] = self._create(name)
 
     def unload(self, name: str) -> None:
-        """Shut a controller down and forget it.
+        """Shut a controller down and remove it.
 
         Raises:
             HricError: it is not loaded, or it is running.
@@ -121,10 +123,11 @@ class ControllerManager:
         *,
         loop_running: bool | None = None,
     ) -> None:
-        """Stop and start controllers within one cycle of the loop; returns when it is done.
+        """Stop and start controllers within one cycle of the loop; return when it is done.
 
         Args:
-            start, stop: names of loaded controllers.
+            start: names of loaded controllers to start.
+            stop: names of loaded controllers to stop.
             strictness: STRICT refuses the request for any name that cannot be switched, BEST_EFFORT leaves such names
                 out.
             start_asap: start each controller as soon as the robot is ready for it, not all together.
@@ -149,7 +152,7 @@ class ControllerManager:
                 raise HricError("; ".join(request.failures))
 
     def reload(self, force_kill: bool = False) -> None:
-        """Load the controllers' modules again.
+        """Reload the controllers' modules.
 
         Args:
             force_kill: stop and unload all controllers first.
@@ -166,24 +169,24 @@ class ControllerManager:
             plugins.reload(plugins.CONTROLLER)
 
     def list(self) -> list[ControllerStatus]:
-        """All loaded controllers, in the order of loading."""
+        """Return the status of all loaded controllers, in the order of loading."""
         return [entry.status() for entry in tuple(self._loaded.values())]
 
     def types(self) -> dict[str, str]:
-        """Base class of every controller type that can be loaded, by type string."""
+        """Return the base class of every controller type that can be loaded, by type string."""
         found = dict.fromkeys([*self._classes, *plugins.names(plugins.CONTROLLER)], plugins.CONTROLLER)
         return dict(sorted(found.items()))
 
     def statistics(self) -> Sequence[UpdateStatistics]:
-        """How long the controllers' updates take."""
+        """Return the durations of the controllers' updates."""
         return [entry.statistics() for entry in tuple(self._loaded.values())]
 
     def call_periodically(self, period: float, tick: Callable[[float], None] | None) -> None:
-        """Call `tick(time)` from the loop each `period` seconds of robot time; it must not block. None ends it."""
+        """Call `tick(time)` from the loop every `period` seconds of robot time; None ends it. `tick` must not block."""
         self._loop.call_periodically(period, tick)
 
     def shutdown(self) -> None:
-        """Stop and unload everything; after the loop has ended."""
+        """Stop and unload all controllers, after the loop has ended."""
         with self._lock:
             for entry in reversed(self._loop.running):
                 self._loop.release(entry)
@@ -192,7 +195,7 @@ class ControllerManager:
 
     @contextlib.contextmanager
     def _exclusive(self) -> Iterator[None]:
-        """One request at a time. The loop's own thread must not wait for a request that waits for the loop."""
+        """Admit one request at a time. The loop's own thread must not wait for a request that waits for the loop."""
         in_loop = threading.get_ident() == self._loop_thread
         if not self._lock.acquire(blocking=not in_loop):
             raise HricError("another request to the controller manager is being carried out; try again")
@@ -226,7 +229,7 @@ class ControllerManager:
         elif loop_running:
             self._wait_for_loop(request)
         else:
-            self._hw.read(self._loop.time, 0.0)  # so that a controller finds the state when it starts
+            self._hw.read(self._loop.time, 0.0)  # so that a starting controller reads the present state
             self._loop.apply(request, self._loop.time)
             if request.waiting:
                 self._loop.withdraw(request)
@@ -282,7 +285,7 @@ class ControllerManager:
     def _dispose(self, entry: LoadedController) -> None:
         try:
             entry.controller.shutdown()
-        except BaseException as error:  # it is unloaded all the same
+        except BaseException as error:  # it is unloaded anyway
             pass_ctrl_c(error)
             self._node.log_error(f"controller {entry.name} failed in shutdown: {describe(error)}")
         entry.scope.close()

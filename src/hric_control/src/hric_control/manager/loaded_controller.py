@@ -1,4 +1,4 @@
-"""A controller in the manager's care: its state, its claims, and how long its updates take."""
+"""Loaded controller: its state, its claims, and the durations of its updates."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -22,14 +22,15 @@ class ControllerState(StrEnum):
 
 @dataclass(frozen=True)
 class ControllerStatus:
-    """What `list` returns of a controller.
+    """Status of a controller, as returned by `list`.
 
     Attributes:
         name: instance name.
         type: plugin type string.
         state: initialized, running, stopped, waiting (for the hardware) or aborted.
-        claims: claimed joints by the ros_control name of the interface; of one that obeys the speed scale, that too.
-        error: why it is aborted; empty: it is not.
+        claims: claimed joints by the ros_control name of the interface; also the speed scale, if the controller obeys
+            it.
+        error: reason why it is aborted; else empty.
     """
 
     name: str
@@ -44,13 +45,13 @@ class UpdateStatistics:
     """Durations of a controller's updates since it was last started.
 
     Attributes:
-        name, type: of the controller.
-        running: whether it runs now.
+        name, type: name and type of the controller.
+        running: True if it is running.
         updates: number of updates.
         max_time, mean_time: [s].
         variance_time: [s^2].
         overruns: updates that took longer than the period.
-        last_overrun: robot time of the last one [s]; negative if there was none.
+        last_overrun: robot time of the last overrun [s]; negative if there was none.
     """
 
     name: str
@@ -65,9 +66,10 @@ class UpdateStatistics:
 
 
 class LoadedController:
-    """Controller plus state. `controller` and `update` are read by the loop; the statistics are plain floats that it
-    writes. `obeys`: whether the controller has declared that it reads the robot's speed scale. `error`: why it was
-    aborted last."""
+    """Controller with its state.
+
+    The loop reads `controller` and `update` and writes the statistics, which are plain floats. `obeys`: True if the
+    controller has declared that it reads the robot's speed scale. `error`: reason of the last abort."""
 
     __slots__ = (
         "controller",
@@ -98,21 +100,21 @@ class LoadedController:
 
     @property
     def running(self) -> bool:
-        """Whether it is updated each cycle."""
+        """True if it is updated each cycle."""
         return self.state is ControllerState.RUNNING
 
     def abort(self, error: str) -> None:
-        """It is not updated any more; error: why."""
+        """Set the state to aborted, which ends the updates; error: reason."""
         self.state, self.error = ControllerState.ABORTED, error
 
     def clear_statistics(self) -> None:
-        """Forget the durations; the controller is starting."""
+        """Reset the durations when the controller starts."""
         self.updates = self.overruns = 0
         self.max_time = self.mean_time = self.squares = 0.0
         self.last_overrun = -1.0
 
     def status(self) -> ControllerStatus:
-        """Snapshot for `list`."""
+        """Return a snapshot for `list`."""
         claims = {interface: tuple(sorted(joints)) for interface, joints in self.info.claims.items()}
         if self.obeys:
             claims[SpeedScaleInterface.cpp_name] = (RESOURCE,)
@@ -120,7 +122,7 @@ class LoadedController:
         return ControllerStatus(self.name, self.info.type, self.state.value, claims, error)
 
     def statistics(self) -> UpdateStatistics:
-        """Snapshot of the durations."""
+        """Return a snapshot of the durations."""
         variance = self.squares / self.updates if self.updates else 0.0
         return UpdateStatistics(
             self.name,

@@ -1,4 +1,4 @@
-"""The part of the manager that runs in the control loop: updates, and switches between two cycles."""
+"""Part of the manager that runs in the control loop: updates, and switches between two cycles."""
 
 import math
 import signal
@@ -14,8 +14,9 @@ from hric_core.errors import HricError
 
 
 def describe(error: BaseException) -> str:
-    """One line: the text of a HricError, or type, text and place of an error that nobody foresaw, the same on every
-    machine."""
+    """Return an error as one line, the same on every machine.
+
+    A HricError gives its text; any other error gives type, text, and file and line."""
     if isinstance(error, HricError):
         return str(error)
     frames = traceback.extract_tb(error.__traceback__)
@@ -24,14 +25,15 @@ def describe(error: BaseException) -> str:
 
 
 def pass_ctrl_c(error: BaseException) -> None:
-    """Raise a Ctrl-C again that Python itself delivers, in a script; commands and nodes handle the signal, and then a
-    KeyboardInterrupt is the controller's own."""
+    """Raise a Ctrl-C again that Python itself delivers, in a script.
+
+    Commands and nodes handle the signal; a KeyboardInterrupt there was raised by the controller."""
     if isinstance(error, KeyboardInterrupt) and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         raise error
 
 
 class ManagerLoop:
-    """Updates the running controllers and carries out one switch request at a time.
+    """Loop part of the manager, which updates the running controllers and carries out one switch request at a time.
 
     Args:
         robot_hw: the robot.
@@ -42,7 +44,7 @@ class ManagerLoop:
         time: robot time of the last cycle [s].
         cycles: cycles so far.
         mode_changed: the last cycle called `do_switch`, or the hardware is not ready yet.
-        updating: a cycle is under way.
+        updating: True during a cycle.
     """
 
     def __init__(self, robot_hw: RobotHW, report: Callable[[str], None]) -> None:
@@ -50,13 +52,13 @@ class ManagerLoop:
         self.running: tuple[LoadedController, ...] = ()
         self.time, self.cycles = 0.0, 0
         self.mode_changed = self.updating = False
-        self._switching = False  # looked at each cycle: a request is there, or `mode_changed` must be taken back
+        self._switching = False  # checked each cycle: a request waits, or `mode_changed` must be reset
         self._request: SwitchRequest | None = None
         self._tick_at, self._tick_period = math.inf, math.inf
         self._tick: Callable[[float], None] | None = None
 
     def update(self, time: float, period: float, reset_controllers: bool = False) -> None:
-        """One cycle: restart if requested, switch if a request waits, then update every running controller.
+        """Run one cycle: restart if requested, switch if a request waits, then update every running controller.
 
         Args:
             time: robot time [s].
@@ -97,29 +99,29 @@ class ManagerLoop:
         self.updating = False
 
     def call_periodically(self, period: float, tick: Callable[[float], None] | None) -> None:
-        """Call `tick(time)` from the loop each `period` seconds of robot time; None ends it."""
+        """Call `tick(time)` from the loop every `period` seconds of robot time; None ends it."""
         self._tick, self._tick_period = tick, period
         self._tick_at = self.time if tick is not None else math.inf
 
     def hand_over(self, request: SwitchRequest) -> None:
-        """Give a request to the loop, from another thread."""
+        """Pass a request to the loop, from another thread."""
         self._request = request
         self._switching = True
 
     def withdraw(self, request: SwitchRequest) -> None:
-        """Take a cancelled request back; controllers that waited are aborted."""
+        """Remove a cancelled request; abort controllers that wait for it."""
         if self._request is request:
             self._request = None
         for entry in request.waiting:
             entry.abort("the switch that was to start it was withdrawn")
 
     def apply(self, request: SwitchRequest, time: float) -> None:
-        """Carry a request out now: when no loop runs, or from the loop's own thread between two cycles."""
+        """Carry out a request now: when no loop runs, or from the loop's own thread between two cycles."""
         self.hand_over(request)
         self._switch(time)
 
     def release(self, entry: LoadedController) -> None:
-        """Stop a controller without the robot; after the loop has ended."""
+        """Stop a controller without switching the robot, after the loop has ended."""
         self._stop(entry, self.time)
 
     def _switch(self, time: float) -> None:
@@ -208,7 +210,7 @@ class ManagerLoop:
     def _call_stopping(self, entry: LoadedController, time: float) -> None:
         try:
             entry.controller.stopping(time)
-        except BaseException as error:  # it is stopped all the same
+        except BaseException as error:  # it is stopped anyway
             pass_ctrl_c(error)
             self._report(f"controller {entry.name} failed in stopping: {describe(error)}")
 

@@ -33,13 +33,13 @@ from hric_core.robot_time import stamps
 
 NAMESPACE = "controller_manager"
 REFUSAL = "refusal"
-"""Parameter below it: the reason of the last refusal."""
+"""Parameter below the namespace: reason of the last refusal."""
 STATISTICS_PERIOD = 1.0
-"""Between two statistics messages [s of robot time]."""
+"""Time between two statistics messages [s of robot time]."""
 
 
 class ManagerServices:
-    """What `serve` offers; `unregister` takes it back."""
+    """Services and statistics that `serve` offers; `unregister` ends them."""
 
     def __init__(self, manager: ControllerManager, node: Node) -> None:
         self._manager, self._node = manager, node.child(NAMESPACE)
@@ -55,7 +55,7 @@ class ManagerServices:
         manager.call_periodically(STATISTICS_PERIOD, self._publish)
 
     def unregister(self) -> None:
-        """Take services and topic back."""
+        """Unregister the services and the topic."""
         self._manager.call_periodically(STATISTICS_PERIOD, None)
         for service in self._services:
             service.unregister()
@@ -63,7 +63,7 @@ class ManagerServices:
 
     def _try(self, what: str, request: Callable[[], None]) -> bool:
         # The services' types have no field for text: the response is false, the reason goes to the log, and to a
-        # parameter, from which the tools have it.
+        # parameter, which the tools read.
         try:
             request()
         except HricError as error:
@@ -108,12 +108,14 @@ class ManagerServices:
 
 
 def serve(manager: ControllerManager, node: Node) -> ManagerServices:
-    """Offer `controller_manager/{list_controllers, list_controller_types, load_controller, unload_controller,
-    switch_controller, reload_controller_libraries}` and publish `controller_manager/statistics` once a second of robot
+    """Offer the controller manager's services and statistics.
+
+    Services `controller_manager/{list_controllers, list_controller_types, load_controller, unload_controller,
+    switch_controller, reload_controller_libraries}`; topic `controller_manager/statistics`, once a second of robot
     time.
 
     Args:
-        manager: whose.
+        manager: controller manager that responds.
         node: the robot's namespace.
     """
     return ManagerServices(manager, node)
@@ -138,8 +140,8 @@ def _statistics(snapshot: Sequence[UpdateStatistics], time: float) -> Any:
             running=entry.running,
             max_time=stamps.to_duration(entry.max_time),
             mean_time=stamps.to_duration(entry.mean_time),
-            # A duration cannot hold a variance: like pr2_controller_manager, whose message this is, its root (the
-            # standard deviation) is given.
+            # A duration cannot hold a variance: the standard deviation is sent, as by pr2_controller_manager, which
+            # defined the message.
             variance_time=stamps.to_duration(math.sqrt(entry.variance_time)),
             num_control_loop_overruns=entry.overruns,
             time_last_control_loop_overrun=stamps.to_time(max(entry.last_overrun, 0.0)),

@@ -1,4 +1,4 @@
-"""The tools `spawner` and `unspawner`: controllers that run, or rest, for as long as the tool does."""
+"""Tools `spawner` and `unspawner`, which start or stop controllers for as long as the tool runs."""
 
 import argparse
 import signal
@@ -21,7 +21,7 @@ from hric_core.ros.process import check_private, refuse_unread
 
 
 def spawner_parser() -> argparse.ArgumentParser:
-    """Command line of `spawner`."""
+    """Return the command-line parser of `spawner`."""
     parser = _parser(
         "spawner",
         "Load and start controllers; stop and unload them when this program ends.",
@@ -35,13 +35,13 @@ def spawner_parser() -> argparse.ArgumentParser:
 
 
 def unspawner_parser() -> argparse.ArgumentParser:
-    """Command line of `unspawner`."""
+    """Return the command-line parser of `unspawner`."""
     text = "Stop controllers and keep them stopped; start them again when this program ends."
     return _parser("unspawner", text, "a controller's name")
 
 
 def _parser(tool: str, text: str, controllers: str) -> argparse.ArgumentParser:
-    """What both tools take; `controllers`: what their names may be."""
+    """Return a parser with the arguments of both tools; `controllers`: help text for the names."""
     parser = argparse.ArgumentParser(prog=tool, description=text)
     parser.add_argument("controllers", nargs="+", metavar="controller", help=controllers)
     parser.add_argument(
@@ -62,24 +62,24 @@ def _parser(tool: str, text: str, controllers: str) -> argparse.ArgumentParser:
 
 
 class Spawner:
-    """Loads and starts controllers, and takes them down again. `down` may come from another thread, at any moment of
-    `up`."""
+    """Loader and starter of controllers. `down` may be called from another thread, at any moment of `up`."""
 
     def __init__(self, client: ManagerClient) -> None:
         self._client = client
         self._loaded: list[str] = []
         self._started: list[str] = []
-        # One request and the note of what it did belong together: an end between the two would leave a controller
-        # behind.
+        # A request and the record of its result are one step: an end between the two would leave a controller loaded.
         self._step = threading.Lock()
         self._ended = False
 
     def up(self, names: Sequence[str], start: bool) -> None:
-        """Load, and start in one STRICT switch. What is loaded already is used as it is and stays when the spawner
-        ends.
+        """Load the controllers, and start them in one STRICT switch.
+
+        A controller that is loaded already is used unchanged and stays when the spawner ends.
 
         Raises:
-            HricError: one was refused, or `down` came in between; those loaded by this call are unloaded again.
+            HricError: one was refused, or `down` was called meanwhile; the controllers loaded by this call are unloaded
+                again.
         """
         states = {controller.name: controller.state for controller in self._client.list()}
         try:
@@ -101,7 +101,7 @@ class Spawner:
         rospy.loginfo("loaded: %s; started: %s", ", ".join(self._loaded) or "none", ", ".join(self._started) or "none")
 
     def down(self) -> None:
-        """Stop what was started, unload what was loaded; `up` requests nothing more."""
+        """Stop the started controllers and unload the loaded ones; `up` makes no further request."""
         self._ended = True  # before the lock is free: `up` might be the first to take it again
         with self._step:
             if self._started:
@@ -119,17 +119,16 @@ class Spawner:
 
 
 class Unspawner:
-    """Keeps controllers stopped, and starts again those that it stopped. `release` may come from another thread, at any
-    moment of `hold`."""
+    """Holder of stopped controllers. `release` may be called from another thread, at any moment of `hold`."""
 
     def __init__(self, client: ManagerClient, names: Sequence[str]) -> None:
         self._client, self._names = client, names
         self._stopped: list[str] = []
-        self._step = threading.Lock()  # a release in the middle of a switch must know what that switch stopped
+        self._step = threading.Lock()  # a release during a switch must know which controllers it stopped
         self._ended = False
 
     def hold(self) -> None:
-        """Stop those of the names that run now; nothing after `release`."""
+        """Stop the named controllers that are running; do nothing after `release`."""
         with self._step:
             if self._ended:
                 return
@@ -144,7 +143,7 @@ class Unspawner:
                 self._stopped.extend(name for name in running if name not in self._stopped)
 
     def release(self) -> None:
-        """Start again what was stopped."""
+        """Start the controllers again that `hold` has stopped."""
         with self._step:
             self._ended = True
             if self._stopped:
@@ -153,10 +152,10 @@ class Unspawner:
 
 
 def run_spawner(argv: Sequence[str]) -> int:
-    """Program `spawner`; returns the exit code.
+    """Run the program `spawner` and return its exit code.
 
     Args:
-        argv: command line without the program's name; ROS's own arguments may be among it.
+        argv: command line without the program's name; ROS arguments are allowed.
     """
     args = read_words(spawner_parser(), argv)
 
@@ -178,7 +177,7 @@ def run_spawner(argv: Sequence[str]) -> int:
 
 
 def run_unspawner(argv: Sequence[str]) -> int:
-    """Program `unspawner`; returns the exit code."""
+    """Run the program `unspawner` and return its exit code."""
     args = read_words(unspawner_parser(), argv)
 
     def work() -> None:
@@ -192,13 +191,13 @@ def run_unspawner(argv: Sequence[str]) -> int:
 
 
 def read_words(parser: argparse.ArgumentParser, argv: Sequence[str]) -> argparse.Namespace:
-    """Read a tool's command line, which may have ROS's own arguments; a parameter is refused: a tool has none."""
+    """Parse the command line of a tool, with or without ROS arguments; a private parameter is refused."""
     check_private(parser.prog, words=argv)
     return parser.parse_args(rospy.myargv([parser.prog, *argv])[1:])
 
 
 def run_tool(name: str, work: Callable[[], None]) -> int:
-    """Run a tool's work; a HricError becomes one line on stderr, Ctrl-C and a shutdown request are a normal end."""
+    """Run a tool's work: a HricError becomes one line on stderr; Ctrl-C and a shutdown request are a normal end."""
 
     def until_shutdown() -> None:
         try:
@@ -222,8 +221,9 @@ def _connect(name: str, args: argparse.Namespace) -> ManagerClient:
 
 
 def _end(*_: Any) -> None:
-    """Shut down in another thread: the handler of rospy does it on top of what the main thread is doing, and may wait
-    for a lock held there."""
+    """Shut down in another thread.
+
+    rospy's handler would run on top of the main thread's work, and may wait for a lock held there."""
     threading.Thread(target=rospy.signal_shutdown, args=("signal",)).start()
 
 
@@ -244,7 +244,7 @@ def _wait_for_true(topic: str) -> None:
 
 
 def _controllers(argument: str) -> dict[str, Any]:
-    """Configurations by name, of a YAML file; or the argument itself, with None."""
+    """Return the configurations in a YAML file by controller name; a plain name is returned with None."""
     path = Path(argument)
     if not path.is_file() and path.suffix not in (".yaml", ".yml"):
         return {argument: None}
@@ -255,8 +255,7 @@ def _controllers(argument: str) -> dict[str, Any]:
 
 
 def _bounded(work: Callable[[], None], timeout: float) -> None:
-    """Do the clean-up, but no longer than `timeout` [s]: the robot may end at the same moment and never
-    respond."""
+    """Run the clean-up for at most `timeout` [s]: the robot may end at the same moment and never respond."""
 
     def run() -> None:
         try:

@@ -1,4 +1,4 @@
-"""Switching controllers: the rules of a request, and the request that is handed to the loop."""
+"""Rules of a switch request, and the request that is passed to the loop."""
 
 import threading
 from collections.abc import Mapping, Sequence
@@ -8,18 +8,18 @@ from hric_control.manager.loaded_controller import LoadedController
 from hric_core.errors import HricError, UnknownNameError
 
 BEST_EFFORT = 1
-"""Skip names that cannot be switched."""
+"""Strictness that skips names that cannot be switched."""
 STRICT = 2
-"""Refuse the whole request if one name cannot be switched."""
+"""Strictness that refuses the whole request if one name cannot be switched."""
 
 
 @dataclass(frozen=True)
 class SwitchPlan:
-    """What a request comes down to.
+    """Controllers that a request starts and stops.
 
     Attributes:
         start, stop: controllers to start and to stop, in the order of the request.
-        skipped: why names were left out (BEST_EFFORT).
+        skipped: reasons why names were left out (BEST_EFFORT).
     """
 
     start: tuple[LoadedController, ...]
@@ -30,7 +30,7 @@ class SwitchPlan:
 def plan_switch(
     loaded: Mapping[str, LoadedController], start: Sequence[str], stop: Sequence[str], strictness: int
 ) -> SwitchPlan:
-    """Apply the rules of ros_control's switch_controller.
+    """Apply the rules of ros_control's switch_controller and return the plan.
 
     Raises:
         HricError: the request is refused; says which name and why.
@@ -65,17 +65,17 @@ def plan_switch(
 
 @dataclass
 class SwitchRequest:
-    """A planned switch on its way through the loop.
+    """Planned switch on its way through the loop.
 
     Attributes:
-        plan: what to do.
+        plan: controllers to start and stop.
         start_asap: start each controller as soon as the hardware is ready for it, not all together.
-        timeout: how long the hardware may take [s of robot time]; 0 = for ever.
-        begin, finish: taken once, without waiting, by the loop that acts or by the caller who gives up. So a request is
-            carried out or cancelled, never both.
+        timeout: longest wait for the hardware [s of robot time]; 0 = for ever.
+        begin, finish: acquired once, without waiting, by the loop that acts or by the caller who gives up. So a request
+            is carried out or cancelled, never both.
         begun_at: robot time at which the hardware was switched [s]; None before.
         waiting: controllers that wait for the hardware.
-        failures: what went wrong in the loop.
+        failures: errors in the loop.
         done: set by the loop when the request is finished.
     """
 

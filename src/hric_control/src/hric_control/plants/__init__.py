@@ -1,6 +1,6 @@
-"""What every plant needs and no engine knows: worlds, surfaces, wrenches, friction, stops, checks of parameters.
+"""Common parts of all plants, independent of the engine: worlds, surfaces, wrenches, friction, stops, parameters.
 
-This is the module to import from, but for `faces` (where two shapes lie on each other) and `resources` (files).
+Import them from this module, except `faces` (contact areas of two shapes) and `resources` (files).
 """
 
 from hric_control.plant import Surface

@@ -1,10 +1,10 @@
-"""Bushings: what holds two bodies together, as a hand around a handle. The law, and which are connected.
+"""Bushings: elastic connections of two bodies, as a hand around a handle. Their law, and the active ones.
 
-A spring between the origins of the two grip frames and one of the rotation vector between them, a damper each, all
-taken at the beginning of a step and held over it. Force and torque act on both bodies with opposite signs at the origin
-of body b's grip frame, so that momentum and angular momentum are kept. A grip slips as a plastic element does: beyond
-its limit the load stays there, and body a's grip frame moves along, so that the spring keeps the stretch that belongs
-to the limit.
+A spring between the origins of the two grip frames and one of the rotation vector between them, each with a damper,
+evaluated at the start of a step and held over it. Force and torque act on both bodies with opposite signs at the origin
+of body b's grip frame, so that momentum and angular momentum are conserved. A grip slips as a plastic element does:
+beyond its limit the load stays at the limit, and body a's grip frame moves along, so that the spring keeps the stretch
+that belongs to the limit.
 """
 
 import math
@@ -25,10 +25,10 @@ ZERO: Vector = (0.0, 0.0, 0.0)
 
 
 class Motion(NamedTuple):
-    """Where a link's frame is and how it moves, world frame.
+    """Pose and velocity of a link's frame, world frame.
 
     Attributes:
-        position: [m].
+        position: position of the origin [m].
         orientation: unit quaternion (x, y, z, w).
         linear, angular: velocity of the origin [m/s], angular velocity [rad/s].
     """
@@ -40,13 +40,13 @@ class Motion(NamedTuple):
 
 
 class BushingLaw:
-    """One bushing; remembers how far it has slipped.
+    """Law of one bushing, with its accumulated slip.
 
     Args:
         bushing: checked by `Bushings.connect`.
 
     Attributes:
-        load: of the last step.
+        load: load in the last step.
     """
 
     __slots__ = ("_at_a", "_at_b", "_rotation_a", "_rotation_b", "bushing", "load")
@@ -56,19 +56,19 @@ class BushingLaw:
         self.restart()
 
     def restart(self) -> None:
-        """As it was connected: nothing has slipped."""
+        """Reset to the state at connection, without slip."""
         (self._at_a, self._rotation_a), (self._at_b, self._rotation_b) = (
             _split(T) for T in (self.bushing.T_a_grip, self.bushing.T_b_grip)
         )
         self.load = BushingLoad(ZERO, ZERO, ZERO, 0.0, 0.0, 0.0)
 
     def step(self, a: Motion, b: Motion) -> BushingLoad:
-        """The load of the coming step, from the motions of both links at its beginning."""
+        """Return the load of the coming step, from the motions of both links at its start."""
         law = self.bushing
         lever_a, lever_b = rotated(a.orientation, self._at_a), rotated(b.orientation, self._at_b)
         grip_a, point = _sum(a.position, lever_a), _sum(b.position, lever_b)
         stretch = _difference(point, grip_a)
-        # Both velocities at the point where the force acts, so that the damper only takes energy.
+        # Both velocities at the point where the force acts, so that the damper only dissipates energy.
         velocity_a = _sum(a.linear, cross(a.angular, _difference(point, a.position)))
         velocity = _difference(_sum(b.linear, cross(b.angular, lever_b)), velocity_a)
         rotation_a = quaternions.product(a.orientation, self._rotation_a)
@@ -92,7 +92,7 @@ class BushingLaw:
 def _limited(
     stretch: Vector, velocity: Vector, stiffness: float, damping: float, limit: float
 ) -> tuple[Vector, Vector | None]:
-    """Load of spring and damper, and by how much the spring's end slips; None where it holds."""
+    """Return the load of spring and damper, and the slip of the spring's end; None if it does not slip."""
     x = stiffness * stretch[0] + damping * velocity[0]
     y = stiffness * stretch[1] + damping * velocity[1]
     z = stiffness * stretch[2] + damping * velocity[2]
@@ -121,11 +121,11 @@ def _difference(a: Vector, b: Vector) -> Vector:
 
 
 class Bushings:
-    """All that are connected now, by name.
+    """Active bushings by name.
 
     Args:
-        full_name: "model::link" of a body's name; raises UnknownNameError.
-        near: "model::link" of all that a grip on such a link does not collide with.
+        full_name: function that returns "model::link" of a body's name; raises UnknownNameError.
+        near: function that returns "model::link" of all links that a grip on the given link does not collide with.
     """
 
     def __init__(self, full_name: Callable[[str], str], near: Callable[[str], Sequence[str]]) -> None:
@@ -133,10 +133,10 @@ class Bushings:
         self.laws: dict[str, BushingLaw] = {}
 
     def connect(self, name: str, bushing: Bushing) -> None:
-        """Begin one; see `hric_control.plant.Articulated.connect`.
+        """Add a bushing; see `hric_control.plant.Articulated.connect`.
 
         Raises:
-            HricError: as there.
+            HricError: as in `Articulated.connect`.
         """
         if not name or name in self.laws:
             raise HricError(f"connection {name!r} exists or has no name; connected: {', '.join(self.laws) or 'none'}")
@@ -147,15 +147,15 @@ class Bushings:
         self.laws[name] = BushingLaw(replace(bushing, body_a=a, body_b=b))
 
     def disconnect(self, name: str) -> None:
-        """End one. Raises UnknownNameError."""
+        """Remove a bushing. Raises UnknownNameError."""
         del self.laws[self._known(name)]
 
     def load(self, name: str) -> BushingLoad:
-        """Of the last step. Raises UnknownNameError."""
+        """Return the load of the last step. Raises UnknownNameError."""
         return self.laws[self._known(name)].load
 
     def forget_model(self, model: str) -> None:
-        """End those of a model that goes."""
+        """Remove the bushings of a model that is deleted."""
         self.laws = {
             name: law
             for name, law in self.laws.items()
@@ -163,16 +163,16 @@ class Bushings:
         }
 
     def restart(self) -> None:
-        """Bodies were put elsewhere: nothing has slipped yet."""
+        """Reset the slip of all bushings after bodies were moved."""
         for law in self.laws.values():
             law.restart()
 
     def pairs(self) -> Iterable[tuple[str, str]]:
-        """Full names of the links that are connected."""
+        """Return the full names of the connected links."""
         return [(law.bushing.body_a, law.bushing.body_b) for law in self.laws.values()]
 
     def apart(self) -> list[tuple[str, str]]:
-        """Full names of the links that do not touch each other."""
+        """Return the full names of the links without contact with each other."""
         return [pair for a, b in self.pairs() for pair in product(self._near(a), self._near(b))]
 
     def _known(self, name: str) -> str:

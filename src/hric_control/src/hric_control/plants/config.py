@@ -1,4 +1,4 @@
-"""The parameters that all plants share."""
+"""Parameters common to all plants."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -41,7 +41,7 @@ GRAVITY.accepts = f"three finite numbers, {LARGEST_GRAVITY:g} at most in size an
 
 @dataclass(frozen=True)
 class PlantConfig(Settings):
-    """Checked parameters, rotor inertia per joint. A plant with more of them adds fields and `check`."""
+    """Checked parameters of a plant, rotor inertia per joint. A plant with more parameters adds fields and `check`."""
 
     time_step: float = number(0.001, above=0.0, maximum=0.1, unit="s", text="step of physics and control")
     integrator: str = choice("accurate", "semi_implicit", text="see above")
@@ -86,17 +86,17 @@ class PlantConfig(Settings):
 
 @dataclass(frozen=True)
 class WindowlessConfig(PlantConfig):
-    """Of a plant that is looked at in rviz: a window of the engine would take the loop's time."""
+    """Parameters of a plant without a window, which would take the loop's time; rviz displays it."""
 
     gui: bool = flag(False, text="must be false: this plant has no window")
 
     def check(self, where: str) -> None:
-        """Refuse a window."""
+        """Raise an error if a window is requested."""
         if self.gui:
             raise refused(f"{where}gui", True, "false: this plant has no window of its own; look at the robot in rviz")
 
 
 def rotor_inertia(plant: Mapping[str, Any], joint_names: Sequence[str]) -> tuple[float, ...]:
-    """Rotor inertia of the joints by the parameters of any plant, n floats [kg m^2]. Raises ParameterError."""
+    """Return the rotor inertia of the joints from a plant's parameters, n floats [kg m^2]. Raises ParameterError."""
     given = {name: value for name, value in plant.items() if name == "rotor_inertia"}
     return PlantConfig.of(given, "plant/", joint_names).rotor_inertia

@@ -1,4 +1,4 @@
-"""When a simulation has diverged: one rule for all plants."""
+"""Rule for a diverged simulation, the same for all plants."""
 
 import math
 from collections.abc import Sequence
@@ -6,20 +6,20 @@ from collections.abc import Sequence
 from hric_core.errors import FailureError
 
 VELOCITY_FACTOR = 100.0
-"""Multiple of its velocity limit up to which a joint has not diverged, however fast it may turn [1]; default chosen by
-this project, unconfirmed."""
+"""Multiple of its velocity limit up to which a joint has not diverged [1] (project default, unconfirmed)."""
 LOWEST_BOUND = 1000.0
-"""Speed up to which no joint has diverged, whatever its velocity limit [rad/s or m/s]; default chosen by this project,
-unconfirmed. Gravity alone moves joints far beyond the limits of their drives: a rod of length L that falls from upright
-passes below at sqrt(6 g / L), 77 rad/s at 1 cm and 243 rad/s at 1 mm, and what slides has fallen for 100 s. A turn of 1
-rad in a step of 1 ms is none that an integrator follows."""
+"""Speed up to which no joint has diverged, whatever its limit [rad/s or m/s] (project default, unconfirmed).
+
+Gravity alone moves joints far beyond the limits of their drives: a rod of length L that falls from upright passes below
+at sqrt(6 g / L), 77 rad/s at 1 cm and 243 rad/s at 1 mm, and a sliding body reaches this speed after falling for 100 s.
+An integrator cannot follow a turn of 1 rad in a step of 1 ms."""
 
 
 class DivergedError(FailureError):
-    """The simulation has diverged; the message has joint, simulation time and value in one line.
+    """Error of a diverged simulation; the message has joint, simulation time and value in one line.
 
     Attributes:
-        joint: of the description.
+        joint: joint name in the description.
         time: simulation time at the end of the step [s].
         quantity: position, speed or effort.
         value: not finite, or beyond the bound [rad or m, rad/s or m/s, N m or N].
@@ -31,17 +31,17 @@ class DivergedError(FailureError):
 
 
 class Divergence:
-    """The check after each step of a plant. Well under a microsecond while all is well.
+    """Check for divergence after each step of a plant; well under a microsecond in the normal case.
 
     Args:
         joints: names of all moving joints, passive ones too.
-        velocity_limits: of the description, infinite where it has none, n floats [rad/s or m/s].
-        prismatic: whether the joint slides, n times.
-        time_step: of the plant [s].
+        velocity_limits: limits of the description, infinite if there is none, n floats [rad/s or m/s].
+        prismatic: True for each prismatic joint, n values.
+        time_step: time step of the plant [s].
 
     Attributes:
-        quiet: no joint has diverged whose speed is not above this [rad/s or m/s].
-        steps: checked so far.
+        quiet: speed up to which no joint has diverged [rad/s or m/s].
+        steps: number of steps checked.
     """
 
     def __init__(
@@ -54,28 +54,27 @@ class Divergence:
         self._time_step, self.steps = time_step, 0
 
     def check(self, q: Sequence[float], dq: Sequence[float], *, quiet: bool = False) -> None:
-        """Look at the state that a step has led to; to be called once a step.
+        """Check the state after a step; called once a step.
 
         Args:
             q: positions of all moving joints, n floats [rad or m].
             dq: their speeds [rad/s or m/s].
-            quiet: whether all is known to be finite, and no joint faster than `quiet`.
+            quiet: True if all values are known to be finite, and no joint faster than the attribute `quiet`.
 
         Raises:
             DivergedError: a joint is not finite, or too fast.
         """
         self.steps += 1
-        # The norms carry NaN and infinity, and no joint is faster than the norm: the look at each joint is rare.
+        # The norms carry NaN and infinity, and no joint is faster than the norm: the check of each joint is rare.
         if not (quiet or (math.hypot(*dq) <= self.quiet and math.hypot(*q) < math.inf)):
             self._look(q, dq)
 
     def check_efforts(self, joints: Sequence[str], efforts: Sequence[float]) -> None:
-        """Look at efforts before an integrator with error control gets them: it would not come back from one that is
-        not finite.
+        """Check efforts before an integrator with error control gets them; it would hang on one that is not finite.
 
         Args:
-            joints: their names.
-            efforts: [N m or N].
+            joints: names of the joints.
+            efforts: their efforts [N m or N].
 
         Raises:
             DivergedError: an effort is not finite.
@@ -87,11 +86,11 @@ class Divergence:
                     raise DivergedError(joint, self.steps * self._time_step, "effort", value, unit, "not finite")
 
     def fail(self, dq: Sequence[float], why: str) -> DivergedError:
-        """The error of a step that an integrator could not make: names the fastest joint, measured by its bound.
+        """Return the error of a step that an integrator could not make, naming the joint fastest for its bound.
 
         Args:
             dq: speeds of all moving joints before the step [rad/s or m/s].
-            why: what the integrator says.
+            why: message of the integrator.
         """
         worst = self._fastest(dq)
         return DivergedError(
@@ -121,6 +120,6 @@ def bound(velocity_limit: float) -> float:
     """Return the speed beyond which a joint has diverged [rad/s or m/s].
 
     Args:
-        velocity_limit: of the description, infinite where it has none [rad/s or m/s].
+        velocity_limit: limit of the description, infinite if there is none [rad/s or m/s].
     """
     return max(VELOCITY_FACTOR * velocity_limit if math.isfinite(velocity_limit) else 0.0, LOWEST_BOUND)

@@ -1,4 +1,4 @@
-"""What the plants of all engines do alike: they pass on what concerns modes, joints of models and bushings."""
+"""Common part of the plants of all engines: modes, joints of models and bushings are passed to robot and world."""
 
 from collections.abc import Sequence
 from typing import Protocol
@@ -10,17 +10,17 @@ from hric_core.errors import CommandError
 
 
 class DrivenRobot(Protocol):
-    """The robot of a plant."""
+    """Robot of a plant."""
 
     def set_modes(self, modes: Sequence[Mode]) -> None:
-        """What the commands of the actuated joints mean from now on."""
+        """Set the meaning of the actuated joints' commands from now on."""
 
     def set_brakes(self, on: Sequence[bool]) -> None:
         """Lock or free the actuated joints."""
 
 
 class JointsOfModel(Protocol):
-    """The moving joints of one model, `joints`, all of them actuated."""
+    """Moving joints of one model, `joints`, all of them actuated."""
 
     joints: MovingJoints
 
@@ -28,31 +28,31 @@ class JointsOfModel(Protocol):
         """Write the state at the measuring instant into the lists in place [rad or m], [rad/s or m/s]."""
 
     def drive(self, efforts: Sequence[float]) -> None:
-        """From the next step on [N m or N]. Raises CommandError where they are not as many as joints."""
+        """Set efforts from the next step on [N m or N]. Raises CommandError if there is not one per joint."""
 
 
 class JointedWorld(Protocol):
-    """The models around the robot, and what holds links together."""
+    """Models around the robot, and the bushings between links."""
 
     @property
     def bushings(self) -> Bushings:
-        """All that are connected."""
+        """Active bushings."""
 
     def joints_of(self, model: str) -> JointsOfModel:
-        """Of a model beside the robot. Raises UnknownNameError."""
+        """Return the joints of a spawned model. Raises UnknownNameError."""
 
     def put_joints(self, model: str, q: Sequence[float], dq: Sequence[float] | None) -> None:
-        """Joints of a model at q, dq. Raises UnknownNameError, CommandError."""
+        """Put the joints of a model at q, dq. Raises UnknownNameError, CommandError."""
 
     def bind_connected(self) -> None:
-        """Others are connected than before."""
+        """Update the engine after a change of connections."""
 
     def base_link(self, name: str) -> str:
-        """Root link of a model. Raises UnknownNameError."""
+        """Return the root link of a model. Raises UnknownNameError."""
 
 
 class EnginePlant(DrivenPlant, Articulated):
-    """A plant with a robot and a world that have the work.
+    """Plant that delegates to a robot and a world.
 
     Attributes:
         robot: the robot.
@@ -63,8 +63,7 @@ class EnginePlant(DrivenPlant, Articulated):
     world: JointedWorld
 
     def set_modes(self, modes: Sequence[Mode]) -> None:
-        """What `apply` means for each joint: an effort, or the target of a stiff velocity or position drive within the
-        URDF's limits."""
+        """Set each joint's command mode: effort, or target of a stiff velocity or position drive within URDF limits."""
         self._check_length(modes, "modes")
         self.robot.set_modes(modes)
 
@@ -80,15 +79,15 @@ class EnginePlant(DrivenPlant, Articulated):
             )
 
     def base_link(self, model: str) -> str:
-        """Name of a model's root link."""
+        """Return the name of a model's root link."""
         return self.world.base_link(model)
 
     def model_joints(self, model: str) -> tuple[str, ...]:
-        """Names of the moving joints of a model."""
+        """Return the names of a model's moving joints."""
         return tuple(self.world.joints_of(model).joints.names)
 
     def read_joints(self, model: str, q: list[float], dq: list[float]) -> None:
-        """State of a model's joints at the measuring instant."""
+        """Write the state of a model's joints at the measuring instant into the lists in place."""
         self.world.joints_of(model).read(q, dq)
 
     def set_joints(self, model: str, q: Sequence[float], dq: Sequence[float] | None = None) -> None:
@@ -96,23 +95,23 @@ class EnginePlant(DrivenPlant, Articulated):
         self.world.put_joints(model, q, dq)
 
     def drive_joints(self, model: str, tau: Sequence[float]) -> None:
-        """Efforts in a model's joints from the next step on."""
+        """Set efforts of a model's joints from the next step on."""
         self.world.joints_of(model).drive(tau)
 
     def connect(self, name: str, bushing: Bushing) -> None:
-        """Hold two bodies together from the next step on."""
+        """Connect two bodies from the next step on."""
         self.world.bushings.connect(name, bushing)
         self.world.bind_connected()
 
     def disconnect(self, name: str) -> None:
-        """Let go."""
+        """Remove a connection."""
         self.world.bushings.disconnect(name)
         self.world.bind_connected()
 
     def connections(self) -> list[str]:
-        """Names of what is connected."""
+        """Return the names of the connections."""
         return list(self.world.bushings.laws)
 
     def bushing_load(self, name: str) -> BushingLoad:
-        """What a bushing did in the last step."""
+        """Return the load of a bushing in the last step."""
         return self.world.bushings.load(name)

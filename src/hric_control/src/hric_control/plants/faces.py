@@ -1,10 +1,10 @@
-"""Where two shapes lie on each other: the corners of the area in which their facing sides meet.
+"""Contact area of two shapes: the corners of the overlap of their facing sides.
 
 A collision library returns the deepest point of two convex shapes. Where a side lies on a side that point jumps from
 corner to corner, and a spring there would turn what should be pushed straight. So the side that each shape turns to the
 other is taken as a polygon (a box, the end of a cylinder, a hull), a line (a capsule, the side of a cylinder) or
-nothing (a ball); both are projected along the normal, cut with each other, and the overlap is taken at each corner of
-what remains. Plain floats: sides have few corners.
+nothing (a ball); both are projected along the normal, intersected, and the overlap is taken at each corner of the
+intersection. Plain floats: sides have few corners.
 """
 
 import math
@@ -19,31 +19,33 @@ from hric_core.geometry.transforms import FloatArray, cross
 
 KINDS = ("sphere", "capsule", "cylinder", "box", "plane", "hull")
 _ROUND = 12
-"""Corners that stand for the edge of a round end (default chosen by this project, unconfirmed)."""
+"""Number of corners that approximate the edge of a round end (project default, unconfirmed)."""
 _LYING = 0.7
-"""A cylinder whose axis is within 45 degrees of the normal lies on its end."""
+"""Cosine above which a cylinder lies on its end: axis within 45 degrees of the normal."""
 _PARALLEL = 0.05
-"""Sine of the angle below which two lines lie along each other (default chosen by this project, unconfirmed)."""
+"""Sine of the angle below which two lines are parallel (project default, unconfirmed)."""
 _FLAT = 1e-3
-"""Points of a hull that are within this of its outermost side, per size of the hull, belong to that side."""
+"""Distance from a hull's outermost side within which its points belong to that side, per size of the hull."""
 _AGREES = 1e-4
-"""The deepest corner must be as deep as the deepest point of the shapes, to this and a twentieth of it [m]; else sides
-are not what meets there."""
+"""Tolerance between the deepest corner and the deepest point of the shapes, plus a twentieth of the depth [m].
+
+Beyond it the contact is not one of sides."""
 _TINY = 1e-9
 SOFTNESS = 5e-4
-"""Over this difference of depth the push goes from one corner of a side to another [m] (default chosen by this project,
-unconfirmed)."""
+"""Difference of depth over which the force moves from one corner of a side to another [m].
+
+Project default, unconfirmed."""
 
 Point = tuple[float, float]
 
 
 class Corner(NamedTuple):
-    """A corner of a meeting.
+    """Corner of a contact area.
 
     Attributes:
         position: shape (3,) [m].
         depth: overlap along the normal, negative for a gap [m].
-        share: of the edge of its meeting that is nearest to it; those of a meeting make 1.
+        share: part of the area's outline that is nearest to this corner; the sum over an area is 1.
     """
 
     position: FloatArray
@@ -53,13 +55,13 @@ class Corner(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A convex shape in a link.
+    """Convex shape in a link.
 
     Attributes:
         kind: one of KINDS; capsules and cylinders lie along z, a plane is the half-space below z = 0.
         size: sphere: radius; capsule, cylinder: radius, length between the ends; box: three edges; else empty [m].
-        T_link_solid: its pose, shape (4, 4).
-        points: of a hull, shape (n, 3) [m].
+        T_link_solid: pose of the shape, shape (4, 4).
+        points: points of a hull, shape (n, 3) [m].
     """
 
     kind: str
@@ -95,8 +97,9 @@ def _cylinder_side(radius: float, length: float, d: FloatArray) -> FloatArray:
 
 
 def _hull_side(points: FloatArray, d: FloatArray) -> FloatArray:
-    """Its points that are outermost along d, in a tolerance. They need not be ordered: their hull is taken as all meet
-    in one plane."""
+    """Return the hull's points that are outermost along d, within a tolerance, in any order.
+
+    Their convex hull is taken later, in the plane of the contact."""
     heights = points @ d
     size = float(np.ptp(points, axis=0).max())
     side: FloatArray = points[heights > heights.max() - _FLAT * size]
@@ -104,8 +107,9 @@ def _hull_side(points: FloatArray, d: FloatArray) -> FloatArray:
 
 
 def _side(solid: Solid, T_world_link: FloatArray, direction: FloatArray) -> FloatArray | None:
-    """Corners of the side turned to a direction, shape (n, 3): two for a line, one or None for what has none. World
-    frame."""
+    """Return the corners of the side turned to a direction, world frame, shape (n, 3).
+
+    Two for a line; one or None for a shape without a side."""
     if solid.kind in ("sphere", "plane"):
         return None
     T = T_world_link @ solid.T_link_solid
@@ -127,7 +131,7 @@ def _side(solid: Solid, T_world_link: FloatArray, direction: FloatArray) -> Floa
 
 
 def _across(normal: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Two unit vectors across a normal."""
+    """Return two unit vectors perpendicular to a normal."""
     e = np.zeros(3)
     e[int(np.argmin(np.abs(normal)))] = 1.0
     s = cross(normal, e)
@@ -136,7 +140,7 @@ def _across(normal: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _convex(points: Sequence[Point]) -> list[Point]:
-    """Convex hull, counter-clockwise (Andrew's monotone chain); one or two points stay as they are."""
+    """Return the convex hull, counter-clockwise (Andrew's monotone chain); one or two points are returned unchanged."""
     ordered = sorted(set(points))
     if len(ordered) < 3:
         return ordered
@@ -156,7 +160,7 @@ def _area(a: Point, b: Point, c: Point) -> float:
 
 
 def _cut(shape: list[Point], window: list[Point]) -> list[Point]:
-    """What of a convex polygon, or a line, lies within a convex polygon (Sutherland and Hodgman)."""
+    """Return the part of a convex polygon, or a line, within a convex polygon (Sutherland and Hodgman)."""
     for i, a in enumerate(window):
         b, kept = window[(i + 1) % len(window)], []
         sides = [_area(a, b, p) for p in shape]
@@ -175,7 +179,7 @@ def _cut(shape: list[Point], window: list[Point]) -> list[Point]:
 
 
 def _common(a: list[Point], b: list[Point]) -> list[Point]:
-    """Corners of what two shapes share; none where they are lines that cross."""
+    """Return the corners of the intersection of two shapes; none for lines that cross."""
     if len(b) > 2:
         return _cut(a, b)
     if len(a) > 2:
@@ -192,11 +196,12 @@ def _common(a: list[Point], b: list[Point]) -> list[Point]:
 
 
 class _Heights:
-    """Height along the normal of a side at any point across it: a plane through its corners, of a line as it rises
-    along itself.
+    """Plane through the corners of a side: its height along the normal at any point of the contact plane.
+
+    For a line, the plane has no slope across the line.
 
     Args:
-        points, heights: of its corners [m].
+        points, heights: positions and heights of the corners [m].
     """
 
     def __init__(self, points: Sequence[Point], heights: Sequence[float]) -> None:
@@ -209,7 +214,7 @@ class _Heights:
         size, area = xx + yy, xx * yy - xy * xy
         if area > _TINY * size * size:
             self._slope = (yy * xh - xy * yh) / area, (xx * yh - xy * xh) / area
-        else:  # the least slope that fits: a line has none across itself
+        else:  # minimum-norm fit: a line has no slope across itself
             self._slope = (xh / size, yh / size) if size > 0.0 else (0.0, 0.0)
         self._offset = h0 - x0 * self._slope[0] - y0 * self._slope[1]
 
@@ -226,15 +231,16 @@ def corners(
     deepest: FloatArray,
     depth: float,
 ) -> list[Corner]:
-    """Where two shapes meet: one corner, the deepest point, unless a side of one lies on a side of the other.
+    """Return the corners of the contact area of two shapes: the deepest point alone unless two sides face each other.
 
     Args:
-        a, b: the shapes.
-        T_world_a, T_world_b: poses of their links, shape (4, 4).
+        a: first shape.
+        T_world_a: pose of its link, shape (4, 4).
+        b: second shape.
+        T_world_b: pose of its link, shape (4, 4).
         normal: from b to a, unit vector, shape (3,).
         deepest: middle of the overlap at the deepest point, shape (3,) [m].
-        depth: overlap there, negative for a gap [m].
-    """
+        depth: overlap there, negative for a gap [m]."""
     alone = [Corner(deepest, depth, 1.0)]
     side_a, side_b = _side(a, T_world_a, -normal), _side(b, T_world_b, normal)
     round_ones = [side is None and solid.kind != "plane" for side, solid in ((side_a, a), (side_b, b))]
@@ -264,25 +270,25 @@ def corners(
 
 
 def _shares(shape: list[Point]) -> list[float]:
-    """Half the edges beside each corner, as shares of all."""
+    """Return half the length of the edges at each corner, as parts of the outline's length."""
     n = len(shape)
     edges = [math.dist(shape[k], shape[(k + 1) % n]) + _TINY for k in range(n)]
     return [0.5 * (edges[k - 1] + edges[k]) / sum(edges) for k in range(n)]
 
 
 def centre(found: Sequence[Corner], deepening: Sequence[float] = (), ahead: float = 0.0) -> tuple[FloatArray, float]:
-    """(position, shape (3,), depth [m]) at which one spring acts in place of a meeting.
+    """Return (position, shape (3,), depth [m]) at which one spring acts in place of a contact area.
 
     Depth is D = s ln(sum_i a_i exp(d_i / s)) over the depths d_i of the corners, a_i their shares of their sides, s a
-    softness: equal depths give just these, one far deeper corner gives its own. The position is the mean of the corners
-    by the derivatives of D, so that the spring's force and its moment have one potential: it gives what it took, also
-    where the side tilts meanwhile. (The mean by depth has none: 12 % of the energy were gained in one impact of the
-    hand on a box.)
+    softness: for equal depths D is that depth, and one far deeper corner gives its own. The position is the mean of the
+    corners weighted by the derivatives of D, so that the spring's force and its moment have one potential: it returns
+    the energy that it took, also if the side tilts meanwhile. (The mean by depth has none: 12 % of the energy were
+    gained in one impact of the hand on a box.)
 
     Args:
         found: corners, of all shapes of a pair of links.
-        deepening: speed at which each depth grows [m/s]; none where the depths are those that count.
-        ahead: how long until the depths that count [s].
+        deepening: speed at which each depth grows [m/s]; empty if the corners have the depths to use.
+        ahead: time until the depths to use [s].
     """
     depths = [corner.depth for corner in found]
     if deepening:

@@ -1,8 +1,7 @@
-"""Friction of a joint: the sigmoid of the velocity that was identified on the Panda, and a bristle that holds the joint
-at rest.
+"""Friction of a joint: the sigmoid of the velocity identified on the Panda, and a bristle that holds the joint at rest.
 
 The sigmoid is zero at rest, so that by itself it lets a joint creep under the smallest effort. The bristle bends by the
-way z of the joint and takes breakaway * z/GIVE, up to a bound that falls with the speed from the breakaway at rest to
+travel z of the joint and exerts breakaway * z/GIVE, up to a bound that falls with the speed from breakaway at rest to
 nothing at FADE:
     dz/dt = dq while |z| < GIVE (1 - (dq/FADE)^2)^2, else z follows this bound.
 This is the elasto-plastic law (Dupont, Hayward, Armstrong, Altpeter, Single state elastoplastic friction models, IEEE
@@ -25,17 +24,19 @@ PHI = ("phi1", "phi2", "phi3")
 Phi = tuple[float, float, float]
 """phi1 [N m], phi2 [s/rad], phi3 [rad/s] of one joint."""
 BREAKAWAY = "breakaway"
-"""Key beside phi1 to phi3: effort that a joint at rest withstands by its bristle [N m]; left out: none."""
+"""Optional key next to phi1 to phi3: effort that the bristle of a joint at rest withstands [N m]."""
 GIVE = 1e-4
-"""Bend of a bristle at breakaway [rad] (project default, unconfirmed: no source for this arm; 1e-5 to 1e-3 rad would
-do, and the drift at rest is of this size)."""
+"""Deflection of a bristle at breakaway [rad] (project default, unconfirmed).
+
+No source for this arm; 1e-5 to 1e-3 rad would do, and the drift at rest is of this size."""
 FADE = 0.1
-"""Speed from which on a bristle holds nothing [rad/s] (project default, unconfirmed: what the published sigmoid leaves
-of a real arm's log near rest, 0.05 to 0.2 N m, fades between 0.1 and 0.3 rad/s)."""
+"""Speed above which a bristle has no effect [rad/s] (project default, unconfirmed).
+
+The residual of the published sigmoid in a real arm's log near rest, 0.05 to 0.2 N m, fades from 0.1 to 0.3 rad/s."""
 
 
 def sigmoid_torque(dq: npt.NDArray[np.float64], phi: Sequence[float]) -> npt.NDArray[np.float64]:
-    """Friction of one joint over many velocities, as a plant takes it away.
+    """Return the friction of one joint over many velocities, as a plant subtracts it.
 
     Args:
         dq: joint velocity, shape (n,) [rad/s].
@@ -50,10 +51,11 @@ def sigmoid_torque(dq: npt.NDArray[np.float64], phi: Sequence[float]) -> npt.NDA
 
 
 def sigmoid_parameters(parameters: Any, joint_names: Sequence[str]) -> list[Phi]:
-    """(phi1 [N m], phi2 [s/rad], phi3 [rad/s]) of each joint, in the order of `joint_names`.
+    """Return (phi1 [N m], phi2 [s/rad], phi3 [rad/s]) of each joint, in the order of `joint_names`.
 
     Args:
         parameters: either {phi1: [n], phi2: [n], phi3: [n]} or {joint: {phi1: .., phi2: .., phi3: ..}}.
+        joint_names: names of the joints.
 
     Raises:
         ParameterError: a joint or a value is missing, or phi1 or phi2 is below 0.
@@ -103,7 +105,7 @@ def refuse_other_joints(parameters: Any, joint_names: Sequence[str]) -> None:
 
 
 def bristle_torque(dq: npt.NDArray[np.float64], time: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """What a bristle of breakaway 1 N m takes along a motion that starts at rest, as a plant takes it away.
+    """Return the torque of a bristle of breakaway 1 N m along a motion that starts at rest, as a plant subtracts it.
 
     Args:
         dq: velocity of the joint, shape (m,) [rad/s].
@@ -122,7 +124,7 @@ def bristle_torque(dq: npt.NDArray[np.float64], time: npt.NDArray[np.float64]) -
 
 
 def breakaways(parameters: Mapping[str, Any], joint_names: Sequence[str]) -> list[float]:
-    """Breakaway of each joint [N m], of parameters that `sigmoid_parameters` takes.
+    """Return the breakaway of each joint [N m], from the parameters of `sigmoid_parameters`.
 
     Raises:
         ParameterError: a value is not a finite number of 0 or more.

@@ -1,4 +1,4 @@
-"""Pairs of links whose collision is not tested, by a YAML table with reasons."""
+"""Pairs of links that are not checked for collision, from a YAML table with reasons."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ class _Masks(Settings):
 
 
 def load_masks(address: str) -> list[tuple[str, str]]:
-    """Patterns of link pairs.
+    """Return the patterns of link pairs.
 
     Args:
         address: path or package://..., "" for the masks of this package.
@@ -35,5 +35,5 @@ def load_masks(address: str) -> list[tuple[str, str]]:
 
 
 def masked(a: str, b: str, masks: Iterable[tuple[str, str]]) -> bool:
-    """Whether a pair of links matches one of the pairs of patterns, in either order."""
+    """Return True if a pair of links matches one of the pairs of patterns, in either order."""
     return any((fnmatchcase(a, x) and fnmatchcase(b, y)) or (fnmatchcase(a, y) and fnmatchcase(b, x)) for x, y in masks)

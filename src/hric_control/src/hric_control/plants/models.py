@@ -1,4 +1,4 @@
-"""The models around a robot by name, each with its description; a plain shape of a world file gets one."""
+"""Models around a robot, each with its description; a plain shape of a world file gets one."""
 
 import math
 from abc import ABC, abstractmethod
@@ -21,22 +21,24 @@ from hric_core.urdf import Robot, read, write_inertial
 _PLANE_DRAWN = 2.0
 """Side of the square that represents a plane in pictures [m]; project default, unconfirmed."""
 TRACE = 1e-12
-"""Mass [kg] and moments of inertia [kg m^2] of a moving link that has none, where something with mass follows: engines
-refuse zero, and nothing feels this. Default chosen by this project, unconfirmed."""
+"""Mass [kg] and moments of inertia [kg m^2] of a moving massless link whose children have mass.
+
+Engines refuse zero; the value is too small to have an effect. Project default, unconfirmed."""
 
 
 @dataclass
 class Model:
-    """A model beside the robot.
+    """Model in the world, other than the robot.
 
     Attributes:
-        tree: its description.
-        T_world_start: of its root link, shape (4, 4).
-        fixed: to the world.
-        surface: of its links.
-        surfaces: of single links, by name, in place of it.
+        name, xml: name of the model, and its URDF.
+        tree: parsed description.
+        T_world_start: pose of the root link at the start, shape (4, 4).
+        fixed: True if it is fixed to the world.
+        surface: surface of its links.
+        surfaces: surfaces of single links by name, which replace `surface`.
         linear, angular: velocity of the root link's origin at the start, world frame [m/s], [rad/s].
-        T_world_origin: where the frame of its free joint is now: coordinates at zero put the root link there.
+        T_world_origin: current frame of its free joint: coordinates at zero put the root link there.
         planes: links whose collision shape is the half-space below z = 0.
     """
 
@@ -56,14 +58,14 @@ class Model:
 
     @property
     def free_joint(self) -> str:
-        """Name of its joint to the world in the description of all."""
+        """Name of the model's joint to the world, unique in the world."""
         return f"{self.name}::free"
 
 
 def model_of_urdf(
     name: str, xml: str, T_world_model: FloatArray, *, fixed: bool, surface: Surface | None = None
 ) -> Model:
-    """A model from a URDF. Raises DescriptionError when it cannot be used."""
+    """Return a model from a URDF. Raises DescriptionError when it cannot be used."""
     tree = read(xml, f"model {name}")
     if not fixed and not _carried(tree):
         raise DescriptionError(
@@ -73,13 +75,13 @@ def model_of_urdf(
 
 
 def _carried(tree: Robot) -> bool:
-    """Whether the root, or something fixed to it, has a mass."""
+    """Return True if the root link, or a link fixed to it, has a mass."""
     fixed = [tree.links[link].mass for link, (top, _) in tree.rigid_groups().items() if top == tree.root]
     return any(mass is not None and mass.mass > 0.0 for mass in fixed)
 
 
 def model_of_object(item: WorldObject) -> Model:
-    """A model from an object of a world file."""
+    """Return a model from an object of a world file."""
     fixed = item.mass == 0.0
     if item.urdf is not None:
         text = read_description(item.urdf)
@@ -93,7 +95,7 @@ def model_of_object(item: WorldObject) -> Model:
 
 
 def _moments(shape: str, size: Sequence[float], mass: float) -> tuple[float, float, float]:
-    """Principal moments of a solid of even density about its centre [kg m^2]; textbook formulas."""
+    """Return the principal moments of a solid of even density about its centre [kg m^2]; textbook formulas."""
     if shape == "box":
         x, y, z = size
         return mass / 12 * (y * y + z * z), mass / 12 * (x * x + z * z), mass / 12 * (x * x + y * y)
@@ -126,7 +128,7 @@ def _shape_urdf(item: WorldObject) -> str:
 
 
 def _parts(shape: str, size: Sequence[float]) -> list[tuple[Element, float]]:
-    """(shape of a URDF, z of its centre [m]): a capsule is a cylinder and two balls there."""
+    """Return (URDF shape, z of its centre [m]) for each part; a capsule is a cylinder and two balls."""
     if shape == "box":
         return [(Element("box", size=" ".join(map(repr, size))), 0.0)]
     if shape == "sphere":
@@ -140,7 +142,7 @@ def _parts(shape: str, size: Sequence[float]) -> list[tuple[Element, float]]:
 
 
 def payload(load: Load) -> MassProperties:
-    """A load as a mass. Raises ParameterError where it is none."""
+    """Return the mass properties of a load. Raises ParameterError if they are invalid."""
     if load.mass < 0.0 or len(load.com) != 3 or len(load.inertia) != 9:
         raise ParameterError(f"a load needs mass >= 0, com of 3 and inertia of 9 numbers; got {load}")
     return MassProperties(
@@ -149,15 +151,15 @@ def payload(load: Load) -> MassProperties:
 
 
 def moving_body(tree: Robot, link: str, total: MassProperties) -> MassProperties:
-    """Return the mass of a moving link with what is fixed to it as an engine can have it.
+    """Return the mass of a moving link and the links fixed to it, changed to what an engine accepts.
 
     Args:
         tree: the description.
-        link: the topmost of them.
-        total: their sum, in axes of the link.
+        link: topmost link of the rigid group.
+        total: sum of the group's masses, in axes of the link.
 
     Raises:
-        DescriptionError: it is none, and nothing further out has one: nothing would resist the joint.
+        DescriptionError: the mass is zero, and no link beyond has one: nothing would resist the joint.
     """
     if total.mass <= 0.0:
         outer = (tree.links[joint.child].mass for joint, _ in tree.beyond(link))
@@ -168,22 +170,21 @@ def moving_body(tree: Robot, link: str, total: MassProperties) -> MassProperties
 
 
 def as_point(body: MassProperties) -> MassProperties:
-    """Return a point mass with a trace of inertia."""
+    """Return the body with a trace of inertia added, as for a point mass."""
     return MassProperties(body.mass, body.com, body.inertia + TRACE * np.eye(3))
 
 
 class Models(ABC):
-    """Models around a robot by name; whenever one comes or goes the engine's model is built again and everything goes
-    on where it is.
+    """Models around a robot by name. Each change rebuilds the engine's model; all states are kept.
 
     Args:
-        name: of the robot's model.
+        name: name of the robot's model.
         tree: the robot's description.
-        objects: of the world file; a subclass admits them by `_restore` once it is ready for them.
+        objects: objects of the world file; a subclass admits them by `_restore` when it is ready.
         rules: surfaces of single links.
 
     Attributes:
-        models: besides the robot.
+        models: all models except the robot.
 
     Raises:
         HricError: an object or a rule that cannot be used.
@@ -199,8 +200,9 @@ class Models(ABC):
 
     @abstractmethod
     def _build(self, begin: Sequence[Model] = ()) -> None:
-        """Build the engine's model again, with the models of now; everything goes on where it is, but for those that
-        begin. Raises HricError; the engine's model is then the one before."""
+        """Rebuild the engine's model with the current models. All states are kept, except those of `begin`.
+
+        Raises HricError; the engine's model is then unchanged."""
 
     def _check_name(self, name: str) -> None:
         taken = [self._name, *self.models]
@@ -208,17 +210,18 @@ class Models(ABC):
             raise HricError(f"model name {name!r} is taken, empty or has '::' in it; taken: {', '.join(sorted(taken))}")
 
     def _admit(self, model: Model) -> None:
-        """Have a model from the next build on. Raises UnknownNameError when a rule for it fits none of its links;
-        nothing has changed then."""
+        """Add a model to the next build.
+
+        Raises UnknownNameError when a rule for it fits none of its links; nothing has changed then."""
         self._surfaces[model.name] = self._rules.of_model(model.name, model.tree.links, model.surface, model.surfaces)
         self.models[model.name] = model
 
     def _dismiss(self, name: str) -> None:
-        """Have a model no longer from the next build on."""
+        """Remove a model from the next build."""
         del self.models[name], self._surfaces[name]
 
     def _restore(self) -> None:
-        """Admit the objects of the world file that are not there; all of them come first again.
+        """Admit the missing objects of the world file, and put all of them first.
 
         Raises:
             HricError: the name of one is taken or bad, or a rule does not fit it.
@@ -232,10 +235,10 @@ class Models(ABC):
     def spawn(
         self, name: str, urdf_xml: str, T_world_model: FloatArray, fixed: bool, surfaces: Mapping[str, Surface]
     ) -> None:
-        """Add a model with its root link at T_world_model, shape (4, 4); surfaces: of its links, by name.
+        """Add a model with its root link at T_world_model, shape (4, 4); surfaces: surfaces of its links, by name.
 
         Raises:
-            HricError: the name is taken, or the URDF or a surface is bad; the world is then as before.
+            HricError: the name is taken, or the URDF or a surface is bad; the world is then unchanged.
         """
         self._check_name(name)
         model = model_of_urdf(name, urdf_xml, T_world_model, fixed=fixed)
@@ -248,7 +251,7 @@ class Models(ABC):
             raise
 
     def delete(self, name: str) -> None:
-        """Remove a model that is not the robot; an object of the world file comes back with the next reset.
+        """Remove a model other than the robot; an object of the world file returns with the next reset.
 
         Raises:
             UnknownNameError: no such model.
@@ -261,21 +264,21 @@ class Models(ABC):
     # -- names ---------------------------------------------------------------------------------------------------------
 
     def names(self) -> list[str]:
-        """All models but the robot."""
+        """Return the names of all models but the robot."""
         return list(self.models)
 
     def has(self, model: str) -> bool:
-        """Whether there is such a model, the robot among them."""
+        """Return True if there is such a model; the robot counts."""
         return model == self._name or model in self.models
 
     def _description(self, model: str) -> Robot:
-        """Of a model or the robot. Raises UnknownNameError."""
+        """Return the description of a model or the robot. Raises UnknownNameError."""
         if not self.has(model):
             raise UnknownNameError("model", model, [self._name, *self.models], "the world")
         return self._tree if model == self._name else self.models[model].tree
 
     def find(self, body: str) -> tuple[str, str]:
-        """(model, link) of "link" (of the robot) or "model::link".
+        """Return (model, link) of "link" (of the robot) or "model::link".
 
         Raises:
             UnknownNameError: no such model or link.
@@ -288,20 +291,20 @@ class Models(ABC):
         return model, link
 
     def full_name(self, body: str) -> str:
-        """ "model::link" of a body that `find` takes. Raises UnknownNameError."""
+        """Return "model::link" of a body that `find` takes. Raises UnknownNameError."""
         return "::".join(self.find(body))
 
     def near(self, body: str) -> list[str]:
-        """ "model::link" of all that a grip on a body does not collide with. Raises UnknownNameError."""
+        """Return "model::link" of all links that a grip on a body does not collide with. Raises UnknownNameError."""
         model, link = self.find(body)
         return [f"{model}::{name}" for name in self._description(model).near(link)]
 
     def base_link(self, model: str) -> str:
-        """Root link of a model or the robot. Raises UnknownNameError."""
+        """Return the root link of a model or the robot. Raises UnknownNameError."""
         return self._description(model).root
 
     def _surfaces_of_links(self) -> dict[str, Surface]:
-        """Surfaces by "model::link", the robot's links among them."""
+        """Return the surfaces by "model::link", including the robot's links."""
         return {
             f"{model}::{link}": surface for model, links in self._surfaces.items() for link, surface in links.items()
         }

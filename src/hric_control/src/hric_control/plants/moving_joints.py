@@ -1,4 +1,4 @@
-"""The moving joints of a robot in the order in which an engine has them, the actuated ones among them."""
+"""Moving joints of a robot in the engine's order, with the indices of the actuated ones."""
 
 import math
 from collections.abc import Sequence
@@ -19,14 +19,14 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Losses:
-    """What acts against the motion of one joint, and its rotor.
+    """Friction and rotor inertia of one joint.
 
     Attributes:
         rotor: inertia of the rotor at the joint [kg m^2].
         coulomb: Coulomb friction [N m].
         damping: viscous friction [N m s/rad].
         sigmoid: phi1 [N m], phi2 [s/rad], phi3 [rad/s] of `hric_control.plants.friction`.
-        breakaway: of its bristle [N m].
+        breakaway: breakaway torque of its bristle [N m].
     """
 
     rotor: float = 0.0
@@ -36,22 +36,23 @@ class Losses:
     breakaway: float = 0.0
 
     def sigmoid_row(self) -> list[float]:
-        """a, b, c, d of the sigmoid as a (tanh(b (dq + c)) - d): the same curve without overflow at high speed."""
+        """Return a, b, c, d of the sigmoid as a (tanh(b (dq + c)) - d), which does not overflow at high speed."""
         phi1, phi2, phi3 = self.sigmoid
         return [0.5 * phi1, 0.5 * phi2, phi3, math.tanh(0.5 * phi2 * phi3)]
 
     def bristle_row(self) -> list[float]:
-        """Breakaway [N m], bend there [rad], and speed from which on it holds nothing [rad/s]."""
+        """Return breakaway [N m], deflection there [rad], and the speed above which the bristle is off [rad/s]."""
         return [self.breakaway, GIVE, FADE]
 
 
 Follower = tuple[int, int, float, float]
-"""A joint that mimics another: its index, that of the joint at the end of its chain, and multiplier and offset [rad or
-m] of its law q = multiplier q of that joint + offset."""
+"""Joint that mimics another: index, leader's index, multiplier, offset [rad or m]; q = multiplier q_leader + offset.
+
+The leader is the joint at the end of the chain of mimic joints."""
 
 
 def law_jacobian(count: int, followers: Sequence[Follower]) -> FloatArray:
-    """Change of all speeds per speed of each of `count` joints, shape (n, n): what mimics goes with its leader."""
+    """Return the change of all speeds per speed of each of `count` joints, shape (n, n); mimic joints included."""
     J = np.eye(count)
     for i, leader, multiplier, _ in followers:
         J[i, i], J[i, leader] = 0.0, multiplier
@@ -59,19 +60,19 @@ def law_jacobian(count: int, followers: Sequence[Follower]) -> FloatArray:
 
 
 class MovingJoints:
-    """Vectors of all moving joints, in the engine's order, and of the actuated ones, in the user's.
+    """Vectors of all moving joints, in the engine's order, and of the actuated ones, in the user's order.
 
     Args:
-        joints: all that move, in the engine's order.
+        joints: all moving joints, in the engine's order.
         actuated: names in the user's order.
-        robot: its name, for messages.
+        robot: name of the robot, for messages.
 
     Attributes:
-        names: of all that move.
-        user: indices of the actuated ones among them, in the user's order.
-        followers: those that mimic others.
-        straight: whether both orders are the same, and all joints actuated.
-        zeros: one of each moving joint.
+        names: names of all moving joints.
+        user: indices of the actuated joints among them, in the user's order.
+        followers: joints that mimic others.
+        straight: True if both orders are the same and all joints are actuated.
+        zeros: one zero per moving joint.
 
     Raises:
         UnknownNameError: an actuated joint is not among them.
@@ -94,7 +95,7 @@ class MovingJoints:
         self._straight_length = len(joints) if self.straight else -1
 
     def spread(self, values: Sequence[float], rest: Sequence[float]) -> list[float]:
-        """Values of the actuated joints among all moving ones; `rest` fills the others."""
+        """Return values of all moving joints from those of the actuated ones; `rest` fills the others."""
         if len(values) != len(self.actuated):
             raise CommandError(f"got {len(values)} values for {len(self.actuated)} joints ({', '.join(self.actuated)})")
         full = list(rest)
@@ -103,12 +104,12 @@ class MovingJoints:
         return full
 
     def command(self, values: Sequence[float] | FloatArray) -> list[float]:
-        """Values of the actuated joints among all moving ones, the others zero. The list that is given stays apart."""
+        """Return commands of all moving joints from those of the actuated ones, the others zero, as a new list."""
         floats: list[float] = values.tolist() if isinstance(values, np.ndarray) else list(values)
         return floats if len(floats) == self._straight_length else self.spread(floats, self.zeros)
 
     def pick(self, values: Sequence[T]) -> list[T]:
-        """Those of the actuated joints among the values of all moving ones."""
+        """Return the actuated joints' values from those of all moving joints."""
         return [values[i] for i in self.user]
 
     def read(
@@ -121,7 +122,10 @@ class MovingJoints:
         """Write position, velocity and effort of the actuated joints to q, dq and tau.
 
         Args:
-            state: the three of all moving joints.
+            state: position, velocity and effort of all moving joints.
+            q: positions of the actuated joints, written in place [rad or m].
+            dq: their velocities [rad/s or m/s].
+            tau: their efforts [N m or N].
         """
         if self.straight:
             q[:], dq[:], tau[:] = state
@@ -129,8 +133,9 @@ class MovingJoints:
             q[:], dq[:], tau[:] = map(self.pick, state)
 
     def start(self, q: Sequence[float], dq: Sequence[float], now: Sequence[float]) -> tuple[list[float], list[float]]:
-        """Positions and speeds of all moving joints [rad or m, rad/s or m/s]: q and dq of the actuated ones, those that
-        mimic others by their laws, the rest where they are now at rest.
+        """Return positions and speeds of all moving joints [rad or m, rad/s or m/s] from those of the actuated ones.
+
+        Mimic joints follow their laws; the rest stays at the present position, at rest.
 
         Raises:
             CommandError: a value is not finite, or there are not as many as joints.
@@ -142,20 +147,21 @@ class MovingJoints:
         return full_q, full_dq
 
     def follow(self, q: list[float], dq: list[float]) -> None:
-        """Have joints that mimic others on their laws, in positions and speeds of all moving joints in place."""
+        """Apply the laws of mimic joints to positions and speeds of all moving joints, in place."""
         for i, leader, multiplier, offset in self.followers:
             q[i], dq[i] = multiplier * q[leader] + offset, multiplier * dq[leader]
 
     def law_jacobian(self) -> FloatArray:
-        """Change of all speeds per speed of each joint, shape (n, n); see `law_jacobian`."""
+        """Return the change of all speeds per speed of each joint, shape (n, n); see the function `law_jacobian`."""
         return law_jacobian(len(self.joints), self.followers)
 
     def modes(self, modes: Sequence[Mode], brakes: Sequence[bool], *, locked: bool) -> list[Mode]:
-        """Modes of all moving joints; what mimics a joint is never held by itself.
+        """Return the modes of all moving joints; a mimic joint is never braked.
 
         Args:
-            modes, brakes: of the actuated joints; a brake is stronger than a mode.
-            locked: whether the other joints are held.
+            modes: modes of the actuated joints.
+            brakes: brakes of the actuated joints; a brake overrides the mode.
+            locked: True if the other joints are braked.
         """
         full = [Mode.BRAKE if locked else Mode.EFFORT] * len(self.joints)
         for i, mode, braked in zip(self.user, modes, brakes, strict=True):
@@ -165,7 +171,7 @@ class MovingJoints:
         return full
 
     def losses(self, config: PlantConfig) -> list[Losses]:
-        """Of all moving joints."""
+        """Return the friction and rotor inertia of all moving joints."""
         coulomb = config.friction == "coulomb"
         losses = [
             Losses(rotor, joint.friction if coulomb else 0.0, joint.damping)
@@ -180,7 +186,7 @@ class MovingJoints:
         return losses
 
     def divergence(self, time_step: float) -> Divergence:
-        """The check of these joints after each step of `time_step` [s]."""
+        """Return the divergence check of these joints after each step of `time_step` [s]."""
         limits, slides = (
             [joint.velocity for joint in self.joints],
             [joint.type == "prismatic" for joint in self.joints],

@@ -1,19 +1,21 @@
 """Penalty contact within one step: the two bodies along their normal, as one mass on the spring.
 
-An engine holds a force over its step, and an impact on a stiff surface lasts a few steps only: a spring that is taken
-at one instant of the step gives a peak and an impulse that depend on where in the step the bodies met. Here the motion
-along the normal is integrated through the step,
-    x'' = a - w max(k x + c x', 0)    while x > 0,
-with the pair's inverse effective mass w = n' J (M + B)^-1 J' n and the acceleration a that the pair would have without
-the spring. What is applied is the mean of the load, which has the same impulse. What is reported is the load at the end
-of the step or, where it had its maximum within the step, this maximum: what a sensor would read that samples once a
-step and holds a peak.
+An engine holds a force over its step, and an impact on a stiff surface lasts a few steps only: a spring that is
+evaluated at one instant of the step gives a peak and an impulse that depend on where in the step the contact began.
+Here the motion along the normal is integrated through the step,
 
-Across the normal a bristle holds the two bodies, the elasto-plastic law of the joints' (`plants.friction`): it is a
-spring that gives way where its force reaches friction times load, so that a body at rest on it does not creep. Its
-force f is held over the step, too; with the speed u that the bodies would end the step with under the force of the step
-before,
+    x'' = a - w max(k x + c x', 0)    while x > 0,
+
+with the pair's inverse effective mass w = n' J (M + B)^-1 J' n and the acceleration a that the pair would have without
+the spring. The mean of the load is applied, which has the same impulse. The load at the end of the step is reported or,
+if it had its maximum within the step, this maximum: the reading of a sensor that samples once a step and holds a peak.
+
+Across the normal a bristle holds the two bodies, by the elasto-plastic law of the joints (`plants.friction`): a spring
+that yields when its force reaches friction times load, so that a body at rest on it does not creep. Its force f is also
+held over the step; with the speed u that the bodies would end the step with under the force of the last step,
+
     f = f_before - h k / (1 + C h^2 k w) u,    |f| <= friction * load,
+
 which for C = 1 is the implicit Euler method on one contact with the inverse effective mass w across.
 """
 
@@ -26,27 +28,30 @@ import numpy as np
 from hric_control.plant import FloatArray
 
 _PARTS = 8
-"""Parts of a step of the method of Runge and Kutta, for a spring that is slow beside the step (default chosen by this
-project, unconfirmed)."""
+"""Runge-Kutta substeps of a step for a spring that is slow compared with the step (project default, unconfirmed)."""
 _PARTS_PER_RADIAN = 4
-"""More of them for a spring that is not."""
+"""Additional substeps per radian of a fast spring's oscillation."""
 _MAX_PARTS = 64
 BRISTLE_STIFFNESS = 1e6
-"""Stiffness of a bristle [N/m] (project default, unconfirmed: no source; far stiffer than the spring along the normal):
-10 N bend it by 0.01 mm."""
+"""Stiffness of a bristle [N/m] (project default, unconfirmed): 10 N deflect it by 0.01 mm.
+
+No source; far stiffer than the spring along the normal."""
 _SHARED = 4.0
-"""C above: up to five contacts of one body, which do not know of each other, stay stable with a bristle of any
-stiffness (project default, unconfirmed)."""
+"""C in the module's docstring (project default, unconfirmed).
+
+With it up to five contacts of one body, which are computed independently, stay stable with a bristle of any stiffness.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class SpringStep:
-    """What a spring did in one step.
+    """Result of a spring in one step.
 
     Attributes:
         mean: impulse divided by the step [N].
-        reading: load at its end, or its maximum where that lies between [N].
-        ahead: depth at its end, minus the depth that the engine reaches with the mean held over the step [m].
+        reading: load at the end of the step, or its maximum if that lies within [N].
+        ahead: depth at the end of the step, minus the depth that the engine reaches with the mean held over the step
+            [m].
     """
 
     mean: float
@@ -58,13 +63,13 @@ NOTHING = SpringStep(0.0, 0.0, 0.0)
 
 
 def _touch_time(depth: float, speed: float, acceleration: float, step: float) -> float:
-    """When a gap closes [s]; `step` when it does not within the step."""
+    """Return the time at which a gap closes [s]; `step` if it does not close within the step."""
     if depth + speed * step + 0.5 * acceleration * step * step <= 0.0 and (speed <= 0.0 or acceleration >= 0.0):
         return step
     root = speed * speed - 2.0 * acceleration * depth
     if root <= 0.0:
         return step
-    # The root that does not cancel.
+    # The root without cancellation.
     pace = speed + math.sqrt(root)
     return min(-2.0 * depth / pace, step) if pace > 0.0 else step
 
@@ -75,10 +80,10 @@ def spring_step(
     """Integrate one step.
 
     Args:
-        depth: at its beginning, negative for a gap [m].
-        speed: at which the depth grows [m/s].
-        acceleration: of the depth without the spring [m/s^2].
-        inverse_mass: of the pair along the normal [1/kg].
+        depth: penetration at the start, negative for a gap [m].
+        speed: rate at which the depth grows [m/s].
+        acceleration: acceleration of the depth without the spring [m/s^2].
+        inverse_mass: inverse effective mass of the pair along the normal [1/kg].
         stiffness: [N/m].
         damping: [N s/m].
         step: [s].
@@ -96,7 +101,7 @@ def spring_step(
     half, impulse = 0.5 * h, 0.0
     first = load = peak = _load(x, v, stiffness, damping)
     for _ in range(parts):
-        # Classical method of fourth order; the load of each stage is kept for the impulse.
+        # Classical method of fourth order; the load of each stage enters the impulse.
         a1 = acceleration - inverse_mass * load
         v2 = v + half * a1
         f2 = _load(x + half * v, v2, stiffness, damping)
@@ -116,7 +121,7 @@ def spring_step(
 
 
 def _load(x: float, v: float, stiffness: float, damping: float) -> float:
-    """Of spring and damper [N]; a contact never pulls."""
+    """Return the load of spring and damper [N]; a contact never pulls."""
     if x <= 0.0:
         return 0.0
     load = stiffness * x + damping * v
@@ -125,12 +130,12 @@ def _load(x: float, v: float, stiffness: float, damping: float) -> float:
 
 @dataclass(slots=True)
 class _Memory:
-    """Of a pair of links: what its last step leaves for the next one.
+    """State of a pair of links that passes from one step to the next.
 
     Attributes:
         push: closing acceleration that the spring's mean took away [m/s^2].
         ahead: see SpringStep.
-        rub: force of the bristle on a, shape (3,) [N]; None: it has just touched.
+        rub: force of the bristle on a, shape (3,) [N]; None: the contact has just begun.
     """
 
     push: float = 0.0
@@ -140,13 +145,13 @@ class _Memory:
 
 @dataclass
 class Springs:
-    """The springs between all pairs of links, one each; remembers one step, and the peaks since they were last taken.
+    """Springs between all pairs of links, one each, with the state of one step and the peaks since `take_peaks`.
+
+    The acceleration without the spring is the one measured over the last step plus what the spring took away in it, so
+    that a body at rest on its spring stays there, whatever presses it.
 
     Args:
         time_step: [s].
-
-    The acceleration without the spring is what was measured over the last step plus what the spring took away in it, so
-    that a body at rest on its spring stays there, whatever presses it.
     """
 
     time_step: float
@@ -155,11 +160,11 @@ class Springs:
     _peaks: dict[tuple[str, str], float] = field(default_factory=dict)
 
     def forget(self) -> None:
-        """Bodies were put elsewhere."""
+        """Forget all contacts after bodies were moved."""
         self._now, self._before, self._peaks = {}, {}, {}
 
     def begin(self) -> None:
-        """A new step; pairs that are not pushed in it are forgotten."""
+        """Begin a new step; pairs without `push` in it are forgotten."""
         self._before, self._now = self._now, {}
 
     def push(
@@ -171,20 +176,21 @@ class Springs:
         inverse_mass: float,
         law: tuple[float, float],
     ) -> SpringStep:
-        """One pair in this step.
+        """Compute the spring of one pair in this step.
 
         Args:
             pair: names of its links.
-            depth, speed: at the beginning of the step, closing [m], [m/s].
+            depth: penetration at the start of the step [m].
+            speed: closing speed at the start of the step [m/s].
             measured: closing acceleration over the last step [m/s^2].
-            inverse_mass: of the pair along its normal [1/kg].
+            inverse_mass: inverse effective mass of the pair along its normal [1/kg].
             law: stiffness [N/m] and damping [N s/m].
         """
         before = self._before.get(pair) or _Memory()
         done = spring_step(depth + before.ahead, speed, measured + before.push, inverse_mass, *law, self.time_step)
         memory = self._now[pair] = _Memory(inverse_mass * done.mean)
         if done.mean > 0.0:
-            # In a smooth motion it is a twelfth of this; where the mass is not well known it must not add up.
+            # In a smooth motion it is a twelfth of this; if the mass is not well known, errors must not add up.
             bound = inverse_mass * done.mean * self.time_step**2 / 4.0
             memory.ahead = min(max(before.ahead + done.ahead, -bound), bound)
             self._peaks[pair] = max(self._peaks.get(pair, 0.0), done.reading)
@@ -198,15 +204,15 @@ class Springs:
         relative: FloatArray,
         inverse_mass: Callable[[FloatArray], float],
     ) -> FloatArray:
-        """Force of friction on a in this step, shape (3,) [N]; after `push`, which says how much the pair is loaded.
+        """Return the friction force on a in this step, shape (3,) [N]; called after `push`.
 
         Args:
             pair: names of its links.
             bound: friction times load [N].
             normal: from b to a, unit vector, shape (3,).
-            relative: velocity of a seen from b at the contact now, and of the same material a step before, shape (2, 3)
-                [m/s].
-            inverse_mass: of the pair along a unit vector [1/kg].
+            relative: velocity of a relative to b at the contact now, and of the same material a step before, shape
+                (2, 3) [m/s].
+            inverse_mass: function from a unit vector to the pair's inverse effective mass along it [1/kg].
         """
         before = self._before.get(pair) or _Memory()
         end = 2.0 * relative[0] - relative[1]
@@ -224,6 +230,6 @@ class Springs:
         return force
 
     def take_peaks(self) -> dict[tuple[str, str], float]:
-        """Largest reading per pair since the last call [N]."""
+        """Return the largest reading per pair since the last call [N]."""
         peaks, self._peaks = self._peaks, {}
         return peaks

@@ -1,7 +1,8 @@
-"""Joint stops: which of them act, and what those of spawned models do.
+"""Joint stops: which of them act, and the stop law of spawned models.
 
-A stop acts only once the joint has been inside its range: a start outside, as the thesis does at q = 0, leaves it open
-until then. The robot's stops are of its engine; those of other models are a spring and a damper, alike in all engines.
+A stop acts only once the joint has been inside its range: a start outside, as the thesis has at q = 0, leaves it open
+until then. The engine implements the robot's stops; those of other models are a spring and a damper, alike in all
+engines.
 """
 
 import math
@@ -9,14 +10,13 @@ from collections.abc import Callable, Iterable, Sequence
 
 
 class StopMemory:
-    """Remembers which stops are still open.
+    """Memory of the stops that are still open.
 
     Args:
-        limits: (lower, upper) per joint [rad or m], infinite where there is no stop.
+        limits: (lower, upper) per joint [rad or m], infinite if there is no stop.
 
     Attributes:
-        waiting: for each joint that started outside, by its place: whether it is (below, above) and that stop therefore
-            open.
+        waiting: for each joint that started outside, by its index: (is below, is above); that stop is open.
     """
 
     def __init__(self, limits: Sequence[tuple[float, float]]) -> None:
@@ -24,8 +24,7 @@ class StopMemory:
         self.waiting: dict[int, tuple[bool, bool]] = {}
 
     def restart(self, q: Sequence[float]) -> set[int]:
-        """The robot was put at q from outside: decide again which stops act. Returns the joints whose stops may have
-        changed."""
+        """Decide again which stops act, with the robot put at q. Return the joints whose stops may have changed."""
         before = set(self.waiting)
         self.waiting = {
             i: (x < low, x > high)
@@ -35,8 +34,7 @@ class StopMemory:
         return before | set(self.waiting)
 
     def check(self, q: Sequence[float]) -> list[int]:
-        """Let a waiting stop act as soon as the joint is inside its range. Returns the joints whose stops act from now
-        on."""
+        """Close an open stop once its joint is inside the range. Return the joints whose stops act from now on."""
         inside = [i for i in self.waiting if self.limits[i][0] <= q[i] <= self.limits[i][1]]
         for i in inside:
             del self.waiting[i]
@@ -44,42 +42,44 @@ class StopMemory:
 
 
 STOP_RATE = 2.0 * math.pi * 50.0
-"""Natural frequency of a joint on its stop, critically damped [rad/s]: a third of a radian per step of 1 ms, so that a
-force held over the step does not shake it (default chosen by this project, unconfirmed)."""
+"""Natural frequency of a joint on its stop, critically damped [rad/s] (project default, unconfirmed).
+
+A third of a radian per step of 1 ms, so that a force held over the step causes no oscillation."""
 
 
 _STUCK = 1e-12
-"""Mobility below which a joint cannot move but for rounding, as one that mimics another with a multiplier of 0
-[1/(kg m^2) or 1/kg] (project default, unconfirmed)."""
+"""Mobility below which a joint moves only by rounding [1/(kg m^2) or 1/kg] (project default, unconfirmed).
+
+An example is a joint that mimics another with a multiplier of 0."""
 
 
 def reciprocals(mobilities: Iterable[float]) -> list[float]:
-    """Inertias of joints from their mobilities [1/(kg m^2) or 1/kg]; 0 of a joint that cannot move."""
+    """Return the inertias of joints from their mobilities [1/(kg m^2) or 1/kg]; 0 for a joint that cannot move."""
     return [1.0 / float(mobility) if mobility > _STUCK else 0.0 for mobility in mobilities]
 
 
 class StopLaw:
-    """What the ends of the ranges of a spawned model's joints do: k (limit - q) - c dq beyond the limit, never inwards.
+    """Stops of a spawned model's joints: k (limit - q) - c dq beyond the limit, never pulling outwards.
 
-    k and c follow from STOP_RATE and the inertia that the stop meets, that of the joint while all others are free: in a
-    light wrist a quarter of what hangs on the joint, in a shoulder near its singular pose a thousandth, so that a force
-    by what hangs there would throw the arm.
+    k and c follow from STOP_RATE and the inertia at the stop, that of the joint while all others are free: in a light
+    wrist a quarter of what hangs on the joint, in a shoulder near its singular pose a thousandth, so that a force from
+    the inertia of all that hangs there would throw the arm.
 
     Args:
         limits: (lower, upper) per joint [rad or m], in the order of all vectors here.
-        inertias: gives 1 / (M^-1)_ii of each joint now, M of the whole model [kg m^2 or kg], 0 of one that cannot move;
-            needed while a stop acts.
+        inertias: function that returns the current 1 / (M^-1)_ii of each joint, M of the whole model [kg m^2 or kg], 0
+            for a joint that cannot move; needed while a stop acts.
     """
 
     def __init__(self, limits: Sequence[tuple[float, float]], inertias: Callable[[], Sequence[float]]) -> None:
         self._memory, self._inertias = StopMemory(limits), inertias
 
     def restart(self, q: Sequence[float]) -> None:
-        """The model was put at q from outside: decide again which stops act."""
+        """Decide again which stops act, after the model was put at q."""
         self._memory.restart(q)
 
     def add(self, q: Sequence[float], dq: Sequence[float], tau: Sequence[float]) -> list[float]:
-        """Efforts tau with those of the stops at q, dq added [N m or N]."""
+        """Return efforts tau with those of the stops at q, dq added [N m or N]."""
         if self._memory.waiting:
             self._memory.check(q)
         efforts, pushes = list(tau), self._pushes(q, dq)
@@ -90,7 +90,7 @@ class StopLaw:
         return efforts
 
     def _pushes(self, q: Sequence[float], dq: Sequence[float]) -> dict[int, float]:
-        """By joint the acceleration that its stop alone gives it [rad/s^2 or m/s^2]."""
+        """Return the acceleration that its stop alone gives each joint, by joint index [rad/s^2 or m/s^2]."""
         memory, pushes = self._memory, dict[int, float]()
         for i, (x, (low, high)) in enumerate(zip(q, memory.limits, strict=True)):
             if low <= x <= high:

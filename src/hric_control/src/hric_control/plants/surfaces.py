@@ -1,4 +1,4 @@
-"""How surfaces respond to contact: rigid, or by a spring with damping and friction (penalty contact)."""
+"""Contact surfaces: rigid, or a spring with damping and friction (penalty contact)."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -11,7 +11,7 @@ from hric_core.parameters import Settings, choice, number, text
 
 @dataclass(frozen=True)
 class SurfaceSettings(Settings):
-    """What files and parameters say of a surface; what they leave out stays as it was."""
+    """Surface settings in files and parameters; those left out stay unchanged."""
 
     contact: str | None = choice("rigid", "penalty", default=None, text="contact law")
     stiffness: float | None = number(None, above=0.0, unit="N/m", text="of penalty contact")
@@ -19,12 +19,12 @@ class SurfaceSettings(Settings):
     friction: float | None = number(None, minimum=0.0, maximum=10.0, text="coefficient; a pair has the product of both")
 
     def check(self, where: str) -> None:
-        """Refuse a spring without its kind of contact."""
+        """Refuse a spring without `contact: penalty`."""
         if self.contact != "penalty" and (self.stiffness is not None or self.damping):
             raise ParameterError(f"{where}stiffness and {where}damping need {where}contact: penalty")
 
     def over(self, base: Surface, default_stiffness: float) -> Surface:
-        """That surface, where it was `base`; default_stiffness: of penalty contact where none is given [N/m]."""
+        """Return the surface that results from `base`; default_stiffness: that of penalty contact if unset [N/m]."""
         friction = base.friction if self.friction is None else self.friction
         if self.contact is None:
             return replace(base, friction=friction)
@@ -42,17 +42,17 @@ def _split(link: str) -> str:
 
 @dataclass(frozen=True)
 class SurfaceRule(SurfaceSettings):
-    """The surface of some links."""
+    """Surface settings of links whose names match a pattern."""
 
     link: str = text(valid="model::link, each a name or a pattern such as *", made=_split, text="which links")
 
 
 class Surfaces:
-    """Surfaces of all links by rules; a later rule goes over an earlier one.
+    """Surfaces of all links by rules; a later rule overrides an earlier one.
 
     Args:
-        rules: of the world file and of the plant's parameters.
-        default_stiffness: of penalty contact where a rule gives none [N/m].
+        rules: rules of the world file and of the plant's parameters.
+        default_stiffness: stiffness of penalty contact if a rule sets none [N/m].
     """
 
     def __init__(self, rules: Sequence[SurfaceRule], default_stiffness: float) -> None:
@@ -61,7 +61,7 @@ class Surfaces:
     def of_model(
         self, model: str, links: Iterable[str], base: Surface, own: Mapping[str, Surface] = {}
     ) -> dict[str, Surface]:
-        """Surface of each link of a model whose links have `own`, else `base`, where no rule says otherwise.
+        """Return the surface of each link of a model: by the rules, else from `own`, else `base`.
 
         Raises:
             UnknownNameError: a rule fits the model, but none of its links; `own` names a link that it does not have.
@@ -81,8 +81,9 @@ class Surfaces:
 
 
 def combine(first: Surface, second: Surface) -> tuple[float, float, float] | None:
-    """(stiffness [N/m], damping [N s/m], friction) of a pair, None when both are rigid: two springs act in series, a
-    rigid partner adds nothing."""
+    """Return (stiffness [N/m], damping [N s/m], friction) of a pair; None if both are rigid.
+
+    Two springs act in series; a rigid partner adds nothing."""
     stiffnesses = [s.stiffness for s in (first, second) if s.stiffness is not None]
     if not stiffnesses:
         return None

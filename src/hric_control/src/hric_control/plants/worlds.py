@@ -1,4 +1,4 @@
-"""Worlds: the objects around a robot, from a YAML file."""
+"""Worlds: objects around a robot, from a YAML file."""
 
 import math
 from dataclasses import dataclass
@@ -22,14 +22,14 @@ SIZES = {
     "plane": (),
     "urdf": (),
 }
-"""Shapes, and what their size lists [m]."""
+"""Shapes, and the values of their size [m]."""
 PLAIN_LINK = "link"
 """Name of the link of a plain shape."""
 
 
 @dataclass(frozen=True)
 class WorldObject:
-    """One object of a world.
+    """Object of a world.
 
     Attributes:
         name: unique in its world.
@@ -67,7 +67,7 @@ class _Velocity(Settings):
 
 @dataclass(frozen=True)
 class _Object(SurfaceSettings):
-    """One object as the file has it."""
+    """Object as written in the file."""
 
     name: str = text(empty=False)
     shape: str = choice(*SIZES, default=REQUIRED)
@@ -78,7 +78,7 @@ class _Object(SurfaceSettings):
     velocity: _Velocity = section(_Velocity)
 
     def check(self, where: str) -> None:
-        """Refuse a size that is not that of the shape, and a plane with a mass."""
+        """Refuse a size that does not fit the shape, and a plane with a mass."""
         super().check(where)
         if len(self.size) != len(SIZES[self.shape]):
             raise refused(
@@ -101,7 +101,7 @@ class _Object(SurfaceSettings):
         return math.prod(self.size) if self.shape == "box" else 4.0 * first**2 * (2.0 * first + last)
 
     def built(self, folder: Path, default_stiffness: float) -> WorldObject:
-        """The object; folder: where relative addresses begin."""
+        """Return the object; folder: start of relative addresses."""
         return WorldObject(
             self.name,
             self.shape,
@@ -129,7 +129,7 @@ class _World(Settings):
 
 
 def _read(address: str) -> tuple[_World, Path]:
-    """The world, and where relative addresses begin."""
+    """Return the world, and the folder of relative addresses."""
     if not address:
         return _World(), Path()
     try:
@@ -142,16 +142,16 @@ def _read(address: str) -> tuple[_World, Path]:
 
 
 def load_surfaces(address: str) -> tuple[SurfaceRule, ...]:
-    """Rules for the surfaces of single links in a world file; argument and errors as of `load_world`."""
+    """Return the rules for surfaces of single links in a world file; argument and errors as in `load_world`."""
     return _read(address)[0].surfaces
 
 
 def load_world(address: str, default_stiffness: float) -> list[WorldObject]:
-    """Objects of a world.
+    """Return the objects of a world.
 
     Args:
         address: path, package://..., or "" for an empty world.
-        default_stiffness: of penalty contact where the object gives none [N/m].
+        default_stiffness: stiffness of penalty contact if the object sets none [N/m].
 
     Raises:
         HricError: no such file, or a mistake in it; the message names the object and the valid choices.

@@ -1,4 +1,4 @@
-"""Wrenches from outside that act for some steps."""
+"""External wrenches that act for some steps."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -11,7 +11,7 @@ from hric_core.geometry import FloatArray
 
 @dataclass
 class Wrench:
-    """A wrench that acts for some steps.
+    """Wrench that acts for some steps.
 
     Attributes:
         body: "model::link", with the name of the robot's model for its own links.
@@ -29,10 +29,10 @@ class Wrench:
 
 @dataclass
 class Wrenches:
-    """All that act now.
+    """Active wrenches.
 
     Args:
-        time_step: of the plant [s].
+        time_step: time step of the plant [s].
     """
 
     time_step: float
@@ -41,7 +41,7 @@ class Wrenches:
     def add(
         self, body: str, force: Sequence[float], torque: Sequence[float], point: Sequence[float], duration: float
     ) -> None:
-        """Begin one; see `hric_control.plant.Plant.apply_wrench`.
+        """Add a wrench; see `hric_control.plant.Plant.apply_wrench`.
 
         Raises:
             ParameterError: not three finite numbers each.
@@ -57,19 +57,19 @@ class Wrenches:
             self.active.append(Wrench(body, F, T, p, steps))
 
     def count_step(self) -> None:
-        """A step was done: end the wrenches whose time is over."""
+        """Count a step, and remove the wrenches whose time is over."""
         for wrench in self.active:
             wrench.steps_left -= 1
         self.active = [wrench for wrench in self.active if wrench.steps_left != 0]
 
     def clear(self) -> None:
-        """End all."""
+        """Remove all wrenches."""
         self.active.clear()
 
     def clear_link(self, body: str) -> None:
-        """End those on one "model::link"."""
+        """Remove the wrenches on one "model::link"."""
         self.active = [wrench for wrench in self.active if wrench.body != body]
 
     def clear_model(self, model: str) -> None:
-        """End those on all links of a model."""
+        """Remove the wrenches on all links of a model."""
         self.active = [wrench for wrench in self.active if not wrench.body.startswith(f"{model}::")]

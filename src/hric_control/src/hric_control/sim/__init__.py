@@ -1,1 +1,1 @@
-"""Simulated robots: their loop, services and topics, and the robot of any description with transmissions."""
+"""Simulated robots: control loop, services and topics, and a robot for any description with transmissions."""

@@ -1,5 +1,6 @@
-"""What `ContactState.info` of `sim/contacts` says of a pair of bodies: whether its force is one that a sensor would
-read, and its peak. No ROS."""
+"""Text of `ContactState.info` on `sim/contacts`: kind of contact between a pair of bodies, and its peak force. No ROS.
+
+The kind says if the force is comparable with a sensor's reading."""
 
 import re
 from dataclasses import dataclass
@@ -12,11 +13,11 @@ _FORM = re.compile(r"(?P<kind>rigid|penalty) contact of \S+ on [^\s;]+(; peak (?
 
 @dataclass(frozen=True)
 class ContactInfo:
-    """What is said of a pair.
+    """Content of `ContactState.info` for a pair of bodies.
 
     Attributes:
         kind: one of KINDS, or UNKNOWN.
-        peak: largest force since the message before, of a spring [N]; None: not given.
+        peak: largest penalty force since the last message [N]; None: not in the text.
     """
 
     kind: str
@@ -24,12 +25,12 @@ class ContactInfo:
 
 
 def text(body_a: str, body_b: str, kind: str, peak: float | None = None) -> str:
-    """For the message, e.g. "penalty contact of a::x on b::y; peak 152.3 N"."""
+    """Return the text for the message, e.g. "penalty contact of a::x on b::y; peak 152.3 N"."""
     return f"{kind} contact of {body_a} on {body_b}" + ("" if peak is None else f"; peak {peak:.6g} N")
 
 
 def read(info: str) -> ContactInfo:
-    """From the message."""
+    """Return the content of a message's `info`."""
     found = _FORM.match(info)
     if found is None:
         return ContactInfo(UNKNOWN)

@@ -4,21 +4,21 @@ import time as wall
 from dataclasses import dataclass
 
 WINDOW = 1.0
-"""Length of the window of the windowed figures [s of wall time]."""
+"""Length of the window of the windowed statistics [s of wall time]."""
 
 
 @dataclass(frozen=True)
 class LoopStats:
-    """Figures of a loop.
+    """Statistics of a loop.
 
     Attributes:
         cycles: cycles since the start of `run`.
         cycle_time_mean: mean duration of a cycle's work over the last full window [s].
         cycle_time_max: largest duration over the last full window [s].
         rtf: robot time per wall time over the last full window [1]; 0 while paused.
-        rtf_mean: the same since the start of `run`, pauses left out [1].
+        rtf_mean: robot time per wall time since the start of `run`, without pauses [1].
         missed_deadlines: cycles that ended after the next one should have begun, since the start.
-        slowed: pieces of 20 ms of the schedule that waited for a loop that was late, since the start.
+        slowed: pieces of 20 ms of the schedule that waited for a late loop, since the start.
     """
 
     cycles: int
@@ -31,7 +31,7 @@ class LoopStats:
 
 
 class LoopMeter:
-    """Collects the figures; `cycle` is called by the loop only, `stats` by anyone.
+    """Meter of a loop's statistics. Only the loop calls `cycle`; any thread may call `stats`.
 
     Args:
         time_step: robot time per cycle [s].
@@ -42,7 +42,7 @@ class LoopMeter:
         self.restart(0)
 
     def restart(self, cycles: int) -> None:
-        """Begin again at the start of a run."""
+        """Reset the statistics at the start of a run."""
         self.missed = 0
         self._count = 0
         self._moving = 0.0
@@ -54,10 +54,11 @@ class LoopMeter:
         self._start, self._n, self._busy, self._worst = now, 0, 0.0, 0.0
 
     def cycle(self, begin: float, end: float) -> None:
-        """Account for one cycle's work.
+        """Add one cycle's work.
 
         Args:
-            begin, end: readings of the monotonic wall clock [s].
+            begin: monotonic wall clock at its start [s].
+            end: monotonic wall clock at its end [s].
         """
         spent = end - begin
         self._count += 1
@@ -71,7 +72,7 @@ class LoopMeter:
             self._close(end)
 
     def stand(self) -> None:
-        """The loop is paused: time that passes is no motion."""
+        """Leave out the wall time that passes while the loop is paused."""
         self._last_end = None
         now = wall.perf_counter()
         if now - self._start >= WINDOW:
@@ -83,7 +84,7 @@ class LoopMeter:
         self._open(now)
 
     def stats(self, slowed: int) -> LoopStats:
-        """The figures now; before the first window is full, those of the window so far. slowed: as in `LoopStats`."""
+        """Return the statistics of the last full window, or of the first so far. slowed: as in `LoopStats`."""
         mean, worst, rtf = self._window
         if not (mean or rtf) and self._n:
             mean, worst = self._busy / self._n, self._worst

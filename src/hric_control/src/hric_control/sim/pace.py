@@ -1,37 +1,35 @@
-"""Pace of a simulated robot: that of the clock on the wall, and slower where the loop, or somebody for
-whom the run waits, does not keep up."""
+"""Pace of a simulated robot: wall-clock pace, slower if the loop or a participant of the run does not keep up."""
 
 from collections.abc import Callable
 
 from hric_core.robot_time.schedule import NS, Schedule
 
 STEP = 20_000_000
-"""Between knots of the schedule [ns of wall time]. The constants of this file are project defaults, unconfirmed."""
+"""Time between knots of the schedule [ns of wall time]. All constants here are project defaults, unconfirmed."""
 LEAD = 25_000_000
-"""A knot is announced so long before the piece to it begins, that all have it in time [ns of wall time]."""
+"""Time by which a knot of the schedule is announced ahead, so that all receive it in time [ns of wall time]."""
 CATCH_UP = 0.05
-"""A loop that is late by less makes up for it, and the schedule goes on [s of wall time]; ..."""
+"""Lateness up to which the loop catches up and the schedule goes on [s of wall time]."""
 LATE = 0.005
-"""... one that is later than this [s of wall time] at ..."""
+"""Lateness above which a knot counts as late [s of wall time]."""
 PATIENCE = 25
-"""... as many knots more than not does not keep the pace: the schedule waits for all that it is late."""
+"""Excess of late knots over punctual ones from which the schedule waits for the loop's full lateness."""
 
 JUMP = 0.1
-"""A loop that is ahead of the schedule by more has run unpaced: the schedule follows at once [s of robot time]."""
+"""Lead over the schedule above which the schedule follows at once: the loop has run unpaced [s of robot time]."""
 
 
 class Pace:
-    """Announces when each robot time is due, a little ahead. One thread, that of the loop, calls it.
+    """Schedule that announces, slightly ahead, when each robot time is due. Only the loop's thread calls it.
 
     Args:
         factor: requested robot time per wall time, above 0.
 
     Attributes:
-        factor: as given; may be changed.
-        on_knot: called with each knot: monotonic time [ns], robot time [s]; None: nobody.
-        limit: called with the robot time that the schedule would reach next, returns which it may [s]; None: all of
-            it.
-        slowed: knots at which the schedule waited for a loop that was late.
+        factor: requested robot time per wall time; may be changed.
+        on_knot: callback for each knot: monotonic time [ns], robot time [s]; None: no callback.
+        limit: function from the next robot time of the schedule to the allowed one [s]; None: no limit.
+        slowed: knots at which the schedule waited for a late loop.
     """
 
     def __init__(self, factor: float) -> None:
@@ -44,7 +42,7 @@ class Pace:
         self._late = 0
 
     def due(self, now: int, run: float) -> int | None:
-        """When a robot time is due [ns]; None: that is not announced yet.
+        """Return the monotonic time at which a robot time is due [ns]; None: not announced yet.
 
         Args:
             now: monotonic time [ns].
@@ -56,7 +54,7 @@ class Pace:
         return self._schedule.monotonic(run)
 
     def stand(self, now: int, run: float) -> None:
-        """Announce that the run pauses for a while: at a robot time [s], or where it was announced to be already."""
+        """Announce a pause of the run at a robot time [s], or at a later one if that was announced already."""
         schedule = self._begun(now, run)
         if now >= self._next:
             begin, reached = self._resume(schedule, now)
@@ -70,7 +68,7 @@ class Pace:
         return self._schedule
 
     def _resume(self, schedule: Schedule, now: int) -> tuple[int, float]:
-        """Return where the next piece begins; it stood since the last knot, if nobody could know how it goes on."""
+        """Return the start of the next piece; after a late call, announce that robot time stood since the last knot."""
         begin, reached = schedule.end
         if now > begin:
             self._announce(schedule, now, reached)
@@ -78,7 +76,7 @@ class Pace:
         return begin, reached
 
     def _extend(self, now: int, run: float) -> None:
-        """Announce the next piece: as long as the pace wants it, less what the loop is late, and up to the limit."""
+        """Announce the next piece: its length by the pace, less the loop's lateness, and up to the limit."""
         schedule = self._begun(now, run)
         late = schedule.robot_time(now) - run
         self._late = min(self._late + 1, 2 * PATIENCE) if late > LATE * self.factor else max(self._late - 1, 0)

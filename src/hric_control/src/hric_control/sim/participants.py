@@ -1,4 +1,4 @@
-"""Who else acts in the robot's plant: a person beside the arm, a door that opens. Found by name, as plants are."""
+"""Participants in the robot's plant, such as a person near the arm or a door; plugins found by name."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -11,45 +11,45 @@ from hric_core.node import Node
 
 
 class Participant(ABC):
-    """Somebody or something with a will of its own. Constructed, after the plant, as
-    `ParticipantClass(name, plant, node, config)`:
+    """Agent that acts in the robot's plant.
 
-        name: of what it spawns and publishes.
-        plant: the robot's.
+    Constructed after the plant as `ParticipantClass(name, plant, node, config)`:
+        name: name of its model and topics.
+        plant: the robot's plant.
         node: the robot's private names; a child of it, or `node.beside`, to publish.
-        config: its parameters, `type` not among them.
+        config: its parameters, without `type`.
 
     Attributes:
-        epoch: time of the run at which robot time was 0 [s]: what it publishes is stamped with the sum of both.
+        epoch: time of the run at which robot time was 0 [s]; added to robot time in its stamps.
     """
 
     epoch = 0.0
 
     @abstractmethod
     def reset(self) -> None:
-        """The plant was put back to its start, or has just been made; robot time goes on."""
+        """Reset after the plant was reset or created; robot time goes on."""
 
     @abstractmethod
     def act(self, time: float) -> None:
-        """Act in the coming step; in the loop, so it must not block.
+        """Act in the coming step. Runs in the loop, so it must not block.
 
         Args:
-            time: robot time of the state at its beginning [s].
+            time: robot time of the state at the start of the step [s].
         """
 
-    def close(self) -> None:  # noqa: B027  (who holds nothing need not say so)
-        """Take back what was advertised; the plant goes by itself."""
+    def close(self) -> None:  # noqa: B027  (a participant without resources needs no override)
+        """Unregister topics and services; the plant is closed elsewhere."""
 
 
 class Participants:
-    """All of a robot, from its private parameter `participants`: {name: {type: package/Class, ...}}.
+    """Participants of a robot, from its private parameter `participants`: {name: {type: package/Class, ...}}.
 
     Args:
-        plant: as it was made.
-        node: where the robot's private parameters are.
+        plant: plant after its construction.
+        node: node with the robot's private parameters.
 
     Raises:
-        HricError: a type that does not exist, or parameters that it refuses; those before it are closed.
+        HricError: a type does not exist, or refuses its parameters; participants constructed before it are closed.
     """
 
     def __init__(self, plant: Plant, node: Node) -> None:
@@ -65,23 +65,23 @@ class Participants:
             raise
 
     def set_epoch(self, epoch: float) -> None:
-        """Let all stamp what they publish with robot time plus this [s]; from any thread."""
+        """Set the offset from robot time to the stamps of all participants [s]. May be called from any thread."""
         for participant in self._all:
             participant.epoch = epoch
 
     def reset(self) -> None:
-        """The plant was put back to its start."""
+        """Reset all participants after the plant was reset."""
         for participant in self._all:
             participant.reset()
 
     def step(self, time: float) -> None:
-        """A step of the plant, in which all act; time: robot time at its beginning [s]."""
+        """Let all participants act, then step the plant; time: robot time at the start of the step [s]."""
         for participant in self._all:
             participant.act(time)
         self._plant.step()
 
     def close(self) -> None:
-        """All go."""
+        """Close all participants, in reverse order."""
         while self._all:
             self._all.pop().close()
 

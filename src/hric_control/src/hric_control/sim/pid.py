@@ -1,4 +1,4 @@
-"""PID of `gazebo_ros_control/pid_gains/<joint>`, for joints that efforts drive towards a position or velocity."""
+"""PID of `gazebo_ros_control/pid_gains/<joint>`, for joints driven by efforts to a position or velocity."""
 
 import math
 from dataclasses import dataclass
@@ -24,14 +24,14 @@ class PidGains(Settings):
         return self.i_clamp_min or -abs(self.i_clamp), self.i_clamp_max or abs(self.i_clamp)
 
     def check(self, where: str) -> None:
-        """Refuse bounds that cross."""
+        """Refuse a lower bound above the upper one."""
         low, high = self.i_bounds
         if low > high:
             raise refused(f"{where}i_clamp_min", low, f"up to i_clamp_max, {high:g} N m or N")
 
 
 class Pid:
-    """One joint's PID law, on plain floats."""
+    """PID law of one joint, on plain floats."""
 
     __slots__ = ("_gains", "_i_bounds", "_integral", "_last", "_limit")
 
@@ -40,11 +40,11 @@ class Pid:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the integral and the last error."""
+        """Reset the integral and the last error."""
         self._integral, self._last = 0.0, math.nan
 
     def effort(self, error: float, period: float) -> float:
-        """tau = p e + I + d de/dt within the effort limit, I = sum of i e dt within its bounds [N m or N].
+        """Return tau = p e + I + d de/dt within the effort limit, I = sum of i e dt within its bounds [N m or N].
 
         Args:
             error: command minus measured value [rad, rad/s, m or m/s].

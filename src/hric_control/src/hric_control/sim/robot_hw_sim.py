@@ -1,4 +1,4 @@
-"""Any robot with transmissions as a RobotHW on a physics plant, as Gazebo's default robot simulation offers it."""
+"""RobotHW on a physics plant for any robot with transmissions, like Gazebo's default robot simulation."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -36,7 +36,7 @@ _BY_CPP_NAME = {kind.cpp_name: mode for kind, mode in _MODES.items()}
 
 @dataclass(frozen=True)
 class SimSettings(Settings):
-    """Parameters of `RobotHWSim`, beside those of its plant."""
+    """Parameters of `RobotHWSim`, in addition to those of its plant."""
 
     q_start: tuple[float | None, ...] = per_joint(
         number(None, unit="rad or m"),
@@ -50,14 +50,14 @@ class SimSettings(Settings):
 
 
 class RobotHWSim(SimulatedRobot):
-    """The joints that have a transmission, on a plant. Gravity is not compensated; unclaimed joints are braked.
+    """Robot whose joints with a transmission are simulated. No gravity compensation; unclaimed joints are braked.
 
-    A command of a joint is what its interface says; a position or velocity is reached by the gains of
-    `gazebo_ros_control/pid_gains/<joint>` where given, else by the plant's stiff drive. Parameters: INTERFACE.md.
+    The interface defines the meaning of a joint's command. A position or velocity is controlled by the gains of
+    `gazebo_ros_control/pid_gains/<joint>` if set, else by the plant's stiff drive. Parameters: INTERFACE.md.
 
-    Attributes, beside those of `SimulatedRobot`:
+    Attributes, in addition to those of `SimulatedRobot`:
         transmissions: one per joint, in the order of the joints.
-        modes: what each joint is commanded by now.
+        modes: current command mode of each joint.
     """
 
     def init(self, root_node: Node, robot_hw_node: Node) -> None:
@@ -129,7 +129,7 @@ class RobotHWSim(SimulatedRobot):
     # -- switching -----------------------------------------------------------------------------------------------------
 
     def prepare_switch(self, start: Sequence[ControllerInfo], stop: Sequence[ControllerInfo]) -> None:
-        """A joint can be commanded through one interface at a time."""
+        """Refuse a controller that commands a joint through two interfaces."""
         for info in start:
             seen: dict[str, str] = {}
             for interface, joints in info.claims.items():
@@ -141,8 +141,7 @@ class RobotHWSim(SimulatedRobot):
                     seen[joint] = interface
 
     def do_switch(self, start: Sequence[ControllerInfo], stop: Sequence[ControllerInfo]) -> None:
-        """Give each joint the mode of the interface that claims it; one that changes begins with the command to
-        stay."""
+        """Set each joint to the mode of the interface that claims it; a changed joint starts with a command to stay."""
         before = dict(self._claimed)
         for info in stop:
             for joint in _claimed(info):
@@ -163,7 +162,7 @@ class RobotHWSim(SimulatedRobot):
             self._pids[i].reset()
 
     def _take_modes(self) -> None:
-        """Give limiters and plant the mode of each joint."""
+        """Pass the mode of each joint to limiters and plant."""
         self.modes = [self._claimed.get(name, Mode.BRAKE) for name in self.states.names]
         self._all_effort = all(mode is Mode.EFFORT for mode in self.modes)
         self._kinds = ["none" if mode is Mode.BRAKE else mode.value for mode in self.modes]
@@ -186,7 +185,7 @@ class RobotHWSim(SimulatedRobot):
     # -- the cycle -----------------------------------------------------------------------------------------------------
 
     def write(self, time: float, period: float) -> None:
-        """Limits, then the commands to the plant."""
+        """Enforce the limits, then pass the commands to the plant."""
         if not self._all_effort:
             self._write_mixed(period)
             return
@@ -212,7 +211,7 @@ class RobotHWSim(SimulatedRobot):
         self.plant.apply(values)
 
     def _gather(self) -> list[float]:
-        """The command in force of each joint, zero for one that nobody claims."""
+        """Return the current command of each joint; zero for an unclaimed joint."""
         return [0.0 if mode is Mode.BRAKE else self._commands[mode].value[i] for i, mode in enumerate(self.modes)]
 
     def _settle(self, q: Sequence[float]) -> None:
@@ -221,21 +220,21 @@ class RobotHWSim(SimulatedRobot):
             self._stay(i)
         for limiter in self._limiters.values():
             limiter.reset()
-        for limiter in list(self._limiters.values())[:1]:  # the counts are shared: one speaks for all
+        for limiter in list(self._limiters.values())[:1]:  # one is enough, as the counts are shared
             limiter.check_start()
 
     # -- what others read ----------------------------------------------------------------------------------------------
 
     def limiter_counts(self) -> limits.LimitCounts:
-        """What the limits did since the start, over all interfaces."""
+        """Return the limit counts since the start, over all interfaces."""
         return self._counts
 
     def log_row(self) -> LogRow:
-        """The commands of the last cycle."""
+        """Return the commands of the last cycle."""
         return self._kinds, self._raw, self._sent
 
     def actuator_states(self) -> dict[str, tuple[float, float, float]]:
-        """(position [rad or m], velocity, effort) of each actuator by name, through its transmission."""
+        """Return (position [rad or m], velocity, effort) of each actuator by name, through its transmission."""
         result, motors = {}, self.plant.motor_effort()
         for i, transmission in enumerate(self.transmissions):
             result[transmission.actuator] = (

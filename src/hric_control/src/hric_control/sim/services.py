@@ -1,5 +1,6 @@
-"""Services of a simulated robot under `sim/`, with Gazebo's names and types. Each runs in the loop, between two
-cycles."""
+"""Services of a simulated robot under `sim/`, with Gazebo's names and types.
+
+Each runs in the loop, between two cycles."""
 
 from collections.abc import Callable
 from typing import Any
@@ -24,13 +25,14 @@ WORLD = ("", "world", "map")
 
 
 def serve(hw: SimulatedRobot, node: Node) -> "SimServices":
-    """Offer the services and topics below `<node>/sim`; `.unregister()` takes them back."""
+    """Offer the services and topics below `<node>/sim`; `.unregister()` ends them."""
     return SimServices(hw, node.child("sim"))
 
 
 class SimServices:
-    """The handlers. A refusal is `success: False` with the reason in `status_message`, or the service's error where the
-    type has no such field.
+    """Service handlers.
+
+    A refusal is `success: False` with the reason in `status_message`, or a service error if the type has no such field.
 
     Args:
         hw: the simulated robot.
@@ -63,7 +65,7 @@ class SimServices:
         self._services += [node.service(name, kind, _responding(kind, act)) for name, (kind, act) in responding.items()]
 
     def unregister(self) -> None:
-        """Take the services and topics back."""
+        """Unregister the services and topics."""
         for service in self._services:
             service.unregister()
         self._loop.after_cycle.remove(self._start_waiting)
@@ -98,7 +100,7 @@ class SimServices:
         known = self._hw.states.names
         check_known("joint", names, known, self._robot)
         messages.finite("joint_positions", *positions)
-        # A joint that is not named stays where it is.
+        # Joints that are not named keep their position.
         q = dict(zip(known, self._hw.states.position, strict=True)) | dict(zip(names, positions, strict=True))
         outside = [self._outside(limit, q[limit.name]) for limit in self._limits if limit.name in names]
         self._hw.set_configuration([q[name] for name in known])
@@ -117,7 +119,7 @@ class SimServices:
         )
 
     def _frame(self, name: str) -> FloatArray:
-        """T_world_frame, shape (4, 4), of a link or of the world itself."""
+        """Return T_world_frame, shape (4, 4), of a link or of the world itself."""
         return np.eye(4) if name in WORLD else self._plant.link_state(name)[0]
 
     def _wrench(self, request: Any, _: Any) -> str:
@@ -127,7 +129,7 @@ class SimServices:
         torque = (R @ messages.finite("torque", w.torque.x, w.torque.y, w.torque.z)).tolist()
         at = messages.finite("reference_point", point.x, point.y, point.z)
         duration, start = request.duration.to_sec(), request.start_time.to_sec()
-        self._plant.link_state(body)  # an unknown body is refused now, not when its time has come
+        self._plant.link_state(body)  # refuses an unknown body now, not at the start time
         if duration == 0.0:
             return "duration is 0: nothing to apply (negative: until cleared)"
         span = f"for {duration:g} s" if duration > 0.0 else "until cleared"
@@ -142,7 +144,7 @@ class SimServices:
         return f"wrench on {body} {span}"
 
     def _start_waiting(self, time: float) -> None:
-        """Begin the wrenches whose time has come; after a cycle, so that they act from the next step on."""
+        """Apply the wrenches that are due; after a cycle, so that they act from the next step on."""
         if not self._waiting:
             return
         next_cycle = time + self._loop.time_step
@@ -187,7 +189,7 @@ class SimServices:
 
 
 def _silent(kind: Any, action: Callable[[Any], None]) -> Callable[[Any], Any]:
-    """Handler of a service whose response has no field."""
+    """Return the handler of a service whose response has no field."""
 
     def handler(request: Any) -> Any:
         action(request)
@@ -197,7 +199,7 @@ def _silent(kind: Any, action: Callable[[Any], None]) -> Callable[[Any], Any]:
 
 
 def _responding(kind: Any, action: Callable[[Any, Any], str]) -> Callable[[Any], Any]:
-    """Handler of a service that responds with success and text; `action` returns the text, or raises why not."""
+    """Return the handler of a service with success and text; `action` returns the text, or raises the reason."""
 
     def handler(request: Any) -> Any:
         response = kind._response_class()

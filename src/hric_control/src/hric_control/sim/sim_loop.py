@@ -1,12 +1,12 @@
-"""The clock of a simulated robot: paced or not, with pause, single steps, and requests served between two cycles.
+"""Clock and loop of a simulated robot: paced or not, with pause, single steps, and requests between two cycles.
 
 A simulated RobotHW owns one loop and drives it:
 
     def run(self, on_cycle):
         self.loop.run(lambda time, period, reset: self._cycle(on_cycle, time, period, reset))
 
-where `_cycle` reads, calls `on_cycle`, writes, steps the plant, and returns whether to go on. Everything that touches
-the plant from outside (services) goes through `request`, so that only one thread ever uses the plant.
+where `_cycle` reads, calls `on_cycle`, writes, steps the plant, and returns True to go on. Everything that accesses the
+plant from outside (services) goes through `request`, so that only one thread ever uses the plant.
 """
 
 import math
@@ -28,8 +28,9 @@ from hric_core.robot_time.schedule import NS
 T = TypeVar("T")
 
 Cycle = Callable[[float, float, bool], bool]
-"""(robot time at the measuring instant [s], period [s], reset controllers) -> go on? A cycle that returns False counts,
-and is the last one."""
+"""Callback (robot time at the measuring instant [s], period [s], reset controllers) -> True to go on.
+
+A cycle that returns False counts, and is the last one."""
 
 REAL_TIME_FACTOR: Any = number(
     1.0,
@@ -43,7 +44,7 @@ NAP = 10_000_000
 HELD_NAP = 0.002
 """Sleep of a loop whose next cycle is not announced yet [s]."""
 PAUSE_POLL = 0.02
-"""How often a paused loop calls `on_pause` [s]."""
+"""Period at which a paused loop calls `on_pause` [s]."""
 IDLE_PERIOD = 0.1
 """Robot time between two calls of `on_idle` when the loop is not paced [s]."""
 
@@ -68,10 +69,10 @@ class _Request(Generic[T]):
 
 
 class SimLoop:
-    """Steps a cycle at a fixed time step and keeps robot time.
+    """Loop with a fixed time step, which owns robot time.
 
-    Robot time is a whole number of cycles: it has no rounding drift and never goes back; a reset of the robot leaves
-        it.
+    Robot time is a whole number of cycles: it has no rounding drift and never goes back; a reset of the robot does not
+    change it.
 
     Args:
         time_step: period of the cycle [s].
@@ -79,10 +80,10 @@ class SimLoop:
 
     Attributes:
         time_step: period of the cycle [s].
-        time: robot time of the state that the next cycle reads (during a cycle: that the cycle has read) [s].
+        time: robot time of the state that the next cycle reads, or that the present cycle has read [s].
         cycles: number of cycles finished.
-        pace: by which it sleeps, and which says ahead when a robot time is due.
-        after_cycle: called in the loop after each finished cycle with robot time at which that cycle measured.
+        pace: schedule by which the loop sleeps and which announces when a robot time is due.
+        after_cycle: callbacks in the loop after each finished cycle, with the robot time at which that cycle measured.
         on_idle: called in the loop every 0.1 s of robot time when not paced, to let messages out. It may wait.
         on_pause: called in the paused loop, every 20 ms of wall time.
     """
@@ -103,7 +104,7 @@ class SimLoop:
         self._steps = 0
         self._stepped: threading.Event | None = None
         self._requests: deque[_Request[object]] = deque()
-        self._wake: SimpleQueue[None] = SimpleQueue()  # its put is safe in a signal handler
+        self._wake: SimpleQueue[None] = SimpleQueue()  # put() is safe in a signal handler
         self._state = threading.RLock()  # held while requests run directly, and while run begins or ends
         self._step_caller = threading.Lock()
         self._thread: int | None = None
@@ -121,23 +122,23 @@ class SimLoop:
 
     @property
     def running(self) -> bool:
-        """Whether `run` is active, paused or not."""
+        """True if `run` is active, paused or not."""
         return self._thread is not None
 
     @property
     def paused(self) -> bool:
-        """Whether the run is paused."""
+        """True if the run is paused."""
         return self._paused
 
     @property
     def stats(self) -> LoopStats:
-        """Statistics; cheap, from any thread."""
+        """Statistics; cheap, may be read from any thread."""
         return self._meter.stats(self.pace.slowed)
 
     def run(self, cycle: Cycle) -> None:
         """Run cycles until `stop`, or until `cycle` returns False. Owns the calling thread; raises what `cycle` raises.
 
-        A `stop` that came before `run` counts: run returns at once.
+        After a `stop` that came before `run`, it returns at once.
         """
         with self._state:
             if self._thread is not None:
@@ -167,12 +168,12 @@ class SimLoop:
         self._paused = True
 
     def unpause(self) -> None:
-        """Go on from the same robot time."""
+        """Continue from the same robot time."""
         self._paused = False
         self._wake.put(None)
 
     def restart_controllers(self) -> None:
-        """Give reset_controllers = True to the next cycle: after the robot was put elsewhere."""
+        """Pass reset_controllers = True to the next cycle, after the robot was moved to another pose."""
         self._reset = True
 
     def request(self, function: Callable[[], T]) -> T:
@@ -193,7 +194,7 @@ class SimLoop:
         return request.result  # type: ignore[return-value]
 
     def step(self, n: int) -> float:
-        """Run exactly `n` cycles while paused, as fast as possible; waits until they are done.
+        """Run exactly `n` cycles while paused, as fast as possible, and wait for their end.
 
         Returns:
             robot time afterwards [s].
@@ -259,12 +260,12 @@ class SimLoop:
             self._stepped.set()
 
     def stand(self) -> None:
-        """Announce that robot time pauses for now, where the loop is paced."""
+        """Announce that robot time pauses for now, if the loop is paced."""
         if self._factor:
             self.pace.stand(monotonic_ns(), self.time)
 
     def _sleep(self) -> None:
-        """Wait until the next cycle is due by the schedule; count it where that has passed."""
+        """Wait until the next cycle is due by the schedule; count a deadline that has passed."""
         pace, run = self.pace, self.time
         now = monotonic_ns()
         due = pace.due(now, run)
@@ -287,7 +288,7 @@ class SimLoop:
             self._requests.popleft().serve()
 
     def _wait(self) -> None:
-        """Paused: sleep until there is a request."""
+        """Sleep until there is a request, while paused."""
         self.stand()
         self._meter.stand()
         if self.on_pause is not None:

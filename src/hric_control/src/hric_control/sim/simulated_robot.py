@@ -1,4 +1,4 @@
-"""What all simulated robots have in common: a plant, the loop that steps it, and how the robot is moved at once."""
+"""Base of simulated robots: a plant, the loop that steps it, and changes of the robot's pose."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -19,15 +19,14 @@ DEFAULT_PLANT = "pybullet_ros_control/PyBulletPlant"
 
 
 class SimulatedRobot(RobotHW):
-    """Base of the robots on a plant. A subclass builds itself within `_new_plant`, and implements `write` and
-    `_settle`.
+    """Base of robots on a plant. A subclass builds itself within `_new_plant`, and implements `write` and `_settle`.
 
     Attributes:
         description: the URDF.
-        q_start: where `reset` puts the robot, n floats [rad or m].
+        q_start: joint positions after `reset`, n floats [rad or m].
         states: joint states at the measuring instant.
         plant, loop: physics and clock.
-        rotor_inertia: of the plant, n floats [kg m^2].
+        rotor_inertia: rotor inertia of the plant's joints, n floats [kg m^2].
     """
 
     description: str
@@ -41,11 +40,11 @@ class SimulatedRobot(RobotHW):
     def _new_plant(
         self, node: Node, urdf_xml: str, joint_names: Sequence[str], config: Mapping[str, Any]
     ) -> Iterator[None]:
-        """The plant that the parameter `plant_type` names, its loop and states; a failure in the block closes it.
+        """Build the plant of the parameter `plant_type`, its loop and states; a failure in the block closes it.
 
         Args:
-            node: where the robot's private parameters are.
-            urdf_xml: the body, which may differ from the description.
+            node: node with the robot's private parameters.
+            urdf_xml: description of the plant's body, which may differ from the robot's.
             joint_names: the actuated joints.
             config: parameters of the plant.
         """
@@ -63,12 +62,12 @@ class SimulatedRobot(RobotHW):
             self._held = held.pop_all()
 
     def read(self, time: float, period: float) -> None:
-        """State of the plant at the measuring instant."""
+        """Read the state of the plant at the measuring instant."""
         states = self.states
         self.plant.read_state(states.position, states.velocity, states.effort)
 
     def run(self, on_cycle: OnCycle) -> None:
-        """Read, controllers, write, step. A switch needs no other run, so what `on_cycle` returns does not matter."""
+        """Run cycles of read, controllers, write, step. Ignore the result of `on_cycle`: a switch needs no new run."""
         read, write, step = self.read, self.write, self._participants.step
 
         def cycle(time: float, period: float, reset_controllers: bool) -> bool:
@@ -81,16 +80,18 @@ class SimulatedRobot(RobotHW):
         self.loop.run(cycle)
 
     def stop(self) -> None:
-        """Let `run` return after this cycle; from any thread or a signal handler."""
+        """Let `run` return after this cycle. May be called from any thread or a signal handler."""
         self.loop.stop()
 
     def reset(self, q: Sequence[float] | None = None) -> None:
-        """Robot to q (or `q_start`) at rest, world to its start; time goes on, controllers restart. In the loop."""
+        """Put the robot at q (or `q_start`) at rest, reset the world, restart the controllers. Called in the loop.
+
+        Robot time goes on."""
         self._put(self.q_start if q is None else q, self._reset_plant)
         self.loop.restart_controllers()
 
     def set_configuration(self, q: Sequence[float]) -> None:
-        """Robot to q at rest, the world left as it is, controllers restart. In the loop."""
+        """Put the robot at q at rest without changing the world, and restart the controllers. In the loop."""
         self._put(q, self.plant.set_configuration)
         self.loop.restart_controllers()
 
@@ -106,9 +107,9 @@ class SimulatedRobot(RobotHW):
         self._settle(q)
 
     def _settle(self, q: Sequence[float]) -> None:
-        """The plant was put to q at rest: read its state, and begin with the commands that leave it there."""
+        """Read the state after the plant was put at q at rest, and set the commands that hold it there."""
         raise NotImplementedError(f"{type(self).__name__} has no _settle")
 
     def shutdown(self) -> None:
-        """Release the plant, and who acts in it."""
+        """Release the plant and its participants."""
         self._held.close()

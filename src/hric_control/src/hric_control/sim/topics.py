@@ -1,4 +1,4 @@
-"""Topics of a simulated robot under `sim/`: contacts, motor efforts, poses of models, and loads of a ReactingPlant."""
+"""Topics of a simulated robot under `sim/`: contacts, motor efforts, poses of models, loads of a ReactingPlant."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -20,17 +20,17 @@ from hric_core.urdf import read
 from hric_msgs.msg import JointReactions
 
 CONTACTS_PERIOD = 0.01
-"""[s of robot time]"""
+"""Period of `contacts` [s of robot time]."""
 MODELS_PERIOD = 0.1
-"""[s of robot time]"""
+"""Period of `model_states` [s of robot time]."""
 REACTIONS_PERIOD = 0.01
-"""[s of robot time]"""
+"""Period of `joint_reactions` [s of robot time]."""
 MOTORS_PERIOD = 0.01
-"""[s of robot time]"""
+"""Period of `motor_efforts` [s of robot time]."""
 
 
 class SimTopics:
-    """Publishes from the loop: reads the engine there, builds the messages elsewhere.
+    """Publisher of the topics; reads the engine in the loop and builds the messages in another thread.
 
     Args:
         hw: the simulated robot.
@@ -52,7 +52,7 @@ class SimTopics:
         periods = (CONTACTS_PERIOD, MODELS_PERIOD, MOTORS_PERIOD, REACTIONS_PERIOD)
         self._cycles = [max(1, round(period / self._loop.time_step)) for period in periods]
         self._warned = False
-        self._touching = True  # the first message says that there is none
+        self._touching = True  # so that the first message is sent without a contact, too
         self._loop.after_cycle.append(self._publish)
 
     def unregister(self) -> None:
@@ -82,7 +82,7 @@ class SimTopics:
             self._contacts.publish(contacts_message, contacts, time, peaks)
 
     def _state(self, name: str) -> tuple[FloatArray, FloatArray]:
-        """(T_world_base, twist) of a model; the origin, with one warning, if the plant has none."""
+        """Return (T_world_base, twist) of a model; the origin, with one warning, if the plant has none."""
         try:
             body = self._root if name == self._robot else f"{name}::{self._plant.base_link(name)}"
             return self._plant.link_state(body)
@@ -95,12 +95,13 @@ class SimTopics:
 
 
 def contacts_message(contacts: list[Contact], time: float, peaks: Mapping[tuple[str, str], float] | None = None) -> Any:
-    """gazebo_msgs/ContactsState in the world frame: one state per pair of bodies with all points; forces on collision1.
+    """Return gazebo_msgs/ContactsState in the world frame, one state per pair of bodies; forces act on collision1.
 
     Args:
-        contacts: of one cycle.
+        contacts: contacts of one cycle.
         time: robot time at which that cycle measured [s].
-        peaks: of pairs that met by a spring since the message before [N]; a parted one has a state without points.
+        peaks: peak penalty forces by pair since the last message [N]; a pair without contact now has a state without
+            points.
     """
     message = ContactsState()
     message.header.stamp, message.header.frame_id = stamps.to_time(time), "world"
@@ -128,10 +129,11 @@ def _state_of(message: Any, pair: tuple[str, str], info: str) -> Any:
 
 
 def motors_message(joint_names: Sequence[str], efforts: list[float], time: float) -> Any:
-    """sensor_msgs/JointState with the efforts of the motors in one cycle.
+    """Return sensor_msgs/JointState with the efforts of the motors in one cycle.
 
     Args:
-        joint_names, efforts: of that cycle [N m or N].
+        joint_names: names of the joints.
+        efforts: motor efforts of that cycle [N m or N].
         time: robot time at which it measured [s].
     """
     message = JointState()
@@ -140,7 +142,7 @@ def motors_message(joint_names: Sequence[str], efforts: list[float], time: float
 
 
 def models_message(names: list[str], states: list[tuple[FloatArray, FloatArray]]) -> Any:
-    """gazebo_msgs/ModelStates in the world frame."""
+    """Return gazebo_msgs/ModelStates in the world frame."""
     message = ModelStates(name=names)
     for T, twist in states:
         pose, velocity = Pose(), Twist()
@@ -152,10 +154,10 @@ def models_message(names: list[str], states: list[tuple[FloatArray, FloatArray]]
 
 
 def reactions_message(reactions: list[JointReaction], time: float) -> Any:
-    """hric_msgs/JointReactions of one cycle.
+    """Return hric_msgs/JointReactions of one cycle.
 
     Args:
-        reactions: of that cycle.
+        reactions: loads of that cycle.
         time: robot time at which it measured [s].
     """
     message = JointReactions()
