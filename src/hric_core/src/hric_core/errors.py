@@ -1,26 +1,26 @@
-"""Errors of the framework: each message says what was wrong, where, and what would be valid."""
+"""Errors of the framework. Each message says what was wrong, where, and what would be valid."""
 
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from difflib import get_close_matches
 
 MISTAKE, FAILURE = 2, 1
-"""Exit codes of commands and nodes: what was given is wrong, and nothing was begun; it was right, and did not
-succeed."""
+"""Exit codes of commands and nodes.
+
+MISTAKE: the input is wrong, and nothing was started. FAILURE: the input was right, but the work did not succeed."""
 
 
 class HricError(Exception):
-    """A mistake of the user or a state that forbids the request. The message is complete; a node prints it without a
-    traceback.
+    """Mistake of the user, or a state that forbids the request. A node prints the message without a traceback.
 
     Attributes:
-        exit_code: of the command that it ends, MISTAKE or FAILURE.
+        exit_code: exit code of the command that it ends, MISTAKE or FAILURE.
     """
 
     exit_code = MISTAKE
 
     def __reduce__(self) -> tuple[object, ...]:
-        """Carry the message and the attributes to another process, whatever the constructor of a subclass takes."""
+        """Pickle the message and the attributes, whatever arguments the constructor of a subclass takes."""
         return _rebuilt, (type(self), self.args), self.__dict__
 
 
@@ -31,21 +31,20 @@ def _rebuilt(kind: type[HricError], args: tuple[object, ...]) -> HricError:
 
 
 class FailureError(HricError):
-    """What was requested correctly did not succeed: a robot, a master or a port is not there, a simulation diverged, a
-    disk is full."""
+    """Failure of a correct request, e.g. a missing robot, master or port, a diverged simulation, a full disk."""
 
     exit_code = FAILURE
 
 
 def refused_by_system(error: OSError) -> FailureError:
-    """Return the error for what the system refused: its reason, and the file where the system names one."""
+    """Return the error for a refusal of the operating system, with its reason and file name if known."""
     where = f"{error.filename}: " if error.filename else ""
     return FailureError(f"{where}{error.strerror or error}")
 
 
 @contextmanager
 def failing() -> Iterator[None]:
-    """What goes wrong within is a failure, whatever its type: the user's words were accepted before."""
+    """Turn every HricError within into a failure, whatever its type: the user's input was accepted before."""
     try:
         yield
     except HricError as error:
@@ -54,13 +53,13 @@ def failing() -> Iterator[None]:
 
 
 class UnknownNameError(HricError):
-    """A name that does not exist.
+    """Unknown name.
 
     Args:
-        kind: of the name, e.g. "joint".
-        name: the unknown one.
+        kind: kind of the name, e.g. "joint".
+        name: the unknown name.
         valid: the names that exist.
-        where: where it was looked up, e.g. "EffortJointInterface".
+        where: place of the look-up, e.g. "EffortJointInterface".
     """
 
     def __init__(self, kind: str, name: object, valid: Iterable[str], where: str = "") -> None:
@@ -72,22 +71,21 @@ class UnknownNameError(HricError):
 
 
 def check_known(kind: str, names: Iterable[object], valid: Collection[str], where: str = "") -> None:
-    """Raises UnknownNameError, with its arguments, for the first name that does not exist."""
+    """Raise UnknownNameError, with its arguments, for the first name that does not exist."""
     for name in names:
         if name not in valid:
             raise UnknownNameError(kind, name, valid, where)
 
 
 class ParameterError(HricError):
-    """A parameter that is missing, of the wrong type or out of range; the message gives its full name and the valid
-    values."""
+    """Parameter that is missing, of the wrong type or out of range; the message has its full name and valid values."""
 
 
 class ParameterErrors(ParameterError):
-    """Several of them, a line for each.
+    """Several parameter errors, a line for each.
 
     Args:
-        errors: those of parts may be several themselves.
+        errors: single errors, or groups of them.
     """
 
     def __init__(self, errors: Iterable[ParameterError]) -> None:
@@ -98,23 +96,22 @@ class ParameterErrors(ParameterError):
 
 
 def message_about(what: str, error: HricError) -> str:
-    """The message with the name of what it is about; several mistakes below each other."""
+    """Return the message headed by the name of its subject; several mistakes as indented lines."""
     lines = str(error).splitlines()
     return f"{what}: {error}" if len(lines) == 1 else "\n  ".join([f"{what}: {len(lines)} mistakes", *lines])
 
 
 class UnknownParameterError(UnknownNameError, ParameterError):
-    """A parameter, or a name within one, that does not exist."""
+    """Unknown parameter, or an unknown name within one."""
 
 
 class CommandError(HricError):
-    """A command that cannot be carried out: wrong length, not finite, wrong joints. The command before it stays in
-    force."""
+    """Command that cannot be executed: wrong length, not finite, wrong joints. The previous command stays in force."""
 
 
 class ResourceConflictError(HricError):
-    """Two controllers want the same resource; the message names both and the resource."""
+    """Conflict of two controllers over a resource; the message names both and the resource."""
 
 
 class DescriptionError(HricError):
-    """A robot description that cannot be used; the message names the element."""
+    """Unusable robot description; the message names the element."""

@@ -1,4 +1,4 @@
-"""What is computed once and kept for later: where, and how it is written."""
+"""Cache of computed results: its folder, and how its files are written."""
 
 import os
 import tempfile
@@ -6,16 +6,17 @@ from pathlib import Path
 
 
 def cache_folder(kind: str) -> Path | None:
-    """Where things of a kind are kept: hric/<kind> below XDG_CACHE_HOME, or ~/.cache; None without a home. It may be
-    removed at any time."""
+    """Return the cache folder hric/<kind> below XDG_CACHE_HOME or ~/.cache; None without a home.
+
+    It may be removed at any time."""
     for base in (os.environ.get("XDG_CACHE_HOME", ""), os.path.expanduser("~/.cache")):
-        if os.path.isabs(base):  # the XDG base directory specification: a relative path is to be ignored
+        if os.path.isabs(base):  # XDG base directory specification: ignore relative paths
             return Path(base) / "hric" / kind
     return None
 
 
 def write_whole(target: Path, content: bytes) -> None:
-    """Write a file so that it is there whole or as it was before, also when several processes write it at once.
+    """Write a file atomically, also when several processes write it at once.
 
     Raises:
         OSError: the folder cannot be written.

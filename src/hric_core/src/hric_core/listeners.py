@@ -1,7 +1,8 @@
-"""Messages on their way to listeners. A socket that takes no more keeps nobody waiting: what is left waits for that
-listener alone, and beyond a limit it loses its own oldest messages.
+"""Messages on their way to listeners.
 
-Nothing here blocks: each write takes what the socket has room for, and a thread sends the rest when there is room.
+A full socket does not block: the rest waits for that listener alone, and beyond a limit that listener's oldest messages
+are dropped. Nothing here blocks: each write fills the socket's free space, and a thread sends the rest when there is
+room.
 """
 
 import logging
@@ -18,43 +19,46 @@ from hric_core.native.sockets import send_now
 
 LOG = logging.getLogger("hric.control.listeners")
 LIMIT = 4 << 20
-"""Data that may wait for one listener beyond what its socket holds [bytes]. The newest message waits whatever its size
-(project default, unconfirmed: a second of the largest topic of 1 kHz)."""
+"""Data that may wait for one listener beyond its socket's buffer [bytes].
+
+The newest message waits whatever its size. Project default, unconfirmed: a second of the largest topic of 1 kHz."""
 DEAD = 600.0
-"""A listener that takes nothing for so long is let go [s] (project default, unconfirmed: a debugger may hold it up)."""
+"""Time without reading after which a listener is closed [s].
+
+Project default, unconfirmed: a debugger may suspend it."""
 PART = 1 << 18
-"""Data that is written to a listener at a time while others wait for their turn [bytes]."""
+"""Data written to a listener at a time while others wait for their turn [bytes]."""
 LOOK = 1.0
-"""Between two looks at who is behind [s]."""
+"""Time between two checks for slow listeners [s]."""
 
 
 class Listener:
-    """A subscriber of a topic, at the other end of a socket.
+    """Subscriber of a topic, at the other end of a socket.
 
     Args:
-        name: who listens to what, for messages.
-        socket: to write to.
+        name: name of subscriber and topic, for messages.
+        socket: socket to write to.
 
     Attributes:
-        lost: messages that were dropped since it did not read them.
+        lost: messages dropped because it did not read them.
     """
 
     def __init__(self, name: str, socket: socket) -> None:
         self.name, self.lost = name, 0
         self.file = socket.fileno()
         self.open = self.file >= 0
-        self.waiting: deque[tuple[bytes | memoryview, int]] = deque()  # data and number of its messages
+        self.waiting: deque[tuple[bytes | memoryview, int]] = deque()  # (data, number of messages)
         self.size = 0
-        self.begun = False  # the first of them is out in part, so that the rest must follow
-        self.stuck = False  # nobody waits for it to catch up
+        self.begun = False  # part of the first entry was sent, so its rest must follow
+        self.stuck = False  # `flush` does not wait for it to catch up
         self.progress = 0.0
         self.reported = 0
 
     def let_go(self) -> None:
-        """Close the connection; called without a lock."""
+        """Close the connection. Called without a lock."""
 
     def close(self) -> None:
-        """Drop what waits, and close the connection."""
+        """Drop the waiting data, and close the connection."""
         DISPATCHER.forget(self)
         self.let_go()
 
@@ -63,9 +67,9 @@ class Parcel(NamedTuple):
     """Serialised messages of one topic, in their order.
 
     Attributes:
-        listeners: whom it goes to.
-        data: [bytes].
-        number: of messages.
+        listeners: receivers.
+        data: the messages [bytes].
+        number: number of messages.
     """
 
     listeners: Sequence[Listener]
@@ -80,10 +84,10 @@ class Status(NamedTuple):
     """Listeners of this process that do not keep up.
 
     Attributes:
-        behind: names of those for whom something waits.
-        waiting: for all of them [bytes].
-        lost: messages since the start, of all listeners.
-        closed: listeners that were let go since they took nothing.
+        behind: names of the listeners with waiting data.
+        waiting: data waiting for all of them [bytes].
+        lost: messages dropped since the start, for all listeners.
+        closed: number of listeners closed because they did not read.
     """
 
     behind: tuple[str, ...]
@@ -93,7 +97,7 @@ class Status(NamedTuple):
 
 
 class Dispatcher:
-    """Sends to all listeners of a process."""
+    """Sender to all listeners of a process."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition(threading.Lock())
@@ -103,7 +107,7 @@ class Dispatcher:
         self._lost = self._closed = 0
 
     def send(self, parcels: Sequence[Parcel]) -> None:
-        """Write what the sockets take, and keep the rest; a listener that cannot be written to is closed."""
+        """Write what the sockets take, and queue the rest. A listener that cannot be written to is closed."""
         posts = [(listener, parcel.data, parcel.number) for parcel in parcels for listener in parcel.listeners]
         broken: list[Listener] = []
         with self._changed:
@@ -113,8 +117,9 @@ class Dispatcher:
             listener.close()
 
     def flush(self, timeout: float) -> bool:
-        """Wait until all listeners took what waits for them. One that did not within `timeout` [s] is not waited for
-        again before it has caught up; then False."""
+        """Wait until all listeners have taken their waiting data; return False after `timeout` [s].
+
+        A listener that was too slow is not waited for again before it has caught up."""
         with self._changed:
             done = self._changed.wait_for(lambda: all(one.stuck for one in self._behind.values()), max(timeout, 0.0))
             for listener in self._behind.values():
@@ -122,13 +127,13 @@ class Dispatcher:
             return done and not self._behind
 
     def forget(self, listener: Listener) -> None:
-        """Send it nothing more."""
+        """Send nothing more to a listener."""
         with self._changed:
             listener.open = False
             self._caught_up(listener)
 
     def status(self) -> Status:
-        """Who does not keep up."""
+        """Return which listeners do not keep up."""
         with self._changed:
             behind = list(self._behind.values())
             return Status(
@@ -140,7 +145,7 @@ class Dispatcher:
     def _send(
         self, posts: Sequence[tuple[Listener, bytes, int]], broken: list[Listener]
     ) -> list[tuple[Listener, bytes, int]]:
-        """Send the first post of each listener; returns the others."""
+        """Send the first post of each listener; return the others."""
         first: dict[Listener, tuple[bytes, int]] = {}
         later = []
         for listener, data, count in posts:
@@ -163,7 +168,7 @@ class Dispatcher:
         return later
 
     def _keep(self, listener: Listener, data: bytes | memoryview, count: int) -> None:
-        """Let data wait; the oldest messages that are not begun give way."""
+        """Queue data; beyond the limit drop the oldest messages of which no part was sent."""
         waiting = listener.waiting
         if not waiting:
             listener.progress = time.monotonic()
@@ -186,12 +191,12 @@ class Dispatcher:
         listener.size, listener.begun, listener.stuck = 0, False, False
         if self._behind.get(listener.file) is listener:
             del self._behind[listener.file]
-            with suppress(OSError):  # its owner has closed the socket, and the system forgets it by itself
+            with suppress(OSError):  # closed by its owner, which also unregisters it
                 self._poll.unregister(listener.file)
             self._changed.notify_all()
 
     def _advance(self, listener: Listener) -> bool:
-        """Send some of what waits; False when the connection is broken."""
+        """Send a part of the waiting data; return False when the connection is broken."""
         waiting, part = listener.waiting, list[bytes | memoryview]()
         size = 0
         for data, _ in waiting:
@@ -234,7 +239,7 @@ class Dispatcher:
                 self._report()
 
     def _report(self) -> None:
-        """Say who loses messages, and let go who is dead."""
+        """Log listeners that lose messages, and close dead ones."""
         now = time.monotonic()
         with self._changed:
             behind = list(self._behind.values())
@@ -254,4 +259,4 @@ class Dispatcher:
 
 
 DISPATCHER = Dispatcher()
-"""The process's one."""
+"""Dispatcher of this process."""

@@ -1,5 +1,4 @@
-"""Parameters that change while running, without ROS: checking a change, handing it to the owner, putting back
-what is refused."""
+"""Live parameters without ROS: check a change, pass it to the owner, undo what the owner refuses."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -13,7 +12,7 @@ OnChange = Callable[[dict[str, Any]], dict[str, Any]]
 
 
 def live_parameters(settings: Settings) -> list[LiveParameter]:
-    """What to offer of declared parameters that are live, with their present values as defaults."""
+    """Return the live parameters among declared ones, with their present values as defaults."""
     return [
         LiveParameter(
             parameter.name, getattr(settings, key), parameter.minimum, parameter.maximum, parameter.text_with_unit
@@ -24,17 +23,17 @@ def live_parameters(settings: Settings) -> list[LiveParameter]:
 
 
 class LiveValues:
-    """The values of a set of live parameters. A change is taken as a whole or refused as a whole.
+    """Values of a set of live parameters. A change is accepted or refused as a whole.
 
     Args:
         namespace: for messages.
-        parameters: what there is; a range is in force where `minimum` < `maximum`.
-        on_change: gets all values, returns those in force.
+        parameters: the live parameters; a range is in force if `minimum` < `maximum`.
+        on_change: function from all requested values to those in force.
         initial: values that replace the defaults, e.g. from the parameter server.
 
     Raises:
         ParameterError: an initial value is of the wrong type or out of range.
-        HricError: whatever `on_change` raises for the initial values.
+        HricError: raised by `on_change` for the initial values.
     """
 
     def __init__(

@@ -1,7 +1,7 @@
-"""The largest value that a parameter of each unit can have, and the unit in which a refused one was probably meant.
+"""Largest value of a parameter in each unit, and the unit in which a refused value was probably meant.
 
 A bound lies above what any robot, room or person here needs, and below what the usual slips give: degrees for rad, mm
-for m, g for kg, N mm for N m, ms for s. A parameter that declares a maximum of its own goes by that alone.
+for m, g for kg, N mm for N m, ms for s. A parameter that declares a maximum uses that alone.
 """
 
 import math
@@ -13,12 +13,12 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Magnitude:
-    """Bound of a unit, and what is mistaken for it.
+    """Bound of a unit, and the units confused with it.
 
     Attributes:
-        largest: size that no value exceeds, in the unit.
-        source: why.
-        others: units that are mistaken for it, in it.
+        largest: largest absolute value, in the unit.
+        source: reason of the bound.
+        others: units confused with this one, each expressed in this one.
     """
 
     largest: float
@@ -27,10 +27,10 @@ class Magnitude:
 
 
 DEGREE = math.pi / 180.0
-"""[rad]"""
+"""Degree [rad]."""
 _UNCONFIRMED = "; project default, unconfirmed"
 NEVER_MEANT = 1e12
-"""Numbers from here on are meant in no unit."""
+"""Bound from which on a number is not taken for a value in another unit."""
 MAGNITUDES: Mapping[str, Magnitude] = {
     "rad": Magnitude(4.0 * math.pi, "two turns: joints with stops have one at most" + _UNCONFIRMED, {"deg": DEGREE}),
     "rad/s": Magnitude(50.0, "twice what the fastest small arms reach" + _UNCONFIRMED, {"deg/s": DEGREE}),
@@ -53,17 +53,19 @@ MAGNITUDES: Mapping[str, Magnitude] = {
     "N m s/rad": Magnitude(1e4, "critical damping of a joint so stiff" + _UNCONFIRMED, {"N mm s/rad": 1e-3}),
     "s": Magnitude(3600.0, "a session with a person" + _UNCONFIRMED, {"ms": 1e-3}),
 }
-"""Bounds by unit. Stiffness in N/m has none: what is mistaken for it, N/mm, is smaller."""
+"""Bounds by unit. Stiffness in N/m has none: N/mm, which is confused with it, gives smaller numbers."""
 _SEPARATORS = re.compile(r", | or ")
 
 
 def largest(unit: str) -> float:
-    """Return the size that no value of a unit exceeds; of several ("rad or m") the largest, inf where one has none."""
+    """Return the largest absolute value of a unit; of several ("rad or m") the largest, inf if one has no bound."""
     return max(MAGNITUDES[single].largest if single in MAGNITUDES else math.inf for single in _SEPARATORS.split(unit))
 
 
 def first_beyond(value: Any, unit: str) -> tuple[float, str] | None:
-    """Return the first number that is too large, and its unit: of rows in "s, m" the first column has the first one."""
+    """Return the first number that is too large, and its unit.
+
+    In rows of "s, m" the first column has the first unit."""
     first, _, rest = unit.partition(", ")
     rows = value if rest and isinstance(value, tuple) and value and isinstance(value[0], tuple) else ()
     parts = [part for row in rows for part in ((row[:1], first), (row[1:], rest))] or [(value, unit)]
@@ -71,16 +73,17 @@ def first_beyond(value: Any, unit: str) -> tuple[float, str] | None:
 
 
 def likely_unit(value: Any, unit: str, low: float, high: float) -> str:
-    """Say in which unit a refused number was probably meant; empty where none fits.
+    """Return the unit in which a refused number was probably meant, as text; empty if none fits.
 
     Args:
-        value: what was given.
-        unit: what the parameter has.
-        low, high: least and largest value of the parameter, in its unit.
+        value: refused value.
+        unit: unit of the parameter.
+        low: smallest value of the parameter, in its unit.
+        high: largest value of the parameter, in its unit.
     """
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < NEVER_MEANT:
         return ""
-    if abs(value) <= min(high, largest(unit)):  # too small, or of the wrong sign: of that no unit is the reason
+    if abs(value) <= min(high, largest(unit)):  # too small or of the wrong sign, which no unit explains
         return ""
     for single in _SEPARATORS.split(unit):
         for other, size in MAGNITUDES[single].others.items() if single in MAGNITUDES else ():

@@ -1,4 +1,4 @@
-"""Graph names: resolving them in a namespace, and checking that messages are of the type their topic carries."""
+"""Graph names: resolution in a namespace, and the check that a message has the type of its topic."""
 
 from typing import Any
 
@@ -6,12 +6,12 @@ from hric_core.errors import HricError
 
 
 def normalize(name: str) -> str:
-    """Absolute name with single slashes and no slash at the end; the root is "/"."""
+    """Return the absolute name with single slashes and no slash at the end; the root is "/"."""
     return "/" + "/".join(part for part in name.split("/") if part)
 
 
 def resolve(namespace: str, name: str) -> str:
-    """Absolute name of `name`, which is relative to `namespace` unless it begins with "/".
+    """Return the absolute name of `name`, which is relative to `namespace` unless it begins with "/".
 
     Raises:
         HricError: the name is empty or private ("~x"); a private name belongs to a process, not to a namespace.
@@ -25,13 +25,13 @@ def resolve(namespace: str, name: str) -> str:
 
 
 def upwards(namespace: str) -> list[str]:
-    """The namespace and those above it, the nearest first, the root last."""
+    """Return the namespace and those above it, the nearest first, the root last."""
     parts = [part for part in namespace.split("/") if part]
     return [normalize("/".join(parts[:n])) for n in range(len(parts), -1, -1)]
 
 
 def type_name(message_type: type) -> str:
-    """Wire name of a message, service or action class, e.g. "std_msgs/Float64"."""
+    """Return the ROS name of a message, service or action class, e.g. "std_msgs/Float64"."""
     return str(getattr(message_type, "_type", message_type.__name__))
 
 
@@ -39,10 +39,12 @@ def check_message(what: str, expected: type, message: Any) -> None:
     """Refuse a message that is not of the expected class.
 
     Args:
-        what: where it was going, e.g. "topic /a/command".
+        what: destination of the message, e.g. "topic /a/command".
+        expected: class of the destination.
+        message: message to check.
 
     Raises:
-        HricError: names the place and both types.
+        HricError: names the destination and both types.
     """
     if type(message) is not expected:
         raise HricError(f"{what} carries {type_name(expected)}, not {type_name(type(message))}")

@@ -1,4 +1,4 @@
-"""The small face of ROS that controllers and robots see.
+"""Small interface to ROS for controllers and robots.
 
 Two implementations: `ros.node.RosNode` (rospy, a master) and `local.node.LocalNode` (one process, no master: topics and
 services are calls). A controller that uses nothing else runs unchanged in the lab and in ten thousand headless runs.
@@ -14,7 +14,7 @@ from hric_core.errors import ParameterError
 
 
 class _Required:
-    """Marker: the parameter has no default."""
+    """Marker of a parameter without default."""
 
     def __repr__(self) -> str:
         return "REQUIRED"
@@ -24,60 +24,61 @@ REQUIRED = _Required()
 
 
 def publisher_of(message: Any) -> str:
-    """Return the name of the node that published a message that was received; empty where it is not known."""
+    """Return the name of the node that published a received message; empty if unknown."""
     header = getattr(message, "_connection_header", None)
     return str(header.get("callerid", "")) if header else ""
 
 
 class Publisher(Protocol):
-    """Sends messages on one topic."""
+    """Publisher of one topic."""
 
     def publish(self, message: Any) -> None:
-        """Send now, in the caller's thread. The control loop uses `realtime.RealtimePublisher` instead."""
+        """Publish a message now, in the caller's thread. The control loop uses `realtime.RealtimePublisher` instead."""
 
     def subscribers(self) -> int:
-        """Number of subscribers: without one, nothing need be built."""
+        """Return the number of subscribers; without any, no message needs to be built."""
 
     def unregister(self) -> None:
         """Stop advertising."""
 
 
 class Registration(Protocol):
-    """Something that can be taken back: a subscription, a service, an action server, live parameters."""
+    """Registration that can be undone: a subscription, a service, an action server, live parameters."""
 
     def unregister(self) -> None:
-        """Take it back; no callback starts afterwards."""
+        """Undo the registration; no callback starts afterwards."""
 
 
 class Undoable:
-    """A registration that `undo` takes back, once."""
+    """Registration that `undo` ends, once."""
 
     def __init__(self, undo: Callable[[], Any]) -> None:
         self._undo: Callable[[], Any] | None = undo
 
     @property
     def open(self) -> bool:
-        """Whether it was not taken back yet."""
+        """True until it is unregistered."""
         return self._undo is not None
 
     def unregister(self) -> None:
-        """Take it back; a second call does nothing."""
+        """Undo the registration; a second call does nothing."""
         undo, self._undo = self._undo, None
         if undo is not None:
             undo()
 
 
 LOG_PERIOD = 1.0
-"""Shortest time between two lines of a `LogThrottle` [s]; project default, unconfirmed."""
+"""Shortest time between two lines of a `LogThrottle` [s] (project default, unconfirmed)."""
 
 
 class LogThrottle:
-    """Throttle of log lines that may come a thousand times a second: passes the first on at once, and after a period
-    the newest, with the number of those left out. From any thread.
+    """Throttle of log lines that may come a thousand times a second. May be called from any thread.
+
+    It logs the first line at once, and after a period the newest, with the number of those left out.
 
     Args:
         log: takes a line.
-        clock: time now [s].
+        clock: returns the time now [s].
     """
 
     def __init__(self, log: Callable[[str], None], clock: Callable[[], float]) -> None:
@@ -90,14 +91,14 @@ class LogThrottle:
         """Log a line, or count it."""
         with self._lock:
             now, before = self._clock(), self._logged_at
-            if before is not None and 0.0 <= now - before < LOG_PERIOD:  # a time that jumped back begins again
+            if before is not None and 0.0 <= now - before < LOG_PERIOD:  # restart after a time that jumped back
                 self._left_out, self._last = self._left_out + 1, text
                 return
             count, self._left_out, self._logged_at = self._left_out, 0, now
         self._log(f"{text} ({count} more since the last line)" if count else text)
 
     def finish(self) -> None:
-        """Log what was left out since the last line."""
+        """Log the last line left out, with the number of those left out."""
         with self._lock:
             count, self._left_out = self._left_out, 0
         if count:
@@ -105,7 +106,7 @@ class LogThrottle:
 
 
 class GoalHandle(Protocol):
-    """One goal of an action, as actionlib's ServerGoalHandle has it."""
+    """Goal of an action, like actionlib's ServerGoalHandle."""
 
     @property
     def goal_id(self) -> str:
@@ -116,33 +117,33 @@ class GoalHandle(Protocol):
         """The goal message."""
 
     def accept(self) -> None:
-        """The goal becomes active."""
+        """Set the goal active."""
 
     def reject(self, result: Any, text: str) -> None:
-        """Refuse a goal that was not accepted."""
+        """Reject a goal that was not accepted."""
 
     def succeed(self, result: Any, text: str = "") -> None:
-        """The goal was reached."""
+        """End the goal as reached."""
 
     def abort(self, result: Any, text: str) -> None:
-        """The goal failed."""
+        """End the goal as failed."""
 
     def cancel(self, result: Any, text: str = "") -> None:
-        """The goal was cancelled or replaced."""
+        """End the goal as cancelled or replaced."""
 
     def publish_feedback(self, feedback: Any) -> None:
-        """Send feedback to the client."""
+        """Publish feedback to the client."""
 
 
 @dataclass(frozen=True)
 class LiveParameter:
-    """A parameter that can change while running (dynamic_reconfigure).
+    """Parameter that can change while running (dynamic_reconfigure).
 
     Attributes:
         name: parameter name (letters, digits, underscores).
         default: value at the start; its type (bool, int, float, str) is the parameter's type.
         minimum, maximum: allowed range, for numbers.
-        description: what it is, with its unit.
+        description: description with unit.
     """
 
     name: str
@@ -154,8 +155,9 @@ class LiveParameter:
 
 @runtime_checkable
 class Node(Protocol):
-    """Parameters, topics, services, actions, log and time below one namespace. Relative names resolve in it, names with
-    a leading "/" are global."""
+    """Parameters, topics, services, actions, log and time below one namespace.
+
+    Relative names resolve in it, names with a leading "/" are global."""
 
     @property
     def namespace(self) -> str:
@@ -163,36 +165,38 @@ class Node(Protocol):
 
     @property
     def publishes_inline(self) -> bool:
-        """Whether all happens within the call, in the caller's one thread, so that a run is the same each time."""
+        """True if everything happens within the call, in the caller's thread, so that a run is the same each time."""
 
     def child(self, name: str) -> "Node":
-        """The same connection, one namespace deeper."""
+        """Return a node with the same connection, one namespace deeper."""
 
     def resolve(self, name: str) -> str:
-        """Absolute name."""
+        """Return the absolute name."""
 
     def beside(self, name: str) -> str:
-        """Absolute name, one namespace up: in the one that a process was started in, of its private node; in the
-        robot's, of a controller. What belongs to the whole robot lies there, such as the motion capture."""
+        """Return the absolute name, one namespace up.
+
+        For a private node this is the process's namespace, for a controller the robot's. What belongs to the whole
+        robot lies there, such as motion capture."""
 
     def has_param(self, name: str) -> bool:
-        """Whether the parameter exists."""
+        """Return True if the parameter exists."""
 
     def param(self, name: str, default: Any = REQUIRED) -> Any:
-        """Value of a parameter (scalar, list or dict).
+        """Return the value of a parameter (scalar, list or dict).
 
         Raises:
-            ParameterError: it does not exist and no default was given; the message gives the absolute name.
+            ParameterError: it does not exist and there is no default; the message has the absolute name.
         """
 
     def search_param(self, name: str, default: Any = REQUIRED) -> Any:
-        """Value of the parameter in this namespace or the nearest one above it."""
+        """Return the value of the parameter in this namespace or the nearest one above it."""
 
     def set_param(self, name: str, value: Any) -> None:
         """Set a parameter."""
 
     def advertise(self, topic: str, message_type: type, *, queue_size: int = 10, latch: bool = False) -> Publisher:
-        """Advertise a topic. No listener is waited for; `queue_size` is kept for callers that know rospy."""
+        """Advertise a topic. Listeners are never waited for; `queue_size` exists for compatibility with rospy."""
 
     def subscribe(
         self, topic: str, message_type: type, callback: Callable[[Any], None], *, queue_size: int = 10
@@ -200,7 +204,7 @@ class Node(Protocol):
         """Call `callback(message)` for each message; on RosNode in another thread, on LocalNode inside publish()."""
 
     def service(self, name: str, service_type: type, handler: Callable[[Any], Any]) -> Registration:
-        """Serve: `handler(request)` returns the response. A HricError it raises becomes the service error text."""
+        """Offer a service; `handler(request)` returns the response. Its HricError becomes the service error text."""
 
     def action_server(
         self,
@@ -209,21 +213,21 @@ class Node(Protocol):
         on_goal: Callable[[GoalHandle], None],
         on_cancel: Callable[[GoalHandle], None],
     ) -> Registration:
-        """Serve an action with actionlib's wire interface."""
+        """Offer an action with actionlib's topics."""
 
     def live_parameters(
         self, parameters: Sequence[LiveParameter], on_change: Callable[[dict[str, Any]], dict[str, Any]]
     ) -> Registration:
         """Offer parameters that change while running (dynamic_reconfigure's services and topics in this namespace).
 
-        `on_change` gets all values and returns those that are in force after it (a refused value is put back there).
+        `on_change` gets all values and returns those in force afterwards (it restores a refused value).
         """
 
     def now(self) -> Any:
-        """Stamp for messages (genpy.Time): robot time in simulation, ROS time otherwise."""
+        """Return the stamp for messages (genpy.Time): robot time in simulation, ROS time otherwise."""
 
     def log_info(self, text: str) -> None:
-        """Log for the user."""
+        """Log a message for the user."""
 
     def log_warn(self, text: str) -> None:
         """Log a warning."""
@@ -233,7 +237,7 @@ class Node(Protocol):
 
 
 class Namespaced:
-    """What all nodes derive from their namespace and their own `has_param` and `param`."""
+    """Base of all nodes: methods derived from the namespace, `has_param` and `param`."""
 
     _namespace: str
 
@@ -243,12 +247,12 @@ class Namespaced:
         return self._namespace
 
     def beside(self, name: str) -> str:
-        """Absolute name, one namespace up."""
+        """Return the absolute name, one namespace up."""
         return names.resolve(self._namespace.rpartition("/")[0], name)
 
     def search_param(self: Any, name: str, default: Any = REQUIRED) -> Any:
-        """Value of the parameter in this namespace or the nearest one above it."""
-        # On rospy not by the master's searchParam, which cannot begin at the root.
+        """Return the value of the parameter in this namespace or the nearest one above it."""
+        # The master's searchParam is not used, as it cannot begin at the root.
         for namespace in names.upwards(self._namespace):
             if self.has_param(full := names.resolve(namespace, name)):
                 return self.param(full, default)

@@ -1,8 +1,8 @@
-"""The one reader of parameters: each is declared once, with unit, range, default and text, and read from any source.
+"""Reader of parameters: each is declared once, with unit, range, default and text, and read from any source.
 
     @dataclass(frozen=True)
     class LoopSettings(Settings):
-        \"\"\"What the loop needs.\"\"\"
+        \"\"\"Parameters of the loop.\"\"\"
 
         rate: float = number(100.0, unit="Hz", above=0.0, text="of the loop")
         mode: str = choice("fast", "exact", text="how it is paced")
@@ -51,23 +51,23 @@ from hric_core.node import REQUIRED, Node
 
 _EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+")
 LONGEST_SHOWN = 120
-"""Characters of a value that an error shows whole."""
+"""Number of characters up to which an error quotes a value in full."""
 Convert = Callable[[Any, str, Sequence[str]], Any]
-"""(value, its full name, the joints) -> the checked value; a ValueError refuses it."""
+"""Converter (value, its full name, the joints) -> checked value; a ValueError refuses the value."""
 
 
 class About(TypedDict, total=False):
-    """What can be said of a parameter of any kind.
+    """Options of parameters of all kinds.
 
     Attributes:
-        unit: of its numbers.
-        text: what it is, for people.
-        name: where it is not the attribute's; "profile/velocity" reaches into a group of a node.
+        unit: unit of its numbers.
+        text: description for users.
+        name: name, if it is not the attribute's; "profile/velocity" reaches into a group of a node.
         made: converts the checked value to what the program uses, and leaves a converted one alone. Its ValueError or
             HricError refuses the value.
-        default_text: for tables, where the default is not the whole truth.
-        minimum, above, maximum: of its numbers.
-        live: whether it can be changed while the program runs (`hric_core.live.live_parameters`).
+        default_text: for tables, if the default alone would mislead.
+        minimum, above, maximum: range of its numbers.
+        live: True if it can be changed while the program runs (`hric_core.live.live_parameters`).
     """
 
     unit: str
@@ -82,28 +82,28 @@ class About(TypedDict, total=False):
 
 
 class Mistakes:
-    """Collects refusals, so that all are shown at once."""
+    """Collector of refusals, so that all are reported at once."""
 
     def __init__(self) -> None:
         self._found: list[ParameterError] = []
 
     @contextmanager
     def noted(self) -> Iterator[None]:
-        """Go on after a refusal within."""
+        """Record a refusal within the block, and go on."""
         try:
             yield
         except ParameterError as error:
             self._found.append(error)
 
     def raise_all(self) -> None:
-        """Raises ParameterError where there were any, ParameterErrors where there were several."""
+        """Raise ParameterError after one refusal, ParameterErrors after several."""
         if self._found:
             raise self._found[0] if len(self._found) == 1 else ParameterErrors(self._found)
 
 
 @dataclass(eq=False)
 class Parameter:
-    """One declared parameter; the functions below make it.
+    """Declared parameter; the functions below create it.
 
     Attributes:
         shape: JSON schema of its values, without range and text; by default anything.
@@ -130,12 +130,12 @@ class Parameter:
         self.name = self.name or name
 
     def checked(self, value: Any, where: str, joints: Sequence[str] = ()) -> Any:
-        """The value as the program takes it.
+        """Return the value as the program uses it.
 
         Args:
-            value: as given; the parameter itself: not given.
+            value: raw value; the parameter itself if it is not set.
             where: full name.
-            joints: of values per joint.
+            joints: joints for values per joint.
 
         Raises:
             ParameterError: it is not valid.
@@ -157,11 +157,11 @@ class Parameter:
         return result if self.made is None else self._make(self.made, result, where)
 
     def read(self, node: Node, name: str, joints: Sequence[str] = ()) -> Any:
-        """The value of one parameter of a node. Raises ParameterError."""
+        """Return the value of one parameter of a node. Raises ParameterError."""
         return self.checked(node.param(name, self), node.resolve(name), joints)
 
     def converted(self, value: Any, where: str, joints: Sequence[str]) -> Any:
-        """The value by kind and range, not yet `made`. Raises ValueError; ParameterError for a part of it."""
+        """Return the value by kind and range, before `made`. Raises ValueError; ParameterError for a part of it."""
         result = self.convert(value, where, joints)
         if self.above > -math.inf or self.minimum > -math.inf or self.maximum < math.inf:
             for item in result if isinstance(result, tuple) else (result,):
@@ -179,7 +179,7 @@ class Parameter:
 
     @property
     def bounded(self) -> str:
-        """What is accepted, with its range, for errors."""
+        """Accepted values with their range, for errors."""
         high = f" to {self.maximum:g}" if self.maximum < math.inf else ""
         low = f" above {self.above:g}" if self.above > -math.inf else ""
         if not low and self.minimum > -math.inf:
@@ -188,7 +188,7 @@ class Parameter:
 
     @property
     def valid(self) -> str:
-        """The same with the unit."""
+        """Accepted values with range and unit."""
         return self.bounded + (f" [{self.unit}]" if self.unit else "")
 
     @property
@@ -206,12 +206,12 @@ class Parameter:
 
     @property
     def text_with_unit(self) -> str:
-        """What it is, for tools that have no column for the unit."""
+        """Description with unit, for tools that have no column for the unit."""
         return self.text + (f" [{self.unit}]" if self.unit else "")
 
 
 def refused(where: str, value: object, valid: str) -> ParameterError:
-    """The error for a value; `valid` says what would be."""
+    """Return the error for a value; `valid`: description of valid values."""
     return ParameterError(f"{where} is {_short(value)}; valid: {valid}")
 
 
@@ -219,13 +219,13 @@ def refuse_void(settings: "Settings", name: str, where: str, needed: str) -> Non
     """Refuse a parameter that has no effect, unless it has its default.
 
     Args:
-        settings: to which it belongs.
-        name: of the attribute.
-        where: prefix of its name.
-        needed: with which it has one.
+        settings: settings that hold the parameter.
+        name: name of the attribute.
+        where: prefix of the parameter's name.
+        needed: setting with which it has an effect.
 
     Raises:
-        ParameterError: it has another value.
+        ParameterError: the parameter differs from its default.
     """
     parameter, value = declared(type(settings))[name], getattr(settings, name)
     if value != parameter.checked(parameter.default, name):
@@ -233,7 +233,7 @@ def refuse_void(settings: "Settings", name: str, where: str, needed: str) -> Non
 
 
 def _short(value: Any) -> str:
-    """A value for one line; of a long one the beginning and the length."""
+    """Return a value as one line; of a long value the beginning and the length."""
     shown = repr(value)
     if len(shown) <= LONGEST_SHOWN:
         return shown
@@ -243,7 +243,7 @@ def _short(value: Any) -> str:
 
 
 def unknown(kind: str, name: object, valid: Iterable[str], where: str) -> ParameterError:
-    """The error for a name that does not exist."""
+    """Return the error for a name that does not exist."""
     return UnknownParameterError(kind, name, valid, where)
 
 
@@ -259,7 +259,7 @@ class Settings:
     prefix: ClassVar[str] = ""
     """Prefix of the names in errors, for checks across several settings later."""
     separator: ClassVar[str] = "/"
-    """Between the names of a section and of its parameters, in tables."""
+    """Separator between the names of a section and of its parameters, in tables."""
     _: KW_ONLY
     where: InitVar[str] = ""
     for_joints: InitVar[Sequence[str]] = ()
@@ -282,26 +282,26 @@ class Settings:
 
     @classmethod
     def defaults(cls) -> Mapping[str, Any]:
-        """Defaults by name, in place of the declared ones."""
+        """Return defaults by name, which replace the declared ones."""
         return {}
 
     def check(self, where: str) -> None:
-        """Refuse what does not go together, by `refused`; `where` is the prefix of each name."""
+        """Refuse combinations that are not valid, by `refused`; `where` is the prefix of each name."""
 
     @classmethod
     def read(cls, node: Node, joints: Sequence[str] = ()) -> Self:
-        """The parameters of a node. Raises ParameterError."""
+        """Return the parameters of a node. Raises ParameterError."""
         given = {key: node.param(parameter.name, parameter) for key, parameter in declared(cls).items()}
         return cls(**given, where=f"{node.namespace.rstrip('/')}/", for_joints=joints)
 
     @classmethod
     def of(cls, content: Any, where: str, joints: Sequence[str] = ()) -> Self:
-        """The parameters of a mapping.
+        """Return the parameters of a mapping.
 
         Args:
-            content: of a file or of the parameter server; None counts as empty, but for a whole file.
+            content: content of a file or of the parameter server; None counts as empty, except for a whole file.
             where: its name: "/arm/profile", "mocap.human", "world.yaml: objects[0]", "world.yaml:" for a whole file.
-            joints: of values per joint.
+            joints: joints for values per joint.
 
         Raises:
             ParameterError: no mapping, an unknown key, or a value that is not valid.
@@ -325,7 +325,7 @@ class Settings:
 
 
 def declared(settings: type[Settings]) -> dict[str, Parameter]:
-    """The parameters by attribute."""
+    """Return the parameters by attribute."""
     found = settings.__dataclass_fields__  # `fields` costs five times as much, sixty times a run
     return {name: item.default for name, item in found.items() if isinstance(item.default, Parameter)}
 
@@ -335,7 +335,7 @@ Known = Iterable[type[Settings] | str]
 
 
 def known_names(known: Known) -> set[str]:
-    """Names of parameters that a node reads."""
+    """Return the names of the parameters that a node reads."""
     return {
         name
         for item in known
@@ -344,15 +344,15 @@ def known_names(known: Known) -> set[str]:
 
 
 def refuse_unknown(content: Mapping[str, Any], known: Iterable[str], where: str) -> None:
-    """Refuse parameters of a node that nobody reads.
+    """Refuse parameters of a node that are never read.
 
     Args:
         content: the node's parameters; groups are mappings.
-        known: names that are read, "profile/velocity" within a group; of a group that is read whole its own name.
+        known: names that are read, "profile/velocity" within a group; the group's name if it is read as a whole.
         where: namespace of the node.
 
     Raises:
-        ParameterError: lists each, with the names beside it that are read.
+        ParameterError: lists each, with the names of the same group that are read.
     """
     mistakes, read = Mistakes(), set(known)
     for group, name in _unknown(content, read, ""):
@@ -375,7 +375,7 @@ def _unknown(content: Mapping[str, Any], read: set[str], group: str) -> Iterator
 
 
 def below(where: str) -> str:
-    """Prefix of the keys of a mapping: its name and a slash where its name is one of ROS, else a dot."""
+    """Return the prefix of a mapping's keys: its name and a slash if that is a ROS name, else a dot."""
     if where.endswith(":"):
         return f"{where} "
     if not where or where[-1] in "/.":
@@ -384,7 +384,7 @@ def below(where: str) -> str:
 
 
 def read_yaml(path: Path) -> Any:
-    """Return what a YAML file holds, see `yaml_text`. Raises ParameterError: it cannot be read, or is refused."""
+    """Return the content of a YAML file, see `yaml_text`. Raises ParameterError: it cannot be read, or is refused."""
     from hric_core import yaml_text  # here: most of those who declare parameters read no file
 
     try:
@@ -396,11 +396,11 @@ def read_yaml(path: Path) -> Any:
 
 @cache
 def package_yaml(module: str, name: str) -> dict[str, Any]:
-    """What config/<name>.yaml of a package holds, in its source or installed; shared, so do not change it.
+    """Return the content of a package's config/<name>.yaml, source or installed; shared, so do not change it.
 
     Args:
         module: `__file__` of one of the package's modules.
-        name: without the ending.
+        name: file name without the extension.
 
     Raises:
         ParameterError: there is none, or it is not YAML.
@@ -415,7 +415,7 @@ def package_yaml(module: str, name: str) -> dict[str, Any]:
 
 
 def as_number(value: Any) -> float:
-    """A finite number, also the text 1e-3. Raises ValueError."""
+    """Return a finite number, also from the text 1e-3. Raises ValueError."""
     if isinstance(value, str) and _EXPONENT.fullmatch(value):
         value = float(value)
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
@@ -441,7 +441,7 @@ def _shape(**schema: Any) -> Callable[[], dict[str, Any]]:
 
 
 def number(default: Any = REQUIRED, **about: Unpack[About]) -> Any:
-    """A finite number."""
+    """Declare a finite number."""
     shape = _shape(type="number")
     return Parameter(
         "float", "a finite number", lambda value, where, joints: as_number(value), default, shape=shape, **about
@@ -449,12 +449,12 @@ def number(default: Any = REQUIRED, **about: Unpack[About]) -> Any:
 
 
 def whole(default: Any = REQUIRED, **about: Unpack[About]) -> Any:
-    """A whole number."""
+    """Declare a whole number."""
     return Parameter("int", "a whole number", _whole, default, shape=_shape(type="integer"), **about)
 
 
 def flag(default: Any = REQUIRED, **about: Unpack[About]) -> Any:
-    """True or false."""
+    """Declare a boolean."""
     return Parameter("bool", "true or false", _flag, default, shape=_shape(type="boolean"), **about)
 
 
@@ -466,7 +466,7 @@ def text(
     figures: bool = False,
     **about: Unpack[About],
 ) -> Any:
-    """A text or a path; `empty`: it may be; `figures`: also 4.1, which YAML reads as a number; `valid`: for errors."""
+    """Declare a text or path; `empty`: may be empty; `figures`: also 4.1, a YAML number; `valid`: text for errors."""
     types = (Path, int, float) if figures else Path
 
     def convert(value: Any, where: str, joints: Sequence[str]) -> str:
@@ -480,7 +480,7 @@ def text(
 
 
 def choice(*valid: str, default: Any = ..., **about: Unpack[About]) -> Any:
-    """One of some words, by default the first."""
+    """Declare one of several words, by default the first."""
 
     def convert(value: Any, where: str, joints: Sequence[str]) -> str:
         if not isinstance(value, str) or value not in valid:
@@ -501,9 +501,9 @@ def listing(
     single: bool = False,
     **about: Unpack[About],
 ) -> Any:
-    """A list of values of a kind, as a tuple; None counts as empty.
+    """Declare a list of values of a kind, as a tuple; None counts as empty.
 
-    `count`: how many, if not any; `different`: none twice; `single`: one by itself counts as a list.
+    `count`: number of values, any by default; `different`: no duplicates; `single`: a single value counts as a list.
     """
     counts = (count,) if isinstance(count, int) else tuple(count)
 
@@ -551,7 +551,7 @@ def _label(item: Any, index: int) -> Any:
 def numbers(
     count: int | Iterable[int] = (), default: Any = REQUIRED, *, single: bool = False, **about: Unpack[About]
 ) -> Any:
-    """A list of finite numbers, as a tuple; `single`: one by itself counts as a list."""
+    """Declare a list of finite numbers, as a tuple; `single`: a single number counts as a list."""
     counts = (count,) if isinstance(count, int) else tuple(count)
 
     def convert(value: Any, where: str, joints: Sequence[str]) -> tuple[float, ...]:
@@ -562,7 +562,7 @@ def numbers(
 
 
 def names(count: int | Iterable[int] | None = None, default: Any = REQUIRED, **about: Unpack[About]) -> Any:
-    """A list of different texts that are not empty, one at least, as a tuple; one by itself counts as a list."""
+    """Declare a list of different, non-empty texts, at least one, as a tuple; a single text counts as a list."""
     counts = () if count is None else (count,) if isinstance(count, int) else tuple(count)
     many, item = _many(counts), text(empty=False)
     made: Parameter = listing(item, counts or range(1, 1000), default, different=True, single=True, **about)
@@ -571,12 +571,12 @@ def names(count: int | Iterable[int] | None = None, default: Any = REQUIRED, **a
 
 
 def anything(default: Any = REQUIRED, **about: Unpack[About]) -> Any:
-    """Whatever is given."""
+    """Declare a parameter of any value."""
     return Parameter("any", "anything", lambda value, where, joints: value, default, **about)
 
 
 def mapping(of: Parameter | None = None, default: Any = REQUIRED, **about: Unpack[About]) -> Any:
-    """A mapping of names to anything, or to values of a kind; a copy of its first level; None counts as empty."""
+    """Declare a mapping of names to anything, or to values of a kind, as a shallow copy; None counts as empty."""
 
     def convert(value: Any, where: str, joints: Sequence[str]) -> dict[str, Any]:
         value = {} if value is None else value
@@ -599,7 +599,7 @@ def mapping(of: Parameter | None = None, default: Any = REQUIRED, **about: Unpac
 
 
 def section(of: type[Settings], default: Any = (), **about: Unpack[About]) -> Any:
-    """Nested settings; with their own defaults where they are not given."""
+    """Declare nested settings, by default with their own defaults."""
 
     def convert(value: Any, where: str, joints: Sequence[str]) -> Settings:
         if isinstance(value, of):
@@ -619,7 +619,7 @@ def variant(
     default: Any = REQUIRED,
     **about: Unpack[About],
 ) -> Any:
-    """Nested settings whose kind the word at `key` says; usual: where it is not given."""
+    """Declare nested settings whose kind is given by the word at `key`; usual: word if there is none."""
 
     def convert(value: Any, where: str, joints: Sequence[str]) -> Settings:
         if isinstance(value, Settings):
@@ -646,7 +646,7 @@ def variant(
 
 
 def per_joint(of: Parameter, default: Any = REQUIRED, *, others: Any = REQUIRED, **about: Unpack[About]) -> Any:
-    """A value for each joint, as a tuple, from one for all, a list in the order of the joints, or a mapping by joint.
+    """Declare a value for each joint, as a tuple, from one for all, a list in the joints' order, or a mapping by joint.
 
     `others` is for joints that a mapping does not name, one value or a tuple of all; without it all must be named.
     """
@@ -684,7 +684,7 @@ def _by_joint(value: Mapping[str, Any], where: str, joints: Sequence[str], other
 
 
 def either(*kinds: Parameter, default: Any = REQUIRED, **about: Unpack[About]) -> Any:
-    """The first of some kinds that a value fits."""
+    """Declare a value of the first matching kind."""
 
     def convert(value: Any, where: str, joints: Sequence[str]) -> Any:
         for kind in kinds:
@@ -700,7 +700,7 @@ def either(*kinds: Parameter, default: Any = REQUIRED, **about: Unpack[About]) -
 
 
 def json_schema(settings: type[Settings]) -> dict[str, Any]:
-    """JSON schema of a mapping with these parameters; editors complete and check by it."""
+    """Return the JSON schema of a mapping with these parameters; editors complete and check by it."""
     parameters = declared(settings).values()
     base = settings.defaults()
     required = [one.name for one in parameters if one.default is REQUIRED and one.name not in base]
@@ -710,7 +710,7 @@ def json_schema(settings: type[Settings]) -> dict[str, Any]:
 
 
 def schema_of(parameter: Parameter) -> dict[str, Any]:
-    """JSON schema of one parameter."""
+    """Return the JSON schema of one parameter."""
     shape = parameter.shape()
     bounds = {
         name: bound
@@ -732,7 +732,7 @@ def schema_of(parameter: Parameter) -> dict[str, Any]:
 
 
 def rows(settings: type[Settings], prefix: str = "") -> list[tuple[str, str, str, str, str]]:
-    """Cells of a table: parameter, type with range, default, unit, description; sections by their members."""
+    """Return table cells: parameter, type with range, default, unit, description; sections by their members."""
     found: list[tuple[str, str, str, str, str]] = []
     base = settings.defaults()
     for parameter in declared(settings).values():

@@ -1,5 +1,4 @@
-"""Plugins: classes found by name through the `<hric_control plugin="..."/>` export in package.xml, as pluginlib does
-for C++."""
+"""Plugins: classes found by name through the `<hric_control plugin="..."/>` export in package.xml, like pluginlib."""
 
 import functools
 import importlib
@@ -30,7 +29,7 @@ _BASES = {
 
 @dataclass(frozen=True)
 class PluginInfo:
-    """One exported class.
+    """Exported class.
 
     Attributes:
         name: lookup name, e.g. "hric_controllers/JointPDController".
@@ -38,9 +37,8 @@ class PluginInfo:
         base: base class string, e.g. "hric_control::Controller".
         description: one sentence.
         package: exporting package.
-        source: its plugins.xml.
-        library: folder of the library, relative paths being taken from the package ("." adds nothing to the import
-            path).
+        source: plugins.xml of the package.
+        library: folder of the library, relative to the package ("." adds nothing to the import path).
     """
 
     name: str
@@ -59,13 +57,13 @@ class _Index:
 
 
 def names(base: str) -> dict[str, PluginInfo]:
-    """All plugins of a base (CONTROLLER, ROBOT_HW, PLANT, PARTICIPANT, HUMAN_CONTROLLER) by name."""
+    """Return all plugins of a base (CONTROLLER, ROBOT_HW, PLANT, PARTICIPANT, HUMAN_CONTROLLER) by name."""
     check_known("plugin base", [base], _BASES)
     return dict(_index(_search_path()).plugins[base])
 
 
 def find(base: str, name: str) -> type:
-    """The class exported under `name`.
+    """Return the class exported under `name`.
 
     Raises:
         UnknownNameError: no such name; lists the valid ones and the plugin files that could not be read.
@@ -73,7 +71,7 @@ def find(base: str, name: str) -> type:
     """
     info = names(base).get(name)
     if info is None:
-        clear_cache()  # a package may have come since
+        clear_cache()  # a package may have been added since
         info = names(base).get(name)
     if info is None:
         raise _not_found(base, name)
@@ -88,7 +86,7 @@ def find(base: str, name: str) -> type:
 
 
 def reload(base: str = CONTROLLER) -> list[str]:
-    """Read the plugin files again and reload the modules of this base that were imported.
+    """Read the plugin files again and reload the imported modules of this base.
 
     Returns:
         the names of the modules reloaded.
@@ -107,7 +105,7 @@ def reload(base: str = CONTROLLER) -> list[str]:
 
 
 def clear_cache() -> None:
-    """Forget what was read from package.xml and plugins.xml files."""
+    """Forget the contents of package.xml and plugins.xml files."""
     _index.cache_clear()
 
 
@@ -118,8 +116,9 @@ def _base_class(base: str) -> type:
 
 
 _importing = threading.RLock()
-"""Two threads that import from one package may each find the other's module half made (a controller that is loaded
-while the robot still starts)."""
+"""Lock of imports: two threads that import from one package may each find the other's module incomplete.
+
+This happens when a controller is loaded while the robot is still starting."""
 
 
 def _import(info: PluginInfo, module_name: str) -> ModuleType:
@@ -164,7 +163,7 @@ def _index(search_path: str) -> _Index:
 
 
 def _packages(root: str) -> Iterator[Path]:
-    """package.xml files below `root`; a package is not searched further, nor is a folder with CATKIN_IGNORE."""
+    """Yield the package.xml files below `root`, but not below packages or folders with CATKIN_IGNORE."""
     try:
         entries = {entry.name: entry for entry in os.scandir(root)}
     except (FileNotFoundError, NotADirectoryError, PermissionError):

@@ -1,5 +1,4 @@
-"""Threads and processes of the operating system: their priority, their garbage, their end, the exit code of a
-command."""
+"""Threads and processes of the operating system: priority, garbage collection, end, exit codes."""
 
 import ctypes
 import gc
@@ -18,12 +17,13 @@ from typing import Any
 from hric_core.errors import HricError, refused_by_system
 
 INTERRUPTED_CODE = 130
-"""Exit code of a command that Ctrl-C ended, as shells have it."""
+"""Exit code of a command ended by Ctrl-C, as in shells."""
 UNREAD_CODE = 141
-"""Exit code of a command whose output nobody reads any more (`| head`), as shells have it after SIGPIPE."""
+"""Exit code of a command whose output is no longer read (`| head`), as in shells after SIGPIPE."""
 NICE = -10
-"""Of the control loop's thread, 0 being everybody's: beside one that others have it gets nine tenths of a processor;
-project default, unconfirmed."""
+"""Niceness of the control loop's thread; 0 is the usual one (project default, unconfirmed).
+
+Next to one usual thread it gets nine tenths of a processor."""
 _PR_SET_PDEATHSIG = 1
 
 
@@ -31,7 +31,7 @@ def prefer_this_thread(nice: int = NICE) -> bool:
     """Let the calling thread run at higher priority; threads it starts have the usual one.
 
     Returns:
-        False where the system does not allow it: it takes root, or a line such as `@realtime - nice -10` in
+        False if the system does not allow it: it takes root, or a line such as `@realtime - nice -10` in
             /etc/security/limits.conf.
     """
     try:
@@ -44,8 +44,10 @@ def prefer_this_thread(nice: int = NICE) -> bool:
 
 @contextmanager
 def quiet_collector() -> Iterator[None]:
-    """Keep the garbage collector from walking over everything that was loaded, in the middle of a cycle; and from
-    looking at each thirty cycles' lists, which takes a thirtieth of a cycle, and of drawing a tenth."""
+    """Make the garbage collector rarer within the block.
+
+    It otherwise walks over all loaded objects in the middle of a cycle, and checks the lists of every thirty cycles,
+    which takes a thirtieth of a cycle, and a tenth of drawing."""
     thresholds = gc.get_threshold()
     gc.set_threshold(50_000, 20, 20)
     try:
@@ -55,15 +57,17 @@ def quiet_collector() -> Iterator[None]:
 
 
 def end_with_parent(number: signal.Signals) -> Callable[[], object]:
-    """Return what a child calls between fork and exec, so that the system sends it a signal when the thread ends that
-    started it, by whatever. It is looked up before the fork: only async-safe work may happen after it."""
+    """Return the function for a child between fork and exec that requests a signal when its parent thread ends.
+
+    It is looked up before the fork: only async-safe work may happen after it."""
     prctl = ctypes.CDLL(None, use_errno=True).prctl
     return lambda: prctl(_PR_SET_PDEATHSIG, number)
 
 
 def start_dependent(command: Sequence[str], **streams: Any) -> subprocess.Popen[bytes]:
-    """Start a process that leads a group of its own, so that the terminal's Ctrl-C does not reach it, and that the
-    system interrupts when the thread ends that started it, by whatever.
+    """Start a process in its own group, which is interrupted when the thread that started it ends.
+
+    The terminal's Ctrl-C does not reach it.
 
     Args:
         command: program and arguments.
@@ -78,12 +82,13 @@ def start_dependent(command: Sequence[str], **streams: Any) -> subprocess.Popen[
 
 
 def end_process(process: subprocess.Popen[bytes], timeout: float) -> None:
-    """Interrupt a process that leads its own group, as with Ctrl-C, and wait for all of the group, since it may end
-    before what it passes the signal on to; kill what is left.
+    """Interrupt the leader of a process group, as with Ctrl-C; wait for the whole group, and kill the rest.
+
+    The leader may end before the processes to which it passes the signal.
 
     Args:
         process: started with `start_new_session`; it may have ended already.
-        timeout: how long they may take to end [s].
+        timeout: longest wait for the group [s].
     """
     if process.poll() is not None:
         return
@@ -99,7 +104,7 @@ def end_process(process: subprocess.Popen[bytes], timeout: float) -> None:
 
 
 def describe_exit(name: str, code: int) -> str:
-    """Return how a process ended, from its exit code or, negative, the signal that killed it."""
+    """Return a text about the end of a process, from its exit code or, negative, the signal that killed it."""
     if code >= 0:
         return f"{name} ended with code {code}"
     known = -code in [number.value for number in signal.Signals]
@@ -112,16 +117,16 @@ def run_command(
     report: Callable[[str], object] | None = None,
     interrupted: int = INTERRUPTED_CODE,
 ) -> int:
-    """Do the work of a command or a node; a HricError, or what the system refuses, becomes a message, not a traceback.
+    """Run a command or node; a HricError or an error of the operating system becomes a message without traceback.
 
     Args:
-        name: of the command, in front of the message.
+        name: name of the command, in front of the message.
         work: returns the exit code, None for 0.
         report: takes the message; None: it goes to stderr.
         interrupted: exit code after Ctrl-C.
 
     Returns:
-        the exit code: of the work, or of the HricError; FAILURE where the system refused a file or a socket.
+        the exit code: of the work, or of the HricError; FAILURE if the system refused a file or a socket.
     """
     try:
         try:
@@ -130,8 +135,8 @@ def run_command(
             return code
         except BrokenPipeError:
             if not _unread(output := sys.stdout.fileno()):
-                raise  # another pipe
-            os.dup2(os.open(os.devnull, os.O_WRONLY), output)  # for the interpreter's own flush
+                raise  # a pipe other than stdout
+            os.dup2(os.open(os.devnull, os.O_WRONLY), output)  # target of the interpreter's flush at exit
             return UNREAD_CODE
         except OSError as error:
             if error.errno is None:
@@ -145,7 +150,7 @@ def run_command(
 
 
 def _flush() -> None:
-    """Write what was printed. Where that cannot be, Python does not try it once more at the end of the process."""
+    """Flush stdout. After a failure, keep Python from trying again at the end of the process."""
     try:
         sys.stdout.flush()
     except BrokenPipeError:
@@ -156,13 +161,13 @@ def _flush() -> None:
 
 
 def _unread(output: int) -> bool:
-    """Return True if nobody can read what a descriptor of a pipe takes."""
+    """Return True if no process can read from the other end of a pipe."""
     poll = select.poll()
     poll.register(output, 0)
     return any(event & select.POLLERR for _, event in poll.poll(0))
 
 
 def run_server(name: str, work: Callable[[], None], report: Callable[[str], object] | None = None) -> int:
-    """`run_command` of what ends well with Ctrl-C and SIGTERM, from its start until the work handles them itself."""
+    """Run `run_command` for work that Ctrl-C or SIGTERM ends normally, also before it handles them itself."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     return run_command(name, work, report, interrupted=0)

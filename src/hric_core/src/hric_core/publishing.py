@@ -1,9 +1,9 @@
-"""The thread that sends messages for the control loop.
+"""Thread that sends messages for the control loop.
 
-Beside a paced loop, which sleeps between two cycles, it looks for messages by itself, builds and sends them. A loop
-that runs as fast as it can never sleeps: it builds and serialises what waits itself, every 100 cycles, and only the
-writes are done by the thread, without the interpreter, while the loop goes on. Shared cycle by cycle the interpreter
-would be waited for at each of them, which costs more than building the messages.
+Next to a paced loop, which sleeps between two cycles, it polls for messages, builds and sends them. An unpaced loop
+never sleeps: every 100 cycles it builds and serialises the waiting messages itself, and the thread does only the
+writes, without the interpreter, while the loop goes on. Sharing the interpreter in each cycle would mean waiting for it
+each time, which costs more than building the messages.
 """
 
 import threading
@@ -15,11 +15,11 @@ from typing import Any
 from hric_core.listeners import DISPATCHER, Parcel
 
 Build = Callable[..., Any]
-"""Builds a message from its arguments."""
+"""Function that builds a message from its arguments."""
 OnError = Callable[[Exception], None]
-"""Takes what went wrong with one of several messages."""
+"""Function that takes the error of one of several messages."""
 Pack = Callable[[Sequence[Any], OnError], Parcel]
-"""(messages, on_error): serialises them; those that cannot be are reported and left out."""
+"""Function (messages, on_error) that serialises messages; it reports and omits those that fail."""
 
 
 class Outbox:
@@ -28,8 +28,8 @@ class Outbox:
     Args:
         pack: serialises them.
         name: topic, for messages.
-        limit: how many may wait; the oldest are dropped. That is reported, but for a limit of 1, where only the newest
-            counts.
+        limit: number of messages that may wait; the oldest are dropped. Drops are reported, except for a limit of 1,
+            where only the newest counts.
         report: takes one line of text, at the first failure and at the first drop.
     """
 
@@ -42,7 +42,7 @@ class Outbox:
         self._reported_error = self._reported_drop = False
 
     def append(self, build: Build, args: tuple[Any, ...] = ()) -> None:
-        """Let a message wait; the oldest gives way when too many do."""
+        """Queue a message; if too many wait, drop the oldest."""
         if len(self._queue) == self._limit:
             self.dropped += 1
         self._queue.append((build, args))
@@ -51,8 +51,9 @@ class Outbox:
         return len(self._queue)
 
     def pack(self) -> Parcel | None:
-        """Build and serialise the oldest, at most TOGETHER; None when nothing waits. A failure is reported once for
-        this topic, and the other messages go on."""
+        """Build and serialise the oldest messages, at most TOGETHER; return None when nothing waits.
+
+        A failure is reported once for this topic, and the other messages go on."""
         built: list[Any] = []
         try:
             for _ in range(min(len(self._queue), TOGETHER)):
@@ -61,14 +62,14 @@ class Outbox:
                     built.append(build(*args))
                 except Exception as error:
                     self._report_error(error)
-        except IndexError:  # the loop's append pushed it out in this very moment
+        except IndexError:  # the loop's append has just dropped the last one
             pass
         if self.dropped and self._limit > 1 and not self._reported_drop:
             self._reported_drop = True
             self._warn(f"{self.name}: messages were dropped, more than {self._limit} waited (reported once)")
         try:
             return self._pack(built, self._report_error) if built else None
-        except Exception as error:  # whatever is wrong with this topic, the loop and the others go on
+        except Exception as error:  # an error of this topic must not stop the loop or other topics
             self._report_error(error)
             return None
 
@@ -83,48 +84,50 @@ class Outbox:
 
 
 TOGETHER = 200
-"""Most messages of a topic in one parcel: two of those that a loop of 1 kHz hands over at a time."""
+"""Largest number of messages of a topic in one parcel: two hand-overs of a loop of 1 kHz."""
 POLL_PERIOD = 0.002
-"""How often the thread looks for messages [s]. Looking beats being woken: measured beside a 1 kHz loop that publishes
-in every fourth cycle, waking an event costs the loop 35 us for each message (the woken thread requests the interpreter
-at once), looking every 2 ms costs it nothing, the lateness of its cycles is the same, and the process spends no more
-(18 % of a core either way)."""
+"""Period at which the thread polls for messages [s].
+
+Polling beats waking: measured with a 1 kHz loop that publishes in every fourth cycle, an event costs the loop 35 us per
+message (the woken thread requests the interpreter at once), polling every 2 ms costs it nothing; the lateness of its
+cycles is the same, and the process spends no more (18 % of a core either way)."""
 PATIENCE = 0.1
-"""The thread looks by itself again when the loop has handed nothing over for so long [s]."""
+"""Time without a hand-over by the loop after which the thread polls again [s]."""
 
 
 class PublishThread:
-    """Sends what waits in its outboxes; daemon. The loop only appends, and hands over if it does not sleep."""
+    """Daemon thread that sends the messages in its outboxes. The loop appends; an unpaced one also hands over."""
 
     def __init__(self) -> None:
         self._outboxes: tuple[Outbox, ...] = ()
         self._lock = threading.Lock()  # for add and remove only
         self._calls: deque[Callable[[], None]] = deque()
         self._event = threading.Event()
-        self._busy = threading.Lock()  # of whoever packs, until it is delivered
+        self._busy = threading.Lock()  # held by the packing thread until the parcels are delivered
         self._handed: list[Parcel] | None = None
         self._stopped = False
         self._thread = threading.Thread(target=self._work, name="publish", daemon=True)
         self._thread.start()
 
     def add(self, outbox: Outbox) -> None:
-        """Take an outbox into care."""
+        """Add an outbox."""
         with self._lock:
             self._outboxes = (*self._outboxes, outbox)
 
     def remove(self, outbox: Outbox) -> None:
-        """Drop an outbox and what waits in it."""
+        """Drop an outbox and its messages."""
         with self._lock:
             self._outboxes = tuple(other for other in self._outboxes if other is not outbox)
 
     def call(self, function: Callable[[], None]) -> None:
-        """Have the thread call a function that raises nothing."""
+        """Let the thread call a function that raises nothing."""
         self._calls.append(function)
 
     def hand_over(self, timeout: float) -> bool:
-        """Build and serialise what waits, and have it written while the caller goes on, once all listeners took what
-        was handed over before. One that needs longer than `timeout` [s] is not waited for until it has caught up.
-        False when the thread itself is busy for so long: nothing is done then."""
+        """Build and serialise the waiting messages, and let the thread write them; return False if it stays busy.
+
+        First wait, at most `timeout` [s], until all listeners have taken the last hand-over. A listener that needs
+        longer is not waited for again until it has caught up. If False is returned, nothing was done."""
         deadline = time.monotonic() + timeout
         if not self._acquire(deadline):
             return False
@@ -133,7 +136,7 @@ class PublishThread:
         return True
 
     def drain(self, timeout: float) -> bool:
-        """Wait until nothing waits, here or for a listener that reads; False when it took longer than `timeout` [s]."""
+        """Wait until no message waits, here or for a listener that reads; return False after `timeout` [s]."""
         deadline = time.monotonic() + timeout
         while self._calls or any(map(len, self._outboxes)) or self._busy.locked():
             if not self._acquire(deadline):
@@ -148,7 +151,7 @@ class PublishThread:
         return self._busy.acquire(timeout=max(deadline - time.monotonic(), 0.0))
 
     def _hand_over(self) -> None:
-        """Pack what waits for the thread, which gives `_busy` back."""
+        """Serialise the waiting messages for the thread, which releases `_busy`."""
         parcels: list[Parcel] = []
         try:
             parcels += filter(None, (outbox.pack() for outbox in self._outboxes))
@@ -157,7 +160,7 @@ class PublishThread:
             self._event.set()
 
     def stop(self) -> None:
-        """End the thread after what it is sending now."""
+        """End the thread after its present work."""
         self._stopped = True
         self._event.set()
         self._thread.join(1.0)

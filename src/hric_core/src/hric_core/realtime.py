@@ -1,9 +1,10 @@
-"""Between callbacks and the control loop, without the loop ever waiting: newest values in, messages out.
+"""Data exchange between callbacks and the control loop, which never waits.
 
-In: `LatestValue`. Out: `publisher(...)` gives a `RealtimePublisher`; the loop hands it a function that builds the
-message and its arguments, and the process's one `PublishThread` builds and sends it while the loop sleeps; a loop that
-never sleeps calls `hand_over` now and then. `defer(...)` has any other call on ROS made by the thread (the result of an
+In: `LatestValue`. Out: `publisher(...)` returns a `RealtimePublisher`; the loop passes it a function that builds the
+message and its arguments, and the process's `PublishThread` builds and sends it while the loop sleeps; a loop that
+never sleeps calls `hand_over` periodically. `defer(...)` lets the thread make any other call to ROS (the result of an
 action, a log line).
+
 On a LocalNode all this happens within the call, so that a headless run is deterministic.
 """
 
@@ -19,16 +20,17 @@ from hric_core.scoped_node import ScopedNode
 T = TypeVar("T")
 
 LAGGING_LIMIT = 100
-"""Messages of one topic that may wait when it is not lossless, a second's worth of most topics; beyond it the newest
-win."""
+"""Number of messages that may wait on a topic that is not lossless; beyond it the oldest are dropped.
+
+It is a second's worth of most topics."""
 LOSSLESS_LIMIT = 100_000
-"""Messages that may wait on a lossless topic: half an hour of a 50 Hz log behind a subscriber that hangs. Beyond it the
-oldest are dropped."""
+"""Number of messages that may wait on a lossless topic; beyond it the oldest are dropped.
+
+It is half an hour of a 50 Hz log behind a subscriber that hangs."""
 
 
 class LatestValue(Generic[T]):
-    """The newest value from callbacks, for one reader in the loop. No locks: a deque's append and popleft are
-    atomic."""
+    """Newest value from callbacks, for one reader in the loop. No locks: a deque's append and popleft are atomic."""
 
     __slots__ = ("_new", "_value")
 
@@ -37,29 +39,29 @@ class LatestValue(Generic[T]):
         self._new: deque[T] = deque(maxlen=1)
 
     def set(self, value: T) -> None:
-        """Replace the value; from any thread."""
+        """Replace the value. May be called from any thread."""
         self._value = value
         self._new.append(value)
 
     def get(self) -> T:
-        """The newest value, or the initial one."""
+        """Return the newest value, or the initial one."""
         return self._value
 
     def take_new(self) -> T | None:
-        """The newest value if it was set since the last call, else None. For one reader."""
+        """Return the newest value if it was set since the last call, else None. For one reader."""
         return self._new.popleft() if self._new else None
 
 
 class RealtimePublisher:
-    """Publishes from the loop without blocking it. `publisher` below makes one for a topic of a node.
+    """Publisher for the loop that never blocks it. `publisher` below creates one for a topic of a node.
 
     Args:
-        publisher: of the topic; for a thread it also has `pack`, as `ros.node.RosPublisher`.
+        publisher: publisher of the topic; for a thread it also has `pack`, as `ros.node.RosPublisher`.
         name: topic, for messages.
-        limit: how many may wait; the oldest give way.
+        limit: number of messages that may wait; beyond it the oldest are dropped.
         report: takes one line of text when something fails; from the publishing thread.
-        thread: who sends; None builds and sends within `publish`, where anybody listens.
-        latch: the publisher keeps the last message for those who listen later.
+        thread: sending thread; None builds and sends within `publish`, if there is a subscriber.
+        latch: the publisher sends the last message to later subscribers.
     """
 
     __slots__ = ("_latch", "_outbox", "_publisher", "_thread")
@@ -82,7 +84,7 @@ class RealtimePublisher:
             thread.add(self._outbox)
 
     def publish(self, build: Callable[..., Any], *args: Any) -> None:
-        """Have `build(*args)` called and its message sent. Never blocks.
+        """Queue `build(*args)`, whose message is sent later. Never blocks.
 
         It is called later, by the thread or between two cycles: it must get plain snapshots (lists of floats, the
         stamp), not live storage.
@@ -94,21 +96,20 @@ class RealtimePublisher:
 
     @property
     def needed(self) -> bool:
-        """Whether a message would be built: always where a thread does it, else where somebody listens now, or later to
-        a latched topic."""
+        """True if a message would be built: always with a thread, else with a subscriber or a latched topic."""
         return self._outbox is not None or self._latch or self._publisher.subscribers() > 0
 
     @property
     def dropped(self) -> int:
-        """Messages dropped because the thread lagged."""
+        """Number of messages dropped because the thread lagged."""
         return 0 if self._outbox is None else self._outbox.dropped
 
     def subscribers(self) -> int:
-        """Number of listeners now."""
+        """Return the current number of subscribers."""
         return self._publisher.subscribers()
 
     def unregister(self) -> None:
-        """Send what waits, then stop advertising. Outside the loop."""
+        """Send the waiting messages, then stop advertising. Outside the loop."""
         if self._thread is not None and self._outbox is not None:
             self._thread.drain(0.5)
             self._thread.remove(self._outbox)
@@ -122,16 +123,16 @@ _thread: PublishThread | None = None
 def publisher(
     node: Node, topic: str, message_type: type, latch: bool = False, lossless: bool = False, newest_only: bool = False
 ) -> RealtimePublisher:
-    """A publisher for the loop.
+    """Return a publisher for the loop.
 
     Args:
-        node: where to advertise.
+        node: node that advertises.
         topic: name, relative to the node.
         message_type: message class.
-        latch: give the last message to subscribers that come later.
-        lossless: keep all messages when the thread lags (otherwise the newest ones).
-        newest_only: a message that was not sent yet gives way to the next, without a word: for what only matters now,
-            as /clock.
+        latch: send the last message to later subscribers.
+        lossless: queue all messages when the thread lags (otherwise the newest ones).
+        newest_only: silently replace an unsent message by the next one: for topics that only matter now, such as
+            /clock.
     """
     limit = LOSSLESS_LIMIT if lossless else 1 if newest_only else LAGGING_LIMIT
     name, thread = node.resolve(topic), None if node.publishes_inline else _the_thread()
@@ -143,12 +144,12 @@ def publisher(
 
 
 def defer(node: Node, call: Callable[[], None], what: str = "call") -> None:
-    """Have `call()` done by the publishing thread: for what the loop may not do itself, e.g. finishing an action goal
-    or logging.
+    """Let the publishing thread make a call that the loop may not, e.g. finishing an action goal or logging.
 
     Args:
-        node: whose; on a LocalNode the call is done at once.
+        node: node of the call; on a LocalNode the call is made at once.
         call: no arguments; an error is logged with `what`.
+        what: name of the call for the log.
     """
     if node.publishes_inline:
         call()
@@ -157,33 +158,32 @@ def defer(node: Node, call: Callable[[], None], what: str = "call") -> None:
     def run() -> None:
         try:
             call()
-        except Exception as error:  # the thread serves the whole process
+        except Exception as error:  # must not end the thread, which serves the process
             node.log_error(f"{what} failed: {type(error).__name__}: {error}")
 
     _the_thread().call(run)
 
 
 def hand_over(timeout: float) -> bool:
-    """Build and serialise what was published, and have it written while the loop goes on; for loops that never sleep,
-    now and then.
+    """Build and serialise the published messages, and let the thread write them; for loops that never sleep.
 
     Args:
-        timeout: longest wait for what was handed over before [s of wall time].
+        timeout: longest wait for the last hand-over [s of wall time].
 
     Returns:
         False when that took longer; nothing was done then. While the same message hangs, further calls return False
-        without waiting, so that nothing hangs with it.
+            without waiting.
     """
     return _thread.hand_over(timeout) if _thread is not None else True
 
 
 def drain(timeout: float) -> bool:
-    """Wait until everything published so far was sent; arguments and result as of `hand_over`."""
+    """Wait until everything published so far was sent; arguments and result as in `hand_over`."""
     return _thread.drain(timeout) if _thread is not None else True
 
 
 def shutdown(timeout: float = 1.0) -> None:
-    """Send what waits, end the thread; a later publisher starts a new one."""
+    """Send the waiting messages and end the thread; a later publisher starts a new one."""
     global _thread
     with _lock:
         thread, _thread = _thread, None

@@ -1,4 +1,4 @@
-"""Finding files that a URDF or a world names: plain paths, file:// and package:// addresses."""
+"""Files that a URDF or a world names: plain paths, file:// and package:// addresses."""
 
 import os
 from functools import lru_cache
@@ -40,7 +40,7 @@ def resolve(address: str, relative_to: Path | None = None) -> Path:
 
     Args:
         address: a path, file://..., or package://<package>/<path>.
-        relative_to: folder against which relative paths are meant.
+        relative_to: folder of relative paths.
 
     Raises:
         HricError: there is no such file or package.
@@ -64,12 +64,11 @@ def _local(address: str) -> Path:
 
 
 def anchored(document: str | bytes, folder: Path) -> str:
-    """Return the text of a description that means the same wherever it is read: the files that it names by relative
-    addresses lie beside it.
+    """Return a description with absolute file names, so that it means the same wherever it is read.
 
     Args:
         document: text, or the bytes of a file in the encoding that it declares.
-        folder: of the description.
+        folder: folder of the description, to which relative file names refer.
 
     Raises:
         DescriptionError: it is no description.

@@ -1,5 +1,6 @@
-"""A node that remembers what was made and read through it: no topic or service of a controller outlives it, and no
-parameter that it never reads is accepted."""
+"""Node that records what was created and read through it.
+
+No topic or service of a controller outlives it, and no parameter that it never reads is accepted."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, TypeVar
@@ -11,8 +12,10 @@ MadeT = TypeVar("MadeT", bound=Publisher | Registration)
 
 
 class ScopedNode:
-    """Passes everything on to `node`; `close` takes back what was advertised, subscribed and served through it and its
-    children, `refuse_unread` refuses parameters that nobody read through it or them."""
+    """Wrapper of `node` that records registrations and parameters.
+
+    `close` ends what was advertised, subscribed and served through it and its children; `refuse_unread` refuses
+    parameters that were never read through it or them."""
 
     def __init__(
         self, node: Node, made: list[Publisher | Registration] | None = None, read: set[str] | None = None
@@ -23,12 +26,12 @@ class ScopedNode:
         self.publishes_inline = node.publishes_inline
 
     def close(self) -> None:
-        """Take back everything, the newest first; what its owner took back already stays so."""
+        """Unregister everything, the newest first."""
         while self._made:
             self._made.pop().unregister()
 
     def keep(self, made: MadeT) -> MadeT:
-        """Have `made.unregister()` called at the end; returns `made`."""
+        """Register `made` for `unregister()` at the end; return it."""
         self._made.append(made)
         return made
 
@@ -38,16 +41,15 @@ class ScopedNode:
         return self._node.namespace
 
     def child(self, name: str) -> "ScopedNode":
-        """One namespace deeper; what is made there belongs to the same scope."""
+        """Return a node one namespace deeper with the same scope."""
         return ScopedNode(self._node.child(name), self._made, self._read)
 
     def also(self, node: Node) -> "ScopedNode":
-        """Another node whose makings belong to the same scope."""
+        """Return another node with the same scope."""
         return ScopedNode(node, self._made, self._read)
 
     def refuse_unread(self, known: Collection[str] = ()) -> None:
-        """Refuse every parameter in this namespace that was set, but neither read, looked for nor set through the
-        scope.
+        """Refuse parameters in this namespace that were set, but neither read, looked for nor set through the scope.
 
         Args:
             known: names that others read.
@@ -62,25 +64,25 @@ class ScopedNode:
             refuse_unknown(given, read.union(known), self.namespace)
 
     def resolve(self, name: str) -> str:
-        """Absolute name."""
+        """Return the absolute name."""
         return self._node.resolve(name)
 
     def beside(self, name: str) -> str:
-        """Absolute name, one namespace up."""
+        """Return the absolute name, one namespace up."""
         return self._node.beside(name)
 
     def has_param(self, name: str) -> bool:
-        """Whether the parameter exists."""
+        """Return True if the parameter exists."""
         self._read.add(self.resolve(name))
         return self._node.has_param(name)
 
     def param(self, name: str, default: Any = REQUIRED) -> Any:
-        """Value of a parameter."""
+        """Return the value of a parameter."""
         self._read.add(self.resolve(name))
         return self._node.param(name, default)
 
     def search_param(self, name: str, default: Any = REQUIRED) -> Any:
-        """Value of the parameter in this namespace or the nearest one above it."""
+        """Return the value of the parameter in this namespace or the nearest one above it."""
         self._read.add(self.resolve(name))
         return self._node.search_param(name, default)
 
@@ -100,7 +102,7 @@ class ScopedNode:
         return self.keep(self._node.subscribe(topic, message_type, callback, queue_size=queue_size))
 
     def service(self, name: str, service_type: type, handler: Callable[[Any], Any]) -> Registration:
-        """Serve."""
+        """Offer a service."""
         return self.keep(self._node.service(name, service_type, handler))
 
     def action_server(
@@ -110,7 +112,7 @@ class ScopedNode:
         on_goal: Callable[[GoalHandle], None],
         on_cancel: Callable[[GoalHandle], None],
     ) -> Registration:
-        """Serve an action."""
+        """Offer an action."""
         return self.keep(self._node.action_server(name, action_type, on_goal, on_cancel))
 
     def live_parameters(
@@ -121,11 +123,11 @@ class ScopedNode:
         return self.keep(self._node.live_parameters(parameters, on_change))
 
     def now(self) -> Any:
-        """Stamp for messages."""
+        """Return the stamp for messages."""
         return self._node.now()
 
     def log_info(self, text: str) -> None:
-        """Log for the user."""
+        """Log a message for the user."""
         self._node.log_info(text)
 
     def log_warn(self, text: str) -> None:

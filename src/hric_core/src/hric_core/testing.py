@@ -19,19 +19,18 @@ import pytest
 from hric_core.processes import end_process
 
 START_TIMEOUT = 20.0
-"""How long a roscore may take to respond on a busy machine [s]."""
+"""Longest start of a roscore on a busy machine [s]."""
 END_TIMEOUT = 30.0
-"""How long nodes may take to end on a busy machine [s]."""
+"""Longest end of nodes on a busy machine [s]."""
 
 
 PORTS = range(20_000, 32_000)
-"""Below those that Linux gives where any will do, from 32768 on (net.ipv4.ip_local_port_range): one of them stays
-free until it is used."""
+"""Ports below Linux's ephemeral range, from 32768 on (net.ipv4.ip_local_port_range), so that they stay free."""
 _given: set[int] = set()
 
 
 def free_port() -> int:
-    """A port that nobody listens on now, TCP nor UDP; another one at each call."""
+    """Return a port without TCP or UDP listener; a different one at each call."""
     while True:
         port = random.SystemRandom().choice(PORTS)
         if port not in _given and all(map(functools.partial(_is_free, port), (socket.SOCK_STREAM, socket.SOCK_DGRAM))):
@@ -50,10 +49,10 @@ def _is_free(port: int, kind: socket.SocketKind) -> bool:
 
 @functools.lru_cache(maxsize=1)
 def start_roscore() -> str:
-    """Start a roscore of this process's own, once, and point the environment to it. It ends with the process.
+    """Start a roscore for this process, once, and point the environment to it. It ends with the process.
 
     Returns:
-        its URI.
+        the URI of the master.
     """
     import rosgraph
 
@@ -65,7 +64,7 @@ def start_roscore() -> str:
         ["roscore", "-p", str(port)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
     )
     atexit.register(shutil.rmtree, logs, ignore_errors=True)
-    atexit.register(end_process, process, 5.0)  # before, as what is registered last runs first
+    atexit.register(end_process, process, 5.0)  # runs first, as it is registered last
     deadline = time.monotonic() + START_TIMEOUT
     while not rosgraph.is_master_online():
         if process.poll() is not None or time.monotonic() > deadline:
@@ -76,13 +75,13 @@ def start_roscore() -> str:
 
 @pytest.fixture(scope="session")
 def roscore() -> Iterator[str]:
-    """URI of a master on a port of its own; ROS_MASTER_URI points to it."""
+    """Yield the URI of a master on its own port; ROS_MASTER_URI points to it."""
     yield start_roscore()
 
 
 @pytest.fixture(scope="session")
 def ros(roscore: str) -> Iterator[str]:
-    """The test process as a rospy node; a process can be one only once. Gives the node's name."""
+    """Initialise the test process as a rospy node, possible only once per process, and yield the node's name."""
     import rospy
 
     if not rospy.core.is_initialized():
@@ -91,11 +90,13 @@ def ros(roscore: str) -> Iterator[str]:
 
 
 def end_nodes(*processes: subprocess.Popen[Any]) -> list[Any]:
-    """Interrupt those that still run, and kill what lasts. A node that is killed stays known to the master, which has
-    whoever owns its port by then shut down as soon as a node of its name comes again.
+    """Interrupt running nodes, and kill those that do not end.
+
+    A killed node stays registered; when a node of its name starts again, the master shuts down the process that owns
+    its port by then.
 
     Returns:
-        what each wrote that was not read yet; None for one whose output goes elsewhere.
+        unread output of each; None if the output is not piped.
     """
     for process in processes:
         if process.poll() is None:

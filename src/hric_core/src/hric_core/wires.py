@@ -1,6 +1,8 @@
-"""Every port that a program of the workspace opens: who listens where, who may speak, what waits for a peer that does
-not read, and what somebody can do who reaches it. The manual's page is made from this table, and a test compares it
-with the ports of a running system. Standard library only.
+"""Table of all ports that programs of the workspace open.
+
+It says who listens where, who may speak, what waits for a slow peer, and what an attacker can do who reaches the port.
+The manual's page is made from this table, and a test compares it with the ports of a running system. Standard library
+only.
 """
 
 import socket
@@ -9,7 +11,7 @@ from dataclasses import dataclass
 from ipaddress import ip_address
 
 ANY = (1024, 65535)
-"""Any free port."""
+"""Range of any free port."""
 BACKLOG = (
     "4 MiB for each listener, its oldest messages go; 10 minutes without reading: closed (`hric_core/listeners.py`)"
 )
@@ -21,17 +23,17 @@ class Wire:
     """Ports of one kind.
 
     Args:
-        who: what listens.
-        programs: names of files, one of which is on its command line; none: any node.
-        protocol: what is spoken.
+        who: listening programs.
+        programs: file names, one of which is on its command line; empty: any node.
+        protocol: protocol spoken.
         transport: "tcp" or "udp".
         ports: first and last.
-        port_text: the ports as people write them.
-        address: where it is bound, and what opens it to others.
-        address_argument: True if it is bound to an address that an argument gives, where one is given.
+        port_text: the ports in words.
+        address: address to which it is bound, and what opens it to others.
+        address_argument: True if an argument can set the address to which it is bound.
         speaks: who may speak.
-        queue: what waits for a peer that does not read.
-        stranger: what somebody can do who reaches the port.
+        queue: data that waits for a slow peer.
+        stranger: what an attacker can do who reaches the port.
     """
 
     who: str
@@ -47,14 +49,14 @@ class Wire:
     address_argument: bool = False
 
     def covers(self, transport: str, address: str, port: int, words: list[str], given: str = "") -> bool:
-        """True if a socket is one of these.
+        """Return True if a socket is one of these.
 
         Args:
             transport: "tcp" or "udp".
-            address: where it is bound.
-            port: where it is bound.
+            address: address to which it is bound.
+            port: port to which it is bound.
             words: command line of its process.
-            given: address of this machine that an argument gave, or "".
+            given: address of this machine from an argument, or "".
         """
         names = {word.rpartition("/")[2] for word in words}
         is_program = bool(names.intersection(self.programs)) if self.programs else _is_node(words)
@@ -67,7 +69,7 @@ def _is_node(words: list[str]) -> bool:
 
 
 GROUP = "239.255.42.99"
-"""Multicast group of NatNet; a socket bound to it gets nothing else."""
+"""Multicast group of NatNet; a socket bound to it receives nothing else."""
 
 WIRES = (
     Wire(
@@ -235,7 +237,7 @@ WIRES = (
     ),
     Wire(
         "`scripts/worker`",
-        ("dask", "--multiprocessing-fork"),  # the second: its processes, which Python starts
+        ("dask", "--multiprocessing-fork"),  # the second is for its child processes, started by Python
         "Dask",
         "tcp",
         ANY,
@@ -258,7 +260,7 @@ WIRES = (
         "read the manual",
     ),
 )
-"""Everything that listens. All else only connects, as the Trigno client and sweeps do."""
+"""Every listening port. Other programs only connect, such as the Trigno client and sweeps."""
 COLUMNS = (
     "who listens",
     "protocol",
@@ -271,7 +273,7 @@ COLUMNS = (
 
 
 def is_local(host: str) -> bool:
-    """True if every address of `host` is on loopback, however it is spelled. Raises ValueError: it has none."""
+    """Return True if every address of `host` is on loopback, however it is spelled. Raises ValueError: it has none."""
     try:
         addresses = {str(info[4][0]) for info in socket.getaddrinfo(host, None)}
     except (OSError, UnicodeError) as error:
@@ -293,7 +295,7 @@ def reached_by_others(what: str, certificate: str) -> str:
 
     Args:
         what: the address, or the option that opens it.
-        certificate: where to give one.
+        certificate: option for a certificate.
     """
     return (
         f"{what} is reached from other machines, and whoever reaches it runs programs as you; valid: a certificate "

@@ -1,7 +1,6 @@
-"""YAML that people write: one safe loader for files and command lines, which refuses what YAML allows and nobody
-means.
+"""Safe YAML loader for files and command lines, which refuses legal YAML that is surely a mistake.
 
-Refused are a key given twice, an anchor that contains itself, aliases that expand to a flood of values, and nesting so
+Refused are a duplicate key, an anchor that contains itself, aliases that expand to a flood of values, and nesting so
 deep that the C library would overflow its stack.
 """
 
@@ -12,17 +11,17 @@ import yaml
 from hric_core.errors import ParameterError
 
 MAX_DEPTH = 64
-"""Levels of nesting; project default, unconfirmed. The deepest file of the workspace has 12."""
+"""Largest number of nesting levels (project default, unconfirmed). The deepest file of the workspace has 12."""
 MAX_ALIASED = 10_000
-"""Values that the aliases of one text stand for, all together; project default, unconfirmed."""
+"""Largest number of values from all aliases of one text (project default, unconfirmed)."""
 
 
 def parse(text: str, where: str) -> Any:
-    """Return what a YAML text holds.
+    """Return the content of a YAML text.
 
     Args:
         text: one document.
-        where: its file or its place, for errors.
+        where: file or place, for errors.
 
     Raises:
         ParameterError: the text is not YAML, or has what is refused; gives the line.
@@ -37,7 +36,7 @@ def parse(text: str, where: str) -> Any:
 
 
 class _Refusal(Exception):
-    """YAML that is refused; the message begins with its line."""
+    """Refusal of YAML; the message begins with its line."""
 
     def __init__(self, node: Any, text: str) -> None:
         super().__init__(f"line {node.start_mark.line + 1}: {text}")
@@ -45,7 +44,7 @@ class _Refusal(Exception):
 
 def _load(text: str) -> Any:
     depth = 0
-    for event in yaml.parse(text, Loader=yaml.CSafeLoader):  # before nodes are composed, which recurses in C
+    for event in yaml.parse(text, Loader=yaml.CSafeLoader):  # checked before nodes are composed by recursion in C
         if isinstance(event, yaml.CollectionStartEvent):
             depth += 1
             if depth > MAX_DEPTH:
@@ -64,7 +63,7 @@ def _load(text: str) -> Any:
 
 
 class _Check:
-    """One walk over the nodes of a document, in the order of the text."""
+    """Check of the nodes of a document, in the order of the text."""
 
     def __init__(self, loader: yaml.CSafeLoader) -> None:
         self._loader = loader
@@ -103,7 +102,7 @@ class _Check:
             return self._loader.construct_object(node)
         except yaml.YAMLError:
             raise
-        except Exception as error:  # a constructor fails in its own way on a text that its tag does not fit
+        except Exception as error:  # constructors raise different errors on a text that does not fit the tag
             kind = node.tag.rpartition(":")[2]
             raise _Refusal(node, f"{node.value!r} is no valid {kind} ({error}); write it in quotes") from None
 

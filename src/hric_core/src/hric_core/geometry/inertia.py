@@ -1,4 +1,4 @@
-"""Mass, centre of mass and inertia of rigid bodies: moved, added by Steiner's theorem, and judged."""
+"""Mass, centre of mass and inertia of rigid bodies: transformed, added by Steiner's theorem, and checked."""
 
 import itertools
 from dataclasses import dataclass, field
@@ -10,13 +10,13 @@ from hric_core.geometry.transforms import FloatArray
 
 @dataclass(frozen=True)
 class MassProperties:
-    """Mass distribution of a rigid body in one frame; that of nothing by default.
+    """Mass distribution of a rigid body in one frame; massless by default.
 
     Attributes:
         mass: [kg].
         com: centre of mass, shape (3,) [m].
-        inertia: about the centre of mass, axes of the frame, tensor elements (Ixy = -integral x y dm), shape (3, 3) [kg
-            m^2]; need not be that of a body.
+        inertia: about the centre of mass, axes of the frame, tensor elements (Ixy = -integral x y dm), shape (3, 3)
+            [kg m^2]; may be impossible for a real body.
     """
 
     mass: float = 0.0
@@ -24,12 +24,12 @@ class MassProperties:
     inertia: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
 
     def moved(self, T_new_old: FloatArray) -> "MassProperties":
-        """The same body seen from another frame; T_new_old: pose of the present frame in the new one, shape (4, 4)."""
+        """Return the same body in another frame; T_new_old: pose of the present frame in the new one, shape (4, 4)."""
         R = T_new_old[:3, :3]
         return MassProperties(self.mass, R @ self.com + T_new_old[:3, 3], R @ self.inertia @ R.T)
 
     def __add__(self, other: "MassProperties") -> "MassProperties":
-        """Both bodies as one, by Steiner's theorem about the common centre of mass; both in the same frame."""
+        """Return both bodies as one, by Steiner's theorem about the common centre of mass; both in the same frame."""
         mass = self.mass + other.mass
         com = (self.mass * self.com + other.mass * other.com) / mass if mass != 0.0 else np.zeros(3)
         inertia = np.zeros((3, 3))
@@ -38,9 +38,9 @@ class MassProperties:
         return MassProperties(mass, com, inertia)
 
     def principal(self) -> tuple[FloatArray, FloatArray]:
-        """(moments, shape (3,) [kg m^2]; R, shape (3, 3)) with inertia = R diag(moments) R'.
+        """Return (moments, shape (3,) [kg m^2]; R, shape (3, 3)) with inertia = R diag(moments) R'.
 
-        Of the equivalent orders of the axes, the one whose roll, pitch and yaw lose least to rounding is taken.
+        Of the equivalent orders of the axes it takes the one whose roll, pitch and yaw have the least rounding error.
         """
         moments, axes = np.linalg.eigh(self.inertia)
         best: tuple[float, FloatArray, FloatArray] | None = None
@@ -56,7 +56,7 @@ class MassProperties:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether a tensor can belong to a body.
+    """Test of a tensor for physical consistency.
 
     Attributes:
         moments: principal moments, ascending, shape (3,) [kg m^2].
@@ -69,11 +69,11 @@ class Verdict:
 
     @property
     def positive_definite(self) -> bool:
-        """Whether every principal moment is above zero."""
+        """True if every principal moment is above zero."""
         return bool(self.moments[0] > 0.0)
 
     def reasons(self) -> list[str]:
-        """Why no distribution of mass has the tensor, one text per reason; empty if one has."""
+        """Return the reasons why no distribution of mass has the tensor, one text per reason; empty if one has."""
         found = []
         if self.triangle_margin < 0.0:
             found.append(f"breaks the triangle inequality by {-self.triangle_margin:.6f} kg m^2")
@@ -84,13 +84,13 @@ class Verdict:
 
 
 def judge(inertia: FloatArray) -> Verdict:
-    """Principal moments and triangle margin of a symmetric tensor, shape (3, 3) [kg m^2]."""
+    """Return principal moments and triangle margin of a symmetric tensor, shape (3, 3) [kg m^2]."""
     moments = np.asarray(np.linalg.eigvalsh(inertia), dtype=np.float64)
     return Verdict(moments, float(moments[0] + moments[1] - moments[2]))
 
 
 def steiner_term(mass: float, com: FloatArray) -> FloatArray:
-    """Inertia of the whole mass put at its centre, about the origin: m (q'q E - q q'), shape (3, 3) [kg m^2].
+    """Return the inertia of a point mass about the origin: m (q'q E - q q'), shape (3, 3) [kg m^2].
 
     Args:
         mass: [kg].
@@ -100,5 +100,5 @@ def steiner_term(mass: float, com: FloatArray) -> FloatArray:
 
 
 def tensor(xx: float, xy: float, xz: float, yy: float, yz: float, zz: float) -> FloatArray:
-    """Symmetric tensor of its six elements, shape (3, 3) [kg m^2]."""
+    """Return the symmetric tensor of six elements, shape (3, 3) [kg m^2]."""
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=np.float64)

@@ -1,5 +1,4 @@
-"""Poses between ROS messages (position and quaternion x y z w) and homogeneous matrices; what a message may not hold is
-refused."""
+"""Conversion of poses between ROS messages (position, quaternion x y z w) and homogeneous matrices, with checks."""
 
 import math
 from typing import Any
@@ -11,7 +10,7 @@ from hric_core.geometry.transforms import FloatArray, homogeneous, quaternion_fr
 
 
 def unit_quaternion(x: float, y: float, z: float, w: float) -> Quaternion:
-    """The quaternion with norm 1.
+    """Return the quaternion with norm 1.
 
     Raises:
         CommandError: the norm is not 1 within 1 %.
@@ -23,7 +22,7 @@ def unit_quaternion(x: float, y: float, z: float, w: float) -> Quaternion:
 
 
 def rotation(x: float, y: float, z: float, w: float) -> FloatArray:
-    """Rotation matrix, shape (3, 3), of a quaternion; all zeros count as no rotation, as an unset message has them.
+    """Return the rotation matrix, shape (3, 3), of a quaternion; all zeros, as in an unset message, mean no rotation.
 
     Raises:
         CommandError: the norm is not 1 within 1 %.
@@ -32,7 +31,7 @@ def rotation(x: float, y: float, z: float, w: float) -> FloatArray:
 
 
 def matrix(pose: Any) -> FloatArray:
-    """Homogeneous matrix, shape (4, 4), of a geometry_msgs/Pose.
+    """Return the homogeneous matrix, shape (4, 4), of a geometry_msgs/Pose.
 
     Raises:
         CommandError: a position that is not finite, or no unit quaternion.
@@ -43,7 +42,7 @@ def matrix(pose: Any) -> FloatArray:
 
 
 def pose_of(message: Any) -> Pose:
-    """The pose of a geometry_msgs/Pose, with an exact unit quaternion. Raises ZeroDivisionError where that is zero."""
+    """Return a geometry_msgs/Pose as pose with an exact unit quaternion. Raises ZeroDivisionError if that is zero."""
     p, q = message.position, message.orientation
     return Pose((p.x, p.y, p.z), normalized((q.x, q.y, q.z, q.w)))
 
@@ -67,7 +66,7 @@ def fill_twist(twist: Any, values: FloatArray) -> None:
 
 
 def finite(what: str, *values: float) -> list[float]:
-    """The values, if all are finite.
+    """Return the values if all are finite.
 
     Raises:
         CommandError: naming `what`.

@@ -1,5 +1,4 @@
-"""Poses as position and quaternion, on plain floats; tracks of them; and the two conventions for the vertical axis of
-motion capture."""
+"""Poses as position and quaternion, on plain floats; tracks of poses; conventions for the vertical axis."""
 
 import math
 from bisect import bisect_right
@@ -15,7 +14,7 @@ from hric_core.parameters import Settings, numbers
 
 ORIGIN: Vector = (0.0, 0.0, 0.0)
 UP_AXES = ("y", "z")
-"""Motive streams y up by default, z up on request; c3d files have either."""
+"""Vertical axes of motion capture: Motive streams y up by default, z up on request; c3d files have either."""
 
 
 class Pose(NamedTuple):
@@ -26,50 +25,50 @@ class Pose(NamedTuple):
 
 
 def transformed(T_a_b: Pose, p_b: Vector) -> Vector:
-    """A point of frame b, in frame a."""
+    """Return a point of frame b in frame a."""
     x, y, z = quaternions.rotated(T_a_b.orientation, p_b)
     return T_a_b.position[0] + x, T_a_b.position[1] + y, T_a_b.position[2] + z
 
 
 def compose(T_a_b: Pose, T_b_c: Pose) -> Pose:
-    """T_a_c."""
+    """Return T_a_c."""
     return Pose(transformed(T_a_b, T_b_c.position), quaternions.product(T_a_b.orientation, T_b_c.orientation))
 
 
 def inverse(T_a_b: Pose) -> Pose:
-    """T_b_a."""
+    """Return T_b_a."""
     x, y, z = T_a_b.position
     back = quaternions.inverse(T_a_b.orientation)
     return Pose(quaternions.rotated(back, (-x, -y, -z)), back)
 
 
 def difference(a: Pose, b: Pose) -> list[float]:
-    """Pose a minus pose b, in the axes in which both are expressed: position [m], rotation vector [rad], 6 floats."""
+    """Return pose a minus pose b, in their common axes: position [m], rotation vector [rad], 6 floats."""
     p, d = a.position, b.position
     return [p[0] - d[0], p[1] - d[1], p[2] - d[2], *quaternions.difference(a.orientation, b.orientation)]
 
 
 def interpolated(start: Pose, goal: Pose, share: float) -> Pose:
-    """The part `share` (0 to 1) of the way from start to goal: straight, and about one axis by the shorter rotation."""
+    """Return the pose at a fraction `share` (0 to 1) from start to goal: a straight line, and the shorter rotation."""
     (x, y, z), (a, b, c) = start.position, goal.position
     position = (x + share * (a - x), y + share * (b - y), z + share * (c - z))
     return Pose(position, quaternions.interpolated(start.orientation, goal.orientation, share))
 
 
 def minimum_jerk(u: float) -> float:
-    """Share of the path after the share u of the time, from rest to rest with least jerk: s = 10 u^3 - 15 u^4 + 6 u^5
-    (Flash and Hogan, J. Neurosci. 5:1688, 1985). Its rate is at most 1.875, at u = 0.5."""
+    """Return the fraction of the path after the fraction u of the time, from rest to rest with minimum jerk.
+
+    s = 10 u^3 - 15 u^4 + 6 u^5 (Flash and Hogan, J. Neurosci. 5:1688, 1985). Its rate is at most 1.875, at u = 0.5."""
     return u * u * u * (10 - 15 * u + 6 * u * u)
 
 
 class Track:
-    """Poses at given times; between them along a straight line, the orientation along the shortest arc; outside them at
-    rest.
+    """Track of poses at given times: straight lines and shortest arcs between them, at rest outside them.
 
     Args:
         times: rising [s].
-        poses: as many.
-        minimum_jerk: whether each piece begins and ends at rest, see the function.
+        poses: one for each time.
+        minimum_jerk: True if each piece begins and ends at rest, see the function.
 
     Raises:
         ParameterError: no poses, another number of times, times that do not rise, or numbers that are not finite.
@@ -87,7 +86,7 @@ class Track:
         self._times, self._poses, self._minimum_jerk = list(times), list(poses), minimum_jerk
 
     def __call__(self, time: float) -> Pose:
-        """The pose."""
+        """Return the pose at a time [s]."""
         after = bisect_right(self._times, time)
         if after == 0 or after == len(self._times):
             return self._poses[min(after, len(self._times) - 1)]
@@ -98,18 +97,19 @@ class Track:
 
 
 def z_up(up: str, v: Vector) -> Vector:
-    """A vector in axes with z up: (x, -z, y) where y is up (thesis eq. of chapter 3.3: +90 degrees about x); `up`: of
-    UP_AXES."""
+    """Return a vector in axes with z up; `up`: vertical axis of the input, of UP_AXES.
+
+    (x, -z, y) if y is up (thesis eq. of chapter 3.3: +90 degrees about x)."""
     return v if up == "z" else (v[0], -v[2], v[1])
 
 
 def from_z_up(up: str, v: Vector) -> Vector:
-    """The other direction of `z_up`."""
+    """Return the inverse of `z_up`."""
     return v if up == "z" else (v[0], v[2], -v[1])
 
 
 def pose_z_up(up: str, pose: Pose) -> Pose:
-    """A pose in axes with z up.
+    """Return a pose in axes with z up.
 
     World and body axes are renamed alike (the vector part is mapped: q' = A q A^-1), as Motive does when the setting is
     changed, so that a body that is aligned with the world stays aligned.
@@ -119,7 +119,7 @@ def pose_z_up(up: str, pose: Pose) -> Pose:
 
 
 def pose_from_z_up(up: str, pose: Pose) -> Pose:
-    """The other direction of `pose_z_up`."""
+    """Return the inverse of `pose_z_up`."""
     x, y, z, w = pose.orientation
     return pose if up == "z" else Pose(from_z_up(up, pose.position), (*from_z_up(up, (x, y, z)), w))
 
@@ -136,7 +136,7 @@ _XYZW.accepts = "a unit quaternion, x, y, z, w"
 
 @dataclass(frozen=True)
 class PoseSettings(Settings):
-    """A pose, as parameters `xyz` and `xyzw`."""
+    """Pose as parameters `xyz` and `xyzw`."""
 
     xyz: Vector = numbers(3, ORIGIN, unit="m", text="position")
     xyzw: Quaternion = _XYZW

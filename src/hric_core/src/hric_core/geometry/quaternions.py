@@ -5,12 +5,12 @@ from collections.abc import Sequence
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
-"""x, y, z, w."""
+"""Quaternion x, y, z, w."""
 IDENTITY: Quaternion = (0.0, 0.0, 0.0, 1.0)
 
 
 def product(a: Quaternion, b: Quaternion) -> Quaternion:
-    """The rotation b followed by a."""
+    """Return the rotation b followed by a."""
     ax, ay, az, aw = a
     bx, by, bz, bw = b
     return (
@@ -22,19 +22,19 @@ def product(a: Quaternion, b: Quaternion) -> Quaternion:
 
 
 def inverse(q: Quaternion) -> Quaternion:
-    """The rotation back."""
+    """Return the inverse rotation."""
     return -q[0], -q[1], -q[2], q[3]
 
 
 def normalized(q: Sequence[float]) -> Quaternion:
-    """The unit quaternion along q. Raises ZeroDivisionError for zero."""
+    """Return the unit quaternion along q. Raises ZeroDivisionError for zero."""
     x, y, z, w = q
     norm = math.sqrt(x * x + y * y + z * z + w * w)
     return x / norm, y / norm, z / norm, w / norm
 
 
 def rotated(q: Quaternion, v: Vector) -> Vector:
-    """The vector v after the rotation q: v + 2 w (u x v) + 2 u x (u x v), u the vector part of q."""
+    """Return the vector v after the rotation q: v + 2 w (u x v) + 2 u x (u x v), u the vector part of q."""
     x, y, z, w = q
     a, b, c = v
     u0, u1, u2 = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
@@ -42,7 +42,7 @@ def rotated(q: Quaternion, v: Vector) -> Vector:
 
 
 def rotation_vector(q: Quaternion) -> Vector:
-    """Axis times angle of the shorter rotation, at most pi [rad]."""
+    """Return axis times angle of the shorter rotation, at most pi [rad]."""
     x, y, z, w = canonical(q)
     sine = math.sqrt(x * x + y * y + z * z)
     scale = 2.0 if sine < 1e-9 else 2.0 * math.atan2(sine, w) / sine
@@ -50,7 +50,7 @@ def rotation_vector(q: Quaternion) -> Vector:
 
 
 def from_rotation_vector(v: Sequence[float]) -> Quaternion:
-    """The rotation about v by its length [rad]."""
+    """Return the rotation about v by its length [rad]."""
     x, y, z = v
     angle = math.sqrt(x * x + y * y + z * z)
     scale = 0.5 if angle < 1e-9 else math.sin(0.5 * angle) / angle
@@ -58,22 +58,21 @@ def from_rotation_vector(v: Sequence[float]) -> Quaternion:
 
 
 def difference(a: Quaternion, b: Quaternion) -> Vector:
-    """Rotation vector that leads from b to a, in the axes in which both are expressed [rad]."""
+    """Return the rotation vector from b to a, in the axes in which both are expressed [rad]."""
     return rotation_vector(product(a, inverse(b)))
 
 
 def interpolated(start: Quaternion, goal: Quaternion, share: float) -> Quaternion:
-    """The part `share` (0 to 1) of the shorter rotation from start to goal, at constant rate (slerp)."""
+    """Return the part `share` (0 to 1) of the shorter rotation from start to goal, at constant rate (slerp)."""
     x, y, z = difference(goal, start)
     return product(from_rotation_vector((share * x, share * y, share * z)), start)
 
 
 def from_elements(*R: float) -> Quaternion:
-    """Unit quaternion of a rotation matrix given row by row, 9 floats; its largest component is positive.
+    """Return the unit quaternion of a rotation matrix given row by row, 9 floats; its largest component is positive.
 
-    By that component (Shepperd 1978), so that none is lost to rounding; made a unit quaternion also where R is not
-    quite orthonormal. The sign is not chosen by w: that of a hand that points down is zero, and would flip with the
-    noise.
+    It is computed from that component (Shepperd 1978) for accuracy, and normalised if R is not quite orthonormal. The
+    sign is not chosen by w: that of a hand that points down is zero, and would flip with the noise.
     """
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = R
     diagonal = (1.0 + r00 - r11 - r22, 1.0 - r00 + r11 - r22, 1.0 - r00 - r11 + r22, 1.0 + r00 + r11 + r22)
@@ -90,13 +89,12 @@ def from_elements(*R: float) -> Quaternion:
 
 
 def canonical(q: Quaternion) -> Quaternion:
-    """The one of q and -q, which are the same rotation, with w >= 0."""
+    """Return q or -q, which are the same rotation, with w >= 0."""
     return q if q[3] >= 0.0 else (-q[0], -q[1], -q[2], -q[3])
 
 
 def is_rotation(x: Sequence[float], y: Sequence[float], z: Sequence[float], tolerance: float) -> bool:
-    """Whether three vectors are the columns (or rows) of a rotation: orthonormal and right-handed. A NaN makes it
-    false."""
+    """Return True if three vectors are the columns (or rows) of a rotation: orthonormal, right-handed, without NaN."""
     (a, b, c), (d, e, f), (g, h, i) = x, y, z
     return (
         abs(a * a + b * b + c * c - 1.0) <= tolerance
@@ -110,7 +108,7 @@ def is_rotation(x: Sequence[float], y: Sequence[float], z: Sequence[float], tole
 
 
 def angular_velocity(v: Vector, rate: Vector) -> Vector:
-    """Angular velocity of a rotation whose rotation vector v changes with `rate` [rad/s], in the axes of v.
+    """Return the angular velocity of a rotation whose rotation vector v changes with `rate` [rad/s], in the axes of v.
 
     The left Jacobian of SO(3): w = rate + (1 - cos a)/a^2 v x rate + (a - sin a)/a^3 v x (v x rate), a = |v|
     (Chirikjian, "Stochastic Models, Information Theory, and Lie Groups", vol. 2, ch. 10).
@@ -127,5 +125,5 @@ def angular_velocity(v: Vector, rate: Vector) -> Vector:
 
 
 def cross(a: Sequence[float], b: Sequence[float]) -> Vector:
-    """a x b."""
+    """Return a x b."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

@@ -1,6 +1,7 @@
 """Messages of points and poses with stamp and frame.
 
-They are made without genpy's constructors, whose checks and defaults cost several times what setting the fields does.
+They are created without genpy's constructors, whose checks and defaults take several times as long as setting the
+fields.
 """
 
 from typing import Any
@@ -16,14 +17,14 @@ _new: Any = object.__new__
 
 
 def point_message(position: Vector) -> Any:
-    """geometry_msgs/Point."""
+    """Return a geometry_msgs/Point."""
     point = _new(Point)
     point.x, point.y, point.z = position
     return point
 
 
 def pose_message(pose: Pose) -> Any:
-    """geometry_msgs/Pose."""
+    """Return a geometry_msgs/Pose."""
     message, orientation = _new(PoseMessage), _new(Quaternion)
     orientation.x, orientation.y, orientation.z, orientation.w = pose.orientation
     message.position, message.orientation = point_message(pose.position), orientation
@@ -31,21 +32,21 @@ def pose_message(pose: Pose) -> Any:
 
 
 def header(stamp: Any, frame: str) -> Any:
-    """std_msgs/Header."""
+    """Return a std_msgs/Header."""
     head = _new(Header)
     head.seq, head.stamp, head.frame_id = 0, stamp, frame
     return head
 
 
 def pose_stamped(head: Any, pose: Pose) -> Any:
-    """geometry_msgs/PoseStamped."""
+    """Return a geometry_msgs/PoseStamped."""
     stamped = _new(PoseStamped)
     stamped.header, stamped.pose = head, pose_message(pose)
     return stamped
 
 
 def transform_stamped(head: Any, child: str, pose: Pose) -> Any:
-    """geometry_msgs/TransformStamped."""
+    """Return a geometry_msgs/TransformStamped."""
     message, transform = _new(TransformStamped), _new(Transform)
     translation, rotation = _new(Vector3), _new(Quaternion)
     translation.x, translation.y, translation.z = pose.position

@@ -1,5 +1,4 @@
-"""Rotation matrices and homogeneous transforms, as numpy arrays; of these only the cross products are meant for the
-loop."""
+"""Rotation matrices and homogeneous transforms as numpy arrays; only the cross products are fast enough for loops."""
 
 import math
 from collections.abc import Sequence
@@ -13,12 +12,11 @@ from hric_core.geometry.quaternions import Quaternion
 FloatArray = npt.NDArray[np.float64]
 
 R_YUP_ZUP: FloatArray = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-"""Coordinates in axes with z up -> those with y up, as OpenSim's ground has them, x alike; the inverse of
-`vectors_z_up`."""
+"""Rotation of coordinates with z up to those with y up, as OpenSim's ground has them; inverse of `vectors_z_up`."""
 
 
 def rotation_from_rpy(rpy: Sequence[float]) -> FloatArray:
-    """Rotation of URDF roll, pitch, yaw [rad]: R = Rz(yaw) Ry(pitch) Rx(roll), shape (3, 3)."""
+    """Return the rotation of URDF roll, pitch, yaw [rad]: R = Rz(yaw) Ry(pitch) Rx(roll), shape (3, 3)."""
     (sr, sp, sy), (cr, cp, cy) = (tuple(f(a) for a in rpy) for f in (math.sin, math.cos))
     return np.array(
         [
@@ -30,7 +28,7 @@ def rotation_from_rpy(rpy: Sequence[float]) -> FloatArray:
 
 
 def rpy_from_rotation(R: FloatArray) -> tuple[float, float, float]:
-    """Roll, pitch, yaw [rad] of a rotation, shape (3, 3). At pitch = +-pi/2 the yaw is put at zero."""
+    """Return roll, pitch, yaw [rad] of a rotation, shape (3, 3). At pitch = +-pi/2 the yaw is set to zero."""
     horizontal = math.hypot(R[0, 0], R[1, 0])
     if horizontal < 1e-12:
         return math.atan2(-R[1, 2], R[1, 1]), math.atan2(-R[2, 0], horizontal), 0.0
@@ -38,13 +36,13 @@ def rpy_from_rotation(R: FloatArray) -> tuple[float, float, float]:
 
 
 def rotation_about(axis: FloatArray, angle: float) -> FloatArray:
-    """Rotation by an angle [rad] about a unit vector, shape (3,), by Rodrigues' formula; shape (3, 3)."""
+    """Return the rotation by an angle [rad] about a unit vector, shape (3,), by Rodrigues' formula; shape (3, 3)."""
     K = skew(axis)
     return np.eye(3) + (math.sin(angle) * K + (1.0 - math.cos(angle)) * K @ K)
 
 
 def rotation_from_quaternion(q: Sequence[float]) -> FloatArray:
-    """Rotation, shape (3, 3), of a unit quaternion (x, y, z, w)."""
+    """Return the rotation, shape (3, 3), of a unit quaternion (x, y, z, w)."""
     x, y, z, w = q
     return np.array(
         [
@@ -56,49 +54,49 @@ def rotation_from_quaternion(q: Sequence[float]) -> FloatArray:
 
 
 def quaternion_from_rotation(R: FloatArray) -> Quaternion:
-    """Unit quaternion (x, y, z, w), w >= 0, of a rotation, shape (3, 3)."""
+    """Return the unit quaternion (x, y, z, w), w >= 0, of a rotation, shape (3, 3)."""
     return quaternions.canonical(quaternions.from_elements(*R.ravel().tolist()))
 
 
 def cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """a x b of two vectors, shape (3,); numpy's own takes twenty times as long for so few numbers."""
+    """Return a x b of two vectors, shape (3,); numpy's cross takes twenty times as long for so few numbers."""
     (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
     return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
 
 def skew(v: FloatArray) -> FloatArray:
-    """The matrix S, shape (3, 3), with S r = v x r for columns r, and r S = r x v for rows r."""
+    """Return the matrix S, shape (3, 3), with S r = v x r for columns r, and r S = r x v for rows r."""
     x, y, z = v.tolist()
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def vectors_z_up(up: str, vectors: FloatArray) -> FloatArray:
-    """Vectors, shape (..., 3), in axes with z up: (x, -z, y) where `up` is "y"."""
+    """Return vectors, shape (..., 3), in axes with z up: (x, -z, y) if `up` is "y"."""
     return vectors if up == "z" else np.stack([vectors[..., 0], -vectors[..., 2], vectors[..., 1]], axis=-1)
 
 
 def homogeneous(R: FloatArray, p: Sequence[float] | FloatArray = (0.0, 0.0, 0.0)) -> FloatArray:
-    """Transform of a rotation, shape (3, 3), and a translation, 3 numbers [m]; shape (4, 4)."""
+    """Return the transform of a rotation, shape (3, 3), and a translation, 3 numbers [m]; shape (4, 4)."""
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = R, p
     return T
 
 
 def transform_from_rpy(xyz: Sequence[float], rpy: Sequence[float]) -> FloatArray:
-    """Transform of a URDF origin, shape (4, 4); xyz [m], rpy [rad]."""
+    """Return the transform of a URDF origin, shape (4, 4); xyz [m], rpy [rad]."""
     return homogeneous(rotation_from_rpy(rpy), xyz)
 
 
 def inverse(T: FloatArray) -> FloatArray:
-    """Inverse of a rigid transform, shape (4, 4)."""
+    """Return the inverse of a rigid transform, shape (4, 4)."""
     return homogeneous(T[:3, :3].T, -T[:3, :3].T @ T[:3, 3])
 
 
 def rotation_onto(start: int, end: FloatArray) -> FloatArray:
     """Return a rotation of axis number `start` (0, 1, 2: x, y, z) onto a unit vector, shape (3, 3).
 
-    The smallest one, R = E + [v] + [v]^2 / (1 + cos) with v = start x end (Rodrigues), where the two are at most a
-    right angle apart. Else a half turn about the axis that follows (of z: x, of x: y) comes first, which keeps the
+    It is the smallest rotation, R = E + [v] + [v]^2 / (1 + cos) with v = start x end (Rodrigues), if the two are at
+    most a right angle apart. Else a half turn about the next axis (for z: x, for x: y) comes first, which keeps the
     denominator away from zero.
     """
     flip = np.diag([1.0 if i == (start + 1) % 3 else -1.0 for i in range(3)]) if end[start] < 0.0 else np.eye(3)

@@ -1,1 +1,1 @@
-"""The framework without a master: nodes, topics, services and actions within one process."""
+"""Framework without a master: nodes, topics, services and actions within one process."""

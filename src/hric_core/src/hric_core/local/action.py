@@ -23,14 +23,14 @@ TRANSITIONS: dict[str, dict[str, str]] = {
     "abort": {"ACTIVE": "ABORTED", "PREEMPTING": "ABORTED"},
     "cancel": {"PENDING": "RECALLED", "RECALLING": "RECALLED", "ACTIVE": "PREEMPTED", "PREEMPTING": "PREEMPTED"},
 }
-"""event -> state before -> state after; an event that is missing for a state is refused."""
+"""State transitions: event -> state before -> state after; an event that is missing for a state is refused."""
 
 FINAL = frozenset({"REJECTED", "SUCCEEDED", "ABORTED", "RECALLED", "PREEMPTED"})
 
 
 @dataclass(eq=False)
 class LocalGoal:
-    """The client's side of one goal.
+    """Client side of a goal.
 
     Attributes are live: `status` (actionlib's names, e.g. "ACTIVE", "SUCCEEDED"), `text` (of the server, with the last
     change of state), `result` (None until finished), `feedback` (all so far).
@@ -45,16 +45,16 @@ class LocalGoal:
 
     @property
     def done(self) -> bool:
-        """Whether the goal has ended, one way or another."""
+        """True if the goal has ended, in any state."""
         return self.status in FINAL
 
     def cancel(self) -> None:
-        """Send the server a request to cancel the goal."""
+        """Request the server to cancel the goal."""
         self._request_cancel(GoalID(id=self.goal_id))
 
 
 class LocalGoalHandle:
-    """The server's side of one goal."""
+    """Server side of a goal."""
 
     def __init__(self, server: LocalActionServer, action_goal: Any) -> None:
         self._server = server
@@ -69,7 +69,7 @@ class LocalGoalHandle:
 
     @property
     def status(self) -> str:
-        """actionlib's name of the state."""
+        """State, by actionlib's name."""
         return self.client.status
 
     @property
@@ -78,36 +78,36 @@ class LocalGoalHandle:
         return self._goal
 
     def accept(self) -> None:
-        """The goal becomes active."""
+        """Set the goal active."""
         self._move("accept", "")
 
     def reject(self, result: Any, text: str) -> None:
-        """Refuse a goal that was not accepted."""
+        """Reject a goal that was not accepted."""
         self._finish("reject", result, text)
 
     def succeed(self, result: Any, text: str = "") -> None:
-        """The goal was reached."""
+        """End the goal as reached."""
         self._finish("succeed", result, text)
 
     def abort(self, result: Any, text: str) -> None:
-        """The goal failed."""
+        """End the goal as failed."""
         self._finish("abort", result, text)
 
     def cancel(self, result: Any, text: str = "") -> None:
-        """The goal was cancelled or replaced."""
+        """End the goal as cancelled or replaced."""
         self._finish("cancel", result, text)
 
     def publish_feedback(self, feedback: Any) -> None:
-        """Send feedback to the client."""
+        """Publish feedback to the client."""
         self.client.feedback.append(feedback)
         self._server.send_feedback(self, feedback)
 
     def request_cancel(self) -> bool:
-        """The client wants it cancelled; False if it is too late for that."""
+        """Request the goal's cancellation for the client; return False if its state does not allow that."""
         return self.status in TRANSITIONS["request_cancel"] and self._move("request_cancel", "")
 
     def message(self) -> GoalStatus:
-        """Status as a message."""
+        """Return the status as a message."""
         return GoalStatus(goal_id=self._goal_id, status=getattr(GoalStatus, self.status), text=self.client.text)
 
     def _move(self, event: str, text: str) -> bool:
@@ -129,7 +129,7 @@ class LocalGoalHandle:
 
 
 class LocalActionServer:
-    """Serves one action on the topics that actionlib uses, so that a recorder sees the same messages."""
+    """Server of one action on actionlib's topics, so that a recorder receives the same messages."""
 
     def __init__(
         self,
@@ -157,7 +157,7 @@ class LocalActionServer:
         self.send_status()
 
     def close(self) -> None:
-        """Take the topics back."""
+        """Unregister the topics."""
         for subscription in self._subscriptions:
             subscription.unregister()
         for publisher in (self._sender, self._status, self._feedback, self._result):
@@ -174,7 +174,7 @@ class LocalActionServer:
         return handle.client
 
     def default_result(self) -> Any:
-        """An empty result."""
+        """Return an empty result."""
         return self._result_type().result
 
     def refuse(self, text: str) -> None:
@@ -182,7 +182,7 @@ class LocalActionServer:
         self._node.log_error(f"action {self._name}: {text}")
 
     def send_status(self) -> None:
-        """Publish the state of all goals that have not ended, and of those that ended since the last time."""
+        """Publish the state of all goals that are active, or ended since the last call."""
         message = GoalStatusArray(status_list=[handle.message() for handle in self._handles.values()])
         message.header.stamp = self._node.now()
         self._handles = {key: handle for key, handle in self._handles.items() if handle.status not in FINAL}

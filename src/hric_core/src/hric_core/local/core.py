@@ -1,4 +1,4 @@
-"""What all LocalNodes of one process part share: the parameter tree, the topics, services and actions, the clock."""
+"""Common state of all LocalNodes of a process part: parameter tree, topics, services, actions, clock."""
 
 import copy
 from collections.abc import Callable, Mapping
@@ -19,7 +19,7 @@ class ParameterTree:
             self.set(names.resolve("/", name), value)
 
     def get(self, name: str) -> Any:
-        """Value or subtree.
+        """Return a value or subtree.
 
         Raises:
             KeyError: there is none.
@@ -33,7 +33,7 @@ class ParameterTree:
         return copy.deepcopy(value)
 
     def has(self, name: str) -> bool:
-        """Whether a value or subtree exists."""
+        """Return True if a value or subtree exists."""
         try:
             self.get(name)
         except KeyError:
@@ -60,7 +60,7 @@ class ParameterTree:
 
 
 class LocalTopic:
-    """One topic: its type, its subscribers in order of subscription, the latched message."""
+    """Topic with its type, its subscribers in order of subscription, and the latched message."""
 
     def __init__(self, name: str, message_type: type) -> None:
         self.name, self.type = name, message_type
@@ -71,7 +71,7 @@ class LocalTopic:
 
 
 class LocalCore:
-    """Shared by a LocalNode and its children."""
+    """State shared by a LocalNode and its children."""
 
     def __init__(self, params: Mapping[str, Any] | None = None) -> None:
         self.params = ParameterTree(params)
@@ -84,10 +84,10 @@ class LocalCore:
         self.goals = 0
 
     def topic(self, name: str, message_type: type) -> LocalTopic:
-        """The topic of this name, made on first use.
+        """Return the topic of this name, created on first use.
 
         Raises:
-            HricError: it carries another type.
+            HricError: it has another type.
         """
         topic = self.topics.setdefault(name, LocalTopic(name, message_type))
         if topic.type is not message_type:
@@ -95,7 +95,7 @@ class LocalCore:
         return topic
 
     def publish(self, topic: LocalTopic, message: Any, latch: bool, header: dict[str, str]) -> None:
-        """Hand a message to taps and subscribers, in this call; header: of the connection, as on a wire."""
+        """Pass a message to taps and subscribers, in this call; header: connection header, as on a wire."""
         names.check_message(f"topic {topic.name}", topic.type, message)
         message._connection_header = header
         topic.sequence += 1

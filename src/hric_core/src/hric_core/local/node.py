@@ -1,5 +1,6 @@
-"""A node without a master: topics and services are calls within the process. The same controller class runs on it and
-on `RosNode`."""
+"""Node without a master: topics and services are calls within the process.
+
+The same controller class runs on it and on `RosNode`."""
 
 import itertools
 import logging
@@ -18,14 +19,14 @@ _log = logging.getLogger("hric")
 
 
 class LocalPublisher:
-    """Publishes by calling the subscribers.
+    """Publisher that calls the subscribers.
 
     Args:
-        core: of the nodes.
-        topic: on which it publishes.
-        latch: True if who subscribes later gets the last message.
-        namespace: of the node; messages carry it as those of a wire carry their node's name (`publisher_of`), with a
-            number where another publisher of the topic has it already.
+        core: state shared by the nodes.
+        topic: topic on which it publishes.
+        latch: True if later subscribers get the last message.
+        namespace: namespace of the node, which is the sender of messages (`publisher_of`), with a number if another
+            publisher of the topic has it already.
     """
 
     def __init__(self, core: LocalCore, topic: LocalTopic, latch: bool, namespace: str) -> None:
@@ -46,11 +47,11 @@ class LocalPublisher:
             self._core.publish(self._topic, message, self._latch, self._header)
 
     def subscribers(self) -> int:
-        """Number of listeners, taps included."""
+        """Return the number of listeners, taps included."""
         return len(self._topic.callbacks) + len(self._core.taps)
 
     def unregister(self) -> None:
-        """Stop advertising; what is published afterwards goes nowhere."""
+        """Stop advertising; messages published afterwards are discarded."""
         if self._open:
             self._open = False
             self._topic.publishers.remove(self._header["callerid"])
@@ -63,11 +64,11 @@ class LocalNode(Namespaced):
 
     Args:
         params: nested dict below the root namespace; keys may have slashes.
-        namespace: of this node.
+        namespace: namespace of this node.
     """
 
     publishes_inline = True
-    """A RealtimePublisher on this node builds and publishes within the call, so that a run is the same each time."""
+    """True: a RealtimePublisher on this node builds and publishes within the call, so that runs are reproducible."""
 
     def __init__(self, params: Mapping[str, Any] | None = None, namespace: str = "/") -> None:
         self._core = LocalCore(params)
@@ -83,24 +84,24 @@ class LocalNode(Namespaced):
         self._core.clock = clock
 
     def child(self, name: str) -> "LocalNode":
-        """A node one namespace deeper, with the same parameters, topics and clock."""
+        """Return a node one namespace deeper, with the same parameters, topics and clock."""
         node = object.__new__(LocalNode)
         node._core, node._namespace = self._core, self.resolve(name)
         return node
 
     def resolve(self, name: str) -> str:
-        """Absolute name."""
+        """Return the absolute name."""
         return names.resolve(self._namespace, name)
 
     def has_param(self, name: str) -> bool:
-        """Whether the parameter exists."""
+        """Return True if the parameter exists."""
         return self._core.params.has(self.resolve(name))
 
     def param(self, name: str, default: Any = REQUIRED) -> Any:
-        """Value of a parameter, a copy.
+        """Return the value of a parameter, a copy.
 
         Raises:
-            ParameterError: it does not exist and no default was given.
+            ParameterError: it does not exist and there is no default.
         """
         try:
             return self._core.params.get(self.resolve(name))
@@ -114,14 +115,16 @@ class LocalNode(Namespaced):
         self._core.params.set(self.resolve(name), value)
 
     def advertise(self, topic: str, message_type: type, *, queue_size: int = 10, latch: bool = False) -> LocalPublisher:
-        """Advertise a topic; `queue_size` means nothing here, every message is delivered within publish()."""
+        """Advertise a topic; `queue_size` has no effect, as every message is delivered within publish()."""
         return LocalPublisher(self._core, self._core.topic(self.resolve(topic), message_type), latch, self._namespace)
 
     def subscribe(
         self, topic: str, message_type: type, callback: Callable[[Any], None], *, queue_size: int = 10
     ) -> Undoable:
-        """Call `callback` inside publish(). HricErrors it raises are logged, as on RosNode, at most one a second of
-        robot time; any other error reaches the publisher."""
+        """Call `callback` inside publish().
+
+        HricErrors it raises are logged, as on RosNode, at most one a second of robot time; any other error reaches the
+        publisher."""
         entry = self._core.topic(self.resolve(topic), message_type)
         refused = LogThrottle(self.log_error, lambda: self._core.clock())
 
@@ -142,7 +145,7 @@ class LocalNode(Namespaced):
         return Undoable(undo)
 
     def service(self, name: str, service_type: type, handler: Callable[[Any], Any]) -> Undoable:
-        """Serve; `call` reaches it."""
+        """Offer a service, which `call` calls."""
         full = self.resolve(name)
         if full in self._core.services:
             raise HricError(f"service {full} is offered already")
@@ -172,7 +175,7 @@ class LocalNode(Namespaced):
         on_goal: Callable[[GoalHandle], None],
         on_cancel: Callable[[GoalHandle], None],
     ) -> Undoable:
-        """Serve an action; `send_goal` reaches it, and so do messages on its goal and cancel topics."""
+        """Offer an action; goals come from `send_goal`, or as messages on its goal and cancel topics."""
         full = self.resolve(name)
         if full in self._core.actions:
             raise HricError(f"action {full} is offered already")
@@ -201,7 +204,7 @@ class LocalNode(Namespaced):
     def live_parameters(
         self, parameters: Sequence[LiveParameter], on_change: Callable[[dict[str, Any]], dict[str, Any]]
     ) -> Undoable:
-        """Offer live parameters; `set_live` changes them. Values already in the parameter tree replace the defaults."""
+        """Offer live parameters, which `set_live` changes. Values in the parameter tree replace the defaults."""
         if self._namespace in self._core.live:
             raise HricError(f"{self._namespace} offers live parameters already")
         initial = {p.name: self.param(p.name) for p in parameters if self.has_param(p.name)}
@@ -211,7 +214,7 @@ class LocalNode(Namespaced):
         return Undoable(lambda: self._core.live.pop(self._namespace))
 
     def set_live(self, namespace: str, changes: Mapping[str, Any]) -> dict[str, Any]:
-        """Change live parameters of a namespace; returns the values in force.
+        """Change live parameters of a namespace; return the values in force.
 
         Raises:
             UnknownNameError: no live parameters there, or not of this name.
@@ -234,20 +237,20 @@ class LocalNode(Namespaced):
         return Undoable(lambda: self._core.taps.remove(callback))
 
     def topics(self) -> dict[str, str]:
-        """Type name of every topic that is advertised or subscribed to, by absolute name."""
+        """Return the type name of every topic that is advertised or subscribed to, by absolute name."""
         used = (topic for topic in self._core.topics.values() if topic.publishers or topic.callbacks)
         return {topic.name: names.type_name(topic.type) for topic in used}
 
     def services(self) -> dict[str, str]:
-        """Type name of every service, by absolute name."""
+        """Return the type name of every service, by absolute name."""
         return {name: names.type_name(kind) for name, (kind, _) in self._core.services.items()}
 
     def now(self) -> Any:
-        """Stamp of robot time now (genpy.Time)."""
+        """Return the stamp of robot time now (genpy.Time)."""
         return stamps.to_time(self._core.clock())
 
     def log_info(self, text: str) -> None:
-        """Log for the user, to Python's logger "hric"."""
+        """Log a message to Python's logger "hric"."""
         _log.info("%s: %s", self._namespace, text)
 
     def log_warn(self, text: str) -> None:

@@ -1,1 +1,1 @@
-"""Mesh files of descriptions: read by this project's readers alone, never by an engine's."""
+"""Mesh files of descriptions, read only by this project, never by an engine."""

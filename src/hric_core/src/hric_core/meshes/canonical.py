@@ -1,5 +1,6 @@
-"""Meshes in one form for every engine: .obj text in metres with the scale in it, kept by the hash of what it is made
-from, and their convex hulls."""
+"""Meshes in one form for every engine, cached by the hash of their source, and their convex hulls.
+
+The form is .obj text in metres with the scale applied."""
 
 import hashlib
 import logging
@@ -20,20 +21,20 @@ from hric_core.urdf import Shape
 
 LOG = logging.getLogger("hric.meshes")
 SUFFIXES = (".dae", ".obj", ".stl")
-"""Kinds of mesh files that a description may name."""
+"""Types of mesh files that a description may name."""
 WRITTEN_SUFFIX = ".obj"
-"""Kind of what is written."""
+"""Type of the written files."""
 VERSION = b"1"
-"""Part of every key of the cache: to be changed with what the conversion writes."""
+"""Version in every key of the cache; change it with the output of the conversion."""
 THINNEST = 1e-6
-"""Thickness of a solid by its length, below which it is a plane [1]; project default, unconfirmed."""
+"""Thickness of a solid by its length, below which it is a plane [1] (project default, unconfirmed)."""
 
 
 IntArray = NDArray[np.int64]
 
 
 class UnreadableMeshError(HricError):
-    """The file is not what its ending says, or holds no surface."""
+    """Error of a file that does not match its extension, or has no surface."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ class Surface:
 
     @property
     def bounds(self) -> FloatArray:
-        """Smallest and greatest coordinates, shape (2, 3) [m]."""
+        """Smallest and largest coordinates, shape (2, 3) [m]."""
         return np.array([self.vertices.min(axis=0), self.vertices.max(axis=0)])
 
 
@@ -58,7 +59,8 @@ def obj_text(surface: Surface, source: str) -> str:
     """Return the surface as Wavefront .obj with nine digits, without normals, textures and materials.
 
     Args:
-        source: what the first line says it was made from.
+        surface: surface to write.
+        source: name of the source for the first line.
     """
     vertices = ("v %.9g %.9g %.9g\n" * len(surface.vertices)) % tuple(surface.vertices.ravel().tolist())
     faces = ("f %d %d %d\n" * len(surface.faces)) % tuple((surface.faces + 1).ravel().tolist())
@@ -69,13 +71,13 @@ def find(address: str, scale: Sequence[float], where: str, relative_to: Path | N
     """Return the path of a mesh that can be read.
 
     Args:
-        address: as the description has it.
+        address: address in the description.
         scale: factors along x, y, z.
-        where: what shows it, for errors.
-        relative_to: folder against which relative addresses are meant.
+        where: element with the mesh, for errors.
+        relative_to: folder of relative addresses.
 
     Raises:
-        DescriptionError: no such file, another kind of file, or a bad scale.
+        DescriptionError: no such file, another type of file, or a bad scale.
     """
     where = f"{where}: mesh {address!r}"
     if len(scale) != 3 or not all(math.isfinite(factor) and factor for factor in scale):
@@ -96,13 +98,14 @@ def find(address: str, scale: Sequence[float], where: str, relative_to: Path | N
 
 
 def canonical(path: Path, scale: Sequence[float], where: str, cache: Path | None = None) -> tuple[bytes, bool]:
-    """Return the canonical text of a mesh file, and whether an earlier conversion was used.
+    """Return the canonical text of a mesh file, and True if it came from the cache.
 
     Args:
-        path, scale: of `find`.
-        where: what shows it, for errors.
-        cache: where conversions are kept; `cache_folder("meshes")` by default. One that cannot be written costs time,
-            not the result.
+        path: result of `find`.
+        scale: factors along x, y, z.
+        where: element with the mesh, for errors.
+        cache: folder of conversions; `cache_folder("meshes")` by default. One that is not writable costs time, not the
+            result.
 
     Raises:
         DescriptionError: it cannot be read.
@@ -134,7 +137,7 @@ def mesh_of(shape: Shape) -> bytes:
 
 
 def hull_of(shape: Shape) -> Surface:
-    """Return the convex hull of a shape's mesh, in axes of the shape: what collides on every engine.
+    """Return the convex hull of a shape's mesh, in axes of the shape: the collision shape on every engine.
 
     Raises:
         DescriptionError: as `find` and `canonical`, or it is flat.
@@ -163,8 +166,7 @@ def _hull(path: Path, changed: int, scale: tuple[float, ...], where: str) -> Sur
 
 
 def _kept_name(key: str, text: bytes) -> str:
-    """Name content, scale and version of the conversion, and a hash of what must be in the file, by which a file that
-    was damaged since is known."""
+    """Return the file name: hash of content, scale and version, and hash of the text, by which damage is detected."""
     return f"{key}_{hashlib.sha256(text).hexdigest()[:32]}{WRITTEN_SUFFIX}"
 
 
@@ -176,7 +178,7 @@ def _read_kept(cache: Path, key: str) -> bytes | None:
                 return text
             path.unlink()
     except OSError:
-        pass  # a cache that cannot be read is no cache
+        pass  # an unreadable cache is ignored
     return None
 
 

@@ -1,4 +1,4 @@
-"""One mesh file in, its triangles out."""
+"""Reader of a mesh file's triangles."""
 
 import io
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ import trimesh
 from hric_core.meshes.canonical import Surface, UnreadableMeshError
 
 Part = tuple[Any, Any, tuple[float, ...] | None]
-"""Vertices, faces and colour of what shares a material."""
+"""Vertices, faces and colour of one material."""
 
 
 LOOKS = (
@@ -32,23 +32,23 @@ LOOKS = (
 
 
 def read_surface(path: Path, content: bytes, scale: tuple[float, float, float]) -> Surface:
-    """Triangles of a mesh file, scaled by a URDF's `<mesh scale>`; a negative factor mirrors and keeps the outside
-    outside.
+    """Return the triangles of a mesh file, scaled by a URDF's `<mesh scale>`.
 
-    In a COLLADA file the transforms of its nodes and its unit of length apply; its `up_axis` does not, as in rviz.
+    A negative factor mirrors; faces keep their outside. In a COLLADA file the transforms of its nodes and its unit of
+    length apply; its `up_axis` does not, as in rviz.
 
     Args:
-        path: the file; only its ending is read here.
+        path: the file; only its extension is read here.
         content: the bytes of the file.
         scale: factors along the mesh's axes.
 
     Raises:
-        UnreadableMeshError: not a mesh of that kind, or one without area.
+        UnreadableMeshError: not a mesh of that type, or one without area.
     """
     try:
         dae = path.suffix.lower() == ".dae"
         parts = _read_collada(_without_looks(content)) if dae else _read_plain(path.suffix, content)
-    except Exception as error:  # the readers raise whatever their parsers do
+    except Exception as error:  # the parsers raise errors of any type
         raise UnreadableMeshError(f"{type(error).__name__}: {error}".splitlines()[0]) from error
     return _joined(parts, scale)
 
@@ -56,8 +56,9 @@ def read_surface(path: Path, content: bytes, scale: tuple[float, float, float]) 
 def read_coloured(
     path: Path, content: bytes, scale: tuple[float, float, float]
 ) -> list[tuple[Surface, tuple[float, ...] | None]]:
-    """The same, one surface per colour of the file's materials: red, green, blue, opacity, each 0 to 1; None: no
-    colour. Textures are not read. Of a file whose materials cannot be read it is one surface without a colour.
+    """Return one surface per colour of the materials: red, green, blue, opacity, each 0 to 1; None: no colour.
+
+    Textures are not read. If the materials cannot be read, it is one surface without a colour.
 
     Raises:
         UnreadableMeshError: as `read_surface`.
@@ -66,7 +67,7 @@ def read_coloured(
         parts = _read_collada(content) if path.suffix.lower() == ".dae" else _read_obj(path, content)
         colours = sorted({colour for _, _, colour in parts}, key=lambda colour: colour or ())
         return [(_joined([part for part in parts if part[2] == colour], scale), colour) for colour in colours]
-    except Exception:  # the readers raise whatever their parsers do; the shape alone may still be readable
+    except Exception:  # the parsers raise errors of any type; the shape alone may be readable
         return [(read_surface(path, content, scale), None)]
 
 
@@ -82,7 +83,7 @@ def _joined(parts: Sequence[Part], scale: tuple[float, float, float]) -> Surface
 
 
 def _read_collada(content: bytes) -> list[Part]:
-    """Vertices [m], faces and diffuse colour of every primitive in the file's scene."""
+    """Return vertices [m], faces and diffuse colour of every primitive in the file's scene."""
     document = collada.Collada(io.BytesIO(content), ignore=[collada.common.DaeUnsupportedError])
     metres = document.assetInfo.unitmeter or 1.0
     parts: list[Part] = []
@@ -98,8 +99,7 @@ def _read_collada(content: bytes) -> list[Part]:
 
 
 def _without_looks(content: bytes) -> bytes:
-    """The COLLADA file without materials, images, lights and cameras, whose broken references would take the shapes
-    with them."""
+    """Return the COLLADA file without materials, images, lights and cameras, whose references may be broken."""
     root = ElementTree.fromstring(content)
     for parent in list(root.iter()):
         for child in list(parent):
@@ -109,7 +109,7 @@ def _without_looks(content: bytes) -> bytes:
 
 
 def _read_obj(path: Path, content: bytes) -> list[Part]:
-    """Vertices, faces and diffuse colour per material of an .obj file with its .mtl; of an .stl file as it is."""
+    """Return vertices, faces and diffuse colour per material of an .obj file with its .mtl; an .stl file has none."""
     if path.suffix.lower() != ".obj":
         return _read_plain(path.suffix, content)
     resolver = trimesh.resolvers.FilePathResolver(str(path))
@@ -123,14 +123,14 @@ def _read_obj(path: Path, content: bytes) -> list[Part]:
 
 
 def _read_plain(suffix: str, content: bytes) -> list[Part]:
-    """Vertices and faces of an .stl or .obj file, which have no unit and no transforms."""
+    """Return vertices and faces of an .stl or .obj file, which have no unit and no transforms."""
     options = {"skip_materials": True} if suffix.lower() == ".obj" else {}
     mesh = trimesh.load_mesh(io.BytesIO(content), file_type=suffix[1:].lower(), process=False, **options)
     return [(mesh.vertices, mesh.faces, None)]
 
 
 def _clean(mesh: Any, scale: tuple[float, float, float]) -> Surface:
-    """Scaled, equal vertices merged, faces without area dropped: contact needs closed surfaces."""
+    """Scale, merge equal vertices, and drop faces without area: contact needs closed surfaces."""
     mesh.apply_transform(np.diag([*scale, 1.0]))
     mesh.merge_vertices(merge_tex=True, merge_norm=True)
     mesh.update_faces(mesh.nondegenerate_faces())

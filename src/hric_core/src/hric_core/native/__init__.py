@@ -1,4 +1,4 @@
-"""What is computed in C: modules that CMake builds with the workspace (`hric_python_module`), and faces in Python."""
+"""Modules compiled from C by CMake with the workspace (`hric_python_module`), and their Python interfaces."""
 
 from importlib import import_module
 from types import ModuleType
@@ -7,7 +7,7 @@ from hric_core.errors import HricError
 
 
 def load(name: str) -> ModuleType:
-    """The compiled module of this name.
+    """Return the compiled module of this name.
 
     Raises:
         HricError: it is not built, or not for this Python.

@@ -1,6 +1,6 @@
-"""Sockets in C: writes to many of them in one call, and libraries that are kept on loopback.
+"""Sockets in C: writes to many of them in one call, and confinement of libraries to loopback.
 
-What a write costs is waking its listener, and between two writes the interpreter would have to be waited for.
+The cost of a write is waking its listener; between two writes from Python the interpreter would have to be waited for.
 """
 
 from collections.abc import Callable, Sequence
@@ -8,8 +8,10 @@ from collections.abc import Callable, Sequence
 from hric_core.native import load
 
 send_now: Callable[[list[int], Sequence[bytes | memoryview]], list[int]] = load("hric_sending").send_now
-"""(numbers of sockets, what to write to each): write what each takes at once; the number of bytes, or minus the error's
-number, for each. Waits for nobody."""
+"""Function (socket numbers, data for each) that writes what each socket takes at once, without waiting.
+
+It returns the number of bytes, or minus the error's number, for each."""
 confine: Callable[[str], int] = load("hric_loopback").confine
-"""(part of the path of a loaded library): from now on its sockets are bound to loopback in place of all interfaces,
-both of IPv4 and IPv6. Returns how many of its calls that concerns; 0: none was found, and nothing changed."""
+"""Function (part of a loaded library's path) that binds its sockets to loopback instead of all interfaces.
+
+For both IPv4 and IPv6. It returns the number of calls replaced; 0: none was found, and nothing changed."""

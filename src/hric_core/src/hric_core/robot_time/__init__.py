@@ -1,1 +1,1 @@
-"""The time of a run: stamps, and its mapping from the monotonic clock of each process."""
+"""Time of a run: stamps, and its mapping from the monotonic clock of each process."""

@@ -1,4 +1,4 @@
-"""The time of the run on the monotonic clock of this machine, from the clock pairs that the robot publishes."""
+"""Time of the run on this machine's monotonic clock, from the clock pairs that the robot publishes."""
 
 from collections import deque
 
@@ -6,46 +6,48 @@ from hric_core.robot_time.rising_line import Line, RisingLine, fit_line
 
 NS = 1_000_000_000
 WINDOW = 0.3
-"""How much of the past places the line [s]. The constants of this file are project defaults, unconfirmed."""
+"""Time span of pairs that fix the line's offset [s]. The constants of this file are project defaults, unconfirmed."""
 HISTORY = 2.0
-"""How much of it gives the pace [s]."""
+"""Time span of pairs that fix the pace [s]."""
 RATE_SPAN = 0.5
-"""Pairs must span this much before their own pace counts [s]."""
+"""Shortest time span of pairs from which their own pace is used [s]."""
 RATE_TOLERANCE = 0.1
-"""A run whose pace differs from the requested one by more than this share does not keep up: its own pace counts then,
-..."""
+"""Relative difference from the requested pace above which the pace of the pairs is used [1]."""
 RECENT = 5
-"""... and the mean of so many pairs places the line."""
+"""Number of pairs whose mean then fixes the line's offset."""
 LOST = 0.09
-"""A loop that is late by less than this catches up (`LATE` of hric_control.sim.sim_loop) [s of wall time]; ..."""
+"""Lateness up to which a loop catches up (`LATE` of hric_control.sim.sim_loop) [s of wall time]."""
 LOST_PAIRS = 3
-"""... as many later pairs in a row, and it has lost that time for good."""
+"""Number of later pairs in a row after which the loop has lost that time for good."""
 RESTART = 1.0
-"""A time of the run that goes back by more is another run's; by less, as where an arm's clock is set by this machine's
-again, it bends [s]."""
+"""Jump back of the time above which it is that of a new run [s].
+
+A smaller one, as when an arm's clock is set by this machine's again, bends the line."""
 SLOWEST_PACE = 1e-3
-"""Of a line through pairs that go back [1]."""
+"""Pace of a line through pairs that go back [1]."""
 HORIZON = 0.5
-"""So long after the last pair the run counts as standing [s]."""
+"""Time after the last pair from which the run counts as paused [s]."""
 HORIZON_NS = round(HORIZON * NS)
 LEAD = 0.03
-"""A pair counts this long after it was sent: by then all have received it, and nobody has mapped the time in between
-otherwise [s]. Where a busy machine delivers it later, it counts from the latest time on that was mapped before."""
+"""Time after sending from which a pair is used [s]: by then all have received it.
+
+So no process has mapped the time in between differently. If a busy machine delivers it later, it is used from the
+latest time on that was mapped before."""
 LEAD_NS = round(LEAD * NS)
 
 
 class RunClock:
-    """Maps the monotonic clock here to the time of the run, through pauses and at any pace.
+    """Map from the local monotonic clock to the time of the run, through pauses and at any pace.
 
-    A loop sends its pairs late or in time, never early. So where it keeps the requested pace, the line has that pace
-    and runs through the earliest pairs of the window: a hiccup of a few cycles does not move it. Where the
-    pace is not known, it is the least-squares line.
+    A loop sends its pairs late or in time, never early. So if it keeps the requested pace, the line has that pace and
+    runs through the earliest pairs of the window: a hiccup of a few cycles does not move it. If the pace is not known,
+    it is the least-squares line.
 
-    A later monotonic time never gets less than an earlier one, nor than one that was settled, got before, whatever
-    pairs come and whenever they do, unless the run restarts.
+    A later monotonic time never gets less than an earlier one, nor than a settled one got before, whatever pairs come
+    and whenever they do, unless the run restarts.
 
     Attributes:
-        standing: whether the run is paused, by the pairs.
+        standing: True if the run is paused, by the pairs.
     """
 
     def __init__(self) -> None:
@@ -57,8 +59,7 @@ class RunClock:
         self.standing = False
 
     def add(self, monotonic: int, run: float, pace: float | None = None) -> None:
-        """A pair. One that is older than the last is left out; the line begins again where the time of the run goes
-        back by more than `RESTART`.
+        """Add a pair; one older than the last is ignored. A time back by more than `RESTART` starts a new line.
 
         Args:
             monotonic: [ns].
@@ -84,16 +85,16 @@ class RunClock:
         self._last = (monotonic, run)
 
     def settle(self, monotonic: int) -> None:
-        """Keep what `robot_time` returns for times up to then [ns]."""
+        """Fix the results of `robot_time` for times up to `monotonic` [ns]."""
         if self._map is not None:
             self._map.settle(monotonic)
 
     def robot_time(self, monotonic: int) -> float | None:
-        """The time of the run [s] at a monotonic time [ns]; None before the first pair."""
+        """Return the time of the run [s] at a monotonic time [ns]; None before the first pair."""
         return None if self._map is None else self._map.at(monotonic)
 
     def monotonic(self, run: float) -> int | None:
-        """When that was the time of the run, or will be [ns]; None before the first pair."""
+        """Return the monotonic time [ns] of a time of the run, past or future; None before the first pair."""
         return None if self._map is None else self._map.when(run)
 
     def _begin(self, monotonic: int, run: float, pace: float | None) -> Line:
@@ -105,7 +106,7 @@ class RunClock:
         return Line(monotonic, run, pace or 1.0, NS)
 
     def _note(self, line: Line, monotonic: int, run: float) -> None:
-        """Remember a pair, and forget those of a time that the loop has lost since."""
+        """Store a pair, and remove those before a time that the loop has lost."""
         pairs, history = self._pairs, self._history
         late = line.when(run) < monotonic - round(LOST * NS)
         self._late = self._late + 1 if late else 0

@@ -1,5 +1,4 @@
-"""The time of the run in a process beside the robot: for drivers, which stamp measurements with it, and for emulators,
-which go by it."""
+"""Time of the run in other processes than the robot: for drivers' stamps and for emulators."""
 
 import threading
 import time
@@ -16,30 +15,27 @@ from hric_msgs.msg import ClockPair
 
 TOPIC = "hric/clock"
 PATIENCE = 3.0
-"""Without a pair for so long, another clock gives the time [s] (project default, unconfirmed)."""
+"""Time without a pair after which another clock is used [s] (project default, unconfirmed)."""
 FRESH = NS
-"""Where the last pair is no older, the ticks of `/clock` are not subscribed to [ns] (project default, unconfirmed)."""
+"""Age of the last pair up to which `/clock` is not subscribed to [ns] (project default, unconfirmed)."""
 SAME_MACHINE = 2 * NS
-"""Pairs are at most this old when they arrive [ns]; others are of another machine, whose monotonic clock is another
-one."""
+"""Largest age of a pair from this machine at its arrival [ns]; others have another monotonic clock."""
 LOOK = NS // 50
-"""Between looks at the wall clock, as between pairs [ns] (project default, unconfirmed)."""
+"""Time between readings of the wall clock, as between pairs [ns] (project default, unconfirmed)."""
 PAIRS, TICKS, WALL, NOTHING = TOPIC, "/clock", "the wall clock", "nothing"
 
 
 class UnpacedError(FailureError):
-    """A sensor on a wire cannot take part in a run that is not paced."""
+    """Error of a sensor on a wire in a run that is not paced."""
 
 
 class RobotTime:
-    """Maps the monotonic clock here to the time of the run: by the pairs on `hric/clock`; without them for some
-    seconds, by the ticks of `/clock` where `/use_sim_time` is true, else by the wall clock. A clock for `MotiveServer`.
-    From any thread.
+    """Map from the local monotonic clock to the time of the run. A clock for `MotiveServer`. For any thread.
 
-    A simulated robot announces its time ahead: then all who map by it get the same, to the nanosecond of a stamp.
-
-    Whatever the load of the machine, a later monotonic time never gets an earlier time of the run than one that was
-    mapped before, unless the run restarts or another clock takes over.
+    It uses the pairs on `hric/clock`; without them for some seconds, the ticks of `/clock` if `/use_sim_time` is true,
+    else the wall clock. A simulated robot announces its time ahead: then all processes get the same stamps, to the
+    nanosecond. Whatever the load of the machine, a later monotonic time never gets an earlier time of the run than one
+    that was mapped before, unless the run restarts or another clock is used.
 
     Args:
         node: private node, whose name is in messages.
@@ -66,13 +62,13 @@ class RobotTime:
 
     @property
     def source(self) -> str:
-        """What gives the time now, for people."""
+        """Current source of the time, for users."""
         with self._lock:
             return self._source()
 
     @property
     def standing(self) -> bool:
-        """Whether the run is paused or has not begun, and an emulator waits with it."""
+        """True if the run is paused or has not begun, so that an emulator waits."""
         with self._lock:
             source = self._source()
             if source == PAIRS and self._schedule is not None:
@@ -81,8 +77,9 @@ class RobotTime:
             return source == NOTHING or (source == PAIRS and self._pairs.standing)
 
     def robot_time(self, monotonic: int) -> float | None:
-        """The time of the run [s] at a monotonic time [ns]; None while it is not known. Waits, for half a second at
-        most, while the schedule of the run does not go so far: what covers that time is on its way."""
+        """Return the time of the run [s] at a monotonic time [ns]; None while it is unknown.
+
+        It waits, for half a second at most, until the schedule of the run covers that time."""
         with self._lock:
             while (schedule := self._scheduled()) is not None:
                 late = time.monotonic_ns() - schedule.end[0]
@@ -91,11 +88,11 @@ class RobotTime:
                 self._announced.wait((HORIZON_NS - late) / NS + LOOK / NS)
             now = time.monotonic_ns()
             clock = self._clock(self._source(), now)
-            clock.settle(min(monotonic, now))  # what has not come yet is no measurement
+            clock.settle(min(monotonic, now))  # a future time is no measurement
             return clock.robot_time(monotonic)
 
     def monotonic(self, run: float) -> int | None:
-        """When that was the time of the run, or will be [ns]; None while it is not known."""
+        """Return the monotonic time [ns] of a time of the run, past or future; None while it is unknown."""
         with self._lock:
             if (schedule := self._scheduled()) is None:
                 return self._clock(self._source(), time.monotonic_ns()).monotonic(run)
@@ -103,7 +100,7 @@ class RobotTime:
             return schedule.monotonic(run) or at + round((run - reached) * NS)
 
     def now(self) -> float | None:
-        """The time of the run [s], no later than it was announced; None while it is not known."""
+        """Return the current time of the run [s], limited to the announced time; None while it is unknown."""
         with self._lock:
             schedule = self._scheduled()
             if schedule is not None:
@@ -111,7 +108,7 @@ class RobotTime:
         return self.robot_time(time.monotonic_ns())
 
     def tick(self) -> None:
-        """Call it about once a second: logs when another clock gives the time.
+        """Log a change of the time's source; call it about once a second.
 
         Raises:
             UnpacedError: the run is not paced.
@@ -132,7 +129,7 @@ class RobotTime:
             self._node.log_info(f"the time of the run is that of {source}" + ("" if source == PAIRS else f": {why}"))
 
     def _subscribe_ticks(self, needed: bool) -> None:
-        """A hundred a second that are of no use while pairs come."""
+        """Subscribe to `/clock` only if needed: a hundred messages a second that are not used while pairs come."""
         if self._tick_subscription is None and needed:
             self._tick_subscription = self._node.subscribe("/clock", Clock, self._on_tick, queue_size=0)
         elif self._tick_subscription is not None and not needed:
@@ -150,7 +147,7 @@ class RobotTime:
         return PAIRS if self._known else NOTHING
 
     def _scheduled(self) -> Schedule | None:
-        """The schedule of the run, where it gives the time now."""
+        """Return the schedule of the run if it is the current source of time."""
         return self._schedule if self._source() == PAIRS else None
 
     def _clock(self, source: str, now: int) -> RunClock:
@@ -159,7 +156,7 @@ class RobotTime:
                 self._wall = RunClock()
             self._looked = now
             wall = time.time_ns()
-            self._wall.add(time.monotonic_ns(), wall / NS, 1.0)  # read in this order a pair may be late, never early
+            self._wall.add(time.monotonic_ns(), wall / NS, 1.0)  # in this order a pair may be late, never early
         return {WALL: self._wall, TICKS: self._ticks}.get(source, self._pairs)
 
     def _on_pair(self, message: Any) -> None:

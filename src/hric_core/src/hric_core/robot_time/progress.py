@@ -1,5 +1,7 @@
-"""A paced run waits for those who must see all of it: emulated devices, drivers of sensors, the recorder say how far
-they have got, and the robot's clock does not run away from them."""
+"""Progress reports, by which a paced run waits for participants that must process all of it.
+
+Emulated devices, sensor drivers and the recorder report how far they have got, and the robot's clock stays close to
+them."""
 
 import time
 from typing import Any
@@ -11,18 +13,19 @@ from hric_core.robot_time import stamps
 from hric_core.robot_time.schedule import NS
 
 TOPIC = "hric/progress"
-"""In the robot's namespace, beside `hric/clock`: std_msgs/Header with the name of the source as `frame_id`, and the
-robot time up to which its work is done as `stamp`; 0: it does no more."""
+"""Topic in the robot's namespace, next to `hric/clock`: std_msgs/Header with the name of the source as `frame_id`.
+
+`stamp` is the robot time up to which its work is done; 0: it has finished."""
 PERIOD = NS // 20
-"""Between messages of one source [ns of wall time]. The constants of this file are project defaults, unconfirmed."""
+"""Time between messages of one source [ns of wall time]. All constants here are project defaults, unconfirmed."""
 AHEAD = 0.2
-"""So far the run may be ahead of the slowest source [s of robot time]."""
+"""Largest lead of the run over the slowest source [s of robot time]."""
 SILENT = 2 * NS
-"""A source that has said nothing for so long holds nobody any more [ns of wall time]."""
+"""Time without a report after which the run no longer waits for a source [ns of wall time]."""
 
 
 class ProgressReport:
-    """Says how far a source has got. One thread calls it.
+    """Reporter of a source's progress. One thread calls it.
 
     Args:
         node: private node of the source, whose name is the source's.
@@ -34,7 +37,7 @@ class ProgressReport:
         self._due = 0
 
     def reached(self, run: float | None) -> None:
-        """Publish, where the last message is long enough ago.
+        """Publish the progress if the last message is long enough ago.
 
         Args:
             run: robot time up to which the work is done [s]; None: not known, nothing is published.
@@ -46,19 +49,19 @@ class ProgressReport:
         self._publisher.publish(Header(stamp=stamps.to_time(max(run, 1e-9)), frame_id=self._source))
 
     def close(self) -> None:
-        """Say that nobody need wait any more."""
+        """Report that the run need not wait for this source any more."""
         self._publisher.publish(Header(frame_id=self._source))
         self._publisher.unregister()
 
 
 class Gate:
-    """The robot time that a run must not pass, by what the sources report.
+    """Limit of the run's robot time, from the progress reports.
 
     Args:
-        node: of the robot.
+        node: node of the robot.
 
     Attributes:
-        held: how long the run has waited for each source [s of wall time].
+        held: time for which the run has waited, by source [s of wall time].
     """
 
     def __init__(self, node: Node) -> None:
@@ -72,10 +75,10 @@ class Gate:
         self._subscription.unregister()
 
     def limit(self, desired: float) -> float:
-        """The robot time up to which the run may go [s]; called in the loop, never blocks.
+        """Return the robot time up to which the run may go [s]; called in the loop, never blocks.
 
         Args:
-            desired: up to which it would go [s].
+            desired: robot time up to which it would go [s].
         """
         now = time.monotonic_ns()
         passed, self._last = min(now - self._last, SILENT) / NS, now
@@ -88,7 +91,7 @@ class Gate:
         return slowest
 
     def silent(self) -> list[str]:
-        """Names of the sources that have said nothing for `SILENT`."""
+        """Return the names of the sources without a report for `SILENT`."""
         now = time.monotonic_ns()
         return [source for source, (_, at) in list(self._reached.items()) if now - at >= SILENT]
 

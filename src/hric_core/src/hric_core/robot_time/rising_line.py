@@ -1,10 +1,9 @@
-"""From one clock to another by a line that is estimated again and again, so that no later time is ever mapped to an
-earlier one.
+"""Map from one clock to another by a line that is estimated repeatedly, without ever going back.
 
 An estimate moves: by microseconds on a quiet machine, by tenths of a second on a busy one, where the data of the
 estimate arrive late. To replace the line would change times that were returned already, and give the next measurement
-an earlier stamp than the last. So the map is a chain of pieces, continuous and rising: a new line is met on a bend,
-which begins after all times that were mapped before.
+an earlier stamp than the last. So the map is a chain of pieces, continuous and rising: a bend, which begins after all
+times that were mapped before, leads to the new line.
 """
 
 from collections import deque
@@ -12,18 +11,19 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 PIECES = 256
-"""Remembered for what was measured before the last bends. Default chosen by this project, unconfirmed, as the constants
-below."""
+"""Number of stored pieces, for measurements before the last bends.
+
+Project default, unconfirmed, as the constants below."""
 BEND = 0.1
-"""A new line is met in about this time [s], ..."""
+"""Time in which a bend usually reaches a new line [s]."""
 SLOWEST = 0.1
-"""... or later, where the map would otherwise go at less than this share of the line's pace [1]."""
+"""Smallest pace of a bend, as part of the line's pace [1]; the bend then takes longer."""
 JUMP = 1.0
-"""A line that is ahead by more counts as a jump of the time, and is followed at once [s]."""
+"""Lead of a new line above which the map jumps to it at once [s]."""
 
 
 def fit_line(points: Iterable[tuple[float, float]], slope_limit: float) -> tuple[float, float]:
-    """(offset, slope) of the least-squares line through points; the slope is cut to its limit."""
+    """Return (offset, slope) of the least-squares line through points; the slope is cut to its limit."""
     xy = list(points)
     n = len(xy)
     mean_x, mean_y = sum(x for x, _ in xy) / n, sum(y for _, y in xy) / n
@@ -34,7 +34,7 @@ def fit_line(points: Iterable[tuple[float, float]], slope_limit: float) -> tuple
 
 
 class Line(NamedTuple):
-    """value + slope * (x - anchor) / frequency, with x in ticks; slope 0: a pause."""
+    """Line value + slope * (x - anchor) / frequency, with x in ticks; slope 0: a pause."""
 
     anchor: int
     value: float
@@ -42,23 +42,23 @@ class Line(NamedTuple):
     frequency: float
 
     def at(self, x: int) -> float:
-        """The value [s] at x [ticks]."""
+        """Return the value [s] at x [ticks]."""
         return self.value + self.slope * (x - self.anchor) / self.frequency
 
     def when(self, value: float) -> int:
-        """The x [ticks] of a value [s]; the slope must not be 0."""
+        """Return the x [ticks] of a value [s]; the slope must not be 0."""
         return self.anchor + round((value - self.value) / self.slope * self.frequency)
 
 
 class RisingLine:
-    """A map that never decreases, and increases wherever it does not pause.
+    """Map that never decreases, and increases outside its pauses.
 
     Args:
-        line: with which it begins, slope above 0.
-        until: from where on the map pauses [ticks]; None: nowhere.
+        line: first line, slope above 0.
+        until: start of a pause [ticks]; None: no pause.
 
     Attributes:
-        line: that it follows, or will after its bend.
+        line: line that it follows, or will after its bend.
     """
 
     def __init__(self, line: Line, until: int | None = None) -> None:
@@ -69,20 +69,19 @@ class RisingLine:
             self._pause_from(until)
 
     def settle(self, x: int) -> None:
-        """Keep the map as it is up to x [ticks]."""
+        """Fix the map up to x [ticks]."""
         if self._settled is None or x > self._settled:
             self._settled = x
 
     def at(self, x: int) -> float:
-        """The value [s] at x [ticks]."""
+        """Return the value [s] at x [ticks]."""
         for piece in reversed(self._pieces):
             if x >= piece.anchor:
                 return piece.at(x)
         return self._pieces[0].at(x)
 
     def when(self, value: float) -> int:
-        """The first x [ticks] of a value [s]: when it was reached, or will be; of one that is never reached, when the
-        map begins to pause."""
+        """Return the first x [ticks] of a value [s], past or future; start of the pause if it is never reached."""
         after: int | None = None
         for piece in reversed(self._pieces):
             if piece.value < value:
@@ -92,12 +91,12 @@ class RisingLine:
         return x if after is None else min(x, after)
 
     def meet(self, line: Line, begin: int, until: int | None = None) -> None:
-        """Follow another line from `begin` on, or from where the map is settled.
+        """Follow another line from `begin` on, or from the end of the fixed part.
 
         Args:
             line: slope above 0.
             begin: [ticks].
-            until: from where on the map pauses [ticks]; None: nowhere.
+            until: start of a pause [ticks]; None: no pause.
         """
         begin, value = self._cut(begin)
         self.line = line
@@ -113,8 +112,9 @@ class RisingLine:
             self._pause_from(max(until, begin))
 
     def pause(self, value: float, latest: int) -> None:
-        """Pause at a value [s], from where it was reached, `latest` [ticks] at the latest; beyond it where the map is
-        settled already."""
+        """Pause at a value [s], from where it was reached, `latest` [ticks] at the latest.
+
+        The value is higher if the map is fixed beyond it already."""
         begin, reached = self._cut(min(self.when(value), latest))
         self._pieces.append(Line(begin, max(reached, value), 0.0, self.line.frequency))
 
@@ -125,7 +125,7 @@ class RisingLine:
         self._pieces.append(level)
 
     def _cut(self, begin: int) -> tuple[int, float]:
-        """(x, value) from which on the map may change; what it was beyond is dropped."""
+        """Return (x, value) from which on the map may change, and remove the map beyond."""
         begin = begin if self._settled is None else max(begin, self._settled)
         value, pieces = self.at(begin), self._pieces
         while len(pieces) > 1 and pieces[-1].anchor >= begin:

@@ -1,19 +1,20 @@
-"""Robot time as a schedule that is announced ahead: whoever has its knots gets the same time of the run for the same
-monotonic time, however busy the machine is."""
+"""Schedule of robot time, announced ahead.
+
+All processes with its knots get the same time of the run for the same monotonic time, however busy the machine is."""
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 
 NS = 1_000_000_000
 MEMORY = 1024
-"""Knots that are kept, 20 s of a run that announces 50 a second (project default, unconfirmed)."""
+"""Number of stored knots, 20 s of a run that announces 50 a second (project default, unconfirmed)."""
 
 
 class Schedule:
-    """A chain of straight pieces between knots (monotonic time, robot time), both of which never go back.
+    """Chain of straight pieces between knots (monotonic time, robot time), neither of which goes back.
 
     Args:
-        monotonic: of the first knot [ns].
+        monotonic: monotonic time of the first knot [ns].
         run: robot time of the first knot [s].
     """
 
@@ -23,16 +24,16 @@ class Schedule:
 
     @property
     def end(self) -> tuple[int, float]:
-        """The last knot: monotonic time [ns] and robot time [s]; what comes after it is not announced yet."""
+        """Last knot: monotonic time [ns] and robot time [s], up to which the schedule is announced."""
         return self._at[-1], self._run[-1]
 
     @property
     def rises(self) -> bool:
-        """True if robot time goes on before the last knot, and does not pause."""
+        """True if robot time rises before the last knot, False in a pause."""
         return len(self._run) > 1 and self._run[-1] > self._run[-2]
 
     def add(self, monotonic: int, run: float) -> None:
-        """Announce a knot; one that goes back in either time is left out."""
+        """Announce a knot; one that goes back in either time is ignored."""
         if monotonic <= self._at[-1] or run < self._run[-1]:
             return
         self._at.append(monotonic)
@@ -41,14 +42,14 @@ class Schedule:
             del self._at[:MEMORY], self._run[:MEMORY]
 
     def robot_time(self, monotonic: int) -> float:
-        """Robot time [s] at a monotonic time [ns]; outside the knots that of the nearest one."""
+        """Return robot time [s] at a monotonic time [ns]; outside the knots that of the nearest one."""
         k = bisect_right(self._at, monotonic)
         if k == len(self._at):
             return self._run[-1]
         return self._run[0] if k == 0 else self._piece(k, self._at, self._run, monotonic)
 
     def monotonic(self, run: float) -> int | None:
-        """When that robot time [s] is reached first [ns]; None: it is not announced yet."""
+        """Return the first monotonic time [ns] of a robot time [s]; None: it is not announced yet."""
         k = bisect_left(self._run, run)
         if k == 0:
             return self._at[0] - round((self._run[0] - run) * NS)

@@ -1,41 +1,40 @@
-"""The time of an emulated stream, and what its server's own clock shows then."""
+"""Time of an emulated stream, and the reading of its server's hardware clock."""
 
 import time
 from typing import Protocol
 
 NS = 1_000_000_000
 ANOTHER_RUN = 1.0
-"""A clock that goes back by more than this has begun again [s] (project default, unconfirmed); less is its noise."""
+"""Jump back of a clock above which it has restarted [s] (project default, unconfirmed); less is noise."""
 
 
 class Clock(Protocol):
-    """A clock that may pause and run at any pace, as the time of a run does
-    (`hric_core.robot_time.follower.RobotTime`)."""
+    """Clock that may pause and run at any pace, as the time of a run (`hric_core.robot_time.follower.RobotTime`)."""
 
     def now(self) -> float | None:
-        """The time [s]; None while it is not known."""
+        """Return the time [s]; None while it is unknown."""
 
     def monotonic(self, run: float) -> int | None:
-        """When that was the time, or will be, by the monotonic clock [ns]; None while it is not known."""
+        """Return the monotonic time [ns] of a time, past or future; None while it is unknown."""
 
 
 class WallClock:
-    """The monotonic clock itself."""
+    """Monotonic clock of the machine."""
 
     def now(self) -> float:
-        """The time [s]."""
+        """Return the time [s]."""
         return time.monotonic_ns() / NS
 
     def monotonic(self, run: float) -> int:
-        """The same time [ns]."""
+        """Return the same time [ns]."""
         return round(run * NS)
 
 
 class StreamTime:
-    """Begins at 0 when `clock` is first known, never goes back, and goes on where `clock` begins again.
+    """Time that begins at 0 when `clock` is first known, never goes back, and goes on when `clock` restarts.
 
     Args:
-        clock: by which the stream goes.
+        clock: clock of the stream.
     """
 
     def __init__(self, clock: Clock) -> None:
@@ -44,7 +43,7 @@ class StreamTime:
         self._switched_on = time.monotonic_ns()
 
     def now(self) -> float:
-        """Time of the stream [s]."""
+        """Return the time of the stream [s]."""
         now = self._clock.now()
         if now is None:
             return self._time
@@ -54,14 +53,14 @@ class StreamTime:
         return self._time
 
     def clock_time(self, stream: float) -> float | None:
-        """The time by `clock` [s] at a time of the stream [s]; None while it is not known."""
+        """Return the time by `clock` [s] at a time of the stream [s]; None while it is unknown."""
         return self._began + stream if self._known else None
 
     def hardware_now(self) -> float:
-        """What the server's clock shows [s]: it goes on while the stream pauses, as that of a real one does."""
+        """Return the reading of the server's clock [s], which goes on while the stream pauses, as a real one does."""
         return (time.monotonic_ns() - self._switched_on) / NS
 
     def hardware(self, stream: float) -> float:
-        """What the server's clock shows at a time of the stream [s]; now, while that is not known."""
+        """Return the reading of the server's clock [s] at a time of the stream [s]; the present one if unknown."""
         at = self._clock.monotonic(self._began + stream) if self._known else None
         return self.hardware_now() if at is None else (at - self._switched_on) / NS

@@ -1,4 +1,4 @@
-"""An action server on actionlib: its wire interface as it is, its goal handles behind the face of `GoalHandle`."""
+"""Action server on actionlib, with its topics unchanged and goal handles of type `GoalHandle`."""
 
 from collections.abc import Callable
 from typing import Any
@@ -15,7 +15,7 @@ _ABORTABLE = (GoalStatus.ACTIVE, GoalStatus.PREEMPTING)
 
 
 class RosGoalHandle:
-    """The server's side of one goal."""
+    """Server side of a goal."""
 
     def __init__(self, handle: Any, forget: Callable[[str], None]) -> None:
         self._handle, self._forget = handle, forget
@@ -32,35 +32,35 @@ class RosGoalHandle:
 
     @property
     def status(self) -> str:
-        """actionlib's name of the state."""
+        """State, by actionlib's name."""
         return str(GoalStatus.to_string(self._handle.get_goal_status().status))
 
     def accept(self) -> None:
-        """The goal becomes active."""
+        """Set the goal active."""
         self._handle.set_accepted()
 
     def reject(self, result: Any, text: str) -> None:
-        """Refuse a goal that was not accepted."""
+        """Reject a goal that was not accepted."""
         self._finish(self._handle.set_rejected, result, text)
 
     def succeed(self, result: Any, text: str = "") -> None:
-        """The goal was reached."""
+        """End the goal as reached."""
         self._finish(self._handle.set_succeeded, result, text)
 
     def abort(self, result: Any, text: str) -> None:
-        """The goal failed."""
+        """End the goal as failed."""
         self._finish(self._handle.set_aborted, result, text)
 
     def cancel(self, result: Any, text: str = "") -> None:
-        """The goal was cancelled or replaced."""
+        """End the goal as cancelled or replaced."""
         self._finish(self._handle.set_canceled, result, text)
 
     def publish_feedback(self, feedback: Any) -> None:
-        """Send feedback to the client."""
+        """Publish feedback to the client."""
         self._handle.publish_feedback(feedback)
 
     def fail(self, text: str) -> None:
-        """Reject or abort, as its state allows."""
+        """Reject or abort the goal, as its state allows."""
         status = self._handle.get_goal_status().status
         if status in _REJECTABLE:
             self.reject(None, text)
@@ -73,12 +73,13 @@ class RosGoalHandle:
 
 
 class RosActionServer:
-    """Serves one action.
+    """Server of one action.
 
     Args:
-        name: absolute.
+        name: absolute name.
         action_type: action class.
-        on_goal, on_cancel: called in rospy's thread, under actionlib's lock: no waiting in them.
+        on_goal: called in rospy's thread, under actionlib's lock; must not wait.
+        on_cancel: called in rospy's thread, under actionlib's lock; must not wait.
         report: takes one line of error text.
     """
 
@@ -97,7 +98,7 @@ class RosActionServer:
         self._server.start()
 
     def close(self) -> None:
-        """Take the topics back; goals that have not ended are aborted."""
+        """Unregister the topics; goals that have not ended are aborted."""
         for handle in list(self._handles.values()):
             handle.fail("the action server was shut down")
         self._server.stop()
@@ -115,7 +116,7 @@ class RosActionServer:
             handle.fail(str(error))
 
     def _receive_cancel(self, server_handle: Any) -> None:
-        # actionlib makes a new handle for each cancel; the owner gets the one it knows.
+        # actionlib creates a new handle for each cancel; the owner gets the handle of the goal.
         handle = self._handles.get(str(server_handle.get_goal_id().id))
         if handle is None:
             rospy.logdebug("action %s: cancel of a goal that has ended", self._name)

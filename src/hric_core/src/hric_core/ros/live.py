@@ -1,5 +1,6 @@
-"""Live parameters on dynamic_reconfigure: its services, topics and tools, with the parameters given while it runs
-instead of in a .cfg file."""
+"""Live parameters on dynamic_reconfigure: its services, topics and tools, with parameters from the program.
+
+They replace those of a .cfg file."""
 
 import math
 import threading
@@ -23,7 +24,7 @@ _INT_RANGE = (-(2**31), 2**31 - 1)
 
 
 class ConfigType:
-    """What a generated `<Name>Config` module offers, built from a list of parameters."""
+    """Replacement of a generated `<Name>Config` module, built from a list of parameters."""
 
     def __init__(self, parameters: Sequence[LiveParameter]) -> None:
         self.defaults: dict[str, Any] = {p.name: p.default for p in parameters}
@@ -72,20 +73,19 @@ def _bounds(parameter: LiveParameter) -> tuple[Any, Any]:
 
 
 class _Server(Server):
-    """dynamic_reconfigure's server, which refuses values out of range instead of moving them to the nearest bound."""
+    """Server of dynamic_reconfigure that refuses values out of range instead of clamping them."""
 
     def _clamp(self, config: Any) -> None:
-        """Leave the values as requested: a gain of -5 must not become 0 in silence, and the owner refuses
-        it."""
+        """Leave the values as requested: a gain of -5 must not silently become 0; the owner refuses it."""
 
 
 class RosLiveParameters:
-    """Serves live parameters in a namespace.
+    """Server of live parameters in a namespace.
 
     Args:
-        namespace: absolute.
-        parameters: what there is.
-        on_change: gets all values, returns those in force; a HricError refuses the change.
+        namespace: absolute name.
+        parameters: the live parameters.
+        on_change: function from all requested values to those in force; a HricError refuses the change.
         report: takes one line of error text.
 
     Raises:
@@ -114,7 +114,7 @@ class RosLiveParameters:
         self._server = _Server(ConfigType(parameters), self._change, namespace)
 
     def close(self) -> None:
-        """Take the services and topics back."""
+        """Unregister the services and topics."""
         self._server.set_service.shutdown("unregistered")
         self._server.descr_topic.unregister()
         self._server.update_topic.unregister()

@@ -1,5 +1,6 @@
-"""A node on rospy: the same face as `LocalNode`, with a master. One rospy process may hold many of them, one per
-namespace."""
+"""Node on rospy: the interface of `LocalNode`, with a master.
+
+A rospy process may have many of them, one per namespace."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -21,11 +22,13 @@ from hric_core.ros.live import RosLiveParameters
 from hric_core.ros.prompt import send_promptly
 
 LAST = 0.5
-"""Longest wait for listeners to take what was published before a topic is closed [s] (project default, unconfirmed)."""
+"""Longest wait for listeners to take the published messages before a topic is closed [s].
+
+Project default, unconfirmed."""
 
 
 class RosPublisher:
-    """Sends on a rospy topic.
+    """Publisher on a rospy topic.
 
     Raises:
         HricError: the topic cannot be advertised.
@@ -40,15 +43,15 @@ class RosPublisher:
         self._what, self._type = f"topic {topic}", message_type
 
     def publish(self, message: Any) -> None:
-        """Send; after the node was shut down nothing is sent.
+        """Publish a message; after the shutdown of the node do nothing.
 
         Raises:
-            HricError: not of the topic's type, or a field holds what its type cannot.
+            HricError: not of the topic's type, or a field has a value that its type does not allow.
         """
         self.publish_all((message,))
 
     def publish_all(self, messages: Sequence[Any]) -> None:
-        """Send several in one write to each listener, which is woken once: a write costs more than what it carries.
+        """Publish several messages in one write per listener, which is woken once: a write costs more than its data.
 
         Raises:
             HricError: as `publish`, for the first that could not be sent; the others are sent.
@@ -60,19 +63,19 @@ class RosPublisher:
             raise error if isinstance(error, HricError) else HricError(f"{self._what}: {error}") from error
 
     def pack(self, messages: Sequence[Any], on_error: OnError) -> Parcel:
-        """Do what rospy does to publish, up to the write; on_error: takes what is wrong with one of them."""
+        """Serialise messages as rospy does, without writing; on_error: takes the error of a bad message."""
         publisher = self._publisher
         if publisher is None or rospy.is_shutdown():
             return NOTHING
         try:
             return self._pack(publisher.impl, messages, on_error)
-        except (AttributeError, ValueError):  # rospy takes lock and buffer away while it closes the topic
+        except (AttributeError, ValueError):  # rospy deletes lock and buffer when it closes the topic
             if not rospy.is_shutdown():
                 raise
             return NOTHING
 
     def _pack(self, topic: Any, messages: Sequence[Any], on_error: OnError) -> Parcel:
-        """Serialise; topic: rospy's implementation."""
+        """Serialise messages; topic: rospy's implementation."""
         count = 0
         with topic.publock:
             for message in messages:
@@ -85,7 +88,7 @@ class RosPublisher:
                         count += 1
                     if topic.is_latch:
                         topic.latch = message
-                except Exception as error:  # whatever a field holds, the others go out
+                except Exception as error:  # a bad field must not stop the other messages
                     topic.buff.seek(begin)
                     topic.buff.truncate()
                     on_error(error)
@@ -96,12 +99,12 @@ class RosPublisher:
             return Parcel(topic.connections, data, count)
 
     def subscribers(self) -> int:
-        """Number of listeners."""
+        """Return the number of listeners."""
         publisher = self._publisher
         return 0 if publisher is None or publisher.impl is None else len(publisher.impl.connections)
 
     def unregister(self) -> None:
-        """Send what waits, then stop advertising; a second call does nothing."""
+        """Send the waiting messages, then stop advertising; a second call does nothing."""
         publisher, self._publisher = self._publisher, None
         if publisher is not None:
             DISPATCHER.flush(LAST)
@@ -109,7 +112,7 @@ class RosPublisher:
 
 
 class _Shared:
-    """What a node and its children share."""
+    """State shared by a node and its children."""
 
     def __init__(self) -> None:
         self.clock: Callable[[], float] | None = None
@@ -123,7 +126,7 @@ class RosNode(Namespaced):
     """
 
     publishes_inline = False
-    """Callbacks and the control loop have threads of their own."""
+    """False: callbacks and the control loop run in different threads."""
 
     def __init__(self, namespace: str = "") -> None:
         self._namespace = names.normalize(rospy.resolve_name(namespace) if namespace else rospy.get_namespace())
@@ -139,26 +142,26 @@ class RosNode(Namespaced):
         self._shared.clock = clock
 
     def child(self, name: str) -> "RosNode":
-        """The same connection, one namespace deeper."""
+        """Return a node with the same connection, one namespace deeper."""
         node = object.__new__(RosNode)
         node._namespace, node._shared = names.resolve(self._namespace, name), self._shared
         return node
 
     def resolve(self, name: str) -> str:
-        """Absolute name, remapped by the command line."""
+        """Return the absolute name, remapped by the command line."""
         resolved: str = rospy.names.resolve_name(names.resolve(self._namespace, name))
         return resolved
 
     def has_param(self, name: str) -> bool:
-        """Whether the parameter exists."""
+        """Return True if the parameter exists."""
         full = self.resolve(name)
         return bool(_query(lambda: rospy.has_param(full)))
 
     def param(self, name: str, default: Any = REQUIRED) -> Any:
-        """Value of a parameter.
+        """Return the value of a parameter.
 
         Raises:
-            ParameterError: it does not exist and no default was given.
+            ParameterError: it does not exist and there is no default.
         """
         full = self.resolve(name)
         try:
@@ -174,15 +177,15 @@ class RosNode(Namespaced):
         _query(lambda: rospy.set_param(full, value))
 
     def advertise(self, topic: str, message_type: type, *, queue_size: int = 10, latch: bool = False) -> RosPublisher:
-        """Advertise a topic. No listener is waited for: what it does not take waits for it alone, bounded in bytes
-        (`listeners.LIMIT`), whatever `queue_size` says."""
+        """Advertise a topic. Listeners are never waited for, whatever `queue_size` says.
+
+        Data that a listener does not read waits for it alone, bounded in bytes (`listeners.LIMIT`)."""
         return RosPublisher(self.resolve(topic), message_type, queue_size, latch)
 
     def subscribe(
         self, topic: str, message_type: type, callback: Callable[[Any], None], *, queue_size: int = 10
     ) -> Undoable:
-        """Call `callback` for each message, in rospy's thread. HricErrors it raises are logged, at most one a
-        second."""
+        """Call `callback` for each message, in rospy's thread. Its HricErrors are logged, at most one a second."""
         full = self.resolve(topic)
         refused = LogThrottle(self.log_error, time.monotonic)
 
@@ -203,7 +206,7 @@ class RosNode(Namespaced):
         return registration
 
     def service(self, name: str, service_type: type, handler: Callable[[Any], Any]) -> Undoable:
-        """Serve. A HricError of the handler becomes the service's error text."""
+        """Offer a service. A HricError of the handler becomes the service's error text."""
         full = self.resolve(name)
         response_type: type = service_type._response_class  # type: ignore[attr-defined]  # generated
 
@@ -228,7 +231,7 @@ class RosNode(Namespaced):
         on_goal: Callable[[GoalHandle], None],
         on_cancel: Callable[[GoalHandle], None],
     ) -> Undoable:
-        """Serve an action with actionlib's wire interface."""
+        """Offer an action with actionlib's topics."""
         server = RosActionServer(self.resolve(name), action_type, on_goal, on_cancel, self.log_error)
         return Undoable(server.close)
 
@@ -240,13 +243,12 @@ class RosNode(Namespaced):
         return Undoable(live.close)
 
     def now(self) -> Any:
-        """Stamp: robot time where `clock` was given, else rospy's time, which follows /clock when use_sim_time is
-        set."""
+        """Return the stamp: robot time if `clock` is set, else rospy's time, which follows /clock if use_sim_time."""
         clock = self._shared.clock
         return rospy.Time.now() if clock is None else stamps.to_time(clock())
 
     def log_info(self, text: str) -> None:
-        """Log for the user."""
+        """Log a message for the user."""
         rospy.loginfo("%s: %s", self._namespace, text)
 
     def log_warn(self, text: str) -> None:
@@ -259,7 +261,7 @@ class RosNode(Namespaced):
 
 
 def _query(request: Callable[[], Any]) -> Any:
-    """Query the master; where it does not respond, the error names its address."""
+    """Query the master; if it does not respond, the error names its address."""
     try:
         return request()
     except (TimeoutError, OSError, XmlRpcError) as error:

@@ -1,4 +1,4 @@
-"""A node's process: from its start to its shutdown request."""
+"""Process of a node, from its start to its shutdown request."""
 
 import argparse
 import errno
@@ -21,39 +21,38 @@ from hric_core.ros import prompt as ros_prompt
 from hric_core.ros.node import RosNode
 
 PERIOD = 1.0
-"""Between ticks [s]; that of diagnostics, REP 107."""
+"""Time between ticks [s]; that of diagnostics, REP 107."""
 
 
 class NodeApp:
-    """What a node does, from its construction until `close`. All of it may raise HricError, which ends the node.
+    """Work of a node, from its construction until `close`. Any method may raise HricError, which ends the node.
 
     Args:
         node: private node.
 
     Attributes:
-        period: between ticks [s of wall time].
+        period: time between ticks [s of wall time].
     """
 
     period = PERIOD
 
     def __init__(self, node: RosNode) -> None:
-        """Start."""
+        """Start the work."""
 
     def tick(self) -> None:
-        """Called each period, in the main thread."""
+        """Do periodic work in the main thread."""
 
     def close(self) -> None:
-        """End; called once, also after an error of `tick`."""
+        """End the work; called once, also after an error of `tick`."""
 
 
 def check_private(name: str, known: Known = (), words: Sequence[str] | None = None) -> None:
-    """Refuse parameters (`_KEY:=VALUE`) of the command line that a node does not read, before a master is looked for:
-    exits.
+    """Refuse parameters (`_KEY:=VALUE`) that a node does not read, before the search for a master; exits.
 
     Args:
-        name: of the node.
+        name: name of the node.
         known: parameters that it reads.
-        words: of the command line; None: those of this process.
+        words: words of the command line; None: those of this process.
     """
     names = known_names(known)
     try:
@@ -76,12 +75,12 @@ def refuse_unread(node: RosNode, known: Known) -> None:
 
 
 def end_with_roslaunch() -> None:
-    """End this process with the roslaunch that started it, by whatever that ends: a robot that nobody watches stops.
+    """End this process with the roslaunch that started it, whatever its end: an unattended robot must stop.
 
-    roslaunch may start nodes from threads that end early, as it does for other machines: so its process is watched;
-    the system's own signal (PR_SET_PDEATHSIG) comes with the end of the thread.
+    roslaunch may start nodes from threads that end early, as it does for other machines, so its process is watched; the
+    system's own signal (PR_SET_PDEATHSIG) comes with the end of the thread.
     """
-    if not any(word.startswith("__log:=") for word in sys.argv):  # only roslaunch gives it
+    if not any(word.startswith("__log:=") for word in sys.argv):  # set by roslaunch only
         return
     launcher = os.pidfd_open(os.getppid())
 
@@ -93,12 +92,13 @@ def end_with_roslaunch() -> None:
 
 
 def check_words(name: str, text: str, known: Known | None = ()) -> None:
-    """Print --help, and refuse any other word of the command line, before a master is looked for: exits. From here on
-    the process ends with the roslaunch that started it.
+    """Print --help, and refuse any other word of the command line, before the search for a master; exits.
+
+    From here on the process ends with the roslaunch that started it.
 
     Args:
-        name: of the node.
-        text: for --help; from "Usage: " on also said of a wrong word.
+        name: name of the node.
+        text: help text; its part from "Usage: " on is also printed for a wrong word.
         known: parameters that it reads; None: they are checked later.
     """
     what, _, usage = text.partition("Usage: ")
@@ -114,11 +114,11 @@ def check_words(name: str, text: str, known: Known | None = ()) -> None:
 
 
 def run(name: str, text: str, app: Callable[[RosNode], NodeApp], *known: type[Settings] | str) -> int:
-    """Run a node. Parameters that it does not read end it before it begins.
+    """Run a node. Parameters that it does not read end it before its work starts.
 
     Args:
         name: default name.
-        text: for --help.
+        text: help text.
         app: starts its work, given the private node.
         known: parameters that it reads.
 
@@ -151,8 +151,9 @@ def run(name: str, text: str, app: Callable[[RosNode], NodeApp], *known: type[Se
 
 
 def shut_down(reason: str) -> None:
-    """`rospy.signal_shutdown` as the last of a process: rospy's server, if its thread has not run yet, takes the socket
-    that is closed for an error."""
+    """Call `rospy.signal_shutdown` at the end of a process, without a traceback of rospy's server.
+
+    The server, if its thread has not run yet, takes the closed socket for an error."""
     threading.excepthook = _report_unless_closed
     rospy.signal_shutdown(reason)
 
@@ -174,7 +175,7 @@ class _RosHandler(logging.Handler):
 
 
 def forward_to_ros(logger: logging.Logger) -> None:
-    """Send what `logger` says to rosout instead of the terminal alone. After `rospy.init_node`.
+    """Send the messages of `logger` to rosout instead of the terminal alone. After `rospy.init_node`.
 
     Meant for rare messages: rosout is written in the calling thread.
     """
@@ -185,15 +186,16 @@ def forward_to_ros(logger: logging.Logger) -> None:
 
 
 BACKLOG = 128
-"""Connections that may wait to be accepted; project default, unconfirmed, above the number of topics of any node
-here."""
+"""Number of connections that may wait to be accepted (project default, unconfirmed).
+
+It is above the number of topics of any node here."""
 
 
 def widen() -> None:
-    """Let many listeners connect at once. After `rospy.init_node`.
+    """Allow many listeners to connect at once. After `rospy.init_node`.
 
-    rospy lets 5 connections wait. A recorder connects to all topics of a node within a millisecond: the kernel turns
-    away what is beyond that and tries again a second later. Until then the recorder receives nothing on these topics.
+    rospy lets 5 connections wait. A recorder connects to all topics of a node within a millisecond: the kernel refuses
+    the rest, which try again a second later. Until then the recorder receives nothing on these topics.
     """
     tcpros_base.start_tcpros_server()
     tcpros_base._tcpros_server.tcp_ros_server.server_sock.listen(BACKLOG)

@@ -1,4 +1,4 @@
-"""Topics of a rospy node send in the thread that publishes, as long as the network takes what is sent."""
+"""Topics of a rospy node that send in the publishing thread, as long as the network takes the data."""
 
 from contextlib import suppress
 from typing import Any
@@ -10,20 +10,20 @@ from hric_core.listeners import DISPATCHER, Listener, Parcel
 
 
 def send_promptly() -> None:
-    """Let all topics of this process send through a `PromptConnection` where they have a queue.
+    """Let all topics of this process with a queue send through a `PromptConnection`.
 
-    rospy wakes a thread for each message to each listener, which costs several times what sending does; without a queue
-    a listener that does not read holds up whoever publishes, for a minute.
+    rospy wakes a thread for each message to each listener, which costs several times the sending; without a queue a
+    listener that does not read blocks the publisher, for a minute.
     """
     rospy.topics.QueuedConnection = PromptConnection
 
 
 class PromptConnection(Listener):
-    """A listener's connection in place of rospy's QueuedConnection: it never waits for the listener either.
+    """Connection of a listener that replaces rospy's QueuedConnection; it never waits for the listener either.
 
     Args:
-        connection: rospy's own.
-        queue_size: of rospy's queue; what waits is bounded in bytes instead, see `listeners.LIMIT`.
+        connection: connection of rospy.
+        queue_size: size of rospy's queue; waiting data is bounded in bytes instead, see `listeners.LIMIT`.
     """
 
     def __init__(self, connection: Any, queue_size: int = 0) -> None:
@@ -36,7 +36,7 @@ class PromptConnection(Listener):
         return getattr(self._connection, name)
 
     def write_data(self, data: bytes | bytearray) -> bool:
-        """Send, or keep for later. Raises TransportTerminated: the connection is closed."""
+        """Send or queue data. Raises TransportTerminated: the connection is closed."""
         DISPATCHER.send((Parcel((self,), bytes(data)),))
         if not self.open:
             raise TransportTerminated("connection closed")
@@ -46,5 +46,5 @@ class PromptConnection(Listener):
 
     def let_go(self) -> None:
         """Close rospy's connection."""
-        with suppress(Exception):  # of any kind, where rospy closes the topic at the same time
+        with suppress(Exception):  # any error, if rospy closes the topic at the same time
             self._connection.close()

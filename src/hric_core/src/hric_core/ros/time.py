@@ -1,8 +1,8 @@
-"""ROS time in the process that makes it.
+"""ROS time in the process that publishes it.
 
-A node under `use_sim_time` listens to /clock. The process that publishes /clock knows the time already, and receiving
-its own messages costs it a twentieth of its time when it runs faster than real time. So it starts without that
-subscription and sets the clock of rospy itself.
+A node under `use_sim_time` subscribes to /clock. The process that publishes /clock knows the time already, and
+receiving its own messages costs it a twentieth of its time when it runs faster than real time. So it starts without
+that subscription and sets the clock of rospy itself.
 """
 
 from collections.abc import Sequence
@@ -16,14 +16,14 @@ from hric_core.robot_time import stamps
 
 
 def init_clock_node(name: str, argv: Sequence[str]) -> bool:
-    """`rospy.init_node` without a subscription to /clock and without signal handlers.
+    """Call `rospy.init_node` without a subscription to /clock and without signal handlers.
 
     Args:
         name: default name of the node.
         argv: the command line.
 
     Returns:
-        whether the others go by /clock (`/use_sim_time` is true).
+        True if the other nodes use /clock (`/use_sim_time` is true).
     """
     master = rosgraph.Master(f"/{name}")
     simulated = master.hasParam("/use_sim_time") and master.getParam("/use_sim_time") is True
@@ -37,13 +37,12 @@ def init_clock_node(name: str, argv: Sequence[str]) -> bool:
 
 
 def set_time(stamp: Any) -> None:
-    """Set what `rospy.Time.now()` returns in this process, and wake what sleeps by it.
+    """Set the result of `rospy.Time.now()` in this process, and wake threads that sleep by it.
 
     Args:
         stamp: genpy.Time.
     """
-    # What rospy's own /clock callback does, which has no public name and spends most of its time on a warning of its
-    # own.
+    # The same as rospy's /clock callback, which has no public name and spends most of its time on a warning.
     rostime = rospy.rostime
     with rostime._rostime_cond:
         rostime._rostime_current = rospy.Time(stamp.secs, stamp.nsecs)

@@ -1,1 +1,1 @@
-"""Recorded trials of a laboratory, which emulated sensors replay: markers, analog channels and force plates."""
+"""Recorded trials of a laboratory, which emulated sensors replay: markers, analog channels, force plates."""

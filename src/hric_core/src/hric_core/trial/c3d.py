@@ -1,5 +1,6 @@
-"""A recorded trial from a c3d file: markers, analog channels and force plates. Needs no ROS; ezc3d reads the file, in a
-process of its own."""
+"""Recorded trial from a c3d file: markers, analog channels and force plates.
+
+Needs no ROS; ezc3d reads the file, in its own process."""
 
 import json
 import os
@@ -21,40 +22,40 @@ from hric_core.geometry.transforms import vectors_z_up
 from hric_core.trial.plates import PlateError, TrialPlate, read_plates
 
 PROGRAMS = ("c3d", "trc", "mot")
-"""Names of the programs that replay a recorded file: of emulated sensors the first, of a simulated human all."""
+"""Programs that replay a recorded file: the first is for emulated sensors, all of them for a simulated human."""
 METRES = {"mm": 1e-3, "cm": 1e-2, "dm": 0.1, "m": 1.0}
-"""Unit of POINT:UNITS -> metres."""
+"""Factors from POINT:UNITS to metres."""
 VOLTS = {"v": 1.0, "volts": 1.0, "mv": 1e-3, "uv": 1e-6, "µv": 1e-6, "μv": 1e-6}
-"""Unit of ANALOG:UNITS in small letters -> volts."""
+"""Factors from ANALOG:UNITS, in lower case, to volts."""
 PACKAGE = "package://"
 READER = Path(__file__).with_name("c3d_child.py")
-"""Not imported: ezc3d takes a tenth of a second."""
+"""Script that reads the file. It is not imported, as ezc3d takes a tenth of a second."""
 BLOCK = 512
-"""Of which a c3d file is made [byte]."""
+"""Size of a block of a c3d file [byte]."""
 MAGIC = 0x50
 """Second byte of a c3d file."""
 ORDERS = {84: "<", 85: "<", 86: ">"}
-"""Processor of the parameter section -> byte order: Intel, DEC, SGI."""
+"""Byte order by the processor type of the parameter section: Intel, DEC, SGI."""
 TIMEOUT = 60.0
-"""Longest reading [s] (default chosen by this project, unconfirmed)."""
+"""Longest time to read a file [s] (project default, unconfirmed)."""
 
 
 @dataclass(frozen=True)
 class Trial:
-    """What a c3d file holds. Axes are those of the laboratory, turned to z up.
+    """Content of a c3d file. Axes are those of the laboratory, rotated to z up.
 
     Attributes:
-        name: of the file, for messages.
-        rate: of the frames [Hz].
-        labels: of the markers.
-        positions: shape (frames, markers, 3) [m]; NaN: not seen.
-        analog_rate: of the analog samples [Hz], a whole multiple of `rate`; 0: there are none.
+        name: name of the file, for messages.
+        rate: frame rate [Hz].
+        labels: names of the markers.
+        positions: shape (frames, markers, 3) [m]; NaN: not visible.
+        analog_rate: rate of the analog samples [Hz], a whole multiple of `rate`; 0: there are none.
         channels: labels of the analog channels.
-        units: of each channel, as in the file.
+        units: unit of each channel, as in the file.
         analogs: shape (samples, channels), in those units.
         plates: force plates.
         up: axis that points up in the file, "y" or "z".
-        start: time of the first frame on the clock of the run that was exported [s]; 0 of other files.
+        start: time of the first frame on the clock of the exported run [s]; 0 for other files.
     """
 
     name: str
@@ -71,11 +72,11 @@ class Trial:
 
     @property
     def duration(self) -> float:
-        """From the first frame to the last [s]."""
+        """Time from the first frame to the last [s]."""
         return (len(self.positions) - 1) / self.rate
 
     def markers(self, labels: Sequence[str]) -> FloatArray:
-        """Positions of some markers, shape (frames, len(labels), 3) [m]. Raises UnknownNameError."""
+        """Return positions of some markers, shape (frames, len(labels), 3) [m]. Raises UnknownNameError."""
         if not self.labels:
             raise ParameterError(f"{self.name} has no markers")
         return np.stack(
@@ -83,7 +84,7 @@ class Trial:
         )
 
     def volts(self, channels: Sequence[str]) -> FloatArray:
-        """Samples of some channels, shape (samples, len(channels)) [V].
+        """Return samples of some channels, shape (samples, len(channels)) [V].
 
         Raises:
             HricError: no such channel, or one in another unit.
@@ -102,7 +103,7 @@ class Trial:
         return np.column_stack(found)
 
     def plate(self, number: int) -> TrialPlate:
-        """A force plate by its number in the file, from 1 on. Raises ParameterError."""
+        """Return a force plate by its number in the file, from 1 on. Raises ParameterError."""
         if not 1 <= number <= len(self.plates):
             numbers = ", ".join(map(str, range(1, len(self.plates) + 1)))
             raise ParameterError(
@@ -112,7 +113,7 @@ class Trial:
 
 
 def resolve(address: str) -> Path:
-    """File of a path or a package://package/path address. Raises ParameterError."""
+    """Return the file of a path or a package://package/path address. Raises ParameterError."""
     if not address.startswith(PACKAGE):
         return Path(address).expanduser().absolute()
     import rospkg
@@ -125,8 +126,7 @@ def resolve(address: str) -> Path:
 
 
 def located(tree: Any, folder: Path) -> Any:
-    """The same data, in which programs that replay a trial have its path from the root; folder: that of relative
-    ones."""
+    """Return the data with absolute paths for programs that replay a trial; folder: base of relative paths."""
     if not isinstance(tree, Mapping):
         return tree
     found = {key: located(value, folder) for key, value in tree.items()}
@@ -140,11 +140,11 @@ def read_trial(path: Path, up: str = "") -> Trial:
     """Read a c3d file.
 
     Args:
-        path: of the file.
-        up: axis that points up in it, y or z; "": that of its POINT:Y_SCREEN, else z, as laboratories have it.
+        path: path of the file.
+        up: vertical axis in the file, y or z; "": that of its POINT:Y_SCREEN, else z, as is usual in laboratories.
 
     Raises:
-        HricError: it cannot be read, or holds what no trial can be; one line.
+        HricError: it cannot be read, or its content is no valid trial; one line.
     """
     if up and up not in UP_AXES:
         raise ParameterError(f"the axis that points up in {path.name} is {up!r}; valid: {', '.join(UP_AXES)}")
@@ -155,13 +155,13 @@ def read_trial(path: Path, up: str = "") -> Trial:
     return _read(path, up, about.st_mtime_ns, about.st_size)
 
 
-@lru_cache(maxsize=4)  # an experiment is read before it is run, and markers, plates and EMG are of one file
+@lru_cache(maxsize=4)  # several readings: before the run, and for markers, plates and EMG of one file
 def _read(path: Path, up: str, modified: int, size: int) -> Trial:
     _check_size(path, size)
     with tempfile.TemporaryDirectory() as folder:
         output = Path(folder) / "trial.npz"
         words = [sys.executable, os.fspath(READER), os.fspath(path), os.fspath(output)]
-        try:  # in a session of its own: a Ctrl-C for all would look like a damaged file
+        try:  # in its own session: the terminal's Ctrl-C would look like a damaged file
             done = subprocess.run(
                 words, capture_output=True, text=True, timeout=TIMEOUT, check=False, start_new_session=True
             )
@@ -176,7 +176,7 @@ def _read(path: Path, up: str, modified: int, size: int) -> Trial:
 
 
 def _check_size(path: Path, size: int) -> None:
-    """Hold the counts of the header against the size of the file, before anything is made of them."""
+    """Check the counts of the header against the size of the file, before they are used."""
     try:
         with path.open("rb") as file:
             head = file.read(BLOCK)
@@ -202,7 +202,7 @@ def _check_size(path: Path, size: int) -> None:
 def _trial(
     path: Path, up: str, parameters: Mapping[str, Any], points: FloatArray, residuals: FloatArray, analogs: FloatArray
 ) -> Trial:
-    """What was read, checked, in metres and with z up."""
+    """Return the checked data in metres and with z up."""
     name, point, analog = path.name, parameters.get("POINT", {}), parameters.get("ANALOG", {})
     rate = _first(point, "RATE")
     if not (np.isfinite(rate) and rate > 0) or not points.shape[2] + analogs.shape[1]:
@@ -246,7 +246,7 @@ def _trial(
 
 
 def _up(point: Mapping[str, Any]) -> str:
-    """POINT:Y_SCREEN names the axis that is drawn upwards."""
+    """Return the axis that is drawn upwards, from POINT:Y_SCREEN."""
     screen = str((point.get("Y_SCREEN") or [""])[0]).strip().upper()
     return "y" if screen.endswith("Y") else "z"
 
@@ -257,13 +257,13 @@ def _first(group: Mapping[str, Any], name: str) -> float:
 
 
 def _texts(group: Mapping[str, Any], name: str, count: int) -> list[str]:
-    """The first texts of a parameter that goes on in NAME2, NAME3, ...; those that are not there are empty."""
+    """Return the first texts of a parameter that continues in NAME2, NAME3, ...; missing texts are empty."""
     found = [text for key in (name, *(f"{name}{k}" for k in range(2, 100))) for text in group.get(key, [])]
     return (found + [""] * count)[:count]
 
 
 def _labels(group: Mapping[str, Any], name: str, count: int) -> tuple[str, ...]:
-    """Names that differ: of those that do not the later ones get their number."""
+    """Return unique names: duplicates get their number appended."""
     found: list[str] = []
     for number, text in enumerate(_texts(group, name, count), 1):
         label = text.strip() or f"*{number}"

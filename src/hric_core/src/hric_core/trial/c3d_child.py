@@ -1,7 +1,7 @@
-"""Reads a c3d file through ezc3d, in a process of its own: that library ends its process on some damaged files. Run by
-`c3d.read_trial`.
+"""Reader of a c3d file through ezc3d, in its own process: that library ends its process on some damaged files.
 
-Usage: python3 c3d_child.py FILE OUTPUT. OUTPUT becomes a .npz with arrays and, as JSON text, the parameters.
+Run by `c3d.read_trial`. Usage: python3 c3d_child.py FILE OUTPUT. OUTPUT becomes a .npz with arrays and, as JSON text,
+the parameters.
 """
 
 import json
@@ -17,7 +17,7 @@ MEMORY = 4 << 30
 
 
 def main(path: str, output: str) -> int:
-    """Returns the exit code; why a file cannot be read goes to stderr."""
+    """Read the file and return the exit code; the reason of a failure goes to stderr."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     try:
         file = ezc3d.c3d(path)
@@ -36,7 +36,7 @@ def main(path: str, output: str) -> int:
             "residuals": data["meta_points"]["residuals"][0],
             "analogs": data["analogs"][0],
         }
-    except Exception as error:  # whatever a damaged file brings about is a file that cannot be read
+    except Exception as error:  # any error of a damaged file means that it cannot be read
         print(" ".join(str(error).split()) or type(error).__name__, file=sys.stderr)
         return 1
     np.savez(output, parameters=np.array(json.dumps(parameters)), **arrays)

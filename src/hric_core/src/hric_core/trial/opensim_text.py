@@ -1,5 +1,6 @@
-"""Recorded motions in OpenSim's text formats: markers in .trc files, columns over time in .mot and .sto files. Needs
-neither ROS nor OpenSim."""
+"""Recorded motions in OpenSim's text formats: markers in .trc files, columns over time in .mot and .sto files.
+
+Needs neither ROS nor OpenSim."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,19 +13,19 @@ from hric_core.trial.c3d import METRES
 
 END = "endheader"
 UNEVEN = 0.01
-"""What a time step may differ from the median one, as share of it (project default, unconfirmed)."""
+"""Largest relative deviation of a time step from the median (project default, unconfirmed)."""
 TRC_HEAD = 5
 """Lines of a .trc file before its rows: type, keys, values, names of markers, names of axes."""
 
 
 @dataclass(frozen=True)
 class Storage:
-    """A .mot or .sto file.
+    """Content of a .mot or .sto file.
 
     Attributes:
         time: rising, shape (n,) [s].
         columns: by label, shape (n,).
-        degrees: whether rotations are in degrees.
+        degrees: True if rotations are in degrees.
     """
 
     time: FloatArray
@@ -34,11 +35,11 @@ class Storage:
 
 @dataclass(frozen=True)
 class MarkerRows:
-    """A .trc file.
+    """Content of a .trc file.
 
     Attributes:
         time: rising, shape (n,) [s].
-        markers: positions by name, in axes of the file, shape (n, 3) [m]; NaN: not seen.
+        markers: positions by name, in axes of the file, shape (n, 3) [m]; NaN: not visible.
     """
 
     time: FloatArray
@@ -49,7 +50,7 @@ def read_storage(path: Path) -> Storage:
     """Read a .mot or .sto file, as the tools of OpenSim write it.
 
     Raises:
-        ParameterError: it cannot be read, or holds something else; one line.
+        ParameterError: it cannot be read, or has another content; one line.
     """
     lines = _lines(path)
     head = [line.strip().lower() for line in lines]
@@ -65,10 +66,10 @@ def read_storage(path: Path) -> Storage:
 
 
 def read_markers(path: Path) -> MarkerRows:
-    """Read a .trc file; empty cells and those of three zeros are markers that were not seen.
+    """Read a .trc file; empty cells and those of three zeros are invisible markers.
 
     Raises:
-        ParameterError: it cannot be read, or holds something else; one line.
+        ParameterError: it cannot be read, or has another content; one line.
     """
     lines = _lines(path)
     if len(lines) < TRC_HEAD or not lines[0].startswith("PathFileType"):
@@ -89,7 +90,7 @@ def read_markers(path: Path) -> MarkerRows:
 
 
 def rate_of(path: Path, time: FloatArray) -> float:
-    """Of rows at even times [Hz]. Raises ParameterError; path: for its message."""
+    """Return the rate of rows at even times [Hz]. Raises ParameterError; path: for its message."""
     steps = np.diff(time)
     if not len(steps) or np.abs(steps / np.median(steps) - 1.0).max() > UNEVEN:
         raise ParameterError(f"{path}: valid: two rows or more, at even times")
@@ -106,14 +107,14 @@ def _lines(path: Path) -> list[str]:
 
 
 def _padded(cells: list[str], width: int) -> list[str]:
-    """A row without the empty cells at its end, or with those that are missing there."""
+    """Return a row with empty cells at its end removed or added up to the width."""
     while len(cells) > width and not cells[-1].strip():
         cells.pop()
     return cells + [""] * (width - len(cells))
 
 
 def _matrix(path: Path, rows: list[tuple[int, list[str]]], labels: list[str]) -> FloatArray:
-    """Numbers of rows, each with the index of its line; an empty cell is NaN."""
+    """Return the numbers of rows, each with the index of its line; an empty cell is NaN."""
     found = []
     for index, cells in rows:
         if len(cells) != len(labels):

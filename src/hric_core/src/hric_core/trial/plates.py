@@ -1,4 +1,4 @@
-"""The force plates of a c3d file: where they are, and what pressed on them."""
+"""Force plates of a c3d file: their poses and their loads."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,27 +9,27 @@ import numpy as np
 from hric_core.geometry.transforms import FloatArray, homogeneous, vectors_z_up
 
 CHANNELS = {2: 6, 3: 8, 4: 6}
-"""Type of a plate that can be read -> its analog channels."""
+"""Number of analog channels by type of a supported plate."""
 MOMENT_UNITS = {"nmm": 1e-3, "nm": 1.0}
-"""Unit of a moment channel, small letters alone -> N m."""
+"""Factors from the unit of a moment channel, lower-case letters only, to N m."""
 
 
 class PlateError(Exception):
-    """The plates of the file are not valid; the message says why in one line."""
+    """Error of invalid force plates in the file; the message gives the reason in one line."""
 
 
 @dataclass(frozen=True)
 class TrialPlate:
-    """A force plate.
+    """Force plate of a trial.
 
     Attributes:
         kind: type in the file.
-        rate: of the samples [Hz].
-        T_lab_plate: of the middle of the surface, shape (4, 4), the laboratory turned to z up; z of the plate points
+        rate: sample rate [Hz].
+        T_lab_plate: pose of the middle of the surface, shape (4, 4), in the laboratory with z up; z of the plate points
             up, x is that of the file.
-        size: of the surface along x and y [m].
-        load: what pressed on the plate, in its frame about the middle of the surface: Fx, Fy, Fz [N], Mx, My, Mz [N m],
-            shape (samples, 6).
+        size: size of the surface along x and y [m].
+        load: load on the plate, in its frame about the middle of the surface: Fx, Fy, Fz [N], Mx, My, Mz [N m], shape
+            (samples, 6).
     """
 
     kind: int
@@ -39,18 +39,18 @@ class TrialPlate:
     load: FloatArray
 
     def at(self, time: float) -> tuple[float, ...]:
-        """The load at a time of the trial [s], on a straight line between two samples; before the first and after the
-        last one it stays."""
+        """Return the load at a time of the trial [s], interpolated linearly, constant outside the samples."""
         return tuple(self.loads(np.array([time]))[0].tolist())
 
     def loads(self, times: FloatArray) -> FloatArray:
-        """The same at many times, shape (n,) [s] -> shape (n, 6)."""
+        """Return the load at many times, shape (n,) [s] -> shape (n, 6)."""
         return interpolated(times, self.rate, self.load)
 
 
 def interpolated(times: FloatArray, rate: float, samples: FloatArray) -> FloatArray:
-    """Samples taken at k / rate, shape (m, channels), at times [s], shape (n,) -> shape (n, channels); outside them the
-    first and the last one."""
+    """Return samples at k / rate, shape (m, channels), interpolated at times [s], shape (n,) -> shape (n, channels).
+
+    Outside the samples the first or the last one is returned."""
     position = np.clip(np.asarray(times) * rate, 0.0, len(samples) - 1.0)
     before = np.minimum(position.astype(int), max(len(samples) - 2, 0))
     after = np.minimum(before + 1, len(samples) - 1)
@@ -61,7 +61,7 @@ def interpolated(times: FloatArray, rate: float, samples: FloatArray) -> FloatAr
 def read_plates(
     group: Mapping[str, Any], analogs: FloatArray, units: Sequence[str], rate: float, metres: float, up: str
 ) -> tuple[TrialPlate, ...]:
-    """The plates of a file.
+    """Return the plates of a file.
 
     The channels give the reaction of the plate on its load, in the plate's axes, whose z usually points down
     (INTERFACE.md gives the sources).
@@ -69,13 +69,13 @@ def read_plates(
     Args:
         group: FORCE_PLATFORM, arrays as nested lists.
         analogs: shape (channels, samples).
-        units: of the channels.
-        rate: of the samples [Hz].
+        units: units of the channels.
+        rate: sample rate [Hz].
         metres: unit of the file's lengths [m].
         up: axis that points up in the file.
 
     Raises:
-        PlateError: the parameters do not fit, or a plate is of a type that is not known.
+        PlateError: the parameters do not fit, or the type of a plate is unknown.
     """
     used = np.ravel(group.get("USED", [0]))
     count = int(used[0]) if len(used) else 0
@@ -113,8 +113,9 @@ def _plate(
 
 
 def _type_3(ch: FloatArray, origin: FloatArray) -> FloatArray:
-    """Fx12 Fx34 Fy14 Fy23 Fz1 Fz2 Fz3 Fz4 as a wrench about the origin: Kistler's formulae, a and b the distances of
-    the sensors [m]."""
+    """Return Fx12 Fx34 Fy14 Fy23 Fz1 Fz2 Fz3 Fz4 as a wrench about the origin, by Kistler's formulae.
+
+    a and b are the distances of the sensors [m]."""
     a, b = abs(origin[0]), abs(origin[1])
     x12, x34, y14, y23, z1, z2, z3, z4 = ch.T
     mx, my = b * (z1 + z2 - z3 - z4), a * (z2 + z3 - z1 - z4)
@@ -122,8 +123,9 @@ def _type_3(ch: FloatArray, origin: FloatArray) -> FloatArray:
 
 
 def _turned(kind: int, rate: float, corners: FloatArray, reaction: FloatArray, up: str) -> TrialPlate:
-    """The load, in a frame whose z points up; corners in the quadrants of the file's plate: +x +y, -x +y, -x -y, +x
-    -y."""
+    """Return the plate with its load in a frame whose z points up.
+
+    Corners in the quadrants of the file's plate: +x +y, -x +y, -x -y, +x -y."""
     corners = vectors_z_up(up, corners)
     x, y = corners[0] - corners[1], corners[0] - corners[3]
     z = np.cross(x, y)
@@ -142,7 +144,7 @@ def _turned(kind: int, rate: float, corners: FloatArray, reaction: FloatArray, u
 
 
 def _of(group: Mapping[str, Any], name: str, number: int, shape: tuple[int, ...]) -> FloatArray:
-    """The values of one plate; the last index of a parameter is that of the plate."""
+    """Return the values of one plate; the last index of a parameter is that of the plate."""
     values = np.asarray(group.get(name, []), dtype=float)
     if (
         values.ndim != len(shape) + 1

@@ -1,11 +1,10 @@
-"""Robot descriptions (URDF): one tree of links and joints with numbers in place of text, its one reader, and what
-writes such text.
+"""Robot descriptions (URDF): a tree of links and joints with numbers instead of text, its reader, and its writers.
 
     robot = read(urdf_xml)
     robot.joints["panda_joint1"].upper
 
-What cannot be meant is refused here, once, with an error that names the element: see `read`. Forms that only one user
-cannot hold, such as floating joints in PyBullet or an inertia that no body has, are that user's to refuse.
+Descriptions without a valid meaning are refused here, with an error that names the element: see `read`. Forms that only
+one user does not support, such as floating joints in PyBullet or an inertia that no body has, are refused by that user.
 """
 
 from hric_core.urdf.reading import read

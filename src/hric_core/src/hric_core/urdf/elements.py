@@ -12,30 +12,32 @@ from hric_core.geometry import FloatArray, homogeneous, transform_from_rpy
 from hric_core.geometry.transforms import rotation_from_quaternion
 
 VERSIONS = ("1.0", "1.1", "1.2")
-"""Versions of the format, the first where the description names none; urdfdom 6 reads the same. 1.1 brought quat_xyzw,
-1.2 the capsule, which is read in any version."""
+"""Versions of the format; the first is the default. urdfdom 6 reads the same.
+
+1.1 brought quat_xyzw, 1.2 the capsule, which is read in any version."""
 DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
-"""Numbers as urdfdom reads them: digits of ASCII, a point, an exponent."""
+"""Pattern of numbers as urdfdom reads them: digits of ASCII, a point, an exponent."""
 
 
 def parse(document: str | bytes) -> Element:
     """Return the `<robot>` element of a document, with numbers as they are written.
 
-    Tags and attributes keep their prefix: a namespace means nothing, declared or not, as in urdfdom. Blank
-    text before an XML declaration is passed over.
+    Tags and attributes keep their prefix: a namespace means nothing, declared or not, as in urdfdom. Blank text before
+    an XML declaration is ignored.
 
     Args:
         document: text, or the bytes of a file, whose encoding is that of its declaration.
 
     Raises:
-        DescriptionError: not XML, another root element, a version that is not known, or what it does not have.
+        DescriptionError: not XML, another root element, an unknown version, or an attribute that the version does not
+            have.
     """
     builder, parser = TreeBuilder(), expat.ParserCreate()
     parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
     parser.CharacterDataHandler, parser.buffer_text = builder.data, True
     try:
         parser.Parse(document.lstrip("\ufeff \t\r\n") if isinstance(document, str) else _without_blank(document), True)
-    except (expat.ExpatError, ValueError, LookupError) as error:  # LookupError: an encoding that Python does not know
+    except (expat.ExpatError, ValueError, LookupError) as error:  # LookupError: unknown encoding
         raise DescriptionError(f"the robot description is not XML: {error}") from error
     root = builder.close()
     if root.tag != "robot":
@@ -79,9 +81,9 @@ def number(element: Element, attribute: str, where: str, default: float | None =
     """Return the finite number in an attribute.
 
     Args:
-        element: the element that carries it.
-        attribute: its name.
-        where: what the element belongs to, for the error, e.g. "joint panda_joint1".
+        element: element with the attribute.
+        attribute: name of the attribute.
+        where: owner of the element, for the error, e.g. "joint panda_joint1".
         default: value if the attribute is absent; None makes it required.
 
     Raises:
@@ -96,7 +98,7 @@ def number(element: Element, attribute: str, where: str, default: float | None =
 
 
 def numbers(element: Element, attribute: str, count: int, default: str, where: str) -> list[float]:
-    """Return `count` finite numbers of an attribute; `default` is its text where it is absent.
+    """Return `count` finite numbers of an attribute; `default` is its text if it is absent.
 
     Raises:
         DescriptionError: other than that; the message begins with `where`.

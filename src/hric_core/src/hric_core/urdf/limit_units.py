@@ -19,13 +19,11 @@ FASTEST = 60.0
 
 
 MAX_END = 16.0 * math.pi
-"""End of a range that a joint with stops can still have: eight turns, as of a cable drum [rad] (project default,
-unconfirmed)."""
+"""Largest end of a joint's range: eight turns, as of a cable drum [rad] (project default, unconfirmed)."""
 
 
 def check_limit_units(joints: Iterable[Joint]) -> None:
-    """Refuse ends of a range that no joint has, and warn once of ends, velocities and efforts that are probably in
-    another unit.
+    """Refuse impossible ends of a joint's range; warn once of limits that are probably in another unit.
 
     Raises:
         DescriptionError: with the joint, the end and the unit that was probably meant.

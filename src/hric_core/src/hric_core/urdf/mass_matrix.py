@@ -1,4 +1,4 @@
-"""Mass matrix and point Jacobians of a robot description: any tree, without an engine."""
+"""Mass matrix and point Jacobians of any robot description, without an engine."""
 
 from collections.abc import Mapping
 
@@ -10,7 +10,7 @@ from hric_core.urdf.robot import ONE_COORDINATE, Joint, Robot
 
 
 def mass_matrix(robot: Robot, q: Mapping[str, float]) -> tuple[FloatArray, list[str]]:
-    """Mass matrix by the composite rigid body algorithm, in axes of the root link; mimic joints move freely.
+    """Return the mass matrix by the composite rigid body algorithm, in axes of the root link; mimic joints move freely.
 
     Args:
         robot: the description.
@@ -18,7 +18,7 @@ def mass_matrix(robot: Robot, q: Mapping[str, float]) -> tuple[FloatArray, list[
 
     Returns:
         Matrix, shape (n, n) [kg m^2, kg m, kg], and the joint of each row: joints in order, planar ones with three rows
-        (angle, x, y), floating ones with six (rotations, translations).
+            (angle, x, y), floating ones with six (rotations, translations).
     """
     T, moving, rows, S = _posed(robot, q)
     M, composite = (
@@ -36,12 +36,13 @@ def mass_matrix(robot: Robot, q: Mapping[str, float]) -> tuple[FloatArray, list[
 
 
 def point_jacobian(robot: Robot, q: Mapping[str, float], link: str, point: FloatArray) -> FloatArray:
-    """Velocity of a point that moves with a link for each speed, shape (3, n), the columns those of `mass_matrix`.
+    """Return the velocity of a point on a link per joint speed, shape (3, n), with the columns of `mass_matrix`.
 
     Args:
-        robot, q: as there.
-        link: of the description.
-        point: where it is now, in axes of the root link, shape (3,) [m].
+        robot: the description.
+        q: coordinates, as in `mass_matrix`.
+        link: name of the link.
+        point: present position, in axes of the root link, shape (3,) [m].
 
     Raises:
         UnknownNameError: no such link.
@@ -56,8 +57,7 @@ def point_jacobian(robot: Robot, q: Mapping[str, float], link: str, point: Float
 def _posed(
     robot: Robot, q: Mapping[str, float]
 ) -> tuple[dict[str, FloatArray], dict[str, list[int]], list[str], FloatArray]:
-    """Poses of the links, the rows of the joints that move each, the joint of each row, and the twist of each, shape
-    (6, n)."""
+    """Return the links' poses, the rows of the joints that move each, each row's joint, and its twist, shape (6, n)."""
     T = {robot.root: np.eye(4)}
     rows: list[str] = []
     moving: dict[str, list[int]] = {robot.root: []}
@@ -73,7 +73,7 @@ def _posed(
 
 
 def _twists(joint: Joint, T_root_joint: FloatArray) -> FloatArray:
-    """Angular velocity and velocity of the root's origin for each speed, shape (6, n)."""
+    """Return angular velocity and velocity of the root's origin for each speed, shape (6, n)."""
     if joint.type == "fixed":
         return np.zeros((6, 0))
     turning = sliding = np.zeros((3, 0))
@@ -91,14 +91,14 @@ def _twists(joint: Joint, T_root_joint: FloatArray) -> FloatArray:
 
 
 def _motion(joint: Joint, q: float) -> FloatArray:
-    """Pose of the child in the joint frame, shape (4, 4) [m]."""
+    """Return the pose of the child in the joint frame, shape (4, 4) [m]."""
     if joint.type == "prismatic":
         return homogeneous(np.eye(3), q * joint.axis)
     return homogeneous(rotation_about(joint.axis, q)) if joint.type in ONE_COORDINATE else np.eye(4)
 
 
 def _inertia(body: MassProperties | None, T_root_link: FloatArray) -> FloatArray:
-    """Spatial inertia about the root's origin, shape (6, 6)."""
+    """Return the spatial inertia about the root's origin, shape (6, 6)."""
     if body is None:
         return np.zeros((6, 6))
     moved = body.moved(T_root_link)

@@ -1,4 +1,4 @@
-"""From a URDF text to its tree; what cannot be meant is refused with the element's name."""
+"""Reader of a URDF text, which refuses invalid content with the element's name."""
 
 from collections.abc import Mapping
 from functools import lru_cache
@@ -27,21 +27,20 @@ TENSOR = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
 def read(urdf_xml: str, source: str = "") -> Robot:
-    """Return the robot of a pure URDF text; of the same text the same object, which nobody may change.
+    """Return the robot of a pure URDF text; the same text gives the same object, which must not be changed.
 
-    As in urdfdom the first of several `<origin>`, `<inertial>`, `<axis>` or `<limit>` counts, and elements and
-    attributes that are not known are passed over.
+    As in urdfdom the first of several `<origin>`, `<inertial>`, `<axis>` or `<limit>` counts, and unknown elements and
+    attributes are ignored.
 
     Args:
-        urdf_xml: no xacro may be left in it.
-        source: name of the file, with which errors begin; empty where there is only one description.
+        urdf_xml: URDF without xacro.
+        source: name of the file, with which errors begin; empty if there is only one description.
 
     Raises:
-        DescriptionError: not XML; a version that is not known; not one tree (several roots, a cycle, a joint to a
-            missing link); a name that is missing or given twice; an `<inertial>` without `<mass>` or `<inertia>`, or
-            with a negative mass; an unknown joint type, an axis without length, missing or crossed limits or ends in
-            degrees or mm, losses that drive, a wrong mimic; an unknown geometry; a text that is not a finite number. It
-            names the element.
+        DescriptionError: not XML; an unknown version; not one tree (several roots, a cycle, a joint to a missing link);
+            a missing or duplicate name; an `<inertial>` without `<mass>` or `<inertia>`, or with a negative mass; an
+            unknown joint type, an axis without length, missing or crossed limits or ends in degrees or mm, losses that
+            drive, a wrong mimic; an unknown geometry; a text that is not a finite number. It names the element.
     """
     try:
         return _robot(urdf_xml)
@@ -51,7 +50,7 @@ def read(urdf_xml: str, source: str = "") -> Robot:
         raise DescriptionError(f"{source}: {error}") from error
 
 
-@lru_cache(maxsize=32)  # whoever brings a robot up reads its description a dozen times
+@lru_cache(maxsize=32)  # a bring-up reads the same description a dozen times
 def _robot(urdf_xml: str) -> Robot:
     root = parse(urdf_xml)
     materials = [

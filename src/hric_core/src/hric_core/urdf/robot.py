@@ -1,4 +1,4 @@
-"""The tree of a description: links, and joints from the root outwards."""
+"""Tree of a description: links, and joints from the root outwards."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,13 +16,14 @@ ONE_COORDINATE = ("revolute", "continuous", "prismatic")
 JOINT_TYPES = (*ONE_COORDINATE, "planar", "floating", "fixed")
 BOUNDED = ("revolute", "prismatic")
 NO_LIMIT = 1e4
-"""A range that ends beyond this has no end there [rad or m]: descriptions write 1e16 and the like.
-Default chosen by this project, unconfirmed."""
+"""Bound of a position limit [rad or m] beyond which there is no limit: descriptions write 1e16 and the like.
+
+Project default, unconfirmed."""
 
 
 @dataclass(frozen=True)
 class Limit:
-    """A `<limit>` as written: lower and upper end [rad or m], largest effort [N m or N] and velocity [rad/s or m/s].
+    """`<limit>` as written: lower, upper [rad or m], largest effort [N m or N] and velocity [rad/s or m/s].
 
     None: there is no such attribute.
     """
@@ -35,7 +36,7 @@ class Limit:
 
 @dataclass(frozen=True)
 class SafetyController:
-    """A `<safety_controller>` as written, with ros_control's meaning."""
+    """`<safety_controller>` as written, with ros_control's meaning."""
 
     k_velocity: float
     k_position: float = 0.0
@@ -45,7 +46,7 @@ class SafetyController:
 
 @dataclass(frozen=True)
 class Mimic:
-    """q = multiplier * q of `joint` + offset [rad or m]."""
+    """Law of a mimic joint: q = multiplier * q of `joint` + offset [rad or m]."""
 
     joint: str
     multiplier: float
@@ -54,13 +55,13 @@ class Mimic:
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint of the description.
+    """Joint of the description.
 
     Attributes:
-        type: one of JOINT_TYPES; what follows `axis` is only read for types with one coordinate.
+        type: one of JOINT_TYPES; the attributes after `axis` are only read for types with one coordinate.
         T_parent_joint: pose of the joint (and child) frame at q = 0 in the parent link, shape (4, 4) [m].
         axis: unit vector in the joint frame, shape (3,).
-        limit: as written; `lower`, `upper`, `effort` and `velocity` are what it means.
+        limit: as written; `lower`, `upper`, `effort` and `velocity` are its interpretation.
         damping: viscous friction [N m s/rad or N s/m].
         friction: Coulomb friction [N m or N].
     """
@@ -79,14 +80,14 @@ class Joint:
 
     @property
     def lower(self) -> float:
-        """End of the range [rad or m]: infinite without one, -NO_LIMIT where only the upper end is one."""
+        """Lower end of the range [rad or m]; infinite without a range, -NO_LIMIT if only the upper end is a limit."""
         if self._unbounded or self.limit is None:
             return -math.inf
         return max(self.limit.lower, -NO_LIMIT)
 
     @property
     def upper(self) -> float:
-        """The other end [rad or m]."""
+        """Upper end of the range [rad or m]; infinite without a range, NO_LIMIT if only the lower end is a limit."""
         if self._unbounded or self.limit is None:
             return math.inf
         return min(self.limit.upper, NO_LIMIT)
@@ -98,18 +99,18 @@ class Joint:
 
     @property
     def effort(self) -> float:
-        """Largest effort [N m or N]; infinite without one, and where it is zero."""
+        """Largest effort [N m or N]; infinite if it is missing or zero."""
         return (self.limit.effort if self.limit else None) or math.inf
 
     @property
     def velocity(self) -> float:
-        """Largest velocity [rad/s or m/s]; infinite without one, and where it is not above zero."""
+        """Largest velocity [rad/s or m/s]; infinite if it is missing or not above zero."""
         velocity = (self.limit.velocity if self.limit else None) or 0.0
         return velocity if velocity > 0.0 else math.inf
 
 
 def mimic_laws(joints: Mapping[str, Joint]) -> dict[str, Mimic]:
-    """Law of each joint that mimics another, by name; its `joint` is the end of the chain, which mimics none."""
+    """Return the law of each mimic joint by name; its `joint` is the end of the chain, which mimics none."""
     laws: dict[str, Mimic] = {}
     for name, joint in joints.items():
         if (law := joint.mimic) is None:
@@ -122,7 +123,7 @@ def mimic_laws(joints: Mapping[str, Joint]) -> dict[str, Mimic]:
 
 @dataclass(frozen=True)
 class Link:
-    """A link of the description.
+    """Link of the description.
 
     Attributes:
         mass: in axes of the link; None without `<inertial>`.
@@ -136,11 +137,11 @@ class Link:
 
 @dataclass(frozen=True)
 class Robot:
-    """A description: links in document order, joints by name from the root outwards.
+    """Robot description: links in document order, joints by name from the root outwards.
 
     Attributes:
-        root: the link that is nobody's child.
-        element: of the document, for what this tree does not hold (transmissions, plugins).
+        root: link without parent.
+        element: element of the document, for content that this tree does not have (transmissions, plugins).
     """
 
     name: str
@@ -150,11 +151,11 @@ class Robot:
     element: Element = field(repr=False, compare=False)
 
     def check_link(self, name: str) -> None:
-        """Raises UnknownNameError where there is no such link."""
+        """Raise UnknownNameError if there is no such link."""
         check_known("link", [name], self.links, f"robot {self.name}")
 
     def check_actuated(self, names: Sequence[str]) -> None:
-        """Refuse joints that nothing can drive by themselves.
+        """Refuse joints that cannot be driven.
 
         Raises:
             UnknownNameError: no such moving joint.
@@ -172,11 +173,11 @@ class Robot:
                 )
 
     def path(self, root: str, tip: str) -> list[Joint]:
-        """Joints from link `root` out to link `tip`.
+        """Return the joints from link `root` out to link `tip`.
 
         Raises:
             UnknownNameError: no such link.
-            DescriptionError: the tip does not hang on the root.
+            DescriptionError: the tip is not below the root.
         """
         self.check_link(root)
         self.check_link(tip)
@@ -193,13 +194,12 @@ class Robot:
     def beyond(
         self, link: str, T: FloatArray | None = None, without: str | None = None
     ) -> Iterator[tuple[Joint, FloatArray]]:
-        """Joints further out than a link, depth first, with the pose of their child where all are at zero, shape (4, 4)
-        [m].
+        """Yield the joints below a link, depth first, with the pose of their child at zero, shape (4, 4) [m].
 
         Args:
-            link: where to start.
+            link: link to start from.
             T: its pose in the frame of the result; None: the link's own.
-            without: a joint that is left out, with all beyond it.
+            without: joint that is left out with its subtree.
         """
         T_link = {link: np.eye(4) if T is None else T}
         for joint in self.joints.values():
@@ -208,7 +208,7 @@ class Robot:
                 yield joint, T_link[joint.child]
 
     def rigid_groups(self) -> dict[str, tuple[str, FloatArray]]:
-        """For each link the topmost one that it is fixed to, and its pose in that, shape (4, 4) [m]."""
+        """Return for each link the topmost link to which it is fixed, and its pose in that, shape (4, 4) [m]."""
         groups = {self.root: (self.root, np.eye(4))}
         for joint in self.joints.values():
             top, T_top_parent = groups[joint.parent]
@@ -217,13 +217,13 @@ class Robot:
         return groups
 
     def neighbours(self) -> set[frozenset[str]]:
-        """Pairs of links that never touch each other: between them are fixed joints only, or one joint that moves."""
+        """Return the pairs of links without mutual contact: joined by fixed joints only, or by one moving joint."""
         tops = {link: top for link, (top, _) in self.rigid_groups().items()}
         adjacent = {frozenset((tops[joint.parent], tops[joint.child])) for joint in self.joints.values()}
         pairs = combinations(tops.items(), 2)
         return {frozenset((a, b)) for (a, top_a), (b, top_b) in pairs if top_a == top_b or {top_a, top_b} in adjacent}
 
     def near(self, link: str) -> list[str]:
-        """A link and its neighbours: what a grip on it does not collide with, as the fingers beside a hand."""
+        """Return a link and its neighbours, which a grip on it does not collide with, as the fingers next to a hand."""
         neighbours = self.neighbours()
         return [other for other in self.links if other == link or {link, other} in neighbours]

@@ -11,28 +11,28 @@ from hric_core.geometry import FloatArray
 from hric_core.urdf.elements import number, numbers, origin
 
 SIZES = {"box": "size", "sphere": "radius", "cylinder": "radius length", "capsule": "radius length", "mesh": "scale"}
-"""Kinds of geometry, and the attributes that hold its measures."""
+"""Kinds of geometry, and the attributes of their dimensions."""
 
 FAR = 1e9
-"""Length from which on a solid is no body [m]; default chosen by this project, unconfirmed."""
+"""Length from which on a solid is invalid [m] (project default, unconfirmed)."""
 _SAME = 1e-6
-"""Ends that are nearer than this are at one place [m]."""
+"""Distance below which two ends coincide [m]."""
 Colour = tuple[float, ...]
 """Red, green, blue, opacity, each from 0 to 1."""
 
 
 @dataclass(frozen=True)
 class Shape:
-    """A visual or collision element.
+    """Visual or collision element.
 
     Attributes:
         where: its name in errors, e.g. "link hand: <visual> number 1".
-        kind: of SIZES; cylinders and capsules lie along z.
+        kind: key of SIZES; cylinders and capsules lie along z.
         size: box: edges along x, y, z; sphere: radius; cylinder and capsule: radius, length (of the straight part) [m];
-            mesh: scale along x, y, z [1]. Not negative, but for a mesh.
+            mesh: scale along x, y, z [1]. Not negative, except for a mesh.
         T_link_shape: shape (4, 4) [m].
-        address: of a mesh, as the description has it.
-        colour: None where the description gives none.
+        address: address of a mesh, as in the description.
+        colour: None if the description gives none.
     """
 
     where: str
@@ -44,15 +44,16 @@ class Shape:
 
     @property
     def measures(self) -> str:
-        """Kind and size for people, e.g. "<sphere> of radius 0.1"."""
+        """Kind and size for messages, e.g. "<sphere> of radius 0.1"."""
         return f"<{self.kind}> of {SIZES[self.kind]} {' '.join(f'{length:g}' for length in self.size)}"
 
 
 def read_shape(element: Element, where: str, colours: Mapping[str, Colour]) -> Shape:
-    """Return the shape of a `<visual>` or `<collision>`; colours: of the materials with a name.
+    """Return the shape of a `<visual>` or `<collision>`; colours: colours of the named materials.
 
     Raises:
-        DescriptionError: its geometry is missing, unknown or incomplete; other elements beside a known one do no harm.
+        DescriptionError: its geometry is missing, unknown or incomplete; other elements next to a known one are
+            ignored.
     """
     elements = element.findall("geometry/*")
     known = [geometry for geometry in elements if geometry.tag in SIZES]
@@ -76,7 +77,7 @@ def read_shape(element: Element, where: str, colours: Mapping[str, Colour]) -> S
 
 
 def read_colour(material: Element, where: str) -> Colour | None:
-    """Return the colour of a `<material>`; None where it only refers to a name or a texture."""
+    """Return the colour of a `<material>`; None if it only refers to a name or a texture."""
     tag = material.find("color")
     return None if tag is None else tuple(min(max(value, 0.0), 1.0) for value in numbers(tag, "rgba", 4, "", where))
 
@@ -87,8 +88,7 @@ def _ball_at(centre: FloatArray, radius: float, shapes: Sequence[Shape]) -> Shap
 
 
 def join_capsules(shapes: Sequence[Shape]) -> list[Shape]:
-    """Return the shapes of a link, with each cylinder that has balls of its radius at both ends turned into a capsule
-    and those balls left out.
+    """Return the shapes of a link, with a capsule for each cylinder that has balls of its radius at both ends.
 
     A URDF before 1.2 has no capsules. One is the same body as its three parts, but one shape to test instead of three,
     and one contact where the parts would touch together.
@@ -108,10 +108,10 @@ def join_capsules(shapes: Sequence[Shape]) -> list[Shape]:
 
 
 def solids(shapes: Sequence[Shape]) -> list[Shape]:
-    """Return the collision shapes of a link as every engine has them.
+    """Return the collision shapes of a link, the same for every engine.
 
     Raises:
-        DescriptionError: a shape without extent, with which nothing can collide.
+        DescriptionError: a shape without extent, which cannot collide.
     """
     for shape in shapes:
         if not all(0.0 < (abs(length) if shape.kind == "mesh" else length) < FAR for length in shape.size):

@@ -1,4 +1,4 @@
-"""Elements of a URDF text, with numbers that keep every bit."""
+"""Writers of URDF elements, with numbers that keep every bit."""
 
 from collections.abc import Sequence
 from xml.etree.ElementTree import Element, SubElement
@@ -8,18 +8,19 @@ from hric_core.urdf.shapes import SIZES, Shape
 
 
 def text(values: Sequence[float] | FloatArray) -> str:
-    """Numbers as an attribute."""
+    """Return numbers as text of an attribute."""
     return " ".join(repr(float(value)) for value in values)
 
 
 def write_origin(parent: Element, T: FloatArray) -> None:
-    """An `<origin>`; T: shape (4, 4) [m]."""
+    """Write an `<origin>`; T: shape (4, 4) [m]."""
     SubElement(parent, "origin", xyz=text(T[:3, 3]), rpy=text(rpy_from_rotation(T[:3, :3])))
 
 
 def write_inertial(link: Element, mass: float, T_link_inertial: FloatArray, inertia: FloatArray) -> None:
-    """An `<inertial>`: mass [kg], and tensor about the origin of the inertial frame in its axes, shape (3, 3) [kg
-    m^2]."""
+    """Write an `<inertial>`: mass [kg], and inertia about the inertial frame's origin, shape (3, 3) [kg m^2].
+
+    The tensor is in axes of the inertial frame."""
     inertial = SubElement(link, "inertial")
     write_origin(inertial, T_link_inertial)
     SubElement(inertial, "mass", value=repr(float(mass)))
@@ -28,7 +29,7 @@ def write_inertial(link: Element, mass: float, T_link_inertial: FloatArray, iner
 
 
 def write_shape(link: Element, purpose: str, shape: Shape, T_link_shape: FloatArray) -> None:
-    """A `<visual>` or `<collision>` at a pose, shape (4, 4) [m]."""
+    """Write a `<visual>` or `<collision>` at a pose, shape (4, 4) [m]."""
     element = SubElement(link, purpose)
     write_origin(element, T_link_shape)
     names = SIZES[shape.kind].split()
