@@ -1,5 +1,6 @@
-"""Bring the system up: check the arguments, choose the master, run bringup.launch, return its exit code. Called by
-scripts/bringup."""
+"""Bring-up of the system: check the arguments, choose the master, run bringup.launch, return its exit code.
+
+Called by scripts/bringup."""
 
 from bringup_end import INTERRUPTED, REQUESTS, EndAtOnce
 
@@ -30,17 +31,17 @@ from hric_core.processes import describe_exit, end_with_parent
 X11_PORT = 6000
 """TCP port of display 0 (X Window System protocol)."""
 DISPLAY_TIMEOUT = 1.0
-"""For a display to accept a connection [s]; project default, unconfirmed."""
+"""Longest wait for a display to accept a connection [s] (project default, unconfirmed)."""
 PROBE_TIMEOUT = 1.0
-"""How long the arm's control box may take to accept a connection [s]."""
+"""Longest wait for the arm's control box to accept a connection [s]."""
 
 
 class RequiredNodes(roslaunch.pmon.ProcessListener):
-    """Watches the nodes without which the run is over, and remembers how they ended.
+    """Watcher of the nodes whose end also ends the run.
 
     Attributes:
         code: exit code of the node that ended the run.
-        ending: which node that was, and how it ended; empty while the run goes on.
+        exit_text: name of that node, and how it ended; empty while the run goes on.
     """
 
     def __init__(self) -> None:
@@ -48,14 +49,14 @@ class RequiredNodes(roslaunch.pmon.ProcessListener):
         self.code, self.exit_text = 0, ""
 
     def process_died(self, process_name: str, exit_code: int | None) -> None:
-        """Called by roslaunch in its own thread; the process is called NODE-NUMBER."""
+        """Record the end of a required node. roslaunch calls it in its own thread; a process is named NODE-NUMBER."""
         node = process_name.rpartition("-")[0]
         if node in self.required and not self.exit_text:
             self.code, self.exit_text = exit_code or 0, describe_exit(node, exit_code or 0)
 
 
 def resolve_rviz(value: str) -> str:
-    """true or false; auto means true where a display is. Raises given.ArgumentError: rviz would end without one."""
+    """Return true or false; auto means true if there is a display. Raises given.ArgumentError: rviz needs one."""
     if value == "false":
         return value
     display = os.environ.get("DISPLAY", "")
@@ -67,7 +68,7 @@ def resolve_rviz(value: str) -> str:
 
 
 def display_responds(display: str) -> bool:
-    """Return True if an X server accepts connections there: "HOST:NUMBER", ":NUMBER" or "unix:NUMBER"."""
+    """Return True if an X server accepts connections at "HOST:NUMBER", ":NUMBER" or "unix:NUMBER"."""
     host, _, number = display.rpartition(":")
     number = number.partition(".")[0]
     if not number.isdigit():
@@ -84,10 +85,10 @@ def _accepts(address: Any) -> bool:
 
 
 def check_realism(value: str) -> None:
-    """Raises given.ArgumentError for settings that the simulated arm does not take."""
+    """Raise given.ArgumentError for settings that the simulated arm does not accept."""
     if value in given.REALISM:
         return
-    from franka_sim.realism import parse  # with all that the simulated arm is made of
+    from franka_sim.realism import parse  # imported late, as it loads the simulated arm
 
     try:
         parse(yaml_text.parse(value, "realism"), "realism")
@@ -96,7 +97,7 @@ def check_realism(value: str) -> None:
 
 
 def announce(arguments: Mapping[str, str], master: str, running: bool) -> None:
-    """Say what starts."""
+    """Print what starts."""
     experiment, controller = arguments["experiment"], arguments["controller"]
     task = f"experiment {experiment}" if experiment != "none" else f"controller {controller}"
     what = arm(arguments) if arguments["env"] == "real" else arguments["simulator"]
@@ -106,10 +107,10 @@ def announce(arguments: Mapping[str, str], master: str, running: bool) -> None:
 
 
 class ShutdownRequest:
-    """How many requests for the end there were (Ctrl-C, SIGTERM, SIGHUP).
+    """Counter of shutdown requests (Ctrl-C, SIGTERM, SIGHUP).
 
     roslaunch's own handlers would end the nodes in the middle of their start and could leave one behind; so the request
-    is remembered, and served when all have started.
+    is stored, and served when all have started.
     """
 
     def __init__(self) -> None:
@@ -122,7 +123,7 @@ class ShutdownRequest:
 
 
 def run(arguments: Mapping[str, str], master: str) -> int:
-    """Run bringup.launch until a required node ends or Ctrl-C; returns the exit code."""
+    """Run bringup.launch until a required node ends or Ctrl-C; return the exit code."""
     os.environ["ROS_MASTER_URI"] = master
     confine_roscpp()
     nodes = RequiredNodes()
@@ -138,8 +139,8 @@ def run(arguments: Mapping[str, str], master: str) -> int:
         roslaunch.pmon._init_signal_handlers()
         request = ShutdownRequest()
         early.over()
-        # All that starts from here is started by this thread, which lives as long as the process: so nothing outlives
-        # it, the master and nodes of others included, even if it is killed.
+        # This thread starts all further processes and lives as long as this process: so none of them outlives it, not
+        # even the master, and not even if it is killed.
         os.register_at_fork(after_in_child=end_with_parent(signal.SIGTERM))
         parent._start_infrastructure()
         parent.start()
@@ -152,7 +153,7 @@ def run(arguments: Mapping[str, str], master: str) -> int:
     if nodes.code:
         call(
             master, "setParam", f"{space}/hric/experiment/failure", nodes.exit_text
-        )  # for the recorder, which ends last
+        )  # read by the recorder, which ends last
     end_nodes(parent.pm, lambda: request.count > 1)
     parent.shutdown()
     if isinstance(folder, str):
@@ -161,26 +162,26 @@ def run(arguments: Mapping[str, str], master: str) -> int:
 
 
 def confine_roscpp() -> None:
-    """Have programs on roscpp that start from here, such as rosout, listen where ROS_IP says, as those on rospy do."""
+    """Make roscpp programs started from here, such as rosout, listen where ROS_IP says, as rospy programs do."""
     library = Path(os.environ["HRIC_WS"]) / "devel/lib/libhric_roscpp_loopback.so"
     if library.exists():
         os.environ["LD_PRELOAD"] = ":".join(filter(None, (str(library), os.environ.get("LD_PRELOAD"))))
 
 
 def close_run(folder: str, reason: str) -> None:
-    """Note in a run's folder, where its recorder could not, that it is over and why."""
+    """Write into a run's folder that it is over and why, if its recorder could not."""
     with contextlib.suppress(HricError):  # the folder was removed
         RunFolder(Path(folder)).read(reason)
 
 
 def parameter(master: str, name: str) -> object:
-    """Value of a parameter; None: there is none."""
+    """Return the value of a parameter; None: there is none."""
     response = call(master, "getParam", name)
     return response[2] if response is not None and response[0] == 1 else None
 
 
 def _take_over_required(config: Any) -> set[str]:
-    """Names of the required nodes; roslaunch itself would announce even their good end as a death in red."""
+    """Return the required nodes, unmarked for roslaunch, which would report even their normal end as a death."""
     required = {node for node in config.nodes if node.required}
     for node in required:
         node.required = False
@@ -190,11 +191,11 @@ def _take_over_required(config: Any) -> set[str]:
 
 
 def _wait(parent: Any, nodes: RequiredNodes, request: ShutdownRequest, ready: Callable[[], str | None]) -> None:
-    """Until a required node ends or the end is requested; says when all is ready."""
+    """Wait until a required node ends or the end is requested; print when all is ready."""
     shown, look = False, time.monotonic()
     while not (request.count or nodes.exit_text):
         time.sleep(0.02)
-        if parent.pm.done and not nodes.exit_text:  # roslaunch has ended all, because its master died
+        if parent.pm.done and not nodes.exit_text:  # roslaunch has ended all nodes, as its master died
             nodes.code, nodes.exit_text = FAILURE, f"the ROS master at {os.environ['ROS_MASTER_URI']} does not respond"
         if not shown and time.monotonic() >= look:
             look = time.monotonic() + PERIOD
@@ -212,17 +213,17 @@ def _code(nodes: RequiredNodes, is_experiment: bool) -> int:
 
 
 def main(argv: list[str]) -> int:
-    """Command line; returns the exit code."""
+    """Run the command and return its exit code."""
     try:
         known, defaults = given.choices(), {name: default for name, (default, _) in given.documented().items()}
         arguments = defaults | given.check(given.split(argv), defaults, known)
         check_realism(arguments["realism"])
         if arguments["experiment"].endswith((".yaml", ".yml")):
-            import hric_run.definition.experiment  # whose mistakes are one error, as all others
+            import hric_run.definition.experiment  # its mistakes are one error
 
             hric_run.definition.experiment.load(arguments["experiment"])
         if arguments["env"] == "real" and arguments["robot_ip"] != given.EMULATED:
-            # with all that the arm's driver is made of, which a simulated one need not wait for
+            # imported late, as it loads the arm's driver, which a simulated arm does not need
             import franka_real.probe
 
             franka_real.probe.check(arguments["robot_ip"], PROBE_TIMEOUT)
@@ -240,5 +241,5 @@ def main(argv: list[str]) -> int:
 if __name__ == "__main__":
     code = main(sys.argv[1:])
     sys.stdout.flush()
-    # All processes have ended, and roslaunch's own threads need not be waited for.
+    # All processes have ended; do not wait for roslaunch's threads.
     os._exit(code)

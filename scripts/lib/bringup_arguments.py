@@ -1,8 +1,9 @@
-"""Arguments of scripts/bringup: roslaunch accepts a misspelt name or value in silence, here each is checked before
-anything starts, even before the set-up. So this file needs nothing but Python itself.
+"""Arguments of scripts/bringup, all checked before anything starts, even before the set-up.
+
+roslaunch silently accepts a misspelt name or value. This file needs nothing but Python itself.
 
     python3 bringup_arguments.py [NAME:=VALUE ...]      # help, or one error and exit code 2
-    python3 bringup_arguments.py --complete WORD        # what the shell may complete the word to
+    python3 bringup_arguments.py --complete WORD        # completions of the word for the shell
 """
 
 import ast
@@ -26,10 +27,10 @@ Documented = Mapping[str, tuple[str, str]]
 
 
 class ArgumentError(Exception):
-    """A name or a value that bringup.launch cannot use; the message lists what it can.
+    """Error of a name or value that bringup.launch cannot use; the message lists the valid ones.
 
     Attributes:
-        exit_code: of the command, as of `hric_core.errors`, which cannot be imported before the set-up.
+        exit_code: exit code of the command, as in `hric_core.errors`, which cannot be imported before the set-up.
     """
 
     exit_code = 2
@@ -42,7 +43,7 @@ class Choices:
     Attributes:
         controllers: instance names in controllers.yaml, and in the YAML files of packages that export controllers.
         experiments: names of the experiment files.
-        having: per section of an experiment file (`DEVICES` and `HUMAN`), those of them that have it.
+        having: experiments with each section (`DEVICES` and `HUMAN`).
     """
 
     controllers: tuple[str, ...]
@@ -54,9 +55,9 @@ SENSORS = ("emg", "force_plate")
 DEVICES = ("mocap", *SENSORS)
 """Sections of an experiment file and arguments of the same name."""
 HUMAN = "human"
-"""Section of an experiment file: who acts in the plant."""
+"""Section of an experiment file with the simulated person."""
 EMULATED = "emulated"
-"""In place of the address of an arm: one on this machine, which the bring-up starts."""
+"""Value of `robot_ip` for an emulated arm on this machine, which the bring-up starts."""
 BROADCASTERS = ("joint_state_controller", "franka_state_controller")
 """Controllers that only publish; bringup.launch always starts them."""
 BOOL = ("true", "false")
@@ -65,13 +66,13 @@ JOINTS = 7
 
 
 def documented() -> dict[str, tuple[str, str]]:
-    """The arguments of bringup.launch."""
+    """Return the arguments of bringup.launch."""
     arguments = ET.parse(LAUNCH).getroot().iterfind("arg")
     return {arg.get("name", ""): (arg.get("default", ""), arg.get("doc", "")) for arg in arguments}
 
 
 def choices() -> Choices:
-    """Names of controllers and experiments that are found."""
+    """Return the names of controllers and experiments in this workspace."""
     controllers = dict.fromkeys(name for path in controller_files() for name in instances(path.read_text()))
     experiments = sorted(EXPERIMENTS.glob("*.yaml"))
     having = {name: tuple(path.stem for path in experiments if has_section(path, name)) for name in (*DEVICES, HUMAN)}
@@ -79,7 +80,7 @@ def choices() -> Choices:
 
 
 def controller_files() -> Iterator[Path]:
-    """YAML files with controllers: that of the bring-up, and those of all packages that export controllers."""
+    """Yield the YAML files with controllers: the bring-up's, and those of packages that export controllers."""
     yield CONTROLLERS
     roots = dict.fromkeys([str(WORKSPACE / "src"), *os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep)])
     for root in map(Path, filter(None, roots)):
@@ -89,15 +90,16 @@ def controller_files() -> Iterator[Path]:
 
 
 def instances(text: str) -> list[str]:
-    """Names of the controllers in a YAML file: mappings with a type. What is wrong with the file is reported
-    elsewhere."""
+    """Return the names of the controllers in a YAML file: mappings with a type.
+
+    Mistakes in the file are reported elsewhere."""
     blocks = re.split(r"^(?=[A-Za-z_]\w*:)", text, flags=re.MULTILINE)
     typed = re.compile(r"[A-Za-z_]\w*:[ \t]*(?:#.*)?(?:\{(?:.*[{, ])?type:|(?:\n(?:[ \t].*)?)*?\n[ \t]+type:)")
     return [block.partition(":")[0] for block in blocks if typed.match(block)]
 
 
 def help_text(arguments: Documented) -> str:
-    """All arguments with default and meaning."""
+    """Return all arguments with default and meaning."""
     return "\n".join([
         "usage: scripts/bringup [NAME:=VALUE ...]",
         "",
@@ -117,7 +119,7 @@ def help_text(arguments: Documented) -> str:
 
 
 def split(arguments: Iterable[str]) -> dict[str, str]:
-    """Names and values of `name:=value`.
+    """Return names and values of `name:=value`.
 
     Raises:
         ArgumentError: not of that form, or given twice.
@@ -137,7 +139,7 @@ def split(arguments: Iterable[str]) -> dict[str, str]:
 
 
 def check(given: Mapping[str, str], valid_names: Iterable[str], known: Choices) -> dict[str, str]:
-    """Arguments as roslaunch shall get them: known names, valid values, paths made absolute.
+    """Return the arguments for roslaunch: known names, valid values, absolute paths.
 
     Args:
         given: name -> value from the command line.
@@ -177,17 +179,17 @@ ONLY_SIMULATED = (
     "q_start",
     "real_time_factor",
 )
-"""Arguments that say something about the simulation."""
+"""Arguments for the simulation only."""
 ONLY_PACED = ("real_time_factor",)
-"""Those of them that an emulated arm, which lives in real time as the arm does, does not take."""
+"""Arguments for the simulation that an emulated arm, which runs in real time, does not accept."""
 ONLY_REAL = ("robot_ip", "robot")
-"""Arguments that say something about the arm itself."""
+"""Arguments for the real arm only."""
 ONLY_RECORDED = ("subject", "notes", "split_size", "split_duration")
-"""Arguments that say something about the recording."""
+"""Arguments for the recording only."""
 
 
 def _check_environment(given: Mapping[str, str]) -> None:
-    """Refuse what does not belong to the environment, rather than leave it without effect."""
+    """Refuse arguments that do not belong to the environment, as they would have no effect."""
     real = given.get("env") == "real"
     emulated = given.get("robot_ip") == EMULATED
     foreign = [name for name in given if name in (ONLY_SIMULATED if real else ONLY_REAL)]
@@ -207,8 +209,9 @@ def _check_environment(given: Mapping[str, str]) -> None:
 
 
 def has_section(path: Path, name: str) -> bool:
-    """Whether an experiment file has a section, as the launch files see it; what is wrong with the file is reported
-    elsewhere."""
+    """Return True if an experiment file has a section, as the launch files see it.
+
+    Mistakes in the file are reported elsewhere."""
     try:
         return f"\n{name}:" in "\n" + path.read_text()
     except (OSError, UnicodeDecodeError):
@@ -216,7 +219,7 @@ def has_section(path: Path, name: str) -> bool:
 
 
 def device(name: str, given: Mapping[str, str], known: Choices) -> str:
-    """none, emulated or the real one: auto means emulated where the experiment has the section.
+    """Return none, emulated or the real device; auto means emulated if the experiment has the section.
 
     Args:
         name: one of `DEVICES`.
@@ -230,7 +233,7 @@ def device(name: str, given: Mapping[str, str], known: Choices) -> str:
 
 
 def _has(name: str, given: Mapping[str, str], known: Choices) -> bool:
-    """Whether the experiment has a section."""
+    """Return True if the experiment has a section."""
     experiment = given.get("experiment", "none")
     own_file = experiment.endswith((".yaml", ".yml")) and has_section(Path(experiment), name)
     return own_file or experiment in known.having.get(name, ())
@@ -291,7 +294,7 @@ WORDS: dict[str, tuple[str, ...]] = {
     "load_gripper": (*BOOL, "auto"),
     "inertials": ("barycentric", "thesis", "auto"),
 }
-"""Arguments that take one of some words."""
+"""Valid words of arguments that take one of some words."""
 
 
 def _started(known: Choices) -> list[str]:
@@ -419,7 +422,7 @@ def _numbers(name: str, value: object, example: str) -> list[float]:
 
 
 def _loaded(name: str, value: str) -> object:
-    """A number or a list of them; anything else as it is."""
+    """Return a number or a list of numbers; anything else unchanged."""
     try:
         found: object = ast.literal_eval(value)
     except (ValueError, SyntaxError):
@@ -491,7 +494,7 @@ def _angles(name: str, value: str) -> str:
 
 
 def completed(word: str) -> list[str]:
-    """What a shell may complete a word to: names of arguments, or values of the one named in it."""
+    """Return the completions of a word for a shell: names of arguments, or values of the argument in it."""
     name, separator, begun = word.partition(":=")
     arguments = documented()
     if not separator:
@@ -500,14 +503,14 @@ def completed(word: str) -> list[str]:
 
 
 def valid_words(name: str, known: Choices) -> tuple[str, ...]:
-    """The words that an argument takes; empty: numbers, paths, or whatever else."""
+    """Return the words that an argument accepts; empty: numbers, paths, or anything else."""
     if name in ("controller", "experiment"):
         return (*_started(known), "none") if name == "controller" else (*known.experiments, "none")
     return WORDS.get(name, ())
 
 
 def main(argv: list[str]) -> int:
-    """Help, completion, or a check of what was given; returns the exit code."""
+    """Print help or completions, or check the arguments; return the exit code."""
     if argv[:1] == ["--complete"]:
         print("\n".join(completed(argv[1] if len(argv) > 1 else "")))
         return 0

@@ -1,5 +1,6 @@
-"""How a bring-up ends: before a node runs at once; later all nodes are requested to end at once, and get the time that
-they need, with progress."""
+"""End of a bring-up: at once before a node runs; later all nodes are requested to end, and waited for.
+
+Each gets the time that it needs, with progress."""
 
 import contextlib
 import os
@@ -14,23 +15,23 @@ from typing import Any
 REQUESTS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 INTERRUPTED = 130
 ERRORS = 3
-"""Where scripts/bringup leads the errors of this process until it can take a request."""
+"""File descriptor to which scripts/bringup redirects the errors of this process until it can take a request."""
 LOOK = 0.05
-"""How often it is looked whether the early part is over [s]."""
+"""Period at which the thread checks for the end of the early part [s]."""
 LIMIT = 10.0
-"""How long a node may take to end before it is killed [s of wall time]; project default, unconfirmed."""
+"""Longest end of a node before it is killed [s of wall time] (project default, unconfirmed)."""
 LONGER = {"recorder": 120.0, "experiment": 120.0}
-"""Of nodes that write data: a bag of gigabytes on a slow disk."""
+"""Longest end of nodes that write data: a bag of gigabytes on a slow disk [s of wall time]."""
 PROGRESS_AFTER, PROGRESS_PERIOD = 1.0, 2.0
-"""Of the lines that say who is waited for [s]."""
+"""Time to the first line about nodes that are waited for, and between two of them [s]."""
 
 
 class EndAtOnce(threading.Thread):
-    """Until the nodes start, a request for the end ends this process without a word.
+    """Thread that ends this process silently on a request before the nodes start.
 
-    Commands that find what a parameter holds run meanwhile. They get Ctrl-C in a terminal, too, and a Python that
-    still starts would end with a traceback: so requests are blocked here, which the commands inherit, and a thread
-    takes them and ends the commands.
+    Commands that read parameters run meanwhile. They get Ctrl-C in a terminal, too, and a Python that still starts
+    would end with a traceback: so requests are blocked here, which the commands inherit, and a thread takes them and
+    ends the commands.
     """
 
     def __init__(self) -> None:
@@ -48,21 +49,21 @@ class EndAtOnce(threading.Thread):
                 for child in Path(f"/proc/self/task/{os.getpid()}/children").read_text().split():
                     with contextlib.suppress(ProcessLookupError):
                         os.kill(int(child), signal.SIGKILL)
-                os._exit(INTERRUPTED)  # at once: the main thread would complain of the command's end
+                os._exit(INTERRUPTED)  # at once: the main thread would report the command's end
 
     def over(self) -> None:
-        """From now on requests go to their handlers, those that have just come, too."""
+        """Let requests go to their handlers from now on, including those that have just come."""
         self._over.set()
         self.join()
         signal.pthread_sigmask(signal.SIG_UNBLOCK, REQUESTS)
 
 
 def end_nodes(monitor: Any, impatient: Callable[[], bool]) -> None:
-    """End all nodes, the newest first requested; those that do not end are killed, with a line that says so.
+    """End all nodes, the newest first; kill those that do not end, with a message.
 
     Args:
-        monitor: roslaunch's, which no longer looks after them.
-        impatient: whether the user wants the end now.
+        monitor: roslaunch's process monitor, which no longer watches them.
+        impatient: returns True if the user requests the end at once.
     """
     with monitor.plock:
         nodes = [process for process in monitor.procs if process not in monitor.core_procs]
@@ -70,7 +71,7 @@ def end_nodes(monitor: Any, impatient: Callable[[], bool]) -> None:
         monitor.unregister(process)
     alive = [process for process in reversed(nodes) if process.popen is not None]
     for process in alive:
-        # SIGTERM, since one that still imports what it needs would take SIGINT with a traceback; nodes take both alike.
+        # SIGTERM, as a node that is still importing would print a traceback on SIGINT; nodes treat both alike.
         _signal(process, signal.SIGTERM)
     _wait(alive, impatient)
 
@@ -93,7 +94,7 @@ def _wait(alive: Sequence[Any], impatient: Callable[[], bool]) -> None:
 
 
 def _name(process: Any) -> str:
-    """Of the node; roslaunch calls the process NODE-NUMBER, with the namespace before it."""
+    """Return the name of the node; roslaunch calls the process NODE-NUMBER, with the namespace before it."""
     name: str = process.name.rpartition("-")[0]
     return name.rpartition("-")[2]
 

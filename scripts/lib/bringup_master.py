@@ -1,4 +1,4 @@
-"""Which ROS master a bring-up uses: the user's if it responds, else one of its own."""
+"""Choice of the ROS master for a bring-up: the user's if it responds, else a new one."""
 
 import http.client
 import random
@@ -10,11 +10,11 @@ LOCAL = ("localhost", "127.0.0.1", "::1")
 DEFAULT = "http://localhost:11311"
 CALLER = "/scripts_bringup"
 TIMEOUT = 2.0
-"""For one response of a master [s]."""
+"""Longest wait for a response of a master [s]."""
 
 
 class MasterError(Exception):
-    """No usable master; the message says what to do."""
+    """Error of a missing master; the message says what to do."""
 
 
 class _Transport(xmlrpc.client.Transport):
@@ -25,7 +25,7 @@ class _Transport(xmlrpc.client.Transport):
 
 
 def call(uri: str, method: str, *arguments: str | bool) -> tuple[int, str, object] | None:
-    """Response (code, text, value) of an XML-RPC server of ROS; None if there is none at `uri`."""
+    """Return the response (code, text, value) of an XML-RPC server of ROS; None if there is none at `uri`."""
     try:
         response = getattr(xmlrpc.client.ServerProxy(uri, transport=_Transport()), method)(CALLER, *arguments)
     except (OSError, http.client.HTTPException, xmlrpc.client.Error, ValueError):
@@ -34,32 +34,31 @@ def call(uri: str, method: str, *arguments: str | bool) -> tuple[int, str, objec
 
 
 def is_local(uri: str) -> bool:
-    """Whether a master at this address would run on this machine."""
+    """Return True if a master at this address would run on this machine."""
     host = urlparse(uri).hostname or ""
     return host in (*LOCAL, socket.gethostname())
 
 
 def port_is_taken(port: int) -> bool:
-    """Whether something on this machine listens there."""
+    """Return True if a program on this machine listens on the port."""
     with socket.socket() as probe:
         probe.settimeout(TIMEOUT)
         return probe.connect_ex(("127.0.0.1", port)) == 0
 
 
 def free_port() -> int:
-    """A port that nobody listens on, below those that the system gives to connections (from 32768 on): it stays free
-    until the master is there."""
+    """Return a port without listener, below the system's ephemeral ports (from 32768 on), so that it stays free."""
     return next(port for port in random.sample(range(20_000, 32_000), 100) if not port_is_taken(port))
 
 
 def node_is_alive(master: str, node: str) -> bool:
-    """Whether the master knows a node of this name and the node itself responds (a killed one stays registered)."""
+    """Return True if the master knows the node and the node itself responds (a killed one stays registered)."""
     found = call(master, "lookupNode", node)
     return found is not None and found[0] == 1 and call(str(found[2]), "getPid") is not None
 
 
 def choose(uri: str, robot_node: str) -> tuple[str, bool]:
-    """(address of the master, whether it runs already).
+    """Return (address of the master, True if it runs already).
 
     Args:
         uri: ROS_MASTER_URI of the caller.

@@ -1,4 +1,4 @@
-"""What a bring-up says when it is ready: what runs, how to move it, where it records, how to end it."""
+"""Message of a bring-up that is ready: what runs, how to move it, where it records, how to end it."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -7,20 +7,20 @@ from bringup_arguments import EMULATED, WORKSPACE
 from bringup_master import DEFAULT
 
 PERIOD = 0.2
-"""Between two looks whether all is ready [s]."""
+"""Time between two checks that all is ready [s]."""
 POSITIONS = "[0.3, -0.785, 0, -2.356, 0, 1.571, 0.785]"
-"""For an example: the usual start of the arm but for joint 1 [rad]."""
+"""Joint positions for an example: the usual start of the arm except for joint 1 [rad]."""
 
 Parameter = Callable[[str], Any]
-"""Value of a parameter of the master; None: there is none."""
+"""Function that returns the value of a parameter of the master; None: there is none."""
 
 
 def block(arguments: Mapping[str, str], master: str, parameter: Parameter) -> str | None:
-    """The block, or None while something is missing.
+    """Return the message, or None while a part of the system is missing.
 
     Args:
-        arguments: of bringup.launch, as it got them.
-        master: its address.
+        arguments: checked arguments of bringup.launch.
+        master: address of the master.
         parameter: reads the master's parameters.
     """
     space = namespace(arguments)
@@ -40,13 +40,13 @@ def block(arguments: Mapping[str, str], master: str, parameter: Parameter) -> st
 
 
 def namespace(arguments: Mapping[str, str]) -> str:
-    """Of the robot, with a slash before it; empty: none."""
+    """Return the robot's namespace, with a slash before it; empty: none."""
     name = arguments["ns"].strip("/")
     return "" if name in ("", "none") else f"/{name}"
 
 
 def arm(arguments: Mapping[str, str]) -> str:
-    """What is at `robot_ip`."""
+    """Return a description of the arm at `robot_ip`."""
     if arguments["robot_ip"] == EMULATED:
         return f"emulated {arguments['robot']} ({arguments['simulator']})"
     return f"{arguments['robot']} at {arguments['robot_ip']}"
@@ -65,7 +65,7 @@ def _robot(arguments: Mapping[str, str]) -> str:
 
 
 def _move(arguments: Mapping[str, str], space: str) -> str:
-    """A command that moves the arm; how the other controllers are commanded is in the manual."""
+    """Return a command that moves the arm; the manual describes the commands of other controllers."""
     name = arguments["controller"]
     if arguments["experiment"] != "none":
         return f"the experiment {arguments['experiment']} does"

@@ -1,7 +1,7 @@
-"""Command line of a Dask scheduler or worker that others cannot reach, or only with a certificate, or with --insecure.
+"""Command line of a Dask scheduler or worker that is closed to others, unless by certificate or --insecure.
 
-Whoever reaches a port of Dask's runs programs on that machine. Prints, a line each: `plain` or `encrypted`, and the
-arguments for Dask; or says on stderr what is not possible, and exits with 2.
+Anyone who reaches a port of Dask can run programs on that machine. Prints, a line each: `plain` or `encrypted`, and the
+arguments for Dask; or an error on stderr, with exit code 2.
 """
 
 import argparse
@@ -15,23 +15,23 @@ from hric_core.wires import host_of, is_local, reached_by_others
 
 ADDRESS = re.compile(r"(tcp|tls)://(\[[^\]]+\]|[^:/\[\]]+):(\d+)")
 LISTENING = ("--host", "--interface", "--listen-address")
-"""Options of Dask that say where its own protocol listens."""
+"""Options of Dask for the address on which its own protocol listens."""
 LOOPBACK = "127.0.0.1"
 
 
 class DoorError(ValueError):
-    """A port would be open; the message says which and what to do."""
+    """Error of a port that would be open; the message says which and what to do."""
 
 
 def is_open(option: str, value: str) -> bool:
-    """True if Dask listens off loopback with this option."""
+    """Return True if Dask listens off loopback with this option."""
     if option == "--interface":
         return any(name != "lo" for name in value.split(","))
     return host_of(value) == "" or not is_local(host_of(value))
 
 
 def check(program: str, words: list[str]) -> tuple[bool, list[str]]:
-    """Return whether Dask must encrypt, and its arguments. Raises DoorError; ValueError: no such host."""
+    """Return (True if Dask must encrypt, arguments for Dask). Raises DoorError; ValueError: no such host."""
     parser = argparse.ArgumentParser(f"scripts/{program}", add_help=False, allow_abbrev=False)
     for option in (*LISTENING, "--dashboard-address"):
         parser.add_argument(option)

@@ -1,7 +1,7 @@
-"""Write the software bill of materials of the Python environment, and check the licences of all pinned packages.
+"""Software bill of materials of the Python environment, and check of the licences of all pinned packages.
 
-python3 scripts/lib/licences.py: build/sbom.cdx.json (CycloneDX), and exit code 1 where a licence is neither allowed nor
-a named exception in pyproject.toml, [tool.hric.licences]. Packages of Debian are Debian's, and are not checked.
+python3 scripts/lib/licences.py: build/sbom.cdx.json (CycloneDX), and exit code 1 if a licence is neither allowed nor a
+named exception in pyproject.toml, [tool.hric.licences]. Packages of Debian are not checked.
 """
 
 import json
@@ -40,13 +40,13 @@ def bill() -> dict[str, Any]:
 
 
 def licences(component: Mapping[str, Any]) -> list[str]:
-    """Return what a component of the bill says of its licence: SPDX expressions, ids, and names of classifiers."""
+    """Return the licences of a component of the bill: SPDX expressions, ids, and names of classifiers."""
     entries = component.get("licenses", [])
     return [entry.get("expression") or entry["license"].get("id") or entry["license"]["name"] for entry in entries]
 
 
 def refusals(content: Mapping[str, Any], installed: set[tuple[str, str]], rules: Mapping[str, Any]) -> Iterator[str]:
-    """Say which of the installed packages have a licence that the rules do not allow.
+    """Yield a message for each installed package whose licence the rules do not allow.
 
     Args:
         content: bill of materials.
@@ -64,13 +64,13 @@ def refusals(content: Mapping[str, Any], installed: set[tuple[str, str]], rules:
 
 
 def _permits(expression: str, allowed: set[str]) -> bool:
-    """Return True if one of its alternatives has allowed licences only."""
+    """Return True if an alternative of the expression has allowed licences only."""
     alternatives = expression.split(" OR ")
     return any(all(part in allowed for part in alternative.split(" AND ")) for alternative in alternatives)
 
 
 def main() -> int:
-    """Write and check; returns the exit code."""
+    """Write the bill and check it; return the exit code."""
     rules = tomllib.loads((WORKSPACE / "pyproject.toml").read_text())["tool"]["hric"]["licences"]
     problems = list(refusals(bill(), pinned(), rules))
     print("\n".join([*problems, f"bill of materials: {BILL}"]))

@@ -1,5 +1,6 @@
-"""Take out of .venv what an interrupted pip left incomplete, so that pip installs it again. Called by scripts/setup
-with the environment's Python."""
+"""Removal of packages from .venv that an interrupted pip left incomplete, so that pip installs them again.
+
+Called by scripts/setup with the environment's Python."""
 
 import shutil
 import sysconfig
@@ -7,11 +8,11 @@ from importlib import metadata
 from pathlib import Path
 
 PRUNED = {"pybullet_data"}, {"cmeel.prefix", "include"}
-"""Of a path in what scripts/setup takes out again."""
+"""Sets of path parts of files that scripts/setup removes."""
 
 
 def mend(folder: Path) -> None:
-    """Forget each package below a folder one of whose files is missing or cut off."""
+    """Remove each package below a folder if one of its files is missing or truncated."""
     for found in metadata.distributions(path=[str(folder)]):
         kept = Path(str(found._path))  # type: ignore[attr-defined]
         if not found.files or not all(whole(file) for file in found.files):
@@ -20,7 +21,7 @@ def mend(folder: Path) -> None:
 
 
 def whole(file: metadata.PackagePath) -> bool:
-    """Whether a file is there with the size that its package says; compiled Python is not counted."""
+    """Return True if a file has the size that its package says; compiled Python is not checked."""
     path = Path(str(file.locate()))
     if path.suffix == ".pyc" or any(parts <= set(path.parts) for parts in PRUNED):
         return True

@@ -1,4 +1,4 @@
-"""Play a run folder on a ROS master: its bag with its own clock, its robot, rviz. Called by scripts/replay."""
+"""Replay of a run folder on a ROS master: its bag with its own clock, its robot, rviz. Called by scripts/replay."""
 
 import signal
 
@@ -22,38 +22,37 @@ from hric_core.processes import INTERRUPTED_CODE, end_process, start_dependent
 WORKSPACE = Path(__file__).resolve().parents[2]
 VIEW = WORKSPACE / "src/hric_bringup/rviz/panda.rviz"
 START_TIMEOUT, RVIZ_TIMEOUT = 20.0, 40.0
-"""How long a node may take to be there [s]."""
+"""Longest start of a node [s]."""
 END_TIMEOUT = 3.0
-"""How long a process may take to end before it is killed [s]."""
+"""Longest end of a process before it is killed [s]."""
 BEFORE = 1.0
-"""Between announcing the topics and the first message, so that the others are connected [s]."""
+"""Time between announcing the topics and the first message, so that the subscribers are connected [s]."""
 
 
 class Interrupted(BaseException):
-    """Ctrl-C, SIGTERM or SIGHUP."""
+    """End by Ctrl-C, SIGTERM or SIGHUP."""
 
 
 class Processes:
-    """What was started here, ended in the reverse order."""
+    """Processes started here, ended in the reverse order."""
 
     def __init__(self) -> None:
         self._started: list[subprocess.Popen[bytes]] = []
 
     def start(self, *command: str, quiet: bool = False) -> subprocess.Popen[bytes]:
-        """Start a process that does not see the terminal's Ctrl-C, and that the system ends should this one be
-        killed."""
+        """Start a process without the terminal's Ctrl-C, which the system ends if this one is killed."""
         stdin = None if sys.stdin is not None and sys.stdin.isatty() else subprocess.DEVNULL
         self._started.append(start_dependent(command, stdin=stdin, stdout=subprocess.DEVNULL if quiet else None))
         return self._started[-1]
 
     def close(self) -> None:
-        """End all."""
+        """End all processes."""
         for process in reversed(self._started):
             end_process(process, END_TIMEOUT)
 
 
 def play(run: Run, master: str, running: bool, rate: float, rviz: bool) -> int:
-    """Start all, wait for the end of the bag; returns the exit code."""
+    """Start all processes, wait for the end of the bag, and return the exit code."""
     os.environ["ROS_MASTER_URI"] = master
     processes, before = Processes(), None
     try:
@@ -97,7 +96,7 @@ def _show(processes: Processes, run: Run, master: str, rviz: bool) -> None:
 
 
 def _inside(space: str) -> list[str]:
-    """Arguments of a node in the robot's namespace, where its transforms are, too."""
+    """Return the arguments of a node in the robot's namespace, where its transforms are, too."""
     return [f"__ns:={space or '/'}", "/tf:=tf", "/tf_static:=tf_static"]
 
 
@@ -120,7 +119,7 @@ def _ended(player: subprocess.Popen[bytes]) -> int:
 
 
 def _restore(master: str, run: Run, use_sim_time: tuple[int, str, object] | None) -> None:
-    """Leave a master that others use as it was found."""
+    """Restore the parameters of a master that was already running."""
     if use_sim_time is not None and use_sim_time[0] == 1:
         call(master, "setParam", "/use_sim_time", bool(use_sim_time[2]))
     else:
@@ -133,7 +132,7 @@ def _interrupt(*_: object) -> None:
 
 
 def main(argv: Sequence[str]) -> int:
-    """Command line; returns the exit code."""
+    """Run the command and return its exit code."""
     given = parsed(argv)
     try:
         run = find(given.run, given.runs)

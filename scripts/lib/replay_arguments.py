@@ -1,5 +1,6 @@
-"""The command line of scripts/replay, which is read before the set-up, too: this file needs nothing but Python
-itself and the source beside it."""
+"""Command line of scripts/replay, which is also read before the set-up.
+
+This file needs nothing but Python itself and the source next to it."""
 
 import argparse
 import sys
@@ -12,7 +13,7 @@ from hric_core.errors import HricError
 
 
 def parsed(argv: Sequence[str]) -> argparse.Namespace:
-    """The command line; a run that is not there is refused."""
+    """Return the parsed command line; a missing run is refused."""
     parser = argparse.ArgumentParser(
         "scripts/replay",
         description="Play a run: its bag with its own clock, the robot as it was, and rviz. The space bar pauses, "

@@ -1,4 +1,4 @@
-"""What a replay takes from a run folder, and what forbids it on a master that is in use."""
+"""Content of a run folder for a replay, and reasons against a replay on a running master."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,22 +10,22 @@ from hric_core.errors import HricError
 from hric_report.run import bag_of
 
 NOT_PLAYED = ("/clock", "/rosout", "/rosout_agg")
-"""The player makes the clock; the log of then would mix with that of now."""
+"""Topics that are not played: the player creates the clock, and the old log would mix with the present one."""
 LISTENING = ("/rosout",)
-"""Nodes that a master always has."""
+"""Nodes that every master has."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """A recorded run.
+    """Recorded run.
 
     Attributes:
-        name: of its folder.
-        bags: its bag, in its parts.
+        name: name of its folder.
+        bags: parts of its bag.
         urdf: the robot's description; empty: not known.
-        namespace: of the robot, without a slash at its end; "" for none.
-        topics: what is played.
-        has_transforms: whether the bag holds those of a robot_state_publisher.
+        namespace: the robot's namespace, without a slash at its end; "" for none.
+        topics: topics to play.
+        has_transforms: True if the bag has those of a robot_state_publisher.
         duration: from the first message to the last [s].
     """
 
@@ -39,10 +39,10 @@ class Run:
 
 
 def find(given: str, root: str | None) -> Run:
-    """The run that is meant.
+    """Return the requested run.
 
     Raises:
-        HricError: it is not there, its bag was not closed or is damaged, or it holds nothing.
+        HricError: it does not exist, its bag was not closed or is damaged, or it is empty.
     """
     folder = RunFolder.open(given, runs_root(root))
     bag = bag_of(folder, folder.read())
@@ -69,7 +69,7 @@ def find(given: str, root: str | None) -> Run:
 
 
 def _namespace(topics: list[str]) -> str:
-    """Namespace of the robot's topics."""
+    """Return the namespace of the robot's topics."""
     for name in ("/control_log", "/joint_states"):
         for topic in topics:
             if topic.endswith(name):
@@ -78,13 +78,13 @@ def _namespace(topics: list[str]) -> str:
 
 
 def blocked(state: tuple[int, str, Any] | None, run: Run) -> str:
-    """Why a run must not be played on a master that is in use; empty: it may.
+    """Return the reason why a run must not be played on a running master; empty: it may.
 
-    A robot that runs there would take the commands of then for those of now.
+    A robot that runs there would take the recorded commands for present ones.
 
     Args:
         state: response of the master to getSystemState.
-        run: what is to be played.
+        run: run to play.
     """
     if state is None:
         return ""
