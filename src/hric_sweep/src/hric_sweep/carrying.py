@@ -1,4 +1,4 @@
-"""Has an engine carry tasks out, one journal beside it: as many at once as it wants, what died again, the rest once."""
+"""Execution of tasks by an engine, with a journal: tasks whose worker died are repeated, all others run once."""
 
 import signal
 import threading
@@ -12,12 +12,12 @@ from hric_sweep.engines.engine import Died, Engine, Response, Task, TimedOut, ar
 from hric_sweep.journal import Journal
 
 TRIES = 3
-"""Of a run that ends its worker, or takes too long; after them it is marked and not tried any more."""
+"""Maximum attempts for a run that ends its worker or exceeds its timeout; after these it is recorded as failed."""
 LOOK = 0.5
-"""Longest time without a look at Ctrl-C [s]."""
+"""Longest time between two checks for Ctrl-C [s]."""
 
 Ended = tuple[Future[Response], Task, int]
-"""What came, of which task, in which attempt."""
+"""Future of a finished task, the task, and the number of the attempt."""
 
 
 def carry_out(
@@ -27,19 +27,19 @@ def carry_out(
     ended: Callable[[Response], object] = lambda entry: None,
     looked: Callable[[], object] = lambda: None,
 ) -> list[Response]:
-    """The responses to all tasks, in their order, each with the attempt in which it came.
+    """Execute all tasks and return their responses in the order of the tasks, each with the number of its attempt.
 
     Args:
-        tasks: each with an index of its own; ids may repeat, where a point does.
-        engine: carries them out.
-        journal: keeps each response as it comes; what it has is not run again. None: nothing is kept.
-        ended: called with each response, those of the journal first.
-        looked: called each time that something may have ended.
+        tasks: tasks with unique indices; ids may repeat if the same point is sampled more than once.
+        engine: engine that executes the tasks.
+        journal: stores each response as it arrives; tasks with a stored response are not run again. None: no storage.
+        ended: callback for each response, those from the journal first.
+        looked: callback after each check for finished tasks, at least every `LOOK` seconds.
 
     Raises:
-        JournalError: what ended cannot be kept.
-        KeyboardInterrupt: all that ended is kept.
-        Exception: of an engine that cannot go on; it is no response, and not in the journal.
+        JournalError: the responses cannot be stored.
+        KeyboardInterrupt: Ctrl-C; all finished responses are stored.
+        Exception: an error of an engine that cannot continue; it is not a response and not in the journal.
     """
     known = {} if journal is None else {entry["id"]: entry for entry in journal.entries}
     found: dict[int, Response] = {}
@@ -62,8 +62,8 @@ def carry_out(
 
 @contextmanager
 def _uninterrupted() -> Iterator[None]:
-    """Hold Ctrl-C and SIGTERM back to the end of the block, so that the journal and the table have the same runs."""
-    if threading.current_thread() is not threading.main_thread():  # it gets no signals
+    """Delay Ctrl-C and SIGTERM to the end of the block, so that the journal and the table contain the same runs."""
+    if threading.current_thread() is not threading.main_thread():  # only the main thread receives signals
         yield
         return
     held: list[int] = []
@@ -83,7 +83,7 @@ def _uninterrupted() -> Iterator[None]:
 def _carried(
     tasks: Sequence[Task], engine: Engine, looked: Callable[[], object]
 ) -> Iterator[list[tuple[Task, Response]]]:
-    """Tasks and their responses, as they come; together those that have come by the time of a look."""
+    """Yield finished tasks with their responses, in one list per check of the queue."""
     waiting: deque[tuple[Task, int]] = deque((task, 1) for task in tasks)
     ended: SimpleQueue[Ended] = SimpleQueue()
     open_ = 0

@@ -1,4 +1,4 @@
-"""`rosrun hric_experiments sweep`: run a sweep or go on with it, draw it, run one of its runs again."""
+"""Command `rosrun hric_experiments sweep`: run or resume a sweep, write its page, repeat one of its runs."""
 
 import argparse
 import math
@@ -30,7 +30,7 @@ FILE = "sweep.yaml"
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the command; returns the exit code."""
+    """Run the command and return its exit code."""
     if arguments and arguments[0] in _OTHERS:
         return _OTHERS[arguments[0]](arguments[1:])
     given = _parser().parse_args(list(arguments))
@@ -61,14 +61,18 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _opened(folder: Path) -> tuple[Plan, Response]:
-    """A sweep that was begun, and its reference run. Raises HricError: it cannot go on with this code."""
+    """Return the plan and the reference run of an existing sweep.
+
+    Raises:
+        HricError: the definition does not fit this code.
+    """
     content = read_yaml(folder / FILE)
     plan = definition.plan(content["name"], content["definition"], base=content["experiment"])
     return plan, {"code": content["code"], **content["reference"]}
 
 
 def _run(folder: Path | None, plan: Plan, before: Response | None, given: argparse.Namespace) -> int:
-    """Run a new sweep, or go on; folder and before: of the one that was begun, and its reference run."""
+    """Run a new sweep, or resume one: `folder` and `before` are its folder and its reference run."""
     engine = engine_of(given, 1e9 * plan.section.memory, plan.sampler().total)
     now = True
     try:
@@ -93,7 +97,7 @@ def _run(folder: Path | None, plan: Plan, before: Response | None, given: argpar
 
 
 def _probed(plan: Plan, engine: Engine, code: str) -> None:
-    """Try the variables; raises HricError: one has no effect, or values that cannot be."""
+    """Probe the variables. Raises HricError: a variable has no effect, or the experiment refuses its values."""
     from hric_sweep import probe
 
     print(f"trying each variable at both ends: {probe.runs_of(plan)} runs", flush=True)
@@ -106,7 +110,7 @@ def _command(folder: Path) -> str:
 
 
 def _begin(plan: Plan, own: Response, given: argparse.Namespace) -> Path:
-    """A new folder with sweep.yaml."""
+    """Create the run folder with sweep.yaml and return its path."""
     folder = RunFolder.create(runs_root(given.runs), plan.name).path
     files.write_yaml(
         folder / FILE,
@@ -143,7 +147,7 @@ def _supervised(folder: Path, plan: Plan, journal: Journal, engine: Engine, code
 
 
 def summary(folder: Path) -> str:
-    """For the terminal, from the table: what the page says first."""
+    """Return the summary for the terminal, from the table: the same statements with which the page begins."""
     from hric_sweep.page import estimate
     from hric_sweep.page.study import FAILED, OUTPUT, load
 
@@ -163,7 +167,7 @@ def summary(folder: Path) -> str:
 
 
 def rerun(arguments: Sequence[str]) -> int:
-    """Run one run of a sweep again, with bag, metrics and page."""
+    """Repeat one run of a sweep, with bag, metrics and page, and return the exit code."""
     parser = argparse.ArgumentParser(
         "rosrun hric_experiments sweep rerun",
         description="Run one run of a sweep again, into a run folder with bag, metrics, figures and page; its hash is "
@@ -197,14 +201,14 @@ def rerun(arguments: Sequence[str]) -> int:
 def _row(rows: Sequence[dict[str, Any]], given: str) -> dict[str, Any]:
     found = [row for row in rows if row["id"].startswith(given)]
     ids = {row["id"]: None for row in found or rows}
-    if not found or len(ids) > 1:  # a point that was chosen twice is one run
+    if not found or len(ids) > 1:  # rows of a point that was sampled twice share one id
         some = ", ".join(list(ids)[:5])
         raise HricError(f"{len(ids) if found else 0} runs have an id that begins with {given!r}; valid: {some}, ...")
     return found[0]
 
 
 def draw(arguments: Sequence[str]) -> int:
-    """Write the page of a sweep again, from its table."""
+    """Write the page of a sweep from its table and return the exit code."""
     parser = argparse.ArgumentParser(
         "rosrun hric_experiments sweep page", description="Write report.html of a sweep again, from its table."
     )

@@ -1,4 +1,4 @@
-"""Sweep files: an experiment, what varies in it, how the runs are chosen, and which numbers are kept of each."""
+"""Sweep files: experiment, varied parameters, sampling of the runs, and the outputs stored for each run."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -49,13 +49,13 @@ sweep:
     error: {path: "setpoints.*.final_error_max", unit: rad, text: error at the end}
 """
 MEMORY = 4.0
-"""That a worker may take, if nothing else is said [GB]; project default, unconfirmed: a run with a human, muscles and
-sensors takes less than 1."""
+"""Default memory limit of a worker [GB]; project default, unconfirmed: a run with a human, muscles and sensors takes
+less than 1."""
 
 
 @dataclass(frozen=True)
 class Exceedance(Settings):
-    """What is counted: runs in which an output passes a limit."""
+    """Event whose probability is estimated: an output exceeds a limit."""
 
     separator = "."
     output: str = text(empty=False, text="name of the output")
@@ -63,42 +63,42 @@ class Exceedance(Settings):
     below: float | None = number(None, text="limit that it passes downwards, in its unit")
 
     def check(self, where: str) -> None:
-        """Refuse no limit, and two."""
+        """Refuse an exceedance with no limit or with two."""
         if (self.above is None) == (self.below is None):
             raise refused(f"{where}above, {where}below", (self.above, self.below), "one of both")
 
     def margin(self, value: float) -> float:
-        """How far beyond the limit a value is, below 0 on its safe side [unit of the output]."""
+        """Return the distance of a value beyond the limit, negative on the safe side [unit of the output]."""
         return value - self.above if self.above is not None else (self.below or 0.0) - value
 
 
 @dataclass(frozen=True)
 class Objective(Settings):
-    """What a search for the worst case, or for the best, goes for."""
+    """Objective of a search for the worst or the best case."""
 
     separator = "."
     maximise: str = text("", text="name of the output; empty: minimise")
     minimise: str = text("", text="name of the output; empty: maximise")
 
     def check(self, where: str) -> None:
-        """Refuse none, and both."""
+        """Refuse an objective with neither or both of `maximise` and `minimise`."""
         if bool(self.maximise) == bool(self.minimise):
             raise refused(f"{where}maximise, {where}minimise", (self.maximise, self.minimise), "one of both")
 
     @property
     def output(self) -> str:
-        """Name of the output."""
+        """Name of the output that is optimised."""
         return self.maximise or self.minimise
 
     @property
     def sign(self) -> float:
-        """1 where larger is what the search goes for, else -1."""
+        """Sign of the objective: 1 if it is maximised, -1 if it is minimised."""
         return 1.0 if self.maximise else -1.0
 
 
 @dataclass(frozen=True)
 class Keep(Settings):
-    """Of which runs the signals are kept; a run of these is made again at the end."""
+    """Selection of the runs whose signals are stored; each of them is repeated at the end of the sweep."""
 
     separator = "."
     worst: int = whole(10, minimum=0, text="runs with the most of the objective, else of the exceedance")
@@ -107,7 +107,7 @@ class Keep(Settings):
 
 @dataclass(frozen=True)
 class Quick(Settings):
-    """The form of `--quick`."""
+    """Changes of the sweep for `--quick`: fewer runs."""
 
     separator = "."
     runs: int = whole(8, minimum=1, text="in place of `runs`")
@@ -117,7 +117,7 @@ class Quick(Settings):
 
 @dataclass(frozen=True)
 class SweepSection(Settings):
-    """The section `sweep`."""
+    """Section `sweep` of a sweep file."""
 
     separator = "."
     vary: Mapping[str, Variable] = mapping(section(Variable), text="variables by name: `paths`, `unit`, `distribution`")
@@ -146,7 +146,7 @@ class SweepSection(Settings):
 
 @dataclass(frozen=True)
 class Sweep(Settings):
-    """A sweep file, checked. name: of the file without its ending."""
+    """Checked content of a sweep file; `name` is the file name without its ending."""
 
     separator = "."
     name: str = ""
@@ -158,13 +158,13 @@ class Sweep(Settings):
 
 @dataclass(frozen=True)
 class Plan:
-    """A sweep that can run.
+    """Checked sweep that is ready to run.
 
     Attributes:
-        sweep: the file, checked.
-        content: the same as plain data.
-        experiment: contents of its experiment file.
-        space: its variables.
+        sweep: checked content of the sweep file.
+        content: content of the sweep file as plain data.
+        experiment: content of the experiment file.
+        space: space of the variables.
     """
 
     sweep: Sweep
@@ -174,20 +174,20 @@ class Plan:
 
     @property
     def name(self) -> str:
-        """Of the sweep."""
+        """Name of the sweep."""
         return self.sweep.name
 
     @property
     def section(self) -> SweepSection:
-        """Its section `sweep`."""
+        """Section `sweep` of the sweep file."""
         return self.sweep.sweep
 
     def sampler(self) -> Sampler:
-        """A new one. Raises HricError: it does not suit the variables or the runs."""
+        """Return a new sampler. Raises HricError: it does not fit the variables or the number of runs."""
         return make(self.section.sampler, self.space, self.section.runs, self.section.seed)
 
     def changes(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Overrides of a run, by their keys; values: of the variables, none of the reference run."""
+        """Return the overrides of a run, by key; `values` are those of the variables, empty for the reference run."""
         found = dict(map(overrides.split, self.sweep.changes))
         for name, variable in self.section.vary.items():
             if name in values:
@@ -195,33 +195,33 @@ class Plan:
         return found
 
     def middle(self) -> dict[str, Any]:
-        """Values of the variables at their medians."""
+        """Return the medians of all variables, by name."""
         return self.space.values(np.full((1, len(self.section.vary)), 0.5))[0]
 
     def seed(self, index: int) -> int:
-        """Of a run."""
+        """Return the seed of the run with this index."""
         return self.section.seed + (index if self.section.seeds == "each" else 0)
 
 
 def written(changes: Mapping[str, Any]) -> list[str]:
-    """Overrides by their keys as the command line has them."""
+    """Return overrides as command-line arguments, `key:=value`."""
     return [f"{key}:={in_yaml(value)}" for key, value in changes.items()]
 
 
 def names() -> list[str]:
-    """Names of the sweeps that come with the workspace."""
+    """Return the names of the sweeps that come with the workspace."""
     return experiment.names("sweeps")
 
 
 def load(name: str, *, quick: bool = False) -> Plan:
-    """Read a sweep and check it, with all that its runs need.
+    """Read and check a sweep, including everything that its runs need.
 
     Args:
-        name: name, or path of a YAML file.
-        quick: its form with few runs.
+        name: name of a sweep of the workspace, or path of a YAML file.
+        quick: use the form with few runs.
 
     Raises:
-        HricError: no such sweep, or mistakes in it, all of them at once.
+        HricError: the sweep does not exist, or has mistakes; all of them are listed at once.
     """
     path = find(name)
     content = read_yaml(path)
@@ -235,7 +235,7 @@ def load(name: str, *, quick: bool = False) -> Plan:
 
 
 def find(name: str) -> Path:
-    """File of a sweep. Raises HricError: there is none."""
+    """Return the path of a sweep file. Raises HricError: there is no such file."""
     if name.endswith((".yaml", ".yml")):
         path = Path(name).expanduser().absolute()
         if not path.is_file():
@@ -247,16 +247,16 @@ def find(name: str) -> Path:
 
 
 def plan(name: str, content: Mapping[str, Any], *, quick: bool = False, base: Mapping[str, Any] | None = None) -> Plan:
-    """Check the contents of a sweep file, its experiment, and a run in the middle of all variables.
+    """Check the content of a sweep file, its experiment, and one run with all variables at their medians.
 
     Args:
-        name: of the sweep.
-        content: of the file.
-        quick: its form with few runs.
-        base: contents of the experiment file, of a sweep that has begun; None: as it is now.
+        name: name of the sweep.
+        content: content of the sweep file.
+        quick: use the form with few runs.
+        base: content of the experiment file when the sweep was started; None: read the current file.
 
     Raises:
-        ExperimentError: all mistakes at once.
+        ExperimentError: mistakes, all of them at once.
     """
     mistakes = Mistakes()
     found: Plan | None = None
@@ -285,7 +285,7 @@ def plan(name: str, content: Mapping[str, Any], *, quick: bool = False, base: Ma
 
 @contextmanager
 def _noted(mistakes: Mistakes, where: str = "") -> Iterator[None]:
-    """Note any error of the user within, also one that is not of a parameter; where: it is put before that."""
+    """Note any user error in the block, also one that is no parameter error; `where` is put in front of its message."""
     with mistakes.noted():
         try:
             yield
@@ -296,13 +296,13 @@ def _noted(mistakes: Mistakes, where: str = "") -> Iterator[None]:
 
 
 def _part(content: Any, key: str) -> Mapping[str, Any]:
-    """A mapping in what may be anything; empty: it is none."""
+    """Return the mapping under a key of unchecked content; empty if there is no mapping."""
     part = content.get(key) if isinstance(content, Mapping) else None
     return part if isinstance(part, Mapping) else {}
 
 
 def _check_names(content: Mapping[str, Any], mistakes: Mistakes) -> None:
-    """Refuse names of outputs that are none, also in a file with other mistakes."""
+    """Refuse output names that are missing, unknown or equal to that of a variable, also if there are other mistakes."""
     given = _part(content, "sweep")
     outputs = _part(given, "outputs")
     with mistakes.noted():
@@ -320,7 +320,7 @@ def _check_names(content: Mapping[str, Any], mistakes: Mistakes) -> None:
 
 
 def _check_paths(content: Mapping[str, Any], base: Mapping[str, Any] | None, mistakes: Mistakes) -> bool:
-    """Refuse variables without a place in the experiment, also in a file with other mistakes; whether all have one."""
+    """Refuse variables whose path is not in the experiment, also if there are other mistakes; True if all paths fit."""
     extends, fits = content.get("extends"), True
     if base is None and isinstance(extends, str):
         with suppress(HricError):  # reported already
@@ -337,14 +337,14 @@ def _check_paths(content: Mapping[str, Any], base: Mapping[str, Any] | None, mis
 
 
 def _check_run(found: Plan, mistakes: Mistakes) -> None:
-    """Refuse a run that cannot be, with all variables in the middle."""
+    """Refuse an experiment that is invalid with all variables at their medians."""
     with _noted(mistakes, "a run with all variables at their medians: "):
         changes = written(found.changes(found.middle()))
         experiment.parse(found.name, overrides.apply(found.experiment, changes))
 
 
 def _quick(content: Mapping[str, Any], quick: Quick) -> dict[str, Any]:
-    """The contents with the form of `--quick` put in."""
+    """Return the content of the sweep file with the changes for `--quick`."""
     section = dict(content["sweep"])
     section["runs"] = quick.runs
     if quick.sampler:
@@ -354,5 +354,5 @@ def _quick(content: Mapping[str, Any], quick: Quick) -> dict[str, Any]:
 
 
 def _plain(content: Any) -> Any:
-    """As JSON has it, so that it is the same after a journey through a file."""
+    """Return content as JSON represents it, so that it does not change when it is written to a file and read again."""
     return json.loads(json.dumps(content, default=str))

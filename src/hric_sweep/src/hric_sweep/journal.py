@@ -1,6 +1,6 @@
-"""The journal of a sweep: a line of JSON for each run that has ended, on the disk before it counts.
+"""Journal of a sweep: one line of JSON for each finished run, written to disk before the run counts.
 
-It may be cut off at any byte: a last line that is not whole is dropped when it is opened again.
+It may be cut off at any byte: an incomplete last line is dropped when the journal is opened again.
 """
 
 import errno
@@ -16,27 +16,27 @@ from hric_core.errors import HricError
 
 NAME = "runs.jsonl"
 UNFINISHED_CODE = 3
-"""Exit code of a sweep in which runs failed, or which could not go on; what ended is kept."""
+"""Exit code of a sweep in which runs failed, or which could not continue; finished runs are stored."""
 
 
 class JournalError(HricError):
-    """The journal cannot be written, or it is another program's at the moment."""
+    """Error: the journal cannot be written, or another program uses it."""
 
     exit_code = UNFINISHED_CODE
 
 
 class Journal:
-    """Appends to the journal, one supervisor at a time.
+    """Append-only file of responses, locked for one supervisor at a time.
 
     Args:
-        folder: of the sweep.
+        folder: run folder of the sweep.
 
     Attributes:
-        entries: of before, in the order in which they were written.
+        entries: all entries, in the order in which they were written, including those of earlier sessions.
 
     Raises:
-        JournalError: it cannot be opened, or another sweep has it open.
-        HricError: a line in its middle is damaged.
+        JournalError: the file cannot be opened, or another sweep has it open.
+        HricError: a line before the last one is damaged.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -50,7 +50,7 @@ class Journal:
         except OSError as error:
             os.close(self._file)
             raise JournalError(f"another program runs the sweep in {folder}; valid: wait for its end") from error
-        content = self.path.read_bytes() if self.path.is_file() else b""  # not of a device
+        content = self.path.read_bytes() if self.path.is_file() else b""  # a device file has no content to read
         self._size = content.rfind(b"\n") + 1
         if self._size < len(content):
             os.ftruncate(self._file, self._size)
@@ -58,10 +58,10 @@ class Journal:
         self.entries = parse(content[: self._size], self.path)
 
     def append(self, entries: Sequence[dict[str, Any]]) -> None:
-        """Add lines; they are on the disk afterwards.
+        """Append entries; when the call returns they are on the disk.
 
         Raises:
-            JournalError: they cannot be written; the journal is as before.
+            JournalError: they cannot be written; the journal is unchanged.
         """
         lines = b"".join(json.dumps(entry).encode() + b"\n" for entry in entries)
         try:
@@ -82,15 +82,15 @@ class Journal:
         self.entries += entries
 
     def _restore(self) -> None:
-        """Take back what was written of them."""
+        """Remove the part of the entries that was already written."""
         try:
             os.ftruncate(self._file, self._size)
             os.lseek(self._file, self._size, os.SEEK_SET)
-        except OSError:  # the next who opens it drops the piece
+        except OSError:  # the incomplete line is dropped when the journal is opened again
             return
 
     def close(self) -> None:
-        """Let others open it."""
+        """Close the file and release the lock."""
         os.close(self._file)
 
     def __enter__(self) -> "Journal":
@@ -103,10 +103,10 @@ class Journal:
 
 
 def parse(content: bytes, path: Path) -> list[dict[str, Any]]:
-    """The entries of whole lines.
+    """Return the entries of complete lines.
 
     Raises:
-        HricError: a line that is none.
+        HricError: a line is not valid JSON.
     """
     found = []
     for number, line in enumerate(content.splitlines(), 1):

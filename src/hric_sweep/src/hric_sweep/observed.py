@@ -1,4 +1,4 @@
-"""Messages of a simulation for the outputs of a sweep, analysed from memory as a bag would be."""
+"""Recording of a simulation's messages in memory, analysed like a bag for the outputs of a sweep."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import asdict
@@ -50,17 +50,17 @@ NEEDS: dict[str, tuple[str, ...] | None] = {
     SUPERVISION: (SAFETY_TYPE,),
     COLLABORATION: (*HUMAN, LOG_TYPE),
 }
-"""Types of messages that a group of metrics is computed from, beside MOVED; a group that is not here: all of them."""
+"""Message types that each group of metrics needs in addition to MOVED; a group that is not listed needs all types."""
 MOVED = (LOG_TYPE, COUNTS_TYPE, COMMAND_TYPE)
-"""Types that the record of every run is made of."""
+"""Message types from which the control record of every run is made."""
 
 
 class Observed:
-    """Listens to a simulation that has not begun yet.
+    """Recorder of the messages of a simulation that has not started yet.
 
     Args:
-        simulation: whose messages.
-        groups: first keys of the outputs that are requested; nothing else is kept.
+        simulation: simulation to record.
+        groups: first keys of the requested outputs; only messages that these need are stored.
     """
 
     def __init__(self, simulation: Simulation, groups: Collection[str]) -> None:
@@ -82,7 +82,7 @@ class Observed:
         for topic, name in node.topics().items():
             if self._wants(name.replace("/", "/msg/")):
                 listen(topic, roslib.message.get_message_class(name))
-        begun = True  # what is latched came with `early`
+        begun = True  # latched messages are in `simulation.early` already
 
     def _wants(self, kind: str) -> bool:
         return kind in MOVED or self._kept is None or kind in self._kept
@@ -95,10 +95,10 @@ class Observed:
             self._bag.write(topic, message, at)
 
     def values(self) -> "Observations":
-        """Return the metrics of the run so far, by their first keys.
+        """Return the metrics of the run so far, by first key.
 
         Raises:
-            HricError: it has no control log.
+            HricError: the run has no control log.
         """
         simulation = self._simulation
         error = simulation.app.hw.error
@@ -114,12 +114,12 @@ class Observed:
 
 
 class Observations(Mapping[str, Any]):
-    """Metrics of a run, and the keys that sweeps add to them.
+    """Metrics of a run, with the keys that only sweeps have.
 
     Args:
-        run: contents of run.yaml, as far as analyses read it.
-        bag: its messages.
-        record: its control log and what belongs to it.
+        run: content of run.yaml, as far as analyses read it.
+        bag: recorded messages.
+        record: control log with the data that belong to it.
         description: URDF of the robot.
     """
 
@@ -133,7 +133,7 @@ class Observations(Mapping[str, Any]):
 
     @property
     def log(self) -> ControlRecord:
-        """Every cycle of the run."""
+        """Control log with every cycle of the run."""
         return self._record.log
 
     @cached_property
@@ -150,12 +150,12 @@ class Observations(Mapping[str, Any]):
 
     @cached_property
     def contacts(self) -> list[ContactEvent]:
-        """Contacts of the person, judged as by the verdict."""
+        """Contact events of the person, assessed like in the verdict."""
         return meetings.contact_events(contacts.findings(self._given), self._record.log, self._description)
 
     @property
     def _impact(self) -> dict[str, Any]:
-        """All contacts of the person, and those that began with a moving arm."""
+        """Contact events of the person: `contacts` has all, `moving` those that began while the arm moved."""
         rows = [{**asdict(one), "above": one.above, "not_assessable": one.not_assessable} for one in self.contacts]
         return {"contacts": rows, "moving": [row for row in rows if row["arm"] == meetings.MOVING]}
 

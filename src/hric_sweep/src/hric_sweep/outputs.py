@@ -1,9 +1,9 @@
-"""Outputs of a run: numbers at paths of its metrics, and of what it adds to them for sweeps.
+"""Outputs of a run: numbers at paths of its metrics and of three groups that only sweeps have.
 
-A path has the keys of metrics.json with dots between them; `*` is all items of a list or a mapping, and
-`reduce` makes one number of them; a number that is not known (NaN) makes the result not known. Three keys are of sweeps
-alone: `impact`, contacts of a person as the verdict judges them, `supervision`, decisions of a supervisor, and
-`collaboration`, numbers by which the benchmark compares controllers.
+A path consists of keys of metrics.json, separated by dots; `*` selects all items of a list or a mapping, and `reduce`
+makes one number of them; if one of the numbers is NaN, the result is NaN. Only sweeps have these keys: `impact`,
+contacts of the person as the verdict assesses them; `supervision`, decisions of a supervisor; and `collaboration`,
+numbers by which the benchmark compares controllers.
 """
 
 import math
@@ -33,7 +33,7 @@ COUNT = "count"
 
 @dataclass(frozen=True)
 class Output(Settings):
-    """One number of each run."""
+    """Definition of one number that each run yields."""
 
     separator = "."
     path: str = text(empty=False, text="of the value in the run's metrics; `*`: all items of a list or mapping")
@@ -47,18 +47,18 @@ class Output(Settings):
     text: str = text("", text="what it is, for people")
 
     def check(self, where: str) -> None:
-        """Refuse a path whose first key no run has."""
+        """Refuse a path whose first key is not in the metrics of any run."""
         group = self.path.split(".")[0]
         if group not in GROUPS:
             raise ParameterError(f"{where}path: {group!r} is not in the metrics of a run; valid: {', '.join(GROUPS)}")
 
     @property
     def group(self) -> str:
-        """First key."""
+        """First key of the path."""
         return self.path.split(".")[0]
 
     def measured(self, values: Mapping[str, Any]) -> float:
-        """Return the number; NaN: the run has none and `otherwise` is not set, or one of several is not known.
+        """Return the output of a run; NaN: it has no value and `otherwise` is not set, or one of several values is NaN.
 
         Raises:
             HricError: an item is not a number, or the path has a key that no run has.
@@ -76,7 +76,7 @@ class Output(Settings):
 
 
 def walk(value: Any, path: Sequence[str], whole: str) -> Iterator[Any]:
-    """What is at a path; a key may have dots itself, as a tolerance has. None where a run has no such part.
+    """Yield the values at a path; keys may contain dots, as tolerances do. Yield None if a run has no such part.
 
     Raises:
         HricError: a mapping has other keys.

@@ -1,7 +1,7 @@
-"""Named populations: how mass, height, strength and reaction time are spread over the people of each.
+"""Named populations: distributions of mass, height, strength and reaction time.
 
-config/populations.yaml has, for each quantity, the shape of its distribution and two percentiles that it passes
-through, with their source. Where a subject of `hric_human` is the person of a percentile, his file has the value.
+config/populations.yaml defines, for each quantity, the shape of its distribution and two percentiles with their
+source. If a subject of `hric_human` represents a percentile, the value comes from that subject's file.
 """
 
 from collections.abc import Mapping
@@ -20,26 +20,27 @@ from hric_human.body import subject
 
 FloatArray = npt.NDArray[np.float64]
 QUANTITIES = {"mass": "kg", "height": "m", "strength": "1", "reaction_time": "s"}
-"""With their units; strength: of all muscles, times that of the subject's sex and mass, as `human.muscles.strength`."""
+"""Quantities with units; strength: factor on all muscles, relative to the subject's sex and mass, as
+`human.muscles.strength`."""
 MARKS = ("confirmed", "unconfirmed")
-"""Of a value: read in a public source, which is named, or from memory."""
+"""Marks of a value: confirmed in a public source, which is named, or unconfirmed (from memory)."""
 HALVINGS = 60
-"""Steps of the bisection that inverts a mixture: the bracket shrinks below the last bit of a double."""
+"""Steps of the bisection that inverts the distribution of a mixture: enough for the precision of a double."""
 
 
 class Spread(Protocol):
-    """A quantity's distribution."""
+    """Distribution of a quantity in a population."""
 
     def ppf(self, u: FloatArray) -> FloatArray:
-        """Values at shares of the people in (0, 1), shape (m,), in the quantity's unit."""
+        """Return the values at shares of the people in (0, 1), shape (m,), in the quantity's unit."""
 
     def cdf(self, values: FloatArray) -> FloatArray:
-        """Share of the people below each value, shape (m,)."""
+        """Return the share of the people below each value, shape (m,)."""
 
 
 @dataclass(frozen=True)
 class Anchor(Settings):
-    """A percentile of a quantity: its value, or the subject who has it."""
+    """Percentile of a quantity: its value, or the subject who has this value."""
 
     percentile: float = number(above=0.0, maximum=99.999, unit="%", text="share of the people who have less")
     value: float | None = number(None, above=0.0, text="in the quantity's unit")
@@ -48,24 +49,24 @@ class Anchor(Settings):
     source: str = text(empty=False, text="where it is from")
 
     def check(self, where: str) -> None:
-        """Refuse both or neither of value and subject."""
+        """Refuse an anchor with both or neither of value and subject."""
         if (self.value is None) is not bool(self.subject):
             raise refused(f"{where}value", self.value, "either value or subject")
 
     def of_quantity(self, name: str) -> float:
-        """The value, of a quantity in QUANTITIES."""
+        """Return the value of the anchor, for a quantity in QUANTITIES."""
         return self.value if self.value is not None else float(getattr(_subject(self.subject), name))
 
 
 @dataclass(frozen=True)
 class Quantity(Settings):
-    """How a quantity is spread over one group of people."""
+    """Distribution of a quantity in one group of people."""
 
     shape: str = choice("normal", "log_normal", text="of the distribution")
     anchors: tuple[Anchor, ...] = listing(section(Anchor), 2, text="percentiles that it passes through")
 
     def spread(self, name: str) -> "ThroughAnchors":
-        """The distribution, of a quantity in QUANTITIES."""
+        """Return the distribution of a quantity in QUANTITIES."""
         low, high = (anchor.of_quantity(name) for anchor in self.anchors)
         shares = np.array([anchor.percentile / 100.0 for anchor in self.anchors])
         return ThroughAnchors(self.shape == "log_normal", shares, np.array([low, high]))
@@ -73,26 +74,26 @@ class Quantity(Settings):
 
 @dataclass(frozen=True)
 class People(Settings):
-    """A population: its quantities, or those of which it is mixed."""
+    """Population: its quantities, or the populations of which it is a mixture."""
 
     text: str = text(empty=False, text="who they are")
     quantities: Mapping[str, Quantity] = mapping(section(Quantity), default={}, text="by name")
     mixed: Mapping[str, float] = mapping(number(above=0.0), default={}, text="share of each population it is mixed of")
 
     def check(self, where: str) -> None:
-        """Refuse one that lacks a quantity."""
+        """Refuse a population that lacks a quantity, or that has both quantities and a mixture."""
         lacking = [name for name in QUANTITIES if name not in self.quantities and not self.mixed]
         if lacking or (self.mixed and self.quantities):
             raise refused(f"{where}quantities", ", ".join(self.quantities), f"{', '.join(QUANTITIES)}, or mixed")
 
 
 class ThroughAnchors:
-    """Normal, or normal in the logarithm, through two percentiles.
+    """Normal or log-normal distribution through two percentiles.
 
     Args:
-        log: whether the logarithm is normal.
-        shares: of the people below the values, shape (2,), in (0, 1).
-        values: shape (2,), in the quantity's unit.
+        log: True for a log-normal distribution.
+        shares: shares of the people below the values, in (0, 1), shape (2,).
+        values: values at these shares, in the quantity's unit, shape (2,).
     """
 
     def __init__(self, log: bool, shares: FloatArray, values: FloatArray) -> None:
@@ -102,23 +103,23 @@ class ThroughAnchors:
         self._mean = float(ends[0] - self._std * scores[0])
 
     def ppf(self, u: FloatArray) -> FloatArray:
-        """See `Spread`."""
+        """Return the values at shares in (0, 1), shape (m,), in closed form."""
         values: FloatArray = self._mean + self._std * ndtri(u)
         if self._log:
             np.exp(values, out=values)
         return values
 
     def cdf(self, values: FloatArray) -> FloatArray:
-        """See `Spread`."""
+        """Return the share of the people below each value, shape (m,), in closed form."""
         shares: FloatArray = ndtr(((np.log(values) if self._log else values) - self._mean) / self._std)
         return shares
 
 
 class Mixture:
-    """Several groups of people together.
+    """Mixture of the distributions of several groups of people.
 
     Args:
-        parts: share of each group and its distribution; shares need not add up to 1.
+        parts: share of each group with its distribution; the shares are normalised to a sum of 1.
     """
 
     def __init__(self, parts: list[tuple[float, Spread]]) -> None:
@@ -126,12 +127,12 @@ class Mixture:
         self._parts = [(share / whole, spread) for share, spread in parts]
 
     def cdf(self, values: FloatArray) -> FloatArray:
-        """See `Spread`."""
+        """Return the share of the people below each value, shape (m,): the weighted sum over the groups."""
         total: FloatArray = sum(share * spread.cdf(values) for share, spread in self._parts)  # type: ignore[assignment]
         return total
 
     def ppf(self, u: FloatArray) -> FloatArray:
-        """See `Spread`."""
+        """Return the values at shares in (0, 1), shape (m,), by bisection."""
         each = np.array([spread.ppf(u) for _, spread in self._parts])
         low: FloatArray = each.min(axis=0)
         high: FloatArray = each.max(axis=0)
@@ -143,17 +144,17 @@ class Mixture:
 
 
 def names() -> tuple[str, ...]:
-    """Of all populations."""
+    """Return the names of all populations."""
     return tuple(_populations())
 
 
 @cache
 def quantity(of: str, name: str) -> Spread:
-    """How a quantity is spread over a population.
+    """Return the distribution of a quantity in a population.
 
     Args:
-        of: one of `names`.
-        name: of QUANTITIES.
+        of: name of the population, one of `names`.
+        name: name of the quantity, one of QUANTITIES.
     """
     people = _populations()[of]
     if people.mixed:

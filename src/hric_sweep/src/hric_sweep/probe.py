@@ -1,7 +1,7 @@
-"""Runs before a sweep: each variable at both ends and in the middle, the others in the middle. A variable that changes
-no output, or whose values the experiment refuses, ends the sweep before it has begun.
+"""Runs before a sweep that test each variable at both ends and at its median, with the others at their medians.
 
-Cost: two runs for each variable and one for all, with one seed.
+A variable that changes no output, or whose values the experiment refuses, ends the sweep before it starts.
+Cost: two runs per variable and one common run, all with the same seed.
 """
 
 from collections.abc import Mapping
@@ -22,35 +22,32 @@ from hric_sweep.variables import Variable
 ENDS = (0.01, 0.99)
 """Percentiles that are tried, as shares; project default, unconfirmed: further out a distribution may have no end."""
 MAX_REFUSED = 1
-"""Refused values of the three of a variable that a sweep goes on with: they are runs that failed."""
+"""Maximum number of refused values, of the three per variable; in the sweep such values yield failed runs."""
 
 
 @dataclass(frozen=True)
 class Trial:
-    """One run of the probe: value of its variable, and what it gave."""
+    """Run of the probe: value of its variable, and the response."""
 
     value: Any
     response: Response
 
     @property
     def result(self) -> tuple[Any, ...]:
-        """What is compared: outputs, and why it failed."""
+        """Outputs and failure, the part of the response that is compared."""
         return *self.response["outputs"].items(), self.response["failure"]
 
 
 def probe(plan: Plan, engine: Engine, code: str) -> list[str]:
-    """Try all variables.
+    """Test all variables and return warnings for the user.
 
     Args:
-        plan: the sweep.
-        engine: carries the runs out.
+        plan: sweep to test.
+        engine: engine that executes the runs.
         code: version of the code.
 
-    Returns:
-        warnings for people.
-
     Raises:
-        ExperimentError: names the variables that change no output, and those whose values are refused.
+        ExperimentError: lists the variables that change no output, and those whose values are refused.
     """
     middle = plan.middle()
     points = {name: ends for name, variable in plan.section.vary.items() if (ends := _ends(variable))}
@@ -69,12 +66,12 @@ def probe(plan: Plan, engine: Engine, code: str) -> list[str]:
 
 
 def runs_of(plan: Plan) -> int:
-    """Return how many runs the probe takes."""
+    """Return the number of runs of the probe."""
     return 1 + 2 * sum(bool(_ends(variable)) for variable in plan.section.vary.values())
 
 
 def _ends(variable: Variable) -> tuple[Any, Any] | None:
-    """The first and the last value; None: it has one value only."""
+    """Return the first and the last value of a variable; None if it has one value only."""
     distribution = variable.distribution
     values = distribution.ppf(distribution.middles if distribution.discrete else np.array(ENDS))
     last = next((value for value in reversed(values) if value != values[0]), None)
@@ -89,13 +86,13 @@ def _responses(plan: Plan, engine: Engine, code: str, runs: list[dict[str, Any]]
     for future, task in zip(futures, tasks, strict=True):
         try:
             responses.append(future.result())
-        except (Died, TimedOut) as error:  # it has an effect, if not a good one
+        except (Died, TimedOut) as error:  # a value that kills its worker does have an effect
             responses.append({"outputs": dict.fromkeys(task["outputs"]), "failure": str(error), "state_sha256": ""})
     return responses
 
 
 def _judged(plan: Plan, name: str, trials: list[Trial]) -> list[str]:
-    """Warnings about a variable. Raises ParameterError."""
+    """Return warnings about a variable. Raises ParameterError: it has no effect, or its values are refused."""
     refused = [trial for trial in trials if trial.response.get(REFUSED)]
     if len(refused) > MAX_REFUSED:
         first = refused[0]
@@ -106,7 +103,7 @@ def _judged(plan: Plan, name: str, trials: list[Trial]) -> list[str]:
     paths, outputs = ", ".join(plan.section.vary[name].paths), ", ".join(plan.section.outputs)
     text = f"sweep.vary.{name} ({paths}) changes none of the outputs {outputs} at {tried}"
     moved = {trial.response["state_sha256"] for trial in trials}
-    if plan.section.exceedance is not None and len(moved) > 1:  # what is counted may happen in between
+    if plan.section.exceedance is not None and len(moved) > 1:  # the exceedance may occur between the tested values
         return [f"{text}, though the motion"]
     raise ParameterError(f"{text}; valid: another path, an output that it changes, or one value in changes")
 

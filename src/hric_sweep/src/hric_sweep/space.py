@@ -1,8 +1,8 @@
-"""The space of a sweep's variables: from points of the unit cube to their values.
+"""Space of a sweep's variables: maps points of the unit cube to values of the variables.
 
-A correlation is one of normal scores (a Gaussian copula): the ranks of two variables go together, and each has its own
-distribution. The axes of the cube are independent: u -> z = normal scores -> L z, with L L^T the correlation -> shares
--> values (Nataf's transform; Lebrun & Dutfoy, Probab. Eng. Mech. 24:172, 2009).
+A correlation is that of normal scores (Gaussian copula): it couples the ranks of two variables and does not change
+their distributions. The axes of the cube are independent: u -> z = normal scores -> L z, with L L^T the correlation ->
+shares -> values (Nataf's transform; Lebrun & Dutfoy, Probab. Eng. Mech. 24:172, 2009).
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,23 +18,23 @@ from hric_sweep.variables import Variable
 
 FloatArray = npt.NDArray[np.float64]
 EDGE = 2.0**-53
-"""Nearest that a coordinate comes to 0 and 1, where an unbounded distribution has no value."""
+"""Minimum distance of a coordinate from 0 and 1, where an unbounded distribution has no value."""
 SMALLEST = 1e-8
-"""Least eigenvalue of a correlation: below it one variable follows from the others."""
+"""Minimum eigenvalue of a correlation matrix: below it one variable is determined by the others."""
 
 
 class Space:
-    """Variables and how they go together.
+    """Variables of a sweep with their correlation.
 
     Args:
-        variables: by name.
-        correlation: of pairs of them: two names and the correlation of their normal scores [1].
-        where: name of the correlation, for errors.
+        variables: variables by name.
+        correlation: triples of two variable names and the correlation of their normal scores [1].
+        where: name of the correlation in error messages.
 
     Raises:
-        HricError: no variable.
-        ParameterError: a pair that is none of two different variables, comes twice, or is not within -1 and 1; or
-            correlations that no variables can have together.
+        HricError: there is no variable.
+        ParameterError: an item does not name two different variables, a pair comes twice, a correlation is not within
+            -1 and 1, or the matrix is not positive definite.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class Space:
         matrix[row, column] = matrix[column, row] = value
 
     def values(self, u: FloatArray) -> list[dict[str, Any]]:
-        """Values of the variables.
+        """Return the values of the variables at points of the unit cube.
 
         Args:
             u: points of the unit cube, shape (m, n), n variables in the order of `names`.

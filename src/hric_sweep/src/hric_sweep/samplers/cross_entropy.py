@@ -1,8 +1,9 @@
-"""Importance sampling by cross-entropy: what is drawn moves to where the limit is exceeded, and weights put it right.
+"""Importance sampling by cross-entropy: the proposal moves to the failure region, and weights correct for it.
 
-Half of the batches at most adapt: each fits the proposal to all points so far whose margin is among the highest, until
-enough exceed the limit. The other batches are drawn from that one proposal and alone make the estimate, so that it is
-unbiased; a tenth of each is drawn from the distributions themselves, which bounds the weights and checks the estimate.
+At most half of the batches adapt the proposal: each fits it to the points with the highest margins so far, until enough
+of them exceed the limit. The other batches are drawn from this final proposal, and only they enter the estimate, which
+is therefore unbiased. One tenth of each is drawn from the distributions themselves, which bounds the weights and checks
+the estimate.
 
 Sources: Rubinstein & Kroese, The Cross-Entropy Method, 2004; de Boer et al., Ann. Oper. Res. 134:19, 2005.
 """
@@ -24,25 +25,25 @@ from hric_sweep.statistics.intervals import LEVEL, clopper_pearson, effective_si
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 BATCHES = 10
-"""Of a sweep, where the size of a batch is not given (project default)."""
+"""Number of batches of a sweep if the size of a batch is not set (project default)."""
 SMALLEST_BATCH = 20
 ADAPTING = 0.5
-"""Largest share of the batches that adapt [1]."""
+"""Largest share of the batches that adapt the proposal [1]."""
 ELITE, FEWEST = 0.2, 20
-"""Points that a proposal is fitted to: share of a batch, and how many at least (project defaults)."""
+"""Points to which a proposal is fitted: share of a batch, and minimum number (project defaults)."""
 METHOD = "importance sampling, t interval of the logarithm"
 
 
 @dataclass(frozen=True)
 class CrossEntropy(Settings):
-    """Rare exceedance, with weights. Finds a few separate regions of failure; for many or curved ones use subset."""
+    """Importance sampling for rare exceedance. It finds up to three failure regions; use subset for more or curved ones."""
 
     batch: int | None = whole(
         None, minimum=SMALLEST_BATCH, text="runs of a batch; none: a tenth of all", default_text="runs / 10"
     )
 
     def sampler(self, space: Space, runs: int | None, seed: int) -> "CrossEntropySampler":
-        """Raises ParameterError: too few runs for four batches."""
+        """Return the sampler. Raises ParameterError: there are too few runs for four batches."""
         if runs is None or runs < 4 * (self.batch or SMALLEST_BATCH):
             fewest = 4 * (self.batch or SMALLEST_BATCH)
             raise refused("sweep.runs", runs, f"a whole number of {fewest} or more with the sampler cross_entropy")
@@ -51,15 +52,15 @@ class CrossEntropy(Settings):
 
 @dataclass(frozen=True)
 class Batch:
-    """Points of one draw and what they gave.
+    """Points of one batch with their results.
 
     Attributes:
         z: normal scores, shape (m, n).
-        plain: how many of them, the first ones, are drawn from the distributions themselves.
-        proposal: of the others; None: there are none.
+        plain: number of points that are drawn from the distributions themselves; they come first.
+        proposal: distribution of the other points; None: there are none.
         weights: likelihood ratios, shape (m,).
-        margins: output less limit, -inf where the run failed, shape (m,).
-        exceeded, failed: shape (m,).
+        margins: output minus limit, -inf if the run failed, shape (m,).
+        exceeded, failed: True for runs that exceeded, and for runs that failed, shape (m,).
     """
 
     z: FloatArray
@@ -72,13 +73,13 @@ class Batch:
 
 
 class CrossEntropySampler:
-    """See the module.
+    """Sampler that adapts a proposal by cross-entropy and estimates the probability by importance sampling.
 
     Args:
-        n: variables.
-        runs: at most.
-        batch: runs of a batch; the last one has the rest, too.
-        seed: of all that is drawn.
+        n: number of variables.
+        runs: maximum number of runs.
+        batch: runs per batch; the last batch also has the remainder.
+        seed: seed of all random draws.
     """
 
     def __init__(self, n: int, runs: int, batch: int, seed: int) -> None:
@@ -92,7 +93,7 @@ class CrossEntropySampler:
         self._near, self._adapted = False, False
 
     def ask(self) -> Sequence[Point]:
-        """See `Sampler`."""
+        """Return the next batch with its weights, from the distributions at first, later also from the proposal."""
         index = len(self._adapting) + len(self._final)
         if index == self._count:
             return []
@@ -108,7 +109,7 @@ class CrossEntropySampler:
         return [Point(tuple(row), weight) for row, weight in zip(u, self._open.weights.tolist(), strict=True)]
 
     def tell(self, results: Sequence[Told]) -> None:
-        """See `Sampler`. Raises HricError: results without a margin."""
+        """Store the results of the batch and adapt the proposal. Raises HricError: results have no margin."""
         if self._open is None:
             raise HricError("results were given before points; valid: those of a batch that was drawn")
         first = sum(len(one.z) for one in (*self._adapting, *self._final))
@@ -121,7 +122,7 @@ class CrossEntropySampler:
         self._adapt()
 
     def _adapt(self) -> None:
-        """Fit the proposal to the best points so far; once it was fitted to exceedances twice, it stays."""
+        """Fit the proposal to the best points so far; freeze it after two fits to points that all exceed the limit."""
         z = np.concatenate([one.z for one in self._adapting])
         margins = np.concatenate([one.margins for one in self._adapting])
         elite = max(round(ELITE * self._batch), FEWEST)
@@ -135,7 +136,7 @@ class CrossEntropySampler:
         self._near = reached
 
     def _log_weights(self, z: FloatArray) -> FloatArray:
-        """Likelihood ratios of points of all adapting batches together, against the mixture of their proposals."""
+        """Return log likelihood ratios of points of all adapting batches, against the mixture of their proposals."""
         plain = log_normal(z)
         densities, sizes = [], []
         for one in self._adapting:
@@ -146,7 +147,7 @@ class CrossEntropySampler:
         return weights
 
     def estimate(self) -> Estimate | None:
-        """From the batches after the adaptation; None until there is one."""
+        """Return the estimate from the batches after the adaptation; None if there is none yet."""
         if not self._final:
             return None
         weights = np.concatenate([one.weights for one in self._final])
@@ -163,7 +164,7 @@ class CrossEntropySampler:
         return Estimate(probability, low, high, LEVEL, runs, *sums, METHOD, check)
 
     def _plain_runs(self) -> CrossCheck:
-        """Of all batches: what was drawn from the distributions themselves."""
+        """Return the count and interval of the runs of all batches that were drawn from the distributions themselves."""
         batches = (*self._adapting, *self._final)
         runs = sum(one.plain - int(one.failed[: one.plain].sum()) for one in batches)
         exceeded = sum(int(one.exceeded[: one.plain].sum()) for one in batches)
@@ -171,7 +172,7 @@ class CrossEntropySampler:
 
 
 def with_results(batch: Batch, results: Sequence[Told]) -> Batch:
-    """A batch with what its runs gave.
+    """Return a copy of a batch with its results.
 
     Raises:
         HricError: a run that did not fail has no margin.

@@ -1,4 +1,4 @@
-"""Samplers that know all their points from the start: grid, list, random, sobol, lhs, saltelli."""
+"""Samplers whose points are all known at the start: grid, list, random, sobol, lhs, saltelli."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,11 +17,11 @@ FloatArray = npt.NDArray[np.float64]
 
 
 class Design:
-    """A sampler of given points, in one batch.
+    """Sampler with a fixed set of points in one batch.
 
     Args:
         u: points of the unit cube, shape (m, n).
-        drawn: whether they are drawn from the distributions, so that counts say something of probabilities.
+        drawn: True if they are drawn from the distributions, so that the share of runs that exceed estimates a probability.
     """
 
     def __init__(self, u: FloatArray, drawn: bool) -> None:
@@ -30,19 +30,19 @@ class Design:
         self._results: Sequence[Told] = ()
 
     def ask(self) -> Sequence[Point]:
-        """All points, once."""
+        """Return all points at the first call, an empty list afterwards."""
         if self._given:
             return []
         self._given = True
         return [Point(tuple(row)) for row in self._u.tolist()]
 
     def tell(self, results: Sequence[Told]) -> None:
-        """See `Sampler`."""
+        """Store the results of all runs."""
         in_order(results, 0, self.total)
         self._results = results
 
     def estimate(self) -> Estimate | None:
-        """Clopper-Pearson interval of the runs that were counted, where the points are drawn from the distributions."""
+        """Return the probability with its Clopper-Pearson interval; None if the points are not drawn from the distributions."""
         counted = [result.exceeded for result in self._results]
         if not self._drawn or all(one is None for one in counted):
             return None
@@ -54,10 +54,10 @@ class Design:
 
 @dataclass(frozen=True)
 class Grid(Settings):
-    """Each value of each variable with each of the others; all variables are of kind choice."""
+    """Full factorial design: every combination of the values of all variables, which must be of kind choice."""
 
     def sampler(self, space: Space, runs: int | None, seed: int) -> Design:
-        """Raises ParameterError: a variable without single values, or another number of runs than the grid has."""
+        """Return the design. Raises ParameterError: a variable is not discrete, or `runs` differs from the size of the grid."""
         middles = _middles(space, "grid")
         _all_of(runs, int(np.prod([len(one) for one in middles])), "the whole grid")
         axes = np.meshgrid(*middles, indexing="ij")
@@ -66,11 +66,10 @@ class Grid(Settings):
 
 @dataclass(frozen=True)
 class Listed(Settings):
-    """The first value of each variable in the first run, the second in the second: all variables are of kind choice,
-    with as many values."""
+    """Run i has the i-th value of each variable; all variables are of kind choice, with the same number of values."""
 
     def sampler(self, space: Space, runs: int | None, seed: int) -> Design:
-        """Raises ParameterError: variables without single values, or not as many each, or another number of runs."""
+        """Return the design. Raises ParameterError: a variable is not discrete, or the numbers of values or runs differ."""
         middles = _middles(space, "list")
         counts = [len(one) for one in middles]
         if len(set(counts)) > 1:
@@ -85,17 +84,17 @@ class Random(Settings):
     """Independent draws from the distributions."""
 
     def sampler(self, space: Space, runs: int | None, seed: int) -> Design:
-        """Raises ParameterError: runs that are not given."""
+        """Return the design. Raises ParameterError: `runs` is missing."""
         u = np.random.default_rng(seed).random((_given(runs), len(space.names)))
         return Design(u, drawn=True)
 
 
 @dataclass(frozen=True)
 class Sobol(Settings):
-    """A scrambled Sobol sequence: fills the space evenly."""
+    """Scrambled Sobol sequence, which fills the space evenly."""
 
     def sampler(self, space: Space, runs: int | None, seed: int) -> Design:
-        """Raises ParameterError: a number of runs that is no power of two."""
+        """Return the design. Raises ParameterError: `runs` is missing or no power of two."""
         count = _given(runs)
         if count & (count - 1):
             raise refused(
@@ -106,10 +105,10 @@ class Sobol(Settings):
 
 @dataclass(frozen=True)
 class Lhs(Settings):
-    """A Latin hypercube: one run in each of as many equally likely slices of each variable as there are runs."""
+    """Latin hypercube: each variable has as many equally likely slices as there are runs, with one run in each slice."""
 
     def sampler(self, space: Space, runs: int | None, seed: int) -> Design:
-        """Raises ParameterError: runs that are not given."""
+        """Return the design. Raises ParameterError: `runs` is missing."""
         cube = qmc.LatinHypercube(len(space.names), rng=np.random.default_rng(seed))
         return Design(cube.random(_given(runs)), drawn=True)
 
@@ -118,13 +117,13 @@ class Lhs(Settings):
 class Saltelli(Settings):
     """Saltelli's design for first-order and total indices (Saltelli et al., Comput. Phys. Commun. 181:259, 2010).
 
-    With n variables, `rows` x (n + 2) runs: the matrix A, the matrix B, and for each variable A with its column of B.
+    With n variables, `rows` x (n + 2) runs: the matrix A, the matrix B, and for each variable A with its column from B.
     """
 
     extra: ClassVar[int] = 2
 
     def sampler(self, space: Space, runs: int | None, seed: int) -> Design:
-        """Raises ParameterError: correlated variables, or a number of runs that is no power of two times n + 2."""
+        """Return the design. Raises ParameterError: variables are correlated, or `runs` is not n + 2 times a power of two."""
         if not space.independent:
             raise refused(
                 "sweep.sampler.kind", "saltelli", "variables without correlation: the indices are defined for those"
@@ -147,7 +146,7 @@ def _sobol(dimensions: int, count: int, seed: int) -> FloatArray:
 
 
 def _above(count: int) -> int:
-    """The smallest power of two that is not below."""
+    """Return the smallest power of two that is not below `count`."""
     return 1 << (count - 1).bit_length()
 
 

@@ -1,8 +1,8 @@
-"""The samplers by name.
+"""Registry of the samplers by name.
 
 | kind | for | runs |
 |---|---|---|
-| grid, list | given values | all; `runs` is left out |
+| grid, list | listed values | all; `runs` is left out |
 | random | probabilities, with an exact interval | any |
 | sobol, lhs | distributions and means of outputs | a power of two; any |
 | saltelli | first-order and total indices | n + 2 times a power of two, for n variables |
@@ -30,21 +30,21 @@ KINDS: dict[str, type[Settings]] = {
     "cross_entropy": cross_entropy.CrossEntropy,
     "subset": subset.Subset,
 }
-"""By the word at `kind`."""
+"""Settings class of each sampler, by the value of `kind`."""
 SAMPLER: Any = variant("kind", KINDS, text="where the runs are")
 
 
 def make(settings: Any, space: Space, runs: int | None, seed: int) -> Sampler:
-    """A sampler.
+    """Return a sampler.
 
     Args:
-        settings: one of KINDS, as SAMPLER reads it.
-        space: of the variables.
-        runs: how many at most; None where the sampler knows it: grid and list.
-        seed: of all that it draws.
+        settings: settings of one of KINDS, as SAMPLER reads them.
+        space: space of the variables.
+        runs: maximum number of runs; None if the sampler determines it: grid and list.
+        seed: seed of all random draws.
 
     Raises:
-        ParameterError: what does not go together, with what would.
+        ParameterError: settings, variables and runs do not fit together; the message lists what is valid.
         HricError: a library of the sampler is not installed.
     """
     made: Sampler = settings.sampler(space, runs, seed)

@@ -1,8 +1,8 @@
-"""Proposals of importance sampling in the space of normal scores: normal distributions, fitted to weighted points.
+"""Proposals for importance sampling in the space of normal scores: normal distributions fitted to weighted points.
 
-The distributions themselves are the standard normal there. A proposal is a mixture: a share of the standard normal,
-which bounds the weights (a defensive mixture: Hesterberg, Technometrics 37:185, 1995), and components fitted to the
-points that came near the limit, one for each region of failure (Kurtz & Song, Struct. Saf. 42:35, 2013).
+In this space the variables are standard normal. A proposal is a mixture: a share of the standard normal, which bounds
+the weights (a defensive mixture: Hesterberg, Technometrics 37:185, 1995), and components fitted to the points near the
+limit, one for each failure region (Kurtz & Song, Struct. Saf. 42:35, 2013).
 """
 
 from dataclasses import dataclass
@@ -15,28 +15,28 @@ FloatArray = npt.NDArray[np.float64]
 DEFENSIVE = 0.1
 """Share of each batch that is drawn from the distributions themselves [1]; no weight exceeds its inverse."""
 NARROWEST, WIDEST = 0.35, 1.2
-"""Standard deviations of a component along its axes [1]: narrower than the failures' own it would miss their tails."""
+"""Bounds of a component's standard deviations along its axes [1]: a narrower one would miss the tails of the failures."""
 SHRINKAGE = 0.3
-"""Least share of the standard normal's covariance in that of a component [1]; more where few points are."""
+"""Minimum share of the standard normal's covariance in that of a component [1]; it is larger if points are few."""
 COMPONENTS = 3
-"""At most: regions of failure that are distinguished (project default, unconfirmed)."""
+"""Maximum number of components, one per failure region (project default, unconfirmed)."""
 STEPS = 30
-"""Of expectation and maximisation per fit."""
+"""Iterations of expectation maximisation per fit."""
 
 
 def log_normal(z: FloatArray) -> FloatArray:
-    """Logarithm of the density of the standard normal at points, shape (m, n)."""
+    """Return the log density of the standard normal at points of shape (m, n), shape (m,)."""
     density: FloatArray = -0.5 * np.sum(z * z, axis=1) - 0.5 * z.shape[1] * np.log(2.0 * np.pi)
     return density
 
 
 @dataclass(frozen=True)
 class Proposal:
-    """A mixture of normal distributions, without its defensive share.
+    """Mixture of normal distributions, without its defensive share.
 
     Attributes:
-        shares: of the components, shape (k,).
-        means: shape (k, n).
+        shares: shares of the components, shape (k,).
+        means: means of the components, shape (k, n).
         factors: Cholesky factors of the covariances, shape (k, n, n).
     """
 
@@ -45,7 +45,7 @@ class Proposal:
     factors: FloatArray
 
     def each(self, z: FloatArray) -> FloatArray:
-        """Logarithm of share times density of each component at points of shape (m, n), shape (k, m)."""
+        """Return the log of share times density of each component at points of shape (m, n), shape (k, m)."""
         found = []
         for share, mean, factor in zip(self.shares, self.means, self.factors, strict=True):
             scaled = np.linalg.solve(factor, (z - mean).T).T
@@ -53,11 +53,11 @@ class Proposal:
         return np.array(found)
 
     def log_weights(self, z: FloatArray, defensive: float) -> FloatArray:
-        """Logarithm of the likelihood ratio of points drawn from the mixture, shape (m,).
+        """Return the log likelihood ratios of points drawn from the mixture, shape (m,).
 
         Args:
-            z: shape (m, n).
-            defensive: share of them that was drawn from the standard normal [1].
+            z: points, shape (m, n).
+            defensive: share of the points that was drawn from the standard normal [1].
         """
         plain = log_normal(z)
         fitted = np.log1p(-defensive) + logsumexp(self.each(z), axis=0)
@@ -65,7 +65,7 @@ class Proposal:
         return weights
 
     def draw(self, count: int, random: np.random.Generator) -> FloatArray:
-        """Points of the components, shape (count, n)."""
+        """Draw points from the components, shape (count, n)."""
         chosen = random.choice(len(self.shares), size=count, p=self.shares / self.shares.sum())
         scores = random.standard_normal((count, self.means.shape[1]))
         points: FloatArray = self.means[chosen] + np.einsum("mij,mj->mi", self.factors[chosen], scores)
@@ -73,13 +73,13 @@ class Proposal:
 
 
 def fit(z: FloatArray, weights: FloatArray) -> Proposal:
-    """The mixture, of as many components as the points support, that fits them best.
+    """Fit a mixture to weighted points, with as many components as they support.
 
-    How many: by the Bayesian information criterion, with the effective number of points.
+    The Bayesian information criterion, with the effective number of points, selects the number of components.
 
     Args:
-        z: shape (m, n).
-        weights: likelihood ratios, shape (m,), above 0.
+        z: points, shape (m, n).
+        weights: likelihood ratios, above 0, shape (m,).
     """
     weights = weights / weights.sum()
     size, n = 1.0 / float(np.sum(weights**2)), z.shape[1]
@@ -97,7 +97,7 @@ def fit(z: FloatArray, weights: FloatArray) -> Proposal:
 
 
 def _fitted(z: FloatArray, weights: FloatArray, count: int, size: float) -> Proposal:
-    """By expectation and maximisation, from points far from each other."""
+    """Fit `count` components by expectation maximisation, initialised with points far from each other."""
     n = z.shape[1]
     made = Proposal(np.full(count, 1.0 / count), _far_apart(z, weights, count), np.tile(np.eye(n), (count, 1, 1)))
     for _ in range(STEPS if count > 1 else 1):
@@ -114,7 +114,7 @@ def _fitted(z: FloatArray, weights: FloatArray, count: int, size: float) -> Prop
 
 
 def _far_apart(z: FloatArray, weights: FloatArray, count: int) -> FloatArray:
-    """Points to begin with: the heaviest, then each time the one with most weight times distance squared."""
+    """Return initial means: the point of highest weight, then each time that with the largest weight times distance squared."""
     chosen = [z[np.argmax(weights)]]
     while len(chosen) < count:
         nearest = np.min([np.sum((z - one) ** 2, axis=1) for one in chosen], axis=0)
@@ -123,7 +123,7 @@ def _far_apart(z: FloatArray, weights: FloatArray, count: int) -> FloatArray:
 
 
 def _factor(deviations: FloatArray, weights: FloatArray, size: float) -> FloatArray:
-    """Cholesky factor of a component's covariance, drawn towards the standard normal's and bounded along its axes."""
+    """Return the Cholesky factor of a component's covariance, shrunk to the standard normal's and bounded along its axes."""
     n = deviations.shape[1]
     towards = min(1.0, max(SHRINKAGE, (n + 1) / max(size, 1e-9)))
     covariance = (1.0 - towards) * (deviations.T * weights) @ deviations + towards * np.eye(n)

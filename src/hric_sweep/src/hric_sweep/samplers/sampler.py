@@ -1,9 +1,9 @@
-"""What all samplers have in common: points in batches, results of a whole batch back, and perhaps an estimate.
+"""Interface of all samplers: points in batches, results of a complete batch in return, and an optional estimate.
 
-`make` makes one. It gives a batch of points, takes the results of all of them in order of index, and gives the next
-batch, until there is none; the methods are named as in libraries for search. The size of a batch depends on the
-settings alone, and nothing on which run ended first; nothing is drawn but from the seed. So a sampler that was
-interrupted is made again, given the same results again, and goes on to the last bit.
+`make` creates a sampler. It returns a batch of points, receives the results of all of them in order of index, and
+returns the next batch until none is left; the methods have the names that search libraries use. The size of a batch
+depends on the settings alone, nothing depends on the order in which runs finish, and all random draws use the seed. A
+sampler is resumed by creating it again and passing the same results: it then continues bit for bit.
 """
 
 from collections.abc import Sequence
@@ -14,12 +14,12 @@ from hric_core.errors import HricError
 
 
 class Point(NamedTuple):
-    """A place in the unit cube.
+    """Point of the unit cube.
 
     Attributes:
         u: coordinates in the order of the space's names, each in (0, 1).
-        weight: how much likelier it is by the distributions than by the sampler that drew it; 1 where it was drawn
-            from the distributions.
+        weight: likelihood ratio of the point: density of the distributions over the density of the sampler; 1 if it was
+            drawn from the distributions.
     """
 
     u: tuple[float, ...]
@@ -28,14 +28,14 @@ class Point(NamedTuple):
 
 @dataclass(frozen=True)
 class Told:
-    """What a run gave.
+    """Result of one run for the sampler.
 
     Attributes:
-        index: of the run, from 0, over all batches.
-        exceeded: whether the output exceeded the limit; None: the run failed.
-        objective: what is maximised; None: the run failed, or nothing is.
-        margin: output less limit, above 0 where it exceeded, in the output's unit (the negative of it where what counts
-            is to be below); None: the run failed, or nothing is counted.
+        index: index of the run, from 0, over all batches.
+        exceeded: True if the output exceeded the limit; None: the run failed.
+        objective: value to be maximised; None: the run failed, or there is no objective.
+        margin: output minus limit (limit minus output for a lower limit), above 0 if it exceeded, in the output's unit;
+            None: the run failed, or there is no exceedance.
     """
 
     index: int
@@ -46,12 +46,12 @@ class Told:
 
 @dataclass(frozen=True)
 class CrossCheck:
-    """The runs drawn from the distributions themselves, by which a weighted estimate is checked.
+    """Check of a weighted estimate with the runs that were drawn from the distributions themselves.
 
     Attributes:
-        runs, exceeded: how many there were, and how many of them exceeded.
-        low, high: their own interval of the probability (Clopper-Pearson).
-        agrees: whether it and the interval of the estimate have a value in common.
+        runs, exceeded: number of these runs, and number of those that exceeded.
+        low, high: interval of the probability from these runs alone (Clopper-Pearson).
+        agrees: True if this interval overlaps the interval of the estimate.
     """
 
     runs: int
@@ -63,18 +63,18 @@ class CrossCheck:
 
 @dataclass(frozen=True)
 class Estimate:
-    """A probability of exceeding the limit, given the distributions.
+    """Estimate of the probability to exceed the limit, for the distributions of the sweep.
 
     Attributes:
         probability: best estimate [1].
-        low, high: interval of `level`; runs that failed count as not exceeding in the first, as exceeding in the last.
-        level: share of sweeps whose interval has the true probability in it.
-        runs: how many it is from.
-        exceeded: how many of them exceeded.
-        failed: how many of them failed.
-        ess: effective number of those that exceeded: so many equal weights would scatter as much.
-        method: how the interval is made.
-        check: None where all runs are drawn from the distributions.
+        low, high: interval at `level`; for `low`, failed runs count as not exceeding, for `high` as exceeding.
+        level: share of sweeps whose interval contains the true probability.
+        runs: number of runs in the estimate.
+        exceeded: number of runs that exceeded.
+        failed: number of runs that failed.
+        ess: effective sample size of the runs that exceeded: as many equal weights would have the same variance.
+        method: name of the method that yields the interval.
+        check: cross-check with unweighted runs; None if all runs are drawn from the distributions.
     """
 
     probability: float
@@ -90,34 +90,34 @@ class Estimate:
 
 
 class Sampler(Protocol):
-    """Where the next runs are.
+    """Source of the points of a sweep.
 
     Attributes:
-        total: how many runs at most.
+        total: maximum number of runs.
     """
 
     total: int
 
     def ask(self) -> Sequence[Point]:
-        """The next batch; empty: no more. Call it when the results of the batch before were given."""
+        """Return the next batch; empty: no more runs. Call it after the results of the previous batch were passed to `tell`."""
 
     def tell(self, results: Sequence[Told]) -> None:
-        """Give the results of the batch, all of them, in order of index."""
+        """Receive the results of the complete batch, in order of index."""
 
     def estimate(self) -> Estimate | None:
-        """From all results given so far; None: this sampler has none, or nothing is counted, or nothing was given."""
+        """Return the estimate from all results so far; None: this sampler has none, or there is no exceedance or no result."""
 
 
 def in_order(results: Sequence[Told], first: int, count: int) -> None:
-    """Check that results are those of a whole batch.
+    """Check that the results are those of a complete batch.
 
     Args:
-        results: of the batch.
-        first: index of the batch's first run.
-        count: runs of the batch.
+        results: results of the batch.
+        first: index of the first run of the batch.
+        count: number of runs in the batch.
 
     Raises:
-        HricError: too few, too many, or in another order.
+        HricError: results are missing, in excess or in a different order.
     """
     if [result.index for result in results] != list(range(first, first + count)):
         raise HricError(

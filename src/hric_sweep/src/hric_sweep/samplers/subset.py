@@ -1,9 +1,10 @@
-"""Subset simulation: a small probability as a product of larger ones, each of a level nearer to the limit.
+"""Subset simulation: a small probability as a product of larger ones, one for each level on the way to the limit.
 
-The first level is drawn from the distributions. The tenth of it with the highest margins begins as many chains, which
-draw the next level among those above that margin, and so on until a tenth exceeds the limit, or the runs are used up.
-All chains make a step in one batch. The step, z' = a z + sqrt(1 - a^2) e, leaves the standard normal as it is; a point
-below the level is refused and counts the old one again; a is adapted towards an acceptance of 0.44.
+The first level is drawn from the distributions. The tenth of its points with the highest margins are the seeds of
+Markov chains, which draw the next level among the points above that margin, and so on until a tenth exceeds the limit
+or no runs are left. Each batch is one step of all chains. The step, z' = a z + sqrt(1 - a^2) e, preserves the standard
+normal distribution; a point below the level is rejected, and the previous one counts again; a is adapted to an
+acceptance rate of 0.44.
 
 Sources: Au & Beck, Probab. Eng. Mech. 16:263, 2001; Papaioannou et al., Probab. Eng. Mech. 41:89, 2015.
 """
@@ -26,24 +27,24 @@ from hric_sweep.statistics.intervals import LEVEL, clopper_pearson
 
 FloatArray = npt.NDArray[np.float64]
 LENGTH = 10
-"""Points of a chain; its inverse is the probability of each level."""
+"""Points per chain; the inverse is the probability of each level."""
 FEWEST = 10
-"""Chains, at least: below it no interval is worth the name (project default)."""
+"""Minimum number of chains: with fewer the interval is useless (project default)."""
 FIRST_STEP = 0.8
-"""The chains' first a [1]."""
+"""Initial correlation a of a step of the chains [1]."""
 ACCEPTED = 0.44
-"""Share of accepted points that a is adapted towards (Papaioannou et al. 2015)."""
+"""Target acceptance rate to which a is adapted (Papaioannou et al. 2015)."""
 METHOD = "subset simulation, normal interval of the logarithm"
 
 
 @dataclass(frozen=True)
 class Subset(Settings):
-    """Rare exceedance by levels. Wider intervals than cross_entropy; regions of failure may have any shape."""
+    """Subset simulation for rare exceedance. Intervals are wider than with cross_entropy; failure regions have any shape."""
 
     smallest: float = number(1e-5, minimum=1e-9, maximum=0.1, text="probability that the runs must suffice for")
 
     def sampler(self, space: Space, runs: int | None, seed: int) -> "SubsetSampler":
-        """Raises ParameterError: too few runs for the levels."""
+        """Return the sampler. Raises ParameterError: there are too few runs for the levels."""
         levels = math.ceil(-math.log10(self.smallest) - 1e-9)
         per_chain = LENGTH + (levels - 1) * (LENGTH - 1)
         if runs is None or runs < FEWEST * per_chain:
@@ -53,20 +54,20 @@ class Subset(Settings):
 
 
 class Step(NamedTuple):
-    """Where the chains are: normal scores, shape (chains, n), and margins, shape (chains,)."""
+    """State of all chains: normal scores, shape (chains, n), and margins, shape (chains,)."""
 
     z: FloatArray
     margins: FloatArray
 
 
 class SubsetSampler:
-    """See the module.
+    """Sampler that estimates a small probability by subset simulation.
 
     Args:
-        n: variables.
-        chains: of each level.
-        levels: at most.
-        seed: of all that is drawn.
+        n: number of variables.
+        chains: number of chains per level.
+        levels: maximum number of levels.
+        seed: seed of all random draws.
     """
 
     def __init__(self, n: int, chains: int, levels: int, seed: int) -> None:
@@ -82,7 +83,7 @@ class SubsetSampler:
         self._bound = 1.0
 
     def ask(self) -> Sequence[Point]:
-        """See `Sampler`. The weight of a point is the probability of its level, as estimated."""
+        """Return the next step of all chains. The weight of a point is the estimated probability of its level."""
         if self._done:
             return []
         random = np.random.default_rng([self._seed, self._batches])
@@ -95,7 +96,7 @@ class SubsetSampler:
         return [Point(tuple(row), self._shares) for row in np.clip(ndtr(z), EDGE, 1.0 - EDGE).tolist()]
 
     def tell(self, results: Sequence[Told]) -> None:
-        """See `Sampler`. A run that failed counts as one that does not exceed. Raises HricError: no margin."""
+        """Store the results of the step. A failed run counts as not exceeding. Raises HricError: results have no margin."""
         if self._open is None:
             raise HricError("results were given before points; valid: those of a batch that was drawn")
         in_order(results, self._given, len(self._open.z))
@@ -114,7 +115,7 @@ class SubsetSampler:
             self._finish(z, margins, chained=True)
 
     def _step(self, batch: Batch) -> None:
-        """Take the points above the level; where it is not, the chain stays."""
+        """Accept the points above the level; the other chains stay at their previous point. Adapt a."""
         before, above = self._steps[-1], batch.margins > self._level
         z = np.where(above[:, None], batch.z, before.z)
         margins = np.where(above, batch.margins, before.margins)
@@ -123,7 +124,7 @@ class SubsetSampler:
         self._a = min(max(math.sqrt(max(1.0 - spread, 0.0)), 0.3), 0.98)
 
     def _finish(self, z: FloatArray, margins: FloatArray, chained: bool) -> None:
-        """End of a level: the last one if a tenth exceeds, or no runs are left; else the chains of the next."""
+        """End a level: it is the last one if a tenth exceeds or no levels are left; else select the seeds of the next chains."""
         order = np.argsort(-margins, kind="stable")
         level = 0.5 * float(margins[order[self._chains - 1]] + margins[order[self._chains]])
         self._done = level >= 0.0 or len(self._variances) + 1 == self._levels or not np.isfinite(level)
@@ -141,10 +142,10 @@ class SubsetSampler:
         self._steps = [Step(z[best], margins[best])]
 
     def estimate(self) -> Estimate | None:
-        """Of the whole product; None until the last level is done.
+        """Return the estimate from the product of all levels; None until the last level is finished.
 
-        Its relative variance lies between those of levels that are independent and of levels that scatter together; it
-        is taken halfway, which covers (docs/concepts/rare_events.md has how often).
+        The relative variance lies between that of independent levels and that of fully correlated levels; the mean of both
+        is used, which covers (docs/concepts/rare_events.md states how often).
         """
         if not self._done or self._first is None:
             return None
@@ -162,12 +163,12 @@ class SubsetSampler:
 
 
 def correlation_factor(above: npt.NDArray[np.bool_]) -> float:
-    """How many times the variance of a share grows since points of a chain go together; 1 or more.
+    """Return the factor by which the correlation within chains increases the variance of a share, 1 or more.
 
     Source: Au & Beck 2001, eq. 29: 1 + 2 sum (1 - k/L) r_k.
 
     Args:
-        above: whether each point is above the level, shape (steps L, chains).
+        above: True for points above the level, shape (steps L, chains).
     """
     share = float(above.mean())
     if share in (0.0, 1.0):

@@ -1,7 +1,7 @@
-"""The worst case within the distributions: Optuna's tree-structured Parzen estimator.
+"""Search for the worst case within the distributions: Optuna's tree-structured Parzen estimator.
 
-It searches for the largest objective among the normal scores of the variables, less a tail at each end of each: what it
-finds is no further out than the tail says. A batch is drawn before the results of any of its points.
+It maximises the objective over the normal scores of the variables, without a tail at each end of each: the result lies
+within the percentiles that these tails leave. A batch is drawn before the result of any of its points is known.
 
 Source: Bergstra et al., Algorithms for hyper-parameter optimization, NIPS 24, 2011; Optuna is MIT-licensed.
 """
@@ -18,16 +18,16 @@ from hric_sweep.samplers.sampler import Point, Told, in_order
 from hric_sweep.space import Space
 
 BATCH = 5
-"""Of points at a time (project default: larger batches know less, smaller ones leave processors idle)."""
+"""Points per batch (project default: larger batches use fewer results, smaller ones leave processors idle)."""
 TAIL = 0.001
-"""Share of each variable's distribution that is left out at each end (project default)."""
+"""Share of each variable's distribution that is excluded at each end (project default)."""
 STARTUP = 20
-"""Random points before the search (project default)."""
+"""Number of random points before the search (project default)."""
 
 
 @dataclass(frozen=True)
 class Tpe(Settings):
-    """The worst case: maximises the objective."""
+    """Settings of the search for the worst case, which maximises the objective."""
 
     batch: int = whole(BATCH, minimum=1, maximum=1000, text="runs that are drawn at once")
     tail: float = number(
@@ -35,21 +35,21 @@ class Tpe(Settings):
     )
 
     def sampler(self, space: Space, runs: int | None, seed: int) -> "TpeSampler":
-        """Raises ParameterError: runs that are not given; HricError: Optuna is not installed."""
+        """Return the sampler. Raises ParameterError: `runs` is missing; HricError: Optuna is not installed."""
         if runs is None or runs < 1:
             raise refused("sweep.runs", runs, "a whole number of 1 or more")
         return TpeSampler(space, runs, self.batch, self.tail, seed)
 
 
 class TpeSampler:
-    """See the module.
+    """Sampler that searches for the largest objective with Optuna.
 
     Args:
-        space: of the variables.
-        runs: at most.
-        batch: runs that are drawn at once.
-        tail: see TAIL.
-        seed: of all that is drawn.
+        space: space of the variables.
+        runs: maximum number of runs.
+        batch: runs per batch.
+        tail: share of each distribution that is excluded at each end, see TAIL.
+        seed: seed of all random draws.
 
     Raises:
         HricError: Optuna is not installed.
@@ -71,20 +71,20 @@ class TpeSampler:
         self._study = optuna.create_study(direction="maximize", sampler=search)
 
     def ask(self) -> Sequence[Point]:
-        """See `Sampler`."""
+        """Return the next batch of points that Optuna proposes; empty after the last run."""
         size = min(self._batch, self.total - self._given)
         self._open = [self._study.ask(self._axes) for _ in range(size)]
         return [Point(tuple(self._shares(trial.params))) for trial in self._open]
 
     def _shares(self, found: dict[str, Any]) -> list[float]:
-        """Percentiles of what the search chose; of single values the middle of their share."""
+        """Return the percentiles of the proposed values; for a discrete variable, the middle of the value's share."""
         return [
             float(middles[found[name]] if middles.size else ndtr(found[name]))
             for name, middles in self._middles.items()
         ]
 
     def tell(self, results: Sequence[Told]) -> None:
-        """See `Sampler`. Raises HricError: no run has an objective although none failed."""
+        """Pass the results of the batch to Optuna. Raises HricError: a run that did not fail has no objective."""
         in_order(results, self._given, len(self._open))
         if any(one.objective is None and one.exceeded is not None for one in results):
             raise HricError("results have no objective; valid: sweep.objective with the sampler tpe")
@@ -98,13 +98,13 @@ class TpeSampler:
         self._open = []
 
     def estimate(self) -> None:
-        """A worst case has no probability."""
+        """Return None: a worst case has no probability."""
         return None
 
 
 def _optuna() -> Any:
     try:
-        import optuna  # here: only this sampler needs it, and it is an extra part of the set-up
+        import optuna  # imported here: only this sampler needs it, and its installation is optional
     except ImportError:
         raise HricError("the sampler tpe needs Optuna, which is not installed:  scripts/setup --with search") from None
     optuna.logging.set_verbosity(optuna.logging.WARNING)
