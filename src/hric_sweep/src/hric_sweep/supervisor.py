@@ -1,4 +1,4 @@
-"""Runs a sweep: takes points of the sampler, hands tasks to an engine, keeps each response, and gives results back."""
+"""Supervisor of a sweep: passes points of the sampler to an engine as tasks, stores responses and returns results."""
 
 import math
 import time
@@ -19,25 +19,25 @@ from hric_sweep.samplers.sampler import Point, Told
 from hric_sweep.task import identity
 
 REFRESH = 20.0
-"""Between two tables while the sweep runs [s of wall time]."""
+"""Interval between two writes of the table while the sweep runs [s of wall time]."""
 COLUMNS = "columns"
 
 
 class Supervisor:
-    """One sweep in its folder.
+    """Execution of one sweep in its run folder.
 
     Args:
-        plan: the sweep.
-        folder: of it.
-        journal: of the same folder; what it has is not run again.
-        engine: carries runs out.
+        plan: sweep to run.
+        folder: run folder of the sweep.
+        journal: journal in the same folder; runs with a stored response are not run again.
+        engine: engine that executes the runs.
         code: version of the code.
-        ended: called with each new row, and with those of before.
-        wrote: called after the table was written.
+        ended: callback for each finished row, including rows restored from the journal.
+        wrote: callback after each write of the table, with the folder.
 
     Attributes:
-        rows: of runs that ended, by index.
-        estimate: of a sampler of rare events, as plain data; None: there is none.
+        rows: rows of finished runs, by index.
+        estimate: estimate of the sampler as plain data; None: there is none.
     """
 
     def __init__(
@@ -56,11 +56,11 @@ class Supervisor:
         self.estimate: dict[str, Any] | None = None
 
     def run(self) -> None:
-        """To the end of the sampler.
+        """Run until the sampler has no more points.
 
         Raises:
-            JournalError: what ended cannot be kept.
-            KeyboardInterrupt: all that ended is kept, and in the table.
+            JournalError: finished runs cannot be stored.
+            KeyboardInterrupt: Ctrl-C; all finished runs are stored and in the table.
         """
         sampler, batch = self._plan.sampler(), 0
         try:
@@ -69,13 +69,13 @@ class Supervisor:
                 sampler.tell([self._told(row) for row in rows])
                 found, batch = sampler.estimate(), batch + 1
                 self.estimate = None if found is None else asdict(found)
-            self.write()  # now: a second signal may cut the end short
+            self.write()  # before the repeated runs, which a second signal may cut short
             self._keep_columns()
         finally:
             self.write()
 
     def write(self) -> None:
-        """The table of what has ended."""
+        """Write the table of the finished runs."""
         table.write(self._folder, self._plan, [self.rows[index] for index in sorted(self.rows)], self.estimate)
         self._written = time.monotonic()
         self._wrote(self._folder)
@@ -94,7 +94,7 @@ class Supervisor:
         return found
 
     def _carry_out(self, tasks: Sequence[tuple[Task, table.Row]]) -> list[table.Row]:
-        """A batch; returns its rows in order."""
+        """Execute a batch of tasks and return its rows in order."""
         begun = {row["index"]: row for _, row in tasks}
         carry_out(
             [task for task, _ in tasks],
@@ -123,7 +123,7 @@ class Supervisor:
     # -- what is kept --------------------------------------------------------------------------------------------------
 
     def _keep_columns(self) -> None:
-        """Run the worst and those that failed again, and keep their signals."""
+        """Repeat the worst and the failed runs and store their signals."""
         folder = self._folder / COLUMNS
         chosen: list[Task] = []
         for row in kept(self._plan, list(self.rows.values())):
@@ -134,7 +134,7 @@ class Supervisor:
 
 
 def _write_columns(entry: Mapping[str, Any], folder: Path) -> None:
-    """Of a run that ended and has some."""
+    """Write the signals of a run to a file, if its response has any."""
     if "columns" in entry:
         folder.mkdir(exist_ok=True)
         with files.atomic(folder / f"{entry['id']}.npz") as temporary:
@@ -142,12 +142,12 @@ def _write_columns(entry: Mapping[str, Any], folder: Path) -> None:
 
 
 def make_task(plan: Plan, index: int, values: Mapping[str, Any], code: str) -> Task:
-    """The task of a run.
+    """Return the task of a run.
 
     Args:
-        plan: the sweep.
-        index: of the run.
-        values: of its variables.
+        plan: sweep of the run.
+        index: index of the run.
+        values: values of the variables.
         code: version of the code.
     """
     section = plan.section
@@ -163,7 +163,7 @@ def make_task(plan: Plan, index: int, values: Mapping[str, Any], code: str) -> T
 
 
 def judged(plan: Plan, outputs: Mapping[str, float | None]) -> dict[str, Any]:
-    """exceeded, objective and margin of a run; None where they are not known."""
+    """Return exceeded, margin and objective of a run; None if they are not known."""
     section = plan.section
     exceedance, objective = section.exceedance, section.objective
     value = None if exceedance is None else outputs.get(exceedance.output)
@@ -176,7 +176,7 @@ def judged(plan: Plan, outputs: Mapping[str, float | None]) -> dict[str, Any]:
 
 
 def kept(plan: Plan, rows: Sequence[table.Row]) -> list[table.Row]:
-    """The runs whose signals are kept: the worst, and those that failed but ended."""
+    """Return the rows whose signals are stored: the worst runs, and failed runs that ended with a response."""
     keep = plan.section.keep
     worst = [row for row in rows if not row["failure"] and badness(plan, row) > -math.inf]
     worst = sorted(worst, key=lambda row: (-badness(plan, row), row["index"]))[: keep.worst]
@@ -185,7 +185,7 @@ def kept(plan: Plan, rows: Sequence[table.Row]) -> list[table.Row]:
 
 
 def badness(plan: Plan, row: table.Row) -> float:
-    """By which runs are sorted, the worst first."""
+    """Return the sort key for the worst runs, which is largest for the worst one."""
     objective = plan.section.objective
     if objective is not None:
         return -math.inf if row["objective"] is None else objective.sign * float(row["objective"])

@@ -1,4 +1,4 @@
-"""The table of a sweep: a row for each run that ended, with units, readable by any tool that reads Parquet."""
+"""Table of a sweep: a Parquet file with units and one row per finished run."""
 
 import hashlib
 import json
@@ -17,7 +17,8 @@ from hric_sweep.journal import JournalError
 
 NAME, KEY = "runs.parquet", b"hric"
 Row = dict[str, Any]
-"""id, index, batch, seed, weight, values, outputs, exceeded, margin, objective, failure, state_sha256, and the cost."""
+"""Row of the table: id, index, batch, seed, weight, values, outputs, exceeded, margin, objective, failure, state_sha256
+and the cost."""
 RUN = {
     "id": "of the run, for `sweep rerun`",
     "index": "in order of the sampler",
@@ -52,7 +53,7 @@ _TYPES = {
 
 
 def columns(plan: Plan) -> dict[str, dict[str, str]]:
-    """Of each column its role, unit and text, in their order."""
+    """Return role, unit and text of each column, in the order of the columns."""
     section = plan.section
     about = {name: {"role": "run", "unit": "", "text": text} for name, text in RUN.items()}
     about |= {name: {"role": "variable", "unit": v.unit, "text": v.text} for name, v in section.vary.items()}
@@ -67,13 +68,13 @@ def write(folder: Path, plan: Plan, rows: Sequence[Row], estimate: Mapping[str, 
     """Replace the table.
 
     Args:
-        folder: of the sweep.
-        plan: the sweep.
-        rows: in order of index.
-        estimate: of a sampler of rare events.
+        folder: run folder of the sweep.
+        plan: sweep of the rows.
+        rows: rows in order of index.
+        estimate: estimate of the sampler, if it has one.
 
     Raises:
-        JournalError: it cannot be written; the one of before stays.
+        JournalError: the table cannot be written; the previous one remains.
     """
     about = columns(plan)
     arrays = {name: _array(name, one["role"], plan, rows) for name, one in about.items()}
@@ -109,17 +110,17 @@ def _array(name: str, role: str, plan: Plan, rows: Sequence[Row]) -> pyarrow.Arr
 
 
 def results_sha256(table: pyarrow.Table) -> str:
-    """Hash of all columns but the cost: equal for equal results, whoever computed them, and in whatever order."""
+    """Return the hash of all columns except the cost: equal for equal results, on any machine and in any order."""
     about = json.loads(table.schema.metadata[KEY])["columns"]
     kept = table.select([name for name, one in about.items() if one["role"] != "cost"]).sort_by("index")
     return hashlib.sha256(json.dumps(kept.to_pydict(), sort_keys=True).encode()).hexdigest()
 
 
 def find(folder: str | Path) -> Path:
-    """Folder of a sweep, by its path or by its name in the folder of all runs.
+    """Return the folder of a sweep, by its path or by its name in the folder of all runs.
 
     Raises:
-        HricError: there is none.
+        HricError: there is no such sweep.
     """
     for candidate in (Path(folder).expanduser(), runs_root() / folder):
         if (candidate / "sweep.yaml").is_file():
@@ -128,7 +129,7 @@ def find(folder: str | Path) -> Path:
 
 
 def read(folder: str | Path) -> pyarrow.Table:
-    """The table of a sweep. Raises HricError: there is none."""
+    """Return the table of a sweep. Raises HricError: there is none."""
     path = find(folder) / NAME
     if not path.is_file():
         raise HricError(f"{path.parent} has no {NAME} yet; valid: rosrun hric_experiments sweep --resume {path.parent}")
@@ -136,19 +137,19 @@ def read(folder: str | Path) -> pyarrow.Table:
 
 
 def load_sweep(folder: str | Path) -> Any:
-    """The table of a sweep as a pandas frame, a row for each run.
+    """Return the table of a sweep as a pandas data frame with one row per run.
 
         runs = load_sweep("peak_force_20261125-120000")
         runs.attrs["columns"]["peak"]     # {"role": "output", "unit": "N", "text": ...}
 
     Args:
-        folder: its path, or its name in the folder of all runs.
+        folder: path of the sweep, or its name in the folder of all runs.
 
     Returns:
         pandas.DataFrame; attrs: columns, sweep and estimate.
 
     Raises:
-        HricError: no such sweep.
+        HricError: there is no such sweep.
     """
     table = read(folder)
     frame = table.to_pandas()

@@ -1,4 +1,4 @@
-"""One run of a sweep, in a worker that keeps what it has loaded: numbers come from memory, and no bag is written."""
+"""Execution of one run of a sweep in a worker that is reused: outputs are computed in memory, no bag is written."""
 
 import gc
 import hashlib
@@ -26,33 +26,33 @@ from hric_sweep.observed import Observed
 from hric_sweep.outputs import Output
 
 REFERENCE = 0.1
-"""Robot time of the reference run [s]."""
+"""Duration of the reference run, in robot time [s]."""
 SOURCES = ("*.py", "*.yaml", "*.xacro", "*.xml", "*.urdf", "*.msg")
-"""Of the packages' files those on which a run depends."""
+"""Patterns of the files in the packages on which a run depends."""
 NOT_SOURCES = {"test", "build", "__pycache__", "sweeps"}
-"""Folders without such files; what a sweep file has is in the sweep itself."""
+"""Folders without such files; the content of a sweep file is stored in the sweep itself."""
 ADDRESS = re.compile(r" at 0x[0-9a-f]+")
-"""Of an object in a text of Python; each process has its own."""
+"""Memory address of an object in a text of Python; it differs between processes."""
 REFUSED = "refused"
-"""Key of the response to a run that did not begin, since its experiment cannot be."""
+"""Response key that marks a run which did not start because its experiment is invalid."""
 LENGTH = 16
-"""Characters of an id."""
+"""Number of characters of an id."""
 
 
 def run(task: dict[str, Any]) -> dict[str, Any]:
-    """Carry a task out.
+    """Execute a task.
 
     Args:
-        task: id, index, experiment (name, content), changes, seed, outputs, columns (whether signals are kept).
+        task: id, index, experiment (name, content), changes, seed, outputs, columns (True: return the signals).
 
     Returns:
-        id, index, outputs (name -> number, None: there is none), failure (empty, or why the run failed, as it always
-        will), state_sha256, processor [s], wall [s], host; columns, a file of NumPy's, where they are kept and there
-        are some; and refused, where the run did not begin.
+        id, index, outputs (name -> number, None: no value), failure (empty, or the reason, which is the same at each
+        repetition), state_sha256, processor [s], wall [s], host; columns, the content of an NPZ file, if signals are
+        requested and exist; and refused, if the run did not start.
     """
     began, wall = time.process_time(), time.perf_counter()
     response = _carried_out(task)
-    gc.collect()  # a robot and its controllers point at each other, and the collector waits for many of them
+    gc.collect()  # robot and controllers reference each other, and automatic collection would come late
     _load_is_done()
     return {
         **response,
@@ -64,7 +64,7 @@ def run(task: dict[str, Any]) -> dict[str, Any]:
 
 @cache
 def _load_is_done() -> None:
-    """Leave what the first run has loaded out of all later collections, which then take no time."""
+    """Exclude objects that the first run has loaded from later garbage collections, which then take no time."""
     gc.freeze()
 
 
@@ -82,7 +82,7 @@ def _carried_out(task: dict[str, Any]) -> dict[str, Any]:
             response["outputs"] = {name: _plain(one.measured(values)) for name, one in outputs.items()}
     except MemoryError:
         failure = "MemoryError: the run took more memory than a worker may"
-    except Exception as error:  # also one that nobody foresaw: it ends this run alone, not the others
+    except Exception as error:  # also unexpected errors: they end this run, not the sweep
         failure = reason(error)
         if simulation is None and isinstance(error, HricError):
             response[REFUSED] = True
@@ -92,7 +92,7 @@ def _carried_out(task: dict[str, Any]) -> dict[str, Any]:
 
 
 def reason(error: Exception) -> str:
-    """Why a run failed, for people: the same text for the same run, wherever it ran."""
+    """Return why a run failed, as text: the same text for the same run on any machine."""
     text = f"{type(error).__name__}: {error}" if isinstance(error, HricError) else describe(error)
     return ADDRESS.sub("", text)
 
@@ -102,7 +102,7 @@ def _plain(value: float) -> float | None:
 
 
 def _columns(simulation: Simulation) -> dict[str, bytes]:
-    """The signals of a run, for a look at it without another run; nothing: it failed before its first cycle."""
+    """Return the signals of a run as an NPZ file; empty: the run failed before its first cycle."""
     try:
         log = simulation.signals
     except HricError:
@@ -114,23 +114,23 @@ def _columns(simulation: Simulation) -> dict[str, bytes]:
 
 
 def definition_of(task: dict[str, Any]) -> Experiment:
-    """The experiment with the values of the run.
+    """Return the experiment with the values of the run.
 
     Raises:
-        HricError: a value that cannot be.
+        HricError: a value is invalid.
     """
     given = task["experiment"]
     return experiment.parse(given["name"], overrides.apply(given["content"], written(task["changes"])))
 
 
 def reference(task: dict[str, Any]) -> dict[str, Any]:
-    """A short run by which workers are compared: code (version), state_sha256, host.
+    """Execute a short run that serves to compare workers, and return code (version), state_sha256 and host.
 
     Args:
         task: experiment, changes, seed.
 
     Raises:
-        HricError: it cannot run.
+        HricError: the run fails.
     """
     with Simulation(definition_of(task), seed=task["seed"]) as simulation:
         simulation.run(min(REFERENCE, simulation.definition.duration))
@@ -138,13 +138,13 @@ def reference(task: dict[str, Any]) -> dict[str, Any]:
 
 
 def prepare() -> None:
-    """Once in a worker: what goes wrong is in the response, not on the terminal."""
+    """Silence the log of a worker process: errors are in the response, not on the terminal."""
     logging.getLogger("hric").setLevel(logging.CRITICAL + 1)
 
 
 @cache
 def code_version() -> str:
-    """Of everything on which a run's numbers depend: the packages' own files, and the versions of what they use."""
+    """Return the hash of everything on which results depend: files of the packages, versions of dependencies."""
     digest = hashlib.sha256(json.dumps(_used_versions(), sort_keys=True).encode())
     for name in provenance.HRIC_PACKAGES:
         try:
@@ -164,7 +164,7 @@ def _used_versions() -> dict[str, str]:
 
 
 def identity(task: dict[str, Any], code: str) -> str:
-    """Id of a task: the same for the same experiment, values, seed, outputs and code."""
+    """Return the id of a task: equal for equal experiment, values, seed, outputs and code."""
     about = {key: task[key] for key in ("experiment", "changes", "seed", "outputs")}
     text = json.dumps({**about, "code": code}, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:LENGTH]

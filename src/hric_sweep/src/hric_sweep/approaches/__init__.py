@@ -1,1 +1,1 @@
-"""Many approaches of a person to a working arm, drawn at random: does a supervisor hold what it says?"""
+"""Random approaches of a person to a working arm, to test whether the supervisor keeps contacts within the limits."""

@@ -1,4 +1,4 @@
-"""Command line: approaches. Draw, run, write each outcome at once, and count."""
+"""Command `approaches`: draw and run random approaches, write each outcome at once, and count the results."""
 
 import argparse
 import json
@@ -26,9 +26,9 @@ from hric_sweep.approaches.run import Outcome, Runner
 from hric_sweep.statistics.intervals import clopper_pearson_upper
 
 COUNT, QUICK = 1000, 20
-"""Number of approaches, by default and with --quick."""
+"""Number of approaches: default, and with --quick."""
 CONFIDENCE = 0.95
-"""Level of the one-sided bound [1]."""
+"""Confidence level of the one-sided bound [1]."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -52,7 +52,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the command; return 1 if a contact with the moving arm was above limits, else 4 if that is not known."""
+    """Run the command; return 1 if a contact with the moving arm was above limits, else 4 if one is not assessable."""
     options = parser().parse_args(arguments)
     for name in ("count", "first", "jobs"):
         whole(minimum=0 if name == "first" else 1).checked(getattr(options, name), f"--{name}")
@@ -73,7 +73,7 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def _outcomes(seeds: Sequence[int], options: argparse.Namespace) -> Iterator[Outcome]:
-    """Run approaches, in the order of the seeds."""
+    """Run the approaches and yield their outcomes in the order of the seeds."""
     if options.jobs == 1 or len(seeds) < 2:
         yield from map(_Worker(options.simulator, not options.without), seeds)
         return
@@ -106,10 +106,10 @@ def _run(seed: int) -> Outcome:
 
 
 def read(path: Path, supervised: bool) -> dict[int, Outcome]:
-    """Read the outcomes of a file by seed, those with or without the supervisor; none if there is no file.
+    """Return the outcomes in a file, by seed, those with or without the supervisor; empty if there is no file.
 
     Raises:
-        HricError: a line of another kind, or of an earlier version.
+        HricError: a line has a different format or comes from an earlier version.
     """
     outcomes: dict[int, Outcome] = {}
     for number, line in enumerate(path.read_text().splitlines() if path.is_file() else (), 1):
@@ -125,7 +125,7 @@ def read(path: Path, supervised: bool) -> dict[int, Outcome]:
 
 
 def report(outcomes: Sequence[Outcome]) -> str:
-    """Return the text for the terminal."""
+    """Return the summary for the terminal."""
     count, supervised = len(outcomes), outcomes[0].supervised
     speeds = [one.speed for one in outcomes]
     moving = [one.met(MOVING) for one in outcomes]
@@ -159,11 +159,11 @@ def report(outcomes: Sequence[Outcome]) -> str:
 
 
 def _runs(contacts: Sequence[Sequence[ContactEvent]], outcome: Result) -> int:
-    """Return the number of runs with an outcome; contacts: of each run."""
+    """Return the number of runs with an outcome, from the contacts of each run."""
     return sum(any(one.outcome == outcome for one in own) for own in contacts)
 
 
 def _counts(contacts: Sequence[Sequence[ContactEvent]]) -> str:
-    """Return the number of runs with each outcome, as text; contacts: of each run."""
+    """Return the number of runs with each outcome as text, from the contacts of each run."""
     counts = ", ".join(f"{outcome} in {_runs(contacts, outcome)}" for outcome in ORDER)
     return f"in {sum(map(bool, contacts))} of {len(contacts)} runs ({counts})"

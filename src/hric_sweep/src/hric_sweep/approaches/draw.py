@@ -1,4 +1,4 @@
-"""Random approaches: body, speed and direction of the person, and the motion of the arm meanwhile."""
+"""Random approaches: body, speed and direction of the person, and the simultaneous motion of the arm."""
 
 import math
 from dataclasses import dataclass
@@ -9,35 +9,36 @@ import numpy as np
 from hric_assessment.contact.limits import TRANSIENT_TIME
 
 SPEEDS = (0.5, 2.0)
-"""Peak speed of the walk, reached where it aims at [m/s]."""
+"""Range of the walk's peak speed, which is reached at the aim [m/s]."""
 PEAK = 1.875
-"""Peak over mean speed of a motion with least jerk."""
+"""Ratio of peak to mean speed of a minimum-jerk motion."""
 SUBJECTS = ("P05_female", "P50_female", "P50_male", "P95_male")
 BEARING = math.radians(100.0)
-"""Largest angle between the direction from which the person comes and x of the base [rad]: the arm works before it."""
+"""Largest angle between the direction from which the person comes and x of the base, in front of which the arm works
+[rad]."""
 CONTROLLER = "joint_pd_controller"
 SWING = 1.5
 """Time between two setpoints of the arm [s]."""
 LONGEST = 2.0 * TRANSIENT_TIME
-"""Duration of a run after the first touch, at most [s]: as long again as it takes until a contact is a clamp."""
+"""Longest time from the first touch to the end of a run [s]: twice the time after which a contact counts as clamping."""
 BEGIN = 0.5
-"""Begin of the arm's motion [s]: later than the supervisor's first request has come into force, which takes 0.34 s."""
+"""Start of the arm's motion [s]: after the supervisor's first request has taken effect, which takes 0.34 s."""
 
 
 @dataclass(frozen=True)
 class Approach:
-    """One approach.
+    """Random approach of a person to the working arm.
 
     Attributes:
-        seed: by which it was drawn.
-        speed: peak of the walk [m/s].
+        seed: seed of the random draw.
+        speed: peak speed of the walk [m/s].
         bearing: direction from which the person comes, from x towards y of the base [rad].
-        aim: where the walk's peak lies, in the world, 2 floats [m].
-        distance: of the start from there [m].
+        aim: point at which the walk has its peak speed, in the world, 2 floats [m].
+        distance: distance between start and aim [m].
         subject: code of the person's body.
         arms: flexion of right shoulder and elbow, left shoulder and elbow [rad].
-        setpoints: of the arm, one each SWING, 7 floats each [rad].
-        phase: by which the walk begins later than the arm [s].
+        setpoints: setpoints of the arm, one each SWING, 7 floats each [rad].
+        phase: delay of the start of the walk after the start of the run [s].
     """
 
     seed: int
@@ -52,16 +53,16 @@ class Approach:
 
     @property
     def reached(self) -> float:
-        """Time at which the person is where the walk aims at [s]."""
+        """Time at which the person reaches the aim [s]."""
         return self.phase + PEAK * self.distance / self.speed
 
     @property
     def duration(self) -> float:
-        """Duration of the run, if no contact ends or extends it [s]."""
+        """Duration of a run without contact [s]."""
         return round(self.reached + 0.4, 3)
 
     def changes(self) -> dict[str, Any]:
-        """Return the overrides of the experiment, for a contact at its end, too."""
+        """Return the overrides of the experiment, with enough time for a contact at the end of the run."""
         away = np.array([math.cos(self.bearing), math.sin(self.bearing)])
         start = np.array(self.aim) + self.distance * away
         path = (-2.0 * self.distance * away).tolist()
@@ -85,7 +86,7 @@ class Approach:
 
 
 def draw(seed: int) -> Approach:
-    """Return the approach of a seed."""
+    """Return the random approach of a seed."""
     random = np.random.default_rng(seed)
     speed = float(random.uniform(*SPEEDS))
     bearing = float(random.uniform(-BEARING, BEARING))
@@ -94,7 +95,7 @@ def draw(seed: int) -> Approach:
         float(far * math.cos(bearing) - side * math.sin(bearing)),
         float(far * math.sin(bearing) + side * math.cos(bearing)),
     )
-    # Far enough for the arm to be at full speed first, of those who come fast.
+    # Far enough that the arm reaches full speed before a fast person arrives.
     distance = float(0.9 + 0.6 * speed + random.uniform(0.0, 0.3))
     arms = tuple(float(random.uniform(low, high)) for low, high in ((0.0, 1.5), (0.2, 1.6)) * 2)
     middle = np.clip(bearing, -1.2, 1.2)

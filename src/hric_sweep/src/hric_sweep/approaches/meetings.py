@@ -1,4 +1,4 @@
-"""Contacts of a person with a robot: the verdict's findings, and how the arm moved as each contact began."""
+"""Contact events between person and robot: findings of the verdict, with the state of the arm as each contact began."""
 
 import math
 from collections.abc import Sequence
@@ -16,26 +16,26 @@ from hric_bags.reader import ControlRecord
 from hric_core.geometry import FloatArray
 
 BEFORE = 0.002
-"""Time before a contact at which the arm's speed is taken: the contact has not changed it yet [s] (project default)."""
+"""Time before a contact at which the arm's speed is read, since the contact changes it [s] (project default)."""
 MOVING, STANDING_ARM, PUSHED = "moving", "standing", "pushed"
 """State of the arm as a contact begins; pushed: it stood until an earlier contact moved it."""
 
 
 @dataclass(frozen=True)
 class ContactEvent:
-    """One contact and its finding.
+    """Contact with its finding.
 
     Attributes:
         time, end: first and last touch, robot time [s].
         subject: bodies that touched, as in the finding.
-        regions: of ISO/TS 15066 that may have been touched.
+        regions: regions of ISO/TS 15066 that may have been touched.
         arm: MOVING, STANDING_ARM or PUSHED.
-        arm_speed: speed of the arm's fastest point BEFORE the contact [m/s].
-        speed: speed at which both met [m/s]; None: not known.
-        peak: largest force [N]; NaN: not known.
-        outcome: of the finding.
-        share: of the limit, see `counted_share` [1].
-        reason: of the finding.
+        arm_speed: speed of the arm's fastest point, BEFORE the contact [m/s].
+        speed: relative speed at the contact [m/s]; None: not known.
+        peak: peak force [N]; NaN: not known.
+        outcome: outcome of the finding.
+        share: ratio to the limit, see `counted_share` [1].
+        reason: reason of the finding.
     """
 
     time: float
@@ -62,10 +62,10 @@ class ContactEvent:
 
 
 def contact_events(findings: Sequence[Finding], log: ControlRecord, description: str) -> list[ContactEvent]:
-    """Return the contacts in the order in which they began.
+    """Return the contact events in the order in which the contacts began.
 
     Args:
-        findings: of the verdict's contacts; the one that says that nothing touched the person is left out.
+        findings: findings on contacts of the verdict; a finding that nothing touched the person is left out.
         log: control log of the robot, every cycle.
         description: URDF of the robot.
     """
@@ -105,8 +105,8 @@ class Arm:
     """Speed of an arm over time.
 
     Args:
-        log: its control log.
-        description: its URDF.
+        log: control log of the arm.
+        description: URDF of the arm.
     """
 
     def __init__(self, log: ControlRecord, description: str) -> None:
@@ -122,7 +122,7 @@ class Arm:
 
 @cache
 def shape(description: str, joints: tuple[str, ...]) -> ArmShape:
-    """Return the shape of a description, built once per process."""
+    """Return the shape of the arm in a URDF, built once per process."""
     return ArmShape(description, joints)
 
 
@@ -130,8 +130,8 @@ def supervision(states: Sequence[Any]) -> dict[str, float] | None:
     """Summarise messages hric_msgs/SafetyState; None: there was no supervisor.
 
     Returns:
-        smallest separation [m], violations: decisions in which the arm moved nearer than it should, stopped and slowed:
-        shares of the time [1].
+        separation: smallest distance [m]; violations: decisions in which the arm moved below the protective distance;
+        stopped and slowed: shares of the time [1].
     """
     if not states:
         return None

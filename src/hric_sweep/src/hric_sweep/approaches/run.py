@@ -1,4 +1,4 @@
-"""One approach: run it, and judge the contacts in it."""
+"""Execution of one approach, with assessment of its contacts."""
 
 import math
 from dataclasses import dataclass, field
@@ -15,7 +15,7 @@ from hric_sweep.outputs import IMPACT, SUPERVISION
 
 EXPERIMENT = "shared_workspace"
 CHUNK = 0.05
-"""Robot time between two checks if the run is over [s]."""
+"""Robot time between two checks whether the run is over [s]."""
 
 
 @dataclass
@@ -23,15 +23,15 @@ class Outcome:
     """Result of an approach.
 
     Attributes:
-        seed, speed, bearing: as drawn.
+        seed, speed, bearing: values of the `Approach`.
         supervised: True if the supervisor acted.
-        duration: of the run [s].
-        separation: smallest distance [m].
-        violations: decisions in which the arm moved nearer than it should.
+        duration: duration of the run [s].
+        separation: smallest distance between person and arm [m].
+        violations: decisions in which the arm moved below the protective distance.
         stopped, slowed: shares of the time [1].
-        contacts: in the order in which they began.
-        error: why the arm ended its motion; empty: it did not.
-        failure: why the run was not finished, so that nothing is known of its contacts; empty: it was.
+        contacts: contact events in the order in which they began.
+        error: reason why the arm ended its motion; empty: it did not.
+        failure: reason why the run was not completed, so that its contacts are unknown; empty: it was completed.
     """
 
     seed: int
@@ -48,16 +48,16 @@ class Outcome:
     failure: str = ""
 
     def met(self, *arm: str) -> list[ContactEvent]:
-        """Return the contacts that began with the arm in one of some states."""
+        """Return the contacts that began while the arm was in one of these states."""
         return [contact for contact in self.contacts if contact.arm in arm]
 
 
 class Runner:
-    """Runs approaches one after the other in one simulation.
+    """Runner of successive approaches in one simulation.
 
     Args:
-        simulator: engine.
-        supervised: True: the supervisor acts; otherwise it watches.
+        simulator: name of the engine.
+        supervised: True if the supervisor acts; otherwise it only monitors.
         changes: further overrides.
     """
 
@@ -67,7 +67,7 @@ class Runner:
         self._simulation: Simulation | None = None
 
     def run(self, approach: Approach) -> Outcome:
-        """Run one approach until the first contact has parted, or has lasted LONGEST, or else to its end."""
+        """Run one approach until the first contact has ended or has lasted LONGEST, or else to its end."""
         simulation = self._begin(approach)
         observed, touched = Observed(simulation, {IMPACT, SUPERVISION}), list[float]()
 
@@ -79,7 +79,7 @@ class Runner:
         try:
             while not _over(simulation.time, approach.duration, touched):
                 simulation.run(CHUNK)
-        except FailureError as failure:  # the next approach gets a simulation of its own
+        except FailureError as failure:  # the next approach gets a new simulation
             self.close()
             self._simulation = None
             return Outcome(
@@ -105,13 +105,13 @@ class Runner:
         return outcome
 
     def close(self) -> None:
-        """Release the simulation."""
+        """Close the simulation."""
         if self._simulation is not None:
             self._simulation.close()
 
 
 def _over(time: float, end: float, touched: list[float]) -> bool:
-    """True if a run is over; touched: robot times of all messages with a contact so far [s]."""
+    """Return True if a run is over; `touched`: robot times of all messages with a contact so far [s]."""
     if not touched:
         return time >= end - 1e-9
     return time > touched[-1] + PARTED + CHUNK or time >= touched[0] + LONGEST

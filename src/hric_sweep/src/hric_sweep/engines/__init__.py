@@ -1,1 +1,1 @@
-"""What carries the runs of a sweep out: processes of this machine, or a cluster."""
+"""Engines that execute the runs of a sweep: processes of this machine, or a cluster."""

@@ -1,7 +1,7 @@
-"""What a Dask worker does: carries a chunk of tasks out, each run in a process of its own that is kept warm.
+"""Code of a Dask worker: executes a chunk of tasks, each run in a separate process that is reused.
 
-A run that hangs, that ends its process or takes all memory costs itself alone there, as on one machine; the Dask worker
-goes on. Nothing here imports Dask, but for the question whether somebody still waits for the chunk.
+A run that hangs, ends its process or takes all memory fails alone, as on one machine; the Dask worker continues.
+Nothing here imports Dask, except the check whether the chunk is still needed.
 """
 
 import multiprocessing
@@ -16,18 +16,18 @@ from hric_sweep.engines.engine import Response, Task, difference
 from hric_sweep.engines.pebble_engine import PebbleEngine
 
 LOOK = 1.0
-"""Longest time without a look whether somebody still waits for the chunk [s]."""
+"""Longest time between two checks whether the chunk is still needed [s]."""
 
 
 @dataclass(frozen=True)
 class Handshake:
-    """What a worker must be before it gets work.
+    """Requirements that a worker must meet before it gets work.
 
     Args:
         session: name of the supervisor's connection.
-        memory: that a run may take [bytes].
+        memory: memory limit of a run [bytes].
         reference: task of the reference run.
-        expected: the response to it; None: not yet known.
+        expected: expected response to the reference run; None: not yet known.
     """
 
     session: str
@@ -38,7 +38,7 @@ class Handshake:
 
 @dataclass(frozen=True)
 class Chunk:
-    """Tasks that travel together, and the handshake for a worker that joined later."""
+    """Tasks that are sent together, with the handshake for a worker that joined later."""
 
     tasks: Sequence[Task]
     handshake: Handshake
@@ -46,12 +46,12 @@ class Chunk:
 
 @dataclass(frozen=True)
 class Carried:
-    """What became of a chunk.
+    """Result of a chunk.
 
     Attributes:
-        worker: its address.
-        outcomes: in the order of the tasks: a response, or the TimedOut or Died of that run (anything else is a bug).
-        differs: why the worker may not carry it out; empty: it may.
+        worker: address of the worker.
+        outcomes: response to each task in order, or the TimedOut or Died of its run (any other error is a bug).
+        differs: reason why the worker must not execute the chunk; empty: it may.
     """
 
     worker: str
@@ -60,7 +60,7 @@ class Carried:
 
 
 class _Kept:
-    """What this process keeps between chunks."""
+    """State that this process keeps between chunks."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -69,17 +69,17 @@ class _Kept:
         self._responses: dict[str, Response] = {}
 
     def engine(self, memory: float) -> PebbleEngine:
-        """The process of runs, which may take so much memory [bytes]."""
+        """Return the engine with the process for runs, whose memory limit is `memory` [bytes]."""
         with self._lock:
             if self._engine is None or self._memory != memory:
                 self._drop()
-                # A daemon may not have processes; these end with it by themselves.
+                # A daemon may not have child processes; these end with it anyway.
                 multiprocessing.current_process().daemon = False
                 self._engine, self._memory = PebbleEngine(1, memory), memory
             return self._engine
 
     def response(self, handshake: Handshake) -> Response:
-        """To the reference run. Raises Differs: the process of runs has other code than this one."""
+        """Return the response to the reference run. Raises Differs: the process for runs has different code."""
         found = self._responses.get(handshake.session)
         if found is None:
             found = self.engine(handshake.memory).check(handshake.reference)
@@ -87,7 +87,7 @@ class _Kept:
         return found
 
     def drop(self) -> None:
-        """End the process of runs, whatever it does."""
+        """Kill the process for runs, whatever it is doing."""
         with self._lock:
             self._drop()
 
@@ -101,22 +101,22 @@ _kept = _Kept()
 
 
 def reference(packed: bytes) -> Response:
-    """Carry a reference run out.
+    """Execute the reference run and return its response.
 
     Args:
-        packed: a Handshake.
+        packed: pickled Handshake.
 
     Raises:
-        Differs: code has changed since this worker began.
+        Differs: the code has changed since this worker was started.
     """
     return _kept.response(pickle.loads(packed))
 
 
 def carry_out(packed: bytes) -> Carried:
-    """Carry a chunk out; without those that are left when nobody waits for it any more.
+    """Execute a chunk and return its result, without outcomes if the chunk is no longer needed.
 
     Args:
-        packed: a Chunk.
+        packed: pickled Chunk.
     """
     chunk: Chunk = pickle.loads(packed)
     address, needed = _asked()
@@ -135,8 +135,10 @@ def carry_out(packed: bytes) -> Carried:
 
 
 def _asked() -> tuple[str, Callable[[], bool]]:
-    """Address of this worker, and whether the task of this thread is still needed: a supervisor that ended or was
-    interrupted wants none."""
+    """Return the address of this worker, and a function that is True while the task of this thread is needed.
+
+    It is not needed any more if the supervisor has ended or was interrupted.
+    """
     from distributed import get_worker
 
     worker: Any = get_worker()

@@ -1,4 +1,4 @@
-"""A Dask cluster: chunks of tasks go to its workers, and each worker runs them in a process of its own (`chunks`)."""
+"""Engine on a Dask cluster: chunks of tasks go to its workers, which execute them in separate processes (`chunks`)."""
 
 import asyncio
 import logging
@@ -23,34 +23,34 @@ from hric_sweep.engines import chunks
 from hric_sweep.engines.engine import Died, Differs, Lost, Response, Task, arrived, same
 
 CHUNK = 20
-"""Tasks that travel together; fewer only at the end of a batch."""
+"""Tasks that are sent together; fewer only at the end of a batch."""
 OPEN_EACH = 2
-"""Chunks that each worker has open: one that runs, one that waits."""
+"""Open chunks per worker: one that runs, one that waits."""
 CONNECT = 10.0
-"""For the scheduler to respond [s]."""
+"""Timeout for a response of the scheduler [s]."""
 WORKERS = 30.0
-"""For the first worker to join [s]."""
+"""Timeout for the first worker to join [s]."""
 STARTING = 300.0
-"""For all workers to load what they need, and to carry a reference run out [s]."""
+"""Timeout for all workers to load their code and execute the reference run [s]."""
 CLOSING = 30.0
-"""For a cluster to end [s]."""
+"""Timeout for a cluster to close [s]."""
 SCHEMES = ("tcp://", "tls://")
 ON_WORKERS = chunks.__name__
-"""Module of what workers do."""
+"""Module whose functions the workers execute."""
 
 Part = Sequence[tuple[Task, "Future[Response]"]]
-"""Tasks of a chunk, each with the response to come."""
+"""Tasks of a chunk, each with the future of its response."""
 
 
 class DaskEngine:
-    """Connects to a cluster.
+    """Engine that executes tasks on a Dask cluster.
 
     Args:
-        address: of its scheduler, tcp://HOST:PORT or tls://HOST:PORT.
-        memory: that a run may take [bytes].
+        address: address of the scheduler, tcp://HOST:PORT or tls://HOST:PORT.
+        memory: memory limit of a run [bytes].
 
     Raises:
-        HricError: Dask is not installed, no such address, or no scheduler or no worker is there.
+        HricError: Dask is not installed, the address is invalid, or there is no scheduler or no worker.
     """
 
     def __init__(self, address: str, memory: float) -> None:
@@ -58,7 +58,7 @@ class DaskEngine:
 
     @classmethod
     def local(cls, jobs: int, memory: float) -> "DaskEngine":
-        """A cluster of this machine, reached through its loopback interface alone, which ends with the engine."""
+        """Return an engine with a cluster of this machine on the loopback interface, which ends with the engine."""
         distributed = _distributed()
         cluster = distributed.LocalCluster(
             n_workers=jobs,
@@ -95,18 +95,18 @@ class DaskEngine:
 
     @property
     def workers(self) -> int:
-        """Of which is known."""
+        """Number of known workers."""
         return len(self._known)
 
     @property
     def window(self) -> int:
-        """See `Engine`."""
+        """Number of tasks that may be open at once: OPEN_EACH chunks per worker."""
         return OPEN_EACH * CHUNK * self.workers
 
     # -- tasks ---------------------------------------------------------------------------------------------------------
 
     def submit(self, task: Task) -> "Future[Response]":
-        """Take a task; it goes with the chunk that it fills, or with `flush`. Raises Lost."""
+        """Add a task to the current chunk, which is sent when it is full or by `flush`. Raises Lost."""
         self._check_lost()
         response: Future[Response] = Future()
         self._buffer.append((task, response))
@@ -116,7 +116,7 @@ class DaskEngine:
         return response
 
     def flush(self) -> None:
-        """Send what is there, in equal parts to all workers. Raises Lost."""
+        """Send the remaining tasks, in equal parts to all workers. Raises Lost."""
         self._check_lost()
         size = math.ceil(len(self._buffer) / self.workers)
         for first in range(0, len(self._buffer), size or 1):
@@ -124,7 +124,7 @@ class DaskEngine:
         self._buffer = []
 
     def _send(self, part: Part) -> None:
-        assert self._handshake is not None  # of `check`
+        assert self._handshake is not None  # set by `check`
         packed = pickle.dumps(chunks.Chunk([task for task, _ in part], self._handshake))
         future = self._client.submit(_remote("carry_out"), packed, pure=False)
         with self._lock:
@@ -132,7 +132,7 @@ class DaskEngine:
         future.add_done_callback(lambda done: self._ended.put((done, part)))
 
     def _collect(self) -> None:
-        """Settle chunks, in a thread of its own: those that ended during one round trip share the next."""
+        """Resolve the futures of finished chunks, in a separate thread; one round trip serves all finished ones."""
         going = True
         while going:
             ended = arrived(self._ended)
@@ -154,7 +154,7 @@ class DaskEngine:
                     response.set_result(outcome)
 
     def _fetched(self, ended: Sequence[Any]) -> Sequence[chunks.Carried | BaseException | None]:
-        """What came of chunks; None: nothing, and their futures say why."""
+        """Return the results of chunks; None: there is no result, and the chunk's future has the reason."""
         try:
             return list(self._client.gather(dict(enumerate(ended)), errors="skip").values())
         except BaseException as error:
@@ -163,7 +163,7 @@ class DaskEngine:
     def _outcomes(
         self, done: Any, carried: chunks.Carried | BaseException | None, count: int
     ) -> Sequence[Response | BaseException]:
-        """Raises Lost, Differs; and HricError: a worker that cannot even begin."""
+        """Return the outcomes of a chunk. Raises Lost, Differs; HricError: a worker cannot even start."""
         if carried is None and done.status == "error":
             return [self._about(done.exception())] * count
         if carried is None or self._says_lost(carried):
@@ -177,7 +177,7 @@ class DaskEngine:
         return carried.outcomes
 
     def _says_lost(self, carried: chunks.Carried | BaseException) -> bool:
-        """A client that gave the scheduler up fails in whatever it was at, by errors of any type."""
+        """Return True if the scheduler is lost: a client that has given it up raises errors of any type."""
         if isinstance(carried, self._distributed.client.FutureCancelledError | OSError):
             return True
         return isinstance(carried, Exception) and self._client.status != "running"
@@ -197,10 +197,10 @@ class DaskEngine:
     # -- handshake -----------------------------------------------------------------------------------------------------
 
     def check(self, reference: Task) -> Response:
-        """All workers carry the reference run out; one that joins later does before its first chunk.
+        """Have all workers execute the reference run; a worker that joins later does so before its first chunk.
 
         Raises:
-            Differs: as in `Engine`.
+            Differs: workers differ, as in `Engine`.
             HricError: the scheduler is lost meanwhile.
         """
         handshake = chunks.Handshake(uuid.uuid4().hex, self._memory, reference)
@@ -220,7 +220,7 @@ class DaskEngine:
         return HricError(f"the Dask scheduler at {self._address} was lost during the handshake; valid: start it again")
 
     def _reference_runs(self, handshake: chunks.Handshake) -> dict[str, Response]:
-        """Responses of all workers by name. Raises Differs, HricError."""
+        """Return the responses of all workers by name. Raises Differs, HricError."""
         self._known = set(self._client.nthreads())
         packed = pickle.dumps(handshake)
         asked = {
@@ -249,10 +249,10 @@ class DaskEngine:
         return found
 
     def close(self, *, now: bool) -> None:
-        """Leave the cluster, and end it if it is this machine's; `now`: nobody waits for what is open."""
+        """Disconnect, and end the cluster if it is local; `now`: cancel open tasks."""
         with self._lock:
             left = list(self._open)
-        with suppress(Exception):  # whatever goes wrong at the end, nothing is lost any more
+        with suppress(Exception):  # errors while closing have no consequence
             if now and left and not self._lost:
                 self._client.cancel(left, force=True)
         self._ended.put(None)
@@ -264,7 +264,7 @@ class DaskEngine:
 
 
 def _remote(name: str) -> Callable[[bytes], Any]:
-    """A function of ON_WORKERS as one that only workers import: the scheduler reads tasks, and may be anywhere."""
+    """Return a function of ON_WORKERS that only workers import: the scheduler also unpickles tasks, on any machine."""
     module = ON_WORKERS
 
     def carried(packed: bytes) -> Any:
@@ -276,7 +276,7 @@ def _remote(name: str) -> Callable[[bytes], Any]:
 
 
 def _usual(found: Mapping[str, Response]) -> Response:
-    """The response of most workers."""
+    """Return the response of most workers."""
     usual = Counter(response["state_sha256"] for response in found.values()).most_common(1)[0][0]
     return next(response for response in found.values() if response["state_sha256"] == usual)
 
@@ -290,7 +290,7 @@ def _reason(error: BaseException) -> str:
 
 
 def _client(distributed: Any, address: str) -> Any:
-    """Raises HricError: nothing there that is a scheduler."""
+    """Return a client of the scheduler at an address. Raises HricError: there is no scheduler."""
     if not address.startswith(SCHEMES):
         raise HricError(f"--dask {address}: no address; valid: local, tcp://HOST:PORT or tls://HOST:PORT")
     try:
@@ -303,7 +303,7 @@ def _client(distributed: Any, address: str) -> Any:
             found = asyncio.run(asyncio.wait_for(_identity(distributed, address, security), CONNECT))
     except (OSError, OverflowError) as error:
         why = "what listens there says nothing" if isinstance(error, TimeoutError) else str(error)
-    except Exception as error:  # of any kind: whatever is there may send whatever
+    except Exception as error:  # any error: an unknown program at the address may send anything
         why = str(error) if "TLS" in str(error) else "what listens there speaks otherwise"
     else:
         if found.get("type") == "Scheduler":
@@ -317,7 +317,7 @@ def _client(distributed: Any, address: str) -> Any:
 
 
 async def _identity(distributed: Any, address: str, security: Any) -> Mapping[str, Any]:
-    """What a program of Dask's says of itself."""
+    """Return the identity that a Dask process reports."""
     arguments = security.get_connection_args("client")
     async with distributed.rpc(address, timeout=CONNECT, connection_args=arguments) as peer:
         found: Mapping[str, Any] = await peer.identity()
@@ -325,10 +325,10 @@ async def _identity(distributed: Any, address: str, security: Any) -> Mapping[st
 
 
 def _distributed() -> Any:
-    """Raises HricError: it is not installed."""
-    os.environ.setdefault("DASK_LOGGING__DISTRIBUTED", "critical")  # of the processes that it starts
+    """Import and silence Dask. Raises HricError: it is not installed."""
+    os.environ.setdefault("DASK_LOGGING__DISTRIBUTED", "critical")  # for the processes that Dask starts
     try:
-        import distributed  # here: it is an extra part of the set-up
+        import distributed  # imported here: its installation is optional
     except ImportError:
         raise HricError("--dask needs Dask, which is not installed:  scripts/setup --with cluster") from None
     for name in ("distributed", "tornado", "asyncio", *logging.root.manager.loggerDict):

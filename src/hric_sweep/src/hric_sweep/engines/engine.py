@@ -1,4 +1,4 @@
-"""What an engine of a sweep offers: tasks in, responses out, and nothing of it knows what a run is."""
+"""Interface of an engine of a sweep, which executes tasks and returns responses without knowing what a run is."""
 
 from collections.abc import Iterable, Iterator
 from concurrent.futures import Future
@@ -15,68 +15,68 @@ T = TypeVar("T")
 
 
 class TimedOut(FailureError):
-    """A run took longer than it may; its worker was killed."""
+    """Error: a run exceeded its timeout; its worker was killed."""
 
 
 class Died(FailureError):
-    """The worker of a run ended without a response."""
+    """Error: the worker of a run ended without a response."""
 
 
 class Differs(HricError):
-    """A worker has other code, or computes other bits; the message names it."""
+    """Error: a worker, named in the message, has different code or computes results with different bits."""
 
 
 class Lost(FailureError):
-    """What carries runs out is not there any more: no run failed, and those that are open have no response."""
+    """Error: the engine is no longer available; no run failed, and open runs have no response."""
 
     exit_code = UNFINISHED_CODE
 
 
 class Engine(Protocol):
-    """Carries tasks out."""
+    """Executor of tasks."""
 
     @property
     def window(self) -> int:
-        """How many tasks it wants to have open at once; more of them only wait."""
+        """Number of tasks to keep open at once; more would only wait."""
 
     @property
     def workers(self) -> int:
-        """How many runs it carries out at once."""
+        """Number of runs that are executed at once."""
 
     def submit(self, task: Task) -> "Future[Response]":
-        """Take a task. An engine may keep tasks back until it has a whole chunk of them.
+        """Submit a task. An engine may buffer tasks until it has a complete chunk.
 
         Returns:
-            has the response, or TimedOut or Died of that run; Lost or Differs, which end the sweep and are no result;
-                anything else is a bug.
+            Future of the response; its error is TimedOut or Died for a failed run, Lost or Differs, which end the sweep
+                and are no result; any other error is a bug.
 
         Raises:
-            Lost: it is known by now.
+            Lost: the engine is already known to be lost.
         """
 
     def flush(self) -> None:
-        """Begin what was kept back: no further task comes before one of these has ended. Raises Lost."""
+        """Send buffered tasks: the caller waits for one of them before it submits another. Raises Lost."""
 
     def check(self, reference: Task) -> Response:
-        """Have every worker, or one of several that cannot differ, carry a reference run out.
+        """Have every worker execute a reference run, or one worker if they cannot differ.
 
         Returns:
-            code version and hash, of `task.reference`.
+            Code version and hash, from `task.reference`.
 
         Raises:
             Differs: names the workers that differ.
         """
 
     def close(self, *, now: bool) -> None:
-        """End all workers; `now`: without waiting for what is open."""
+        """End all workers; `now`: do not wait for open tasks."""
 
 
 def arrived(queue: "SimpleQueue[T]", patience: float | None = None) -> list[T]:
-    """Waits for the first item of a queue; returns it and all that are there by then.
+    """Wait for the first item of a queue and return it with all other items that are there by then.
 
     Args:
-        queue: that this thread alone takes from.
-        patience: longest wait [s], after which the list may be empty; None: without end.
+        queue: queue from which only this thread takes items.
+        patience: longest wait [s], after which the list may be empty; None: no limit.
     """
     try:
         found = [queue.get(timeout=patience)]
@@ -89,10 +89,10 @@ def arrived(queue: "SimpleQueue[T]", patience: float | None = None) -> list[T]:
 
 @contextmanager
 def going_on_with(command: str) -> Iterator[None]:
-    """Within: what ends because the engine is lost, or has a worker that differs, says how to go on.
+    """Add the command that resumes the sweep to errors of a lost engine or a differing worker in the block.
 
     Raises:
-        Lost: with the command.
+        Lost: with the command in its message.
     """
     try:
         yield
@@ -101,11 +101,11 @@ def going_on_with(command: str) -> Iterator[None]:
 
 
 def same(responses: Iterable[tuple[str, Response]], own: Response) -> Response:
-    """The response that all workers gave to the reference run.
+    """Return the common response of all workers to the reference run.
 
     Args:
         responses: (name of a worker, its response).
-        own: of the supervisor's machine and code, or of when the sweep began.
+        own: response of the supervisor's machine and code, or from the start of the sweep.
 
     Raises:
         Differs: names the workers that differ.
@@ -117,7 +117,7 @@ def same(responses: Iterable[tuple[str, Response]], own: Response) -> Response:
 
 
 def difference(own: Response, other: Response) -> str:
-    """What is different, for people; empty: nothing."""
+    """Return what differs between two responses to the reference run, as text; empty: they agree."""
     if own["code"] != other["code"]:
         return f"code version {other['code'][:12]}, not {own['code'][:12]}; valid: the same revision, built"
     if own["state_sha256"] != other["state_sha256"]:

@@ -1,4 +1,4 @@
-"""Which engine a command uses: the options of the command line, and what they stand for."""
+"""Choice of the engine from the options of the command line."""
 
 import argparse
 import os
@@ -10,11 +10,11 @@ from hric_sweep.engines.engine import Engine
 
 JOBS = os.cpu_count() or 1
 LOCAL = "local"
-"""Instead of an address: a cluster of this machine's processors, that ends with the command."""
+"""Value of --dask that stands for a cluster of this machine's processors, which ends with the command."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """--jobs, --dask and --insecure."""
+    """Add --jobs, --dask and --insecure."""
     parser.add_argument("--jobs", type=int, help=f"runs at once (default: {JOBS}, the processors)")
     parser.add_argument(
         "--dask",
@@ -31,15 +31,15 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def engine_of(given: argparse.Namespace, memory: float, runs: int) -> Engine:
-    """The engine of a command.
+    """Return the engine of a command.
 
     Args:
-        given: of `add_options`.
-        memory: that a worker may take [bytes].
-        runs: that there are at most.
+        given: arguments with the options of `add_options`.
+        memory: memory limit of a worker [bytes].
+        runs: maximum number of runs.
 
     Raises:
-        HricError: options that do not go together, or a cluster that is not there.
+        HricError: options exclude each other, or the cluster is not reachable.
     """
     if given.jobs is not None:
         whole(minimum=1).checked(given.jobs, "--jobs")
@@ -62,7 +62,7 @@ def engine_of(given: argparse.Namespace, memory: float, runs: int) -> Engine:
 
 
 def _check_reach(address: str, insecure: bool) -> None:
-    """Raises HricError: what is at the address without certificate may be anybody, whose responses run as programs."""
+    """Refuse a remote address without certificate: anybody may be there, and responses are unpickled."""
     if insecure or address.startswith("tls://") or not (host := host_of(address)):
         return
     try:

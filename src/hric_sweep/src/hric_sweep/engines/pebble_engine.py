@@ -1,4 +1,4 @@
-"""Processes of this machine: each keeps what it has loaded, and is killed when a run takes too long."""
+"""Engine with processes of this machine, which are reused, and killed if a run exceeds its timeout."""
 
 import ctypes
 import os
@@ -19,23 +19,23 @@ from hric_sweep import task as runs
 from hric_sweep.engines.engine import Died, Response, Task, TimedOut, same
 
 OPEN_EACH = 2
-"""Tasks that each worker has open: one that runs, one that waits."""
+"""Open tasks per worker: one that runs, one that waits."""
 STARTING = 300.0
-"""For a worker to load all that it needs, and to carry a reference run out [s]."""
+"""Timeout for a worker to load its code and execute a reference run [s]."""
 FIRST_TO_GO = 1000
-"""Of /proc/self/oom_score_adj: where memory ends the kernel kills a worker, not the supervisor."""
+"""Value for /proc/self/oom_score_adj: if memory runs out, the kernel kills a worker, not the supervisor."""
 MIN_PROGRESS = 0.02
-"""Processor time that a run which waits for a busy processor still gains within its timeout [s]; project default,
+"""Processor time that a run waiting for a busy processor still gets within its timeout [s]; project default,
 unconfirmed: two ticks of the kernel's clock."""
 _PR_SET_PDEATHSIG = 1
 
 
 class PebbleEngine:
-    """A pool of processes.
+    """Engine with a pool of processes.
 
     Args:
-        jobs: how many.
-        memory: that a worker may take [bytes].
+        jobs: number of processes.
+        memory: memory limit of a worker [bytes].
     """
 
     def __init__(self, jobs: int, memory: float) -> None:
@@ -49,22 +49,22 @@ class PebbleEngine:
         self._pool._pool_manager.task_manager.timeout = Patience().exhausted
 
     def submit(self, task: Task) -> "Future[Response]":
-        """Take a task."""
+        """Submit a task to the pool."""
         response: Future[Response] = Future()
         inner = self._pool.schedule(runs.run, args=[task], timeout=task["timeout"])
         inner.add_done_callback(lambda done: _pass_on(done, response, task))
         return response
 
     def flush(self) -> None:
-        """Nothing is kept back."""
+        """Do nothing: this engine has no buffer."""
 
     def check(self, reference: Task) -> Response:
-        """All workers are of this machine and code: one of them carries the reference run out."""
+        """Have one worker execute the reference run: all workers have this machine and code."""
         found: Response = self._pool.schedule(runs.reference, args=[reference], timeout=STARTING).result()
         return same([("worker of this machine", found)], {**found, "code": runs.code_version()})
 
     def close(self, *, now: bool) -> None:
-        """End all workers."""
+        """End all workers; `now`: do not wait for open tasks."""
         if now:
             self._pool.stop()
         else:
@@ -73,14 +73,17 @@ class PebbleEngine:
 
 
 class Patience:
-    """Which runs hang: by their processor time, not by wall time, which a busy machine takes from healthy ones."""
+    """Detection of runs that hang, by processor time: wall time would condemn healthy runs on a busy machine."""
 
     def __init__(self) -> None:
         self._progress: dict[int, _Progress] = {}
 
     def exhausted(self, task: Any) -> bool:
-        """Say if a task of pebble, in place of its own rule, has taken more than its timeout of processor time [s], or
-        has gained no more than `MIN_PROGRESS` in as much wall time."""
+        """Return True if a run has used its timeout of processor time, or made no progress for that time.
+
+        This replaces the timeout rule of pebble. No progress means at most `MIN_PROGRESS` of processor time [s] in as much
+        wall time as the timeout [s].
+        """
         if not task.started:
             return False
         now, used = time.monotonic(), processor_time(task.worker_id)
@@ -95,7 +98,7 @@ class Patience:
 
 @dataclass
 class _Progress:
-    """Processor time of a run's process at its begin and when it last gained some [s], and when that was [s]."""
+    """Processor time of a run's process at its start and at its last progress [s], and the time of the latter [s]."""
 
     future: "Future[Response]"
     first: float
@@ -104,7 +107,7 @@ class _Progress:
 
 
 def processor_time(pid: int) -> float:
-    """Return what all threads of a process have used [s]; 0: it has ended."""
+    """Return the processor time that all threads of a process have used [s]; 0: it has ended."""
     try:
         fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     except OSError:
@@ -137,14 +140,14 @@ def _how(code: int | None) -> str:
 
 
 def begin_worker(supervisor: int, memory: int) -> None:
-    """In a new worker: end with the supervisor, leave Ctrl-C to it, and go before it where memory ends.
+    """Prepare a worker process: it ends with the supervisor, leaves Ctrl-C to it, and is killed first if memory runs out.
 
     Args:
-        supervisor: its process.
-        memory: that this one may take [bytes].
+        supervisor: process id of the supervisor.
+        memory: memory limit of this process [bytes].
     """
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != supervisor:  # it ended before that
+    if os.getppid() != supervisor:  # the supervisor ended before the call above
         os._exit(1)
     os.setpgid(0, 0)
     Path("/proc/self/oom_score_adj").write_text(str(FIRST_TO_GO))

@@ -36,7 +36,7 @@ METHOD = "importance sampling, t interval of the logarithm"
 
 @dataclass(frozen=True)
 class CrossEntropy(Settings):
-    """Importance sampling for rare exceedance. It finds up to three failure regions; use subset for more or curved ones."""
+    """Importance sampling for rare exceedance with up to three failure regions; use subset for more or curved ones."""
 
     batch: int | None = whole(
         None, minimum=SMALLEST_BATCH, text="runs of a batch; none: a tenth of all", default_text="runs / 10"
@@ -122,7 +122,10 @@ class CrossEntropySampler:
         self._adapt()
 
     def _adapt(self) -> None:
-        """Fit the proposal to the best points so far; freeze it after two fits to points that all exceed the limit."""
+        """Fit the proposal to the best points so far.
+
+        It is final after two successive fits to points that all exceed, or after ADAPTING of the batches.
+        """
         z = np.concatenate([one.z for one in self._adapting])
         margins = np.concatenate([one.margins for one in self._adapting])
         elite = max(round(ELITE * self._batch), FEWEST)
@@ -164,7 +167,7 @@ class CrossEntropySampler:
         return Estimate(probability, low, high, LEVEL, runs, *sums, METHOD, check)
 
     def _plain_runs(self) -> CrossCheck:
-        """Return the count and interval of the runs of all batches that were drawn from the distributions themselves."""
+        """Return count and interval of the runs of all batches that were drawn from the distributions themselves."""
         batches = (*self._adapting, *self._final)
         runs = sum(one.plain - int(one.failed[: one.plain].sum()) for one in batches)
         exceeded = sum(int(one.exceeded[: one.plain].sum()) for one in batches)

@@ -21,7 +21,7 @@ class Design:
 
     Args:
         u: points of the unit cube, shape (m, n).
-        drawn: True if they are drawn from the distributions, so that the share of runs that exceed estimates a probability.
+        drawn: True if they are drawn from the distributions, so that counts estimate a probability.
     """
 
     def __init__(self, u: FloatArray, drawn: bool) -> None:
@@ -42,7 +42,7 @@ class Design:
         self._results = results
 
     def estimate(self) -> Estimate | None:
-        """Return the probability with its Clopper-Pearson interval; None if the points are not drawn from the distributions."""
+        """Return the Clopper-Pearson estimate; None: the points are not drawn from the distributions, or no result."""
         counted = [result.exceeded for result in self._results]
         if not self._drawn or all(one is None for one in counted):
             return None
@@ -57,7 +57,7 @@ class Grid(Settings):
     """Full factorial design: every combination of the values of all variables, which must be of kind choice."""
 
     def sampler(self, space: Space, runs: int | None, seed: int) -> Design:
-        """Return the design. Raises ParameterError: a variable is not discrete, or `runs` differs from the size of the grid."""
+        """Return the design. Raises ParameterError: a variable is not discrete, or `runs` is not the grid's size."""
         middles = _middles(space, "grid")
         _all_of(runs, int(np.prod([len(one) for one in middles])), "the whole grid")
         axes = np.meshgrid(*middles, indexing="ij")
@@ -69,7 +69,7 @@ class Listed(Settings):
     """Run i has the i-th value of each variable; all variables are of kind choice, with the same number of values."""
 
     def sampler(self, space: Space, runs: int | None, seed: int) -> Design:
-        """Return the design. Raises ParameterError: a variable is not discrete, or the numbers of values or runs differ."""
+        """Return the design. Raises ParameterError: a variable is not discrete, or its number of values differs."""
         middles = _middles(space, "list")
         counts = [len(one) for one in middles]
         if len(set(counts)) > 1:
@@ -105,7 +105,7 @@ class Sobol(Settings):
 
 @dataclass(frozen=True)
 class Lhs(Settings):
-    """Latin hypercube: each variable has as many equally likely slices as there are runs, with one run in each slice."""
+    """Latin hypercube: each variable has as many equally likely slices as there are runs, one run in each slice."""
 
     def sampler(self, space: Space, runs: int | None, seed: int) -> Design:
         """Return the design. Raises ParameterError: `runs` is missing."""
@@ -123,7 +123,7 @@ class Saltelli(Settings):
     extra: ClassVar[int] = 2
 
     def sampler(self, space: Space, runs: int | None, seed: int) -> Design:
-        """Return the design. Raises ParameterError: variables are correlated, or `runs` is not n + 2 times a power of two."""
+        """Return the design. Raises ParameterError: correlated variables, or `runs` is not n + 2 times a power of 2."""
         if not space.independent:
             raise refused(
                 "sweep.sampler.kind", "saltelli", "variables without correlation: the indices are defined for those"

@@ -15,7 +15,7 @@ FloatArray = npt.NDArray[np.float64]
 DEFENSIVE = 0.1
 """Share of each batch that is drawn from the distributions themselves [1]; no weight exceeds its inverse."""
 NARROWEST, WIDEST = 0.35, 1.2
-"""Bounds of a component's standard deviations along its axes [1]: a narrower one would miss the tails of the failures."""
+"""Bounds of a component's standard deviations along its axes [1]: a narrower one would miss tails of the failures."""
 SHRINKAGE = 0.3
 """Minimum share of the standard normal's covariance in that of a component [1]; it is larger if points are few."""
 COMPONENTS = 3
@@ -114,7 +114,7 @@ def _fitted(z: FloatArray, weights: FloatArray, count: int, size: float) -> Prop
 
 
 def _far_apart(z: FloatArray, weights: FloatArray, count: int) -> FloatArray:
-    """Return initial means: the point of highest weight, then each time that with the largest weight times distance squared."""
+    """Return initial means: the heaviest point, then each time that of largest weight times distance squared."""
     chosen = [z[np.argmax(weights)]]
     while len(chosen) < count:
         nearest = np.min([np.sum((z - one) ** 2, axis=1) for one in chosen], axis=0)
@@ -123,7 +123,7 @@ def _far_apart(z: FloatArray, weights: FloatArray, count: int) -> FloatArray:
 
 
 def _factor(deviations: FloatArray, weights: FloatArray, size: float) -> FloatArray:
-    """Return the Cholesky factor of a component's covariance, shrunk to the standard normal's and bounded along its axes."""
+    """Return the Cholesky factor of a component's covariance, shrunk to the identity and bounded along its axes."""
     n = deviations.shape[1]
     towards = min(1.0, max(SHRINKAGE, (n + 1) / max(size, 1e-9)))
     covariance = (1.0 - towards) * (deviations.T * weights) @ deviations + towards * np.eye(n)

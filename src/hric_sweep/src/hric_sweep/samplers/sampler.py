@@ -99,13 +99,13 @@ class Sampler(Protocol):
     total: int
 
     def ask(self) -> Sequence[Point]:
-        """Return the next batch; empty: no more runs. Call it after the results of the previous batch were passed to `tell`."""
+        """Return the next batch; empty: no more runs. Call it after `tell` got the results of the previous batch."""
 
     def tell(self, results: Sequence[Told]) -> None:
         """Receive the results of the complete batch, in order of index."""
 
     def estimate(self) -> Estimate | None:
-        """Return the estimate from all results so far; None: this sampler has none, or there is no exceedance or no result."""
+        """Return the estimate from all results so far; None: this sampler, the exceedance or the results give none."""
 
 
 def in_order(results: Sequence[Told], first: int, count: int) -> None:

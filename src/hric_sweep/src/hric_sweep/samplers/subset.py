@@ -39,7 +39,7 @@ METHOD = "subset simulation, normal interval of the logarithm"
 
 @dataclass(frozen=True)
 class Subset(Settings):
-    """Subset simulation for rare exceedance. Intervals are wider than with cross_entropy; failure regions have any shape."""
+    """Subset simulation for rare exceedance: wider intervals than cross_entropy, but failure regions of any shape."""
 
     smallest: float = number(1e-5, minimum=1e-9, maximum=0.1, text="probability that the runs must suffice for")
 
@@ -83,7 +83,7 @@ class SubsetSampler:
         self._bound = 1.0
 
     def ask(self) -> Sequence[Point]:
-        """Return the next step of all chains. The weight of a point is the estimated probability of its level."""
+        """Return the next step of all chains. A point's weight is the estimated probability of its level."""
         if self._done:
             return []
         random = np.random.default_rng([self._seed, self._batches])
@@ -96,7 +96,7 @@ class SubsetSampler:
         return [Point(tuple(row), self._shares) for row in np.clip(ndtr(z), EDGE, 1.0 - EDGE).tolist()]
 
     def tell(self, results: Sequence[Told]) -> None:
-        """Store the results of the step. A failed run counts as not exceeding. Raises HricError: results have no margin."""
+        """Store the results of the step. Failed runs count as not exceeding. Raises HricError: no margin."""
         if self._open is None:
             raise HricError("results were given before points; valid: those of a batch that was drawn")
         in_order(results, self._given, len(self._open.z))
@@ -124,7 +124,7 @@ class SubsetSampler:
         self._a = min(max(math.sqrt(max(1.0 - spread, 0.0)), 0.3), 0.98)
 
     def _finish(self, z: FloatArray, margins: FloatArray, chained: bool) -> None:
-        """End a level: it is the last one if a tenth exceeds or no levels are left; else select the seeds of the next chains."""
+        """End a level: the last one if a tenth exceeds or no levels are left, else seed the next chains."""
         order = np.argsort(-margins, kind="stable")
         level = 0.5 * float(margins[order[self._chains - 1]] + margins[order[self._chains]])
         self._done = level >= 0.0 or len(self._variances) + 1 == self._levels or not np.isfinite(level)
@@ -144,8 +144,8 @@ class SubsetSampler:
     def estimate(self) -> Estimate | None:
         """Return the estimate from the product of all levels; None until the last level is finished.
 
-        The relative variance lies between that of independent levels and that of fully correlated levels; the mean of both
-        is used, which covers (docs/concepts/rare_events.md states how often).
+        The relative variance lies between that of independent levels and that of fully correlated levels; their mean is
+        used, which covers (docs/concepts/rare_events.md states how often).
         """
         if not self._done or self._first is None:
             return None
@@ -163,7 +163,7 @@ class SubsetSampler:
 
 
 def correlation_factor(above: npt.NDArray[np.bool_]) -> float:
-    """Return the factor by which the correlation within chains increases the variance of a share, 1 or more.
+    """Return the factor by which correlation within chains increases the variance of a share, 1 or more.
 
     Source: Au & Beck 2001, eq. 29: 1 + 2 sum (1 - k/L) r_k.
 

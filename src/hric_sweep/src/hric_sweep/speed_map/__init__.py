@@ -1,1 +1,1 @@
-"""Up to which speed an arm may meet a person within the limits, over its workspace: a virtual measuring device."""
+"""Limit speed of an arm for contacts with a person, over its workspace, found with a virtual measuring device."""

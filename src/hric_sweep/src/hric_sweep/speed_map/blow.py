@@ -1,4 +1,4 @@
-"""A blow of the end effector against a measuring device, in a simulation of the arm."""
+"""Impact of the end effector on a measuring device, in a simulation of the arm."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -13,16 +13,16 @@ from hric_core.geometry import FloatArray
 from hric_sweep.speed_map.device import Body, Device
 
 STIFFNESS, DAMPING = 100.0, 20.0
-"""Of each joint of a driven arm around its way: those of the experiment `contact` [N m/rad], [N m s/rad]."""
+"""Gains of each joint of a driven arm along its path: those of the experiment `contact` [N m/rad], [N m s/rad]."""
 SHARE = 0.9
-"""Of its fastest speed an arm uses at most, as the reaction of a blow makes some joints faster."""
+"""Largest share of its fastest speed that the arm uses [1], as the reaction to an impact accelerates some joints."""
 
 
 class Arm(Enum):
-    """What the arm does while it touches.
+    """Behaviour of the arm during the contact.
 
-    PASSIVE: nothing but carry its own weight, as the closed form assumes.
-    DRIVEN: its joints go on at their speeds, held by springs, behind the control box with its limits and reflexes.
+    PASSIVE: gravity compensation only, as the closed form assumes.
+    DRIVEN: the joints continue at their speeds, held by springs, behind the control box with its limits and reflexes.
     """
 
     PASSIVE = "passive"
@@ -31,13 +31,13 @@ class Arm(Enum):
 
 @dataclass(frozen=True)
 class Approach:
-    """Along which the end effector comes.
+    """Motion of the end effector before the impact.
 
     Attributes:
-        q: joint position where it touches, shape (7,) [rad].
+        q: joint position at the contact, shape (7,) [rad].
         direction: unit vector in the base frame, shape (3,).
         dq: joint velocity for 1 m/s along the direction without rotation, shape (7,) [rad/m].
-        mass: reflected along the direction, with rotors [kg].
+        mass: reflected mass along the direction, with rotors [kg].
         fastest: speed that the joints' velocity limits allow [m/s].
     """
 
@@ -49,11 +49,11 @@ class Approach:
 
 
 class Blows:
-    """Blows of one arm.
+    """Impacts of one arm.
 
     Args:
-        robot: of a simulation, which nobody else steps.
-        arm: what it does meanwhile.
+        robot: robot of a simulation; nothing else may step it.
+        arm: behaviour of the arm during the contact.
     """
 
     def __init__(self, robot: FrankaHWSim, arm: Arm) -> None:
@@ -64,7 +64,7 @@ class Blows:
         robot.box.report = lambda text: None  # reflexes are part of what is measured
 
     def approach(self, q: FloatArray, direction: FloatArray) -> Approach:
-        """The approach along a direction, shape (3,), through a posture, shape (7,) [rad]."""
+        """Return the approach along a direction, shape (3,), through a posture, shape (7,) [rad]."""
         model = self._robot.model
         J = model.zero_jacobian(Frame.END_EFFECTOR, q)
         dq = np.linalg.pinv(J) @ np.array([*direction, 0.0, 0.0, 0.0])
@@ -74,12 +74,12 @@ class Blows:
         return Approach(q, direction, dq, mass, float(allowed.min()))
 
     def peak(self, approach: Approach, body: Body, speed: float) -> float:
-        """Largest force that the device reads of a blow, within the time of a transient contact [N].
+        """Return the peak force that the device reads within the time of a transient contact [N].
 
         Args:
-            approach: of the arm.
-            body: that it meets.
-            speed: at which both come towards each other; what the arm's joints do not allow of it the body does [m/s].
+            approach: motion of the arm.
+            body: body that the arm hits.
+            speed: closing speed; the body moves at the part that the arm's joints do not allow [m/s].
         """
         robot, dt, own = self._robot, self._robot.plant.time_step, min(speed, SHARE * approach.fastest)
         dq = own * approach.dq
@@ -103,11 +103,16 @@ class Blows:
         return device.peak
 
     def _position(self, q: FloatArray) -> FloatArray:
-        """Of the end effector in the base, shape (3,) [m]."""
+        """Return the position of the end effector in the base frame, shape (3,) [m]."""
         return np.asarray(self._robot.model.pose(Frame.END_EFFECTOR, q)[:3, 3])
 
     def _torque(self, behind: FloatArray, slower: FloatArray, q: FloatArray, v: FloatArray) -> list[float]:
-        """For the plant; behind, slower: by how much the joints are so of their approach, shape (7,) [rad], [rad/s]."""
+        """Return the torque for the plant.
+
+        Args:
+            behind, slower: desired minus measured joint position and velocity, shape (7,) [rad], [rad/s].
+            q, v: measured joint position and velocity, shape (7,) [rad], [rad/s].
+        """
         robot = self._robot
         if self._arm is Arm.PASSIVE:
             weight: list[float] = robot.model.gravity_list(q.tolist())

@@ -1,4 +1,4 @@
-"""Command line: speed_map."""
+"""Command `speed_map`."""
 
 import argparse
 import csv
@@ -24,7 +24,7 @@ from hric_sweep.speed_map.measured import Cell, Request, alone, lowest, measure
 
 REGION = "hand, fingers"
 X, Y, Z = (0.3, 0.7, 5), (-0.4, 0.4, 5), (0.2, 0.6, 3)
-"""Lowest, highest [m], and how many."""
+"""Default grid along each axis: lowest and highest value [m], and number of points."""
 CSV_FILE, PICTURE = "speed_map.csv", "speed_map.png"
 HEAD = (
     "x [m]",
@@ -38,11 +38,11 @@ HEAD = (
     "by M/2 + m_L [m/s]",
 )
 Measured = Mapping[tuple[float, ...], list[Cell]]
-"""Cells by point; none where the arm does not reach it."""
+"""Cells by point; empty if the arm does not reach the point."""
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Measure a map, print what it comes to, write its table and picture."""
+    """Measure a map, print its summary, write its table and picture, and return the exit code."""
     given = _parser().parse_args(list(arguments))
     number(minimum=0.0).checked(given.damping, "--damping")
     points = grid.points(given.x, given.y, given.z)
@@ -105,7 +105,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def report(found: Measured, request: Request, force: float) -> str:
-    """For the terminal."""
+    """Return the summary for the terminal."""
     cells = [cell for one in found.values() for cell in one]
     worst, ratios = lowest(cells), [cell.speed / cell.closed_form for cell in cells]
     unsafe = sum(cell.standard > cell.speed for cell in cells)
@@ -124,7 +124,7 @@ def report(found: Measured, request: Request, force: float) -> str:
 
 
 def as_csv(found: Measured) -> str:
-    """The table as CSV; its first line says what it is."""
+    """Return the table as CSV; its first line is the disclaimer."""
     text = io.StringIO()
     text.write(f"# {DISCLAIMER}\n")
     writer = csv.writer(text, lineterminator="\n")
@@ -138,7 +138,7 @@ def as_csv(found: Measured) -> str:
 
 
 def _write(folder: Path, found: Measured, request: Request, force: float) -> None:
-    from hric_sweep.speed_map.picture import draw  # slow to load, which a map without a picture need not wait for
+    from hric_sweep.speed_map.picture import draw  # imported here: slow to load, and needed for the picture only
 
     files.make_folder(folder)
     files.write_text(folder / CSV_FILE, as_csv(found))

@@ -1,8 +1,8 @@
-"""A virtual measuring device: a spring with the stiffness of a region of the body before a mass, read each millisecond.
+"""Virtual measuring device: a spring with the stiffness of a body region in front of a mass, read each millisecond.
 
-It is where the end effector is, so that it touches from the first instant on, and moves along one direction only, at
-first towards the arm where both have to meet faster than the arm alone moves.
-What a real device of ISO/PAS 5672 has and this one has not: its size, its foil, its mounting.
+It touches the end effector from the first instant and moves along one direction only, initially towards the arm if the
+closing speed is higher than the arm's speed. In contrast to a real device of ISO/PAS 5672 it has no size, no foil and
+no mounting.
 """
 
 from dataclasses import dataclass, field
@@ -14,12 +14,12 @@ PAIR = ("device", "arm")
 
 @dataclass(frozen=True)
 class Body:
-    """What the arm meets.
+    """Body that the arm hits.
 
     Attributes:
-        mass: behind the spring, free to move along the direction [kg].
-        stiffness: [N/m].
-        damping: [N s/m].
+        mass: mass behind the spring, free to move along the direction [kg].
+        stiffness: stiffness of the spring [N/m].
+        damping: damping of the spring [N s/m].
     """
 
     mass: float
@@ -29,18 +29,18 @@ class Body:
 
 @dataclass
 class Device:
-    """One measurement.
+    """Measuring device during one impact.
 
     Args:
-        body: of which region.
-        robot_mass: reflected mass of the arm along the direction [kg]; within a step alone: over steps the arm moves as
-            its plant says.
-        time_step: between two readings [s].
-        approach: speed of the body towards the arm at first [m/s].
+        body: mass and spring of the device.
+        robot_mass: reflected mass of the arm along the direction [kg]; used within a step only, as the plant moves the arm
+            between steps.
+        time_step: time between two readings [s].
+        approach: initial speed of the body towards the arm [m/s].
 
     Attributes:
-        peak: largest force so far [N].
-        apart: both have met, and are apart again.
+        peak: peak force so far [N].
+        apart: True if arm and device have touched and separated again.
     """
 
     body: Body
@@ -58,11 +58,11 @@ class Device:
         self._springs, self._speed = Springs(self.time_step), -self.approach
 
     def push(self, travel: float, speed: float) -> float:
-        """One step; returns the mean force against the arm [N].
+        """Advance by one step and return the mean force on the arm [N].
 
         Args:
-            travel: of the arm along the direction since it touched, at the step's begin [m].
-            speed: of the arm along it [m/s].
+            travel: travel of the arm along the direction since it touched, at the start of the step [m].
+            speed: speed of the arm along the direction [m/s].
         """
         depth, closing = travel - self._travel, speed - self._speed
         measured = 0.0 if self._closing is None else (closing - self._closing) / self.time_step

@@ -1,4 +1,4 @@
-"""Where the map measures: points of the workspace, with postures of the arm, and directions."""
+"""Grid of a speed map: points of the workspace with postures of the arm, and directions."""
 
 from collections.abc import Sequence
 from itertools import product
@@ -20,21 +20,21 @@ DIRECTIONS = {
     "+z": (0.0, 0.0, 1.0),
     "-z": (0.0, 0.0, -1.0),
 }
-"""Into which the end effector moves, in the base frame."""
+"""Directions of motion of the end effector, in the base frame."""
 STRIDE = 0.02
-"""Of the way from the start pose to a point, within which Newton's method finds the next posture [m]."""
+"""Step on the way from the start pose to a point, small enough for Newton's method to find the next posture [m]."""
 NEAR_LIMIT = 0.02
-"""Nearer to a joint limit no posture is used [rad]."""
+"""Minimum distance of a posture from the joint limits [rad]."""
 MANIPULABLE = 0.05
-"""Smallest singular value of the end effector's Jacobian (m and rad mixed); below, the arm is nearly stretched. Project
+"""Minimum singular value of the end effector's Jacobian (m and rad mixed); below, the arm is nearly stretched. Project
 default, unconfirmed."""
 
 
 def points(x: Sequence[float], y: Sequence[float], z: Sequence[float]) -> FloatArray:
-    """All points of a grid, shape (n, 3) [m]; x, y, z: lowest, highest and how many, each.
+    """Return all points of a grid, shape (n, 3) [m]; x, y, z: lowest value, highest value and number of points.
 
     Raises:
-        HricError: a range that is none.
+        HricError: an invalid range.
     """
     axes = []
     for name, (low, high, count) in zip("xyz", (x, y, z), strict=True):
@@ -45,10 +45,10 @@ def points(x: Sequence[float], y: Sequence[float], z: Sequence[float]) -> FloatA
 
 
 class Postures:
-    """Postures of an arm whose hand is turned as at its start.
+    """Postures of an arm in which the hand has the same orientation as at the start.
 
     Args:
-        robot: whose.
+        robot: robot whose model and limits apply.
     """
 
     def __init__(self, robot: FrankaHWSim) -> None:
@@ -58,7 +58,7 @@ class Postures:
         self._T_base_start = robot.model.pose(Frame.END_EFFECTOR, self._start)
 
     def at(self, point: FloatArray) -> FloatArray | None:
-        """Joint position with the end effector at a point, shape (3,) [m]; None: out of reach, or nearly so."""
+        """Return the joint position with the end effector at a point, shape (3,) [m]; None: (almost) out of reach."""
         T = self._T_base_start.copy()
         begin = T[:3, 3].copy()
         q: list[float] | None = self._start

@@ -1,4 +1,4 @@
-"""A whole map: the limit speed at each point in each direction, beside what the closed form gives."""
+"""Measurement of a speed map: limit speed at each point in each direction, with that of the closed form."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -19,19 +19,19 @@ from hric_sweep.speed_map.device import Body
 from hric_sweep.speed_map.grid import DIRECTIONS, Postures
 
 CLOSE, TRIES = 0.005, 20
-"""Of the force to the limit [1], and measurements at most."""
+"""Relative tolerance of the force at the limit [1], and maximum number of measurements."""
 
 
 @dataclass(frozen=True)
 class Cell:
-    """One point and direction.
+    """Result for one point and direction.
 
     Attributes:
-        point: of the end effector in the base frame, shape (3,) [m].
-        direction: its name.
+        point: position of the end effector in the base frame, shape (3,) [m].
+        direction: name of the direction.
         mass: reflected mass of the arm [kg].
-        speed: limit speed by the device, at which arm and body come towards each other [m/s].
-        fastest: that the arm's joints allow along this direction without turning the hand [m/s].
+        speed: limit of the closing speed by the device [m/s].
+        fastest: speed that the arm's joints allow along this direction without rotation of the hand [m/s].
         closed_form: limit speed by the reflected mass [m/s].
         standard: limit speed by half the moving mass, as ISO/TS 15066 estimates it [m/s].
     """
@@ -50,10 +50,10 @@ class Request:
     """Settings of a map.
 
     Attributes:
-        region: of the body.
-        limits: with the table.
-        damping: of the device [N s/m].
-        arm: behaviour of the arm while it touches.
+        region: body region that the arm hits.
+        limits: limits with their table.
+        damping: damping of the device [N s/m].
+        arm: behaviour of the arm during the contact.
     """
 
     region: str
@@ -84,15 +84,15 @@ class Request:
 
 
 def measure(robot: FrankaHWSim, request: Request, points: FloatArray) -> Iterator[tuple[FloatArray, list[Cell]]]:
-    """Measure the limit speeds at some points.
+    """Measure the limit speeds at points of the workspace.
 
     Args:
-        robot: of a simulation.
+        robot: robot of a simulation.
         request: settings of the map.
-        points: shape (n, 3) [m].
+        points: points in the base frame, shape (n, 3) [m].
 
     Yields:
-        each point with its cells; none where the arm does not reach it.
+        Each point with its cells; no cells if the arm does not reach it.
 
     Raises:
         HricError: as `Request.check`.
@@ -122,12 +122,12 @@ def _cell(
 
 
 def limit_speed(force_of: Callable[[float], float], limit: float, guess: float) -> float:
-    """Search it; a force in proportion to the speed needs two measurements [m/s].
+    """Search the speed at which the force reaches its limit [m/s]; two measurements suffice if they are proportional.
 
     Args:
-        force_of: force of a speed [N], [m/s]; rises with it, from 0 on.
-        limit: [N].
-        guess: of the speed [m/s].
+        force_of: force [N] as a function of the speed [m/s], increasing from 0.
+        limit: limit of the force [N].
+        guess: first speed [m/s].
 
     Raises:
         HricError: the force jumps over the limit.
@@ -144,17 +144,17 @@ def limit_speed(force_of: Callable[[float], float], limit: float, guess: float) 
 
 
 def alone(cell: Cell) -> bool:
-    """Whether the arm alone can move as fast as the limit, with nobody moving towards it."""
+    """Return True if the arm alone can reach the limit speed, without a person moving towards it."""
     return cell.fastest >= cell.speed
 
 
 def lowest(cells: Sequence[Cell]) -> Cell:
-    """The direction of a point that permits least."""
+    """Return the cell with the lowest limit speed."""
     return min(cells, key=lambda cell: cell.speed)
 
 
 def by_height(found: Mapping[tuple[float, ...], list[Cell]]) -> dict[float, list[Cell]]:
-    """The lowest of each point, by its height [m]."""
+    """Return the cell with the lowest limit speed of each point, by height [m]."""
     heights: dict[float, list[Cell]] = {}
     for cells in found.values():
         if cells:

@@ -1,4 +1,4 @@
-"""The picture of a map: for each height the lowest limit speed of all directions, and along which it is."""
+"""Picture of a speed map: for each height the lowest limit speed of all directions, with its direction."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,20 +14,20 @@ from hric_sweep.speed_map.measured import Cell, alone, by_height
 
 COLOURS = "viridis"
 COLUMNS = 3
-"""Heights in a row, at most."""
+"""Maximum number of heights in a row."""
 BESIDE, BETWEEN, BELOW = 30.0, 11.0, 14.0
-"""Room for the scale, around each row of heights, and for title and note [mm]."""
+"""Room for the colour scale, around each row of heights, and for title and note [mm]."""
 MARGIN = 0.5
-"""Around the outermost points, in distances between points."""
+"""Margin around the outermost points, in distances between points."""
 
 
 def draw(path: Path, found: Mapping[tuple[float, ...], list[Cell]], title: str) -> None:
     """Write the picture as PNG and SVG.
 
     Args:
-        path: of the PNG.
+        path: path of the PNG file.
         found: cells by point.
-        title: what was met by what.
+        title: region, arm and limit, for the title.
     """
     heights = by_height(found)
     speeds = [cell.speed for cells in heights.values() for cell in cells]
@@ -68,7 +68,7 @@ def draw(path: Path, found: Mapping[tuple[float, ...], list[Cell]], title: str) 
 
 
 def _level(ax: Axes, cells: list[Cell], lines: Mapping[int, list[float]], ends: tuple[float, float]) -> None:
-    """One height: y to the left, as one looks along x."""
+    """Draw one height with y to the left, as seen along x."""
     xs, ys = lines[0], lines[1]
     image = np.full((len(xs), len(ys)), np.nan)
     for cell in cells:
@@ -85,7 +85,7 @@ def _level(ax: Axes, cells: list[Cell], lines: Mapping[int, list[float]], ends: 
 
 
 def _edges(values: list[float]) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
-    """Between the points of an axis, and around its ends."""
+    """Return the cell edges along an axis: between its points, and around its ends."""
     if len(values) == 1:
         return np.array([values[0] - 0.05, values[0] + 0.05])
     middles = 0.5 * (np.array(values[1:]) + np.array(values[:-1]))

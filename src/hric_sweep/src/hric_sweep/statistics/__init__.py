@@ -1,1 +1,1 @@
-"""What the outputs of a sweep say: probabilities, sensitivities, ranks."""
+"""Statistics of the outputs of a sweep: probabilities, sensitivities, rank correlations."""

@@ -11,7 +11,7 @@ from hric_core.errors import HricError
 
 FloatArray = npt.NDArray[np.float64]
 LEVEL = 0.95
-"""Share of sweeps whose interval contains the true probability, by default [1]."""
+"""Default confidence level: share of sweeps whose interval contains the true probability [1]."""
 
 
 class Interval(NamedTuple):
@@ -29,17 +29,17 @@ def clopper_pearson(exceeded: int, runs: int, level: float = LEVEL, weights: Flo
     Args:
         exceeded: number of runs that exceeded.
         runs: number of all runs.
-        level: in (0, 1).
-        weights: of the runs, if they have any.
+        level: confidence level, in (0, 1).
+        weights: weights of the runs, if they have any.
 
     Raises:
-        HricError: counts that cannot be, or weights that are not all 1: the interval is one of counts.
+        HricError: impossible counts, or weights that are not all 1, since the interval is defined for counts.
     """
     return _exact("two-sided", exceeded, runs, level, weights)
 
 
 def clopper_pearson_upper(exceeded: int, runs: int, level: float = LEVEL, weights: FloatArray | None = None) -> float:
-    """Return the one-sided upper limit; with none exceeded about 3/runs at 95 %. Arguments as of `clopper_pearson`."""
+    """Return the one-sided upper limit, about 3/runs at 95 % if no run exceeded. Arguments as of `clopper_pearson`."""
     return _exact("less", exceeded, runs, level, weights).high
 
 
@@ -55,7 +55,7 @@ def _exact(side: str, exceeded: int, runs: int, level: float, weights: FloatArra
 
 
 def effective_size(weights: FloatArray) -> float:
-    """Return the number of equal weights that would scatter as much as these, (sum w)^2 / sum w^2; 0 of none.
+    """Return the number of equal weights with the same variance, (sum w)^2 / sum w^2; 0 without weights.
 
     Source: Kish, Survey Sampling, 1965.
     """
@@ -66,14 +66,14 @@ def effective_size(weights: FloatArray) -> float:
 def log_interval(weights: FloatArray, runs: int, level: float = LEVEL) -> Interval:
     """Return the interval of a probability from independent weighted runs, symmetric on a logarithmic scale.
 
-    The estimate is sum(w)/runs over those that exceeded. With their effective number e its logarithm scatters by
-    1/sqrt(e): the count is taken as Poisson's, which is on the safe side where most of the runs exceed. The quantile is
-    that of Student's distribution with e - 1 degrees of freedom, since the scatter is estimated from so many.
+    The estimate is sum(w)/runs over the runs that exceeded. With their effective number e, its logarithm has a standard
+    deviation of 1/sqrt(e): the count is treated as Poisson distributed, which is conservative if most runs exceed. The
+    quantile is that of Student's distribution with e - 1 degrees of freedom, as the variance is estimated from e runs.
 
     Args:
-        weights: likelihood ratios of those that exceeded, one at least, shape (m,).
-        runs: number of all runs, with those that did not.
-        level: in (0, 1).
+        weights: likelihood ratios of the runs that exceeded, at least one, shape (m,).
+        runs: number of all runs, including those that did not exceed.
+        level: confidence level, in (0, 1).
     """
     size = effective_size(weights)
     quantile = float(stdtrit(max(size - 1.0, 1.0), 0.5 + 0.5 * level))

@@ -1,4 +1,4 @@
-"""How much each variable matters: first-order and total indices, and correlation of ranks."""
+"""Sensitivity of an output to each variable: first-order and total Sobol indices, and rank correlation."""
 
 from dataclasses import dataclass
 
@@ -12,21 +12,21 @@ from hric_sweep.statistics.intervals import LEVEL, effective_size
 
 FloatArray = npt.NDArray[np.float64]
 RESAMPLES = 1000
-"""Of the bootstrap."""
+"""Number of bootstrap resamples."""
 FEWEST = 16
-"""Rows of Saltelli's design without a failed run, at least: below it the bootstrap says nothing."""
+"""Minimum number of rows of Saltelli's design without a failed run: with fewer the bootstrap is meaningless."""
 
 
 @dataclass(frozen=True)
 class Index:
-    """Of one variable, shares of the output's variance [1], each with its bootstrap interval.
+    """Sobol indices of one variable, shares of the output's variance [1], each with its bootstrap interval.
 
     Attributes:
-        first: what the variable explains alone.
-        total: what it explains with all its interactions.
+        first: share that the variable explains alone.
+        total: share that it explains with all its interactions.
         first_interval, total_interval: low and high, at `level`.
-        level: of the intervals.
-        rows: of the design that were used: those without a failed run.
+        level: confidence level of the intervals.
+        rows: number of rows of the design that were used: those without a failed run.
     """
 
     first: float
@@ -38,20 +38,20 @@ class Index:
 
 
 def indices(space: Space, output: FloatArray, seed: int = 0, level: float = LEVEL) -> dict[str, Index]:
-    """First-order and total indices of each variable, from the runs of the sampler saltelli.
+    """Return first-order and total indices of each variable, from the runs of the sampler saltelli.
 
     Estimators: first-order of Saltelli et al., Comput. Phys. Commun. 181:259, 2010, table 2 (b); total of Jansen,
     Comput. Phys. Commun. 117:35, 1999.
 
     Args:
-        space: of the variables.
-        output: of all runs in order of index, NaN where a run failed, shape (rows x (n + 2),).
-        seed: of the bootstrap.
-        level: of its intervals.
+        space: space of the variables.
+        output: output of all runs in order of index, NaN for a failed run, shape (rows x (n + 2),).
+        seed: seed of the bootstrap.
+        level: confidence level of the intervals.
 
     Raises:
-        HricError: correlated variables, runs that are no whole design, an output that is constant or infinite, or too
-            few rows without a failed run.
+        HricError: correlated variables, runs that are not a complete design, an output that is constant or infinite,
+            or too few rows without a failed run.
     """
     n = len(space.names)
     if not space.independent:
@@ -85,7 +85,11 @@ def indices(space: Space, output: FloatArray, seed: int = 0, level: float = LEVE
 
 
 def _indices(blocks: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """First-order and total indices, shape (n,) each, of outputs of A, B and A with one column of B, (n + 2, rows)."""
+    """Return first-order and total indices, shape (n,) each.
+
+    Args:
+        blocks: outputs of A, of B, and of A with one column of B for each variable, shape (n + 2, rows).
+    """
     a, b, mixed = blocks[0], blocks[1], blocks[2:]
     variance = float(np.var(blocks[:2]))
     if variance == 0.0:
@@ -97,21 +101,21 @@ def _indices(blocks: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def rank_correlation(values: FloatArray, output: FloatArray, weights: FloatArray | None = None) -> tuple[float, float]:
-    """Spearman's coefficient of a variable and an output, and the probability of one so far from 0 by chance.
+    """Return Spearman's coefficient of a variable and an output, with its p-value.
 
-    With weights a rank is the weight of all that is below, and half of that of its equals; the coefficient is Pearson's
-    of such ranks, with the weights, and chance is that of the effective number of runs.
+    With weights, a rank is the weight of all values below plus half the weight of all equal values; the coefficient is
+    the weighted Pearson coefficient of these ranks, and the p-value uses the effective number of runs.
 
     Args:
-        values: of the variable, shape (m,).
-        output: NaN where a run failed; those runs are left out, shape (m,).
-        weights: likelihood ratios, runs of weight 0 are left out, shape (m,); None: all count alike.
+        values: values of the variable, shape (m,).
+        output: output, NaN for failed runs, which are left out, shape (m,).
+        weights: likelihood ratios, shape (m,); runs of weight 0 are left out; None: equal weights.
 
     Returns:
         Coefficient in [-1, 1] and two-sided p-value [1].
 
     Raises:
-        HricError: fewer than 3 runs, or one of both is constant.
+        HricError: fewer than 3 runs, or one of the two is constant.
     """
     weights = np.ones(values.shape) if weights is None else weights
     kept = ~np.isnan(values) & ~np.isnan(output) & (weights > 0.0)
@@ -126,7 +130,7 @@ def rank_correlation(values: FloatArray, output: FloatArray, weights: FloatArray
 
 
 def _ranks(values: FloatArray, weights: FloatArray) -> FloatArray:
-    """Ranks less their mean, shape (m,), of values with weights above 0."""
+    """Return centred ranks of values with weights above 0, shape (m,)."""
     _, groups = np.unique(values, return_inverse=True)
     sums = np.bincount(groups, weights)
     middles = np.cumsum(sums) - 0.5 * sums

@@ -1,1 +1,1 @@
-"""Stops of the emulated arm, by speed and load."""
+"""Stopping time and distance of the emulated arm, by speed and load."""

@@ -1,4 +1,4 @@
-"""Command line: measure_stops."""
+"""Command `measure_stops`."""
 
 import argparse
 import shlex
@@ -20,13 +20,13 @@ from hric_sweep.stops import measuring
 
 PROGRAM = "rosrun hric_experiments measure_stops"
 SPEEDS = (0.05, 0.1, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0)
-"""Of the end effector [m/s]."""
+"""Default speeds of the end effector [m/s]."""
 LOADS = (0.0, 1.0, 2.0, 3.0)
-"""[kg]; a Panda carries 3 kg."""
+"""Default loads [kg]; the payload of a Panda is 3 kg."""
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Measure the stops of the emulated arm, and print or write their table."""
+    """Measure the stops of the emulated arm, print or write their table, and return the exit code."""
     given = _parser().parse_args(list(arguments))
     for name, values, minimum in (("--speeds", given.speeds, 1e-3), ("--loads", given.loads, 0.0)):
         for value in values:
@@ -66,12 +66,12 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def measured(robot: FrankaHWSim, speeds: Sequence[float], loads: Sequence[float], command: str) -> StopTable:
-    """The table of an arm.
+    """Return the stop table of an arm.
 
     Args:
-        robot: of a simulation.
-        speeds, loads: from the smallest on [m/s], [kg].
-        command: that makes it again.
+        robot: robot of a simulation.
+        speeds, loads: speeds and loads in ascending order [m/s], [kg].
+        command: command that reproduces the table.
 
     Raises:
         HricError: no pose reaches any of the speeds.

@@ -1,6 +1,6 @@
-"""A stop of the emulated arm, measured: it moves, the user stop is pressed, and the control box brings it to rest.
+"""Measurement of a stop of the emulated arm: it moves, the user stop is pressed, and the control box brakes it.
 
-The box brakes each joint's desired velocity with its acceleration limit, from the measured one on, and its internal
+The box brakes each joint's desired velocity with its acceleration limit, starting at the measured one, and its internal
 joint impedance makes the arm follow (`franka_sim.box.hold`, `internal_impedance`).
 """
 
@@ -18,27 +18,27 @@ from hric_core.errors import HricError
 from hric_core.geometry import FloatArray
 
 STANDSTILL = 0.010
-"""Slower than that the end effector is at rest [m/s]; chosen by this project."""
+"""Speed below which the end effector is at rest [m/s]; chosen by this project."""
 QUIET = 0.1
-"""So long it has to stay slower [s]."""
+"""Time for which it must stay below that speed [s]."""
 LONGEST = 5.0
-"""Of a stop [s]."""
+"""Maximum duration of a stop [s]."""
 LOAD_RADIUS = 0.05
-"""The load is a ball of that radius around the end effector [m]."""
+"""Radius of the load, a ball around the end effector [m]."""
 POSES = (
-    (0.0, -0.785398, 0.0, -2.356194, 0.0, 1.570796, 0.785398),  # that of libfranka's examples, and of the thesis
+    (0.0, -0.785398, 0.0, -2.356194, 0.0, 1.570796, 0.785398),  # start pose of libfranka's examples and of the thesis
     (0.0, 0.9, 0.0, -0.8, 0.0, 1.7, 0.785398),  # reaches far
 )
-"""Poses beside the random ones, 7 floats [rad]."""
+"""Fixed poses, used in addition to the random ones, 7 floats [rad]."""
 RANDOM_POSES, SEED, INNER = 6, 0, 0.7
-"""How many, of which seed, and in which inner share of the joints' ranges."""
+"""Number of random poses, their seed, and the inner share of the joint ranges from which they are drawn [1]."""
 ALONE = 6
-"""Joints that also move alone: those before the last, which turns the end effector on the spot."""
+"""Number of joints that also move alone: all but the last, which only rotates the end effector."""
 
 
 @dataclass(frozen=True)
 class Begun:
-    """Where a stop begins.
+    """State at the start of a stop.
 
     Attributes:
         q, dq: joint position and velocity, shape (7,) [rad], [rad/s].
@@ -50,11 +50,11 @@ class Begun:
 
 @dataclass(frozen=True)
 class Stopped:
-    """What came of it.
+    """Result of a stop.
 
     Attributes:
-        time: from the press of the user stop until the end effector is at rest [s].
-        distance: that it covers in that time, along its path [m].
+        time: time from the user stop until the end effector is at rest [s].
+        distance: length of its path in that time [m].
     """
 
     time: float
@@ -62,22 +62,22 @@ class Stopped:
 
 
 class Stopping:
-    """The arm of a simulation, which is put where a stop begins, at full speed.
+    """Arm of a simulation that is set to the start of a stop, at full speed, and then stopped.
 
     Args:
-        robot: it is made, and nobody else steps it.
+        robot: robot of a simulation; nothing else may step it.
     """
 
     def __init__(self, robot: FrankaHWSim) -> None:
         self._robot, self._model, self._box = robot, robot.model, robot.box
         self._dt = robot.plant.time_step
-        self._box.report = lambda text: None  # of each press
+        self._box.report = lambda text: None  # do not report each user stop
 
     def carry(self, mass: float) -> None:
-        """A load [kg] at the end effector, of the plant and of what the arm knows.
+        """Attach a load [kg] to the end effector, in the plant and in the load parameters of the arm.
 
         Raises:
-            HricError: the arm does not take it.
+            HricError: the arm refuses the load.
         """
         com = tuple(map(float, self._model.F_T_EE[:3, 3]))
         inertia = tuple((0.4 * mass * LOAD_RADIUS**2 * np.eye(3)).ravel().tolist())
@@ -87,11 +87,11 @@ class Stopping:
         self._robot.plant.set_load(Load(mass, com, inertia) if mass else None, f"{self._robot.arm_id}_link8")
 
     def jacobian(self, q: Sequence[float] | FloatArray) -> FloatArray:
-        """Of the end effector's position, shape (3, 7) [m/rad]."""
+        """Return the Jacobian of the end effector's position, shape (3, 7) [m/rad]."""
         return np.asarray(self._model.zero_jacobian(Frame.END_EFFECTOR, q)[:3])
 
     def stop(self, begun: Begun) -> Stopped:
-        """One stop.
+        """Execute and measure one stop.
 
         Raises:
             HricError: the arm does not come to rest.
@@ -117,8 +117,11 @@ class Stopping:
         return float(np.linalg.norm(self.jacobian(states.position) @ np.array(states.velocity)))
 
     def begins(self, q: FloatArray, speed: float, max_velocity: Sequence[float]) -> Iterator[Begun]:
-        """Motions of the end effector at a speed [m/s] in a pose that the joints' velocity limits allow: along the axes
-        of the base with the smallest joint velocities, and each joint alone; all in both senses."""
+        """Yield starts at an end-effector speed [m/s] in a pose, within the joints' velocity limits.
+
+        The directions are the axes of the base, with the smallest joint velocities, and the motion of each joint alone, in
+        both senses.
+        """
         J = self.jacobian(q)
         along = np.linalg.pinv(J).T
         alone = np.eye(7)[:ALONE]
@@ -138,10 +141,10 @@ def _quiet(speeds: Sequence[float], dt: float) -> bool:
 
 
 def standing(speed: FloatArray, dt: float) -> Stopped:
-    """Of the speed over a stop.
+    """Return time and distance of a stop from the speed of the end effector.
 
     Args:
-        speed: of the end effector from the begin on, shape (n,), slower than STANDSTILL at its end [m/s].
+        speed: speed of the end effector from the start of the stop, below STANDSTILL at the end, shape (n,) [m/s].
         dt: time between two samples [s].
     """
     last = int(np.flatnonzero(speed >= STANDSTILL)[-1]) if np.any(speed >= STANDSTILL) else 0
@@ -152,7 +155,7 @@ def standing(speed: FloatArray, dt: float) -> Stopped:
 
 
 def poses(lower: Sequence[float], upper: Sequence[float]) -> list[FloatArray]:
-    """POSES, and random ones between the joints' limits [rad]; shape (7,) each."""
+    """Return POSES and random poses within the joint limits, shape (7,) each [rad]."""
     low, high = np.array(lower), np.array(upper)
     middle, half = 0.5 * (low + high), 0.5 * INNER * (high - low)
     drawn = np.random.default_rng(SEED).uniform(middle - half, middle + half, (RANDOM_POSES, 7))
@@ -162,8 +165,10 @@ def poses(lower: Sequence[float], upper: Sequence[float]) -> list[FloatArray]:
 def worst(
     stopping: Stopping, starts: Sequence[FloatArray], speed: float, load: float, max_velocity: Sequence[float]
 ) -> Row | None:
-    """Longest time and longest distance of all stops from a speed [m/s] with a load [kg] that it carries already; None:
-    no pose reaches that speed."""
+    """Return the longest time and distance of all stops from a speed [m/s] with a load [kg] that is attached already.
+
+    None: no pose reaches that speed.
+    """
     found = [stopping.stop(begun) for q in starts for begun in stopping.begins(q, speed, max_velocity)]
     if not found:
         return None

@@ -1,4 +1,4 @@
-"""Study files: one experiment run in several variants, and how far apart the runs may be."""
+"""Study files: one experiment in several variants, with the largest accepted differences between runs."""
 
 import re
 from collections.abc import Iterable, Mapping
@@ -24,14 +24,14 @@ forms:
 """
 
 RENAMED = {"opensim_vs_pybullet": "engines"}
-"""Names that studies had before."""
+"""Former names of studies with their current names."""
 _NUMERIC = re.compile(r"-?\d+(\.\d+)?")
 OVERRIDES: Any = listing(text(empty=False), default=(), different=True, made=once)
 
 
 @dataclass(frozen=True)
 class Pair(Settings):
-    """Two runs of a form that are overlaid on each other."""
+    """Pair of runs of a form that are compared."""
 
     runs: tuple[str, str] = names_(2, text="names of the runs")
     at_most: float | None = number(
@@ -48,7 +48,7 @@ class Pair(Settings):
 
 @dataclass(frozen=True)
 class Form(Settings):
-    """One experiment in several variants. name: within the study."""
+    """Experiment in several variants; `name` is its name within the study."""
 
     name: str = ""
     experiment: str = text(empty=False, text="its name, or the path of its YAML file")
@@ -66,7 +66,7 @@ class Form(Settings):
     )
 
     def check(self, where: str) -> None:
-        """Refuse a pair that names no run, and runs without a number where there is an abscissa."""
+        """Refuse a pair with an unknown run, and names of runs that are no numbers if there is an abscissa."""
         if self.abscissa and not all(map(_NUMERIC.fullmatch, self.runs)):
             raise refused(f"{where}runs", ", ".join(self.runs), f"names that are numbers, of {self.abscissa}")
         for i, pair in enumerate(self.compared):
@@ -74,21 +74,21 @@ class Form(Settings):
                 raise refused(f"{where}compared[{i}].runs", ", ".join(unknown), f"two of {', '.join(self.runs)}")
 
     def arguments(self, run: str, given: Iterable[str]) -> list[str]:
-        """Overrides of one run; given: the user's, which come last."""
+        """Return the overrides of one run; `given`: overrides of the user, which come last."""
         return [*self.changes, *self.runs[run], *given]
 
     def definition(self, run: str, given: Iterable[str]) -> Experiment:
-        """The experiment of one run.
+        """Return the experiment of one run.
 
         Raises:
-            HricError: a mistake in an override.
+            HricError: an override has a mistake.
         """
         return experiment.load(self.experiment, self.arguments(run, given))
 
 
 @dataclass(frozen=True)
 class Study(Settings):
-    """A study. name: of the file without its ending."""
+    """Checked study file; `name` is the file name without its ending."""
 
     name: str = ""
     description: str = text(text="one line for people")
@@ -102,10 +102,10 @@ class Study(Settings):
             raise refused(f"{where}forms", {}, "at least one form")
 
     def chosen(self, names: Iterable[str]) -> list[Form]:
-        """The forms of these names, all if there are none.
+        """Return the forms with these names, or all forms without names.
 
         Raises:
-            UnknownNameError: no such form.
+            UnknownNameError: there is no such form.
         """
         requested = list(names) or list(self.forms)
         for name in requested:
@@ -115,12 +115,12 @@ class Study(Settings):
 
 
 def names() -> list[str]:
-    """Names of the studies that come with the workspace."""
+    """Return the names of the studies that come with the workspace."""
     return experiment.names("studies")
 
 
 def is_study(name: str) -> bool:
-    """Whether a name is that of a study, or of a YAML file with one.
+    """Return True if a name is that of a study, or of a YAML file with a study.
 
     Raises:
         ParameterError: the file cannot be read or is not YAML.
@@ -132,13 +132,13 @@ def is_study(name: str) -> bool:
 
 
 def load(name: str) -> Study:
-    """Read a study and check it.
+    """Read and check a study.
 
     Args:
-        name: name, or path of a YAML file.
+        name: name of a study of the workspace, or path of a YAML file.
 
     Raises:
-        HricError: no such study, or mistakes in its file; the message gives the keys and what is valid.
+        HricError: the study does not exist or has mistakes; the message names the keys and what is valid.
     """
     if name.endswith((".yaml", ".yml")):
         path = Path(name).expanduser()
@@ -150,10 +150,10 @@ def load(name: str) -> Study:
 
 
 def parse(name: str, raw: Any) -> Study:
-    """Check the contents of a study file.
+    """Check the content of a study file.
 
     Raises:
-        ExperimentError: unknown and missing keys, all of them at once, or a pair that names no run.
+        ExperimentError: unknown and missing keys, all of them at once, or a pair with an unknown run.
     """
     try:
         return replace(Study.of(raw, ""), name=name)

@@ -1,5 +1,7 @@
-"""Figures of a study: all of its runs in one, and those in the form of the thesis's figures 17 and 18; its figure 19 is
-the comparison's `figures/positions.png`."""
+"""Figures of a study: all runs in one figure, and figures 17 and 18 of the thesis.
+
+Its figure 19 is the comparison's `figures/positions.png`.
+"""
 
 from __future__ import annotations
 
@@ -22,11 +24,11 @@ if TYPE_CHECKING:
 
 AXES = ("#b3261e", "#2e7d32", "#1f5fa8")
 AXIS_LENGTH = 0.07
-"""Of the drawn frames [m]."""
+"""Length of the axes of the drawn frames [m]."""
 
 
 def motion(logs: Mapping[str, ControlRecord]) -> list[Figure]:
-    """The joints in all runs, and how far each run is from the first one."""
+    """Return figures of the joint positions in all runs, and of the difference of each run from the first one."""
     (name, first), *others = logs.items()
     alike = {name: log for name, log in others if log.joint_names == first.joint_names}
     curves = [
@@ -45,14 +47,14 @@ def motion(logs: Mapping[str, ControlRecord]) -> list[Figure]:
 
 
 def _apart(curve: Curve, first: Curve) -> Curve:
-    """Largest difference of a joint at each time that both have."""
+    """Return the largest joint difference at each time that both curves have."""
     n = min(len(curve.time), len(first.time))
     largest = np.abs(curve.values[:n] - first.values[:n]).max(axis=1)
     return replace(curve, time=curve.time[:n], values=np.where(largest > 0.0, largest, np.nan))
 
 
 def times(of_runs: Mapping[str, FloatArray]) -> Figure:
-    """Thesis fig. 17: the time that the control law saw, over its calls."""
+    """Return the figure of the time that the control law saw, over its calls (thesis fig. 17)."""
     panels = []
     for name, time in of_runs.items():
         back = int(np.count_nonzero(np.diff(time) <= 0.0))
@@ -69,7 +71,7 @@ def times(of_runs: Mapping[str, FloatArray]) -> Figure:
 
 
 def draw_poses(folder: Path, poses: Mapping[str, Mapping[str, FloatArray]], title: str) -> Path:
-    """Thesis fig. 18: the link frames at the start, as each engine has them."""
+    """Draw the link frames at the start, in each engine (thesis fig. 18), and return the path."""
     folder.mkdir(parents=True, exist_ok=True)
     with plt.rc_context(STYLE):
         width = DOUBLE if len(poses) > 1 else SINGLE

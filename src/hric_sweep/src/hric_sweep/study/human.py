@@ -1,4 +1,4 @@
-"""What the runs of a study required of the human: a table, and figures over what the study varies. No ROS."""
+"""Load on the human in the runs of a study: a table, and figures over the varied quantity. No ROS."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -24,11 +24,11 @@ COLUMNS = {
     "activation_mean": ("mean activation of all muscles [1]", ".4f"),
     "smoothness": ("log dimensionless jerk [1]", ".2f"),
 }
-"""Heading and digits of each value; one that no run has is left out."""
+"""Heading and number format of each value; a value that no run has is left out."""
 
 
 def chosen(metrics: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Of a run's metrics those by which runs differ; None without a human."""
+    """Return the metrics of a run in which runs with a human differ; None without a human."""
     values = metrics.get("human")
     if not values:
         return None
@@ -52,7 +52,7 @@ def chosen(metrics: Mapping[str, Any]) -> dict[str, Any] | None:
 
 
 def _hands_share(grips: Mapping[str, Any], carried: Mapping[str, Any]) -> float | None:
-    """Mean share of the weight on grips of the human's own."""
+    """Return the mean share of the weight on the human's own grips."""
     own = f"{HUMAN}::"
     shares = carried["load_share"] or {}
     found = [share["mean"] for name, share in shares.items() if grips[name]["holder"].startswith(own)]
@@ -64,7 +64,7 @@ def _columns(found: Sequence[Mapping[str, Any]]) -> dict[str, tuple[str, str]]:
 
 
 def lines(runs: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Table of these values, one line per run; empty without a human."""
+    """Return the table of these values, one line per run; empty without a human."""
     columns = _columns([values for run in runs.values() if (values := run.get("human"))])
     cells = [["the human, a model's estimate", *(heading for heading, _ in columns.values()), "after the motion"]]
     for name, run in runs.items():
@@ -75,7 +75,7 @@ def lines(runs: Mapping[str, Mapping[str, Any]]) -> list[str]:
 
 
 def figure(runs: Mapping[str, Mapping[str, Any]], abscissa: str) -> Figure | None:
-    """`human`: each value over the numbers that the runs are called by; None without a human or an abscissa."""
+    """Return the figure `human` of each value over the numeric names of the runs; None without a human or an abscissa."""
     found = sorted((float(name), run["human"]) for name, run in runs.items() if abscissa and run.get("human"))
     if not found:
         return None

@@ -1,4 +1,4 @@
-"""Runs a study headless: every run of every form, the comparisons, and one verdict."""
+"""Headless execution of a study: every run of every form, the comparisons, and one verdict."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -32,17 +32,17 @@ PEOPLE = {
     "human_joint_difference_max": "of a human's joint",
     "human_force_difference_max": "of a grip's force [N]",
 }
-"""Headings of largest differences that only runs with a human have."""
+"""Headings of the largest differences that only runs with a human have."""
 
 
 @dataclass(frozen=True)
 class StudyResult:
-    """What a study leaves.
+    """Result of a study.
 
     Attributes:
-        folder: where metrics.json, summary.txt and the figures are.
-        metrics: contents of metrics.json, plus the report text under "report".
-        interrupted: whether Ctrl-C ended it before its time.
+        folder: folder with metrics.json, summary.txt and the figures.
+        metrics: content of metrics.json, plus the report text under "report".
+        interrupted: True if Ctrl-C ended the study early.
     """
 
     folder: Path
@@ -51,8 +51,10 @@ class StudyResult:
 
     @property
     def passed(self) -> bool:
-        """Whether no difference is larger than its bound, and no control loop unstable. Where a human and the robot do
-        not come to rest is what a sweep may look for."""
+        """True if every difference is within its bound and every control loop is stable.
+
+        An unstable interaction of human and robot does not count here: finding it may be the purpose of a sweep.
+        """
         forms = self.metrics["forms"].values()
         stable = all(run["stability"] != stability.UNSTABLE for form in forms for run in form["runs"].values())
         return stable and all(pair["passed"] is not False for form in forms for pair in form["compared"])
@@ -61,14 +63,14 @@ class StudyResult:
 def run(
     study: Study, forms: Sequence[Form], given: Sequence[str], *, seed: int, root: Path, progress: bool, figures: bool
 ) -> StudyResult:
-    """Run the forms one after the other. Each run has its own run folder beside the study's.
+    """Run the forms one after the other. Each run has its own run folder next to that of the study.
 
     Raises:
-        HricError: a run cannot be made, or two runs do not match.
+        HricError: a run fails, or two runs cannot be compared.
     """
     for form in forms:
         for name in form.runs:
-            simulation.check(form.definition(name, given))  # a mistake is reported before anything runs
+            simulation.check(form.definition(name, given))  # report mistakes before anything runs
     folder = RunFolder.create(root, study.name)
     head = {
         "study": study.name,
@@ -94,7 +96,7 @@ def run(
 def _forms(
     forms: Sequence[Form], given: Sequence[str], seed: int, folder: Path, root: Path, progress: bool, figures: bool
 ) -> tuple[dict[str, Any], bool]:
-    """(results by form, whether Ctrl-C came)."""
+    """Return the results by form, and True if Ctrl-C interrupted the study."""
     found: dict[str, Any] = {}
     for form in forms:
         runs, interrupted = _runs(form, given, seed, root, progress)
@@ -113,7 +115,7 @@ def _forms(
 
 
 def _runs(form: Form, given: Sequence[str], seed: int, root: Path, progress: bool) -> tuple[dict[str, Result], bool]:
-    """(result of each run, whether Ctrl-C came)."""
+    """Return the result of each run, and True if Ctrl-C interrupted the study."""
     found: dict[str, Result] = {}
     for name in form.runs:
         result = headless.run(
@@ -131,7 +133,7 @@ def _runs(form: Form, given: Sequence[str], seed: int, root: Path, progress: boo
 
 
 def log_of(folder: RunFolder) -> ControlRecord:
-    """Every cycle of a run."""
+    """Return the control log of a run, with every cycle."""
     return bag_reader.read(bag_of(folder, folder.read())).log
 
 
@@ -149,7 +151,7 @@ def _run(result: Result, log: ControlRecord) -> dict[str, Any]:
 
 
 def law_times(time: FloatArray) -> dict[str, Any]:
-    """What thesis fig. 17 shows: how often the law was called, and whether the time it saw ever went back."""
+    """Return the values of thesis fig. 17: number of calls of the law, and whether the time it saw ever went back."""
     steps = np.diff(time)
     return {
         "calls": len(time),
@@ -185,7 +187,7 @@ def _pair(pair: Pair, runs: Mapping[str, Result], folder: Path, figures: bool) -
 
 
 def _passed(pair: Pair, robot: float, person: float | None, force: float | None) -> bool | None:
-    """Whether joints of robot and human, and grip forces, are within the bounds of a pair; None: it has none."""
+    """Return True if joints of robot and human, and grip forces, are within the bounds of a pair; None: it has none."""
     bounds = ((robot, pair.at_most), (person, pair.at_most), (force, pair.force_bound))
     held = [apart <= bound for apart, bound in bounds if apart is not None and bound is not None]
     return all(held) if held else None
@@ -220,7 +222,7 @@ def _draw(
 
 
 def _one_of_each_engine(form: Form, given: Sequence[str]) -> Sequence[str]:
-    """The first run on each; where all are on one, the first pair."""
+    """Return the first run on each engine, or the first pair if all runs use the same engine."""
     engines: dict[str, str] = {}
     for name in form.runs:
         engines.setdefault(form.definition(name, given).robot.plant_type, name)
@@ -228,7 +230,7 @@ def _one_of_each_engine(form: Form, given: Sequence[str]) -> Sequence[str]:
 
 
 def render(result: Mapping[str, Any]) -> str:
-    """The study as text, for the terminal and summary.txt; result: contents of metrics.json."""
+    """Return the study as text, for the terminal and summary.txt; `result`: content of metrics.json."""
     parts = [f"{result['study']}" + (f", {' '.join(result['arguments'])}" if result["arguments"] else "")]
     for name, form in result["forms"].items():
         lines = [f"{name}: {form['experiment']} {' '.join(form['changes'])}"]
@@ -279,7 +281,7 @@ def _small(value: float | None, digits: str = ".1e") -> str:
 
 
 def start_poses(definition: Experiment) -> dict[str, FloatArray]:
-    """T_world_link of each link that the engine knows, shape (4, 4), in the order of the description.
+    """Return T_world_link of each link that the engine knows, shape (4, 4), in the order of the description.
 
     Raises:
         HricError: the robot cannot be built, or has no plant.

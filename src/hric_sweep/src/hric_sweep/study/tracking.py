@@ -1,4 +1,4 @@
-"""Runs of a study that followed a marker: their figures side by side."""
+"""Marker tracking in the runs of a study: comparison table and figure."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -18,7 +18,7 @@ SHOWN = ("lag", "rms_error", "largest_error", "losses", "ignored")
 
 
 def chosen(metrics: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Of a run's metrics those by which runs differ; None where no marker was followed."""
+    """Return the metrics of a run in which tracking runs differ; None if no marker was tracked."""
     values = metrics.get("tracking")
     if not values:
         return None
@@ -27,7 +27,7 @@ def chosen(metrics: Mapping[str, Any]) -> dict[str, Any] | None:
 
 
 def lines(runs: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Table of these values, one line per run; empty where no marker was followed."""
+    """Return the table of these values, one line per run; empty if no marker was tracked."""
     cells = [
         [
             "following the marker",
@@ -62,8 +62,10 @@ def _scaled(value: float | None, factor: float, digits: int) -> str:
 
 
 def figure(runs: Mapping[str, RunFolder]) -> Figure | None:
-    """`tracking`: one column per run, above the axis that moved most, below the error after the lag; None where no
-    marker was followed."""
+    """Return the figure `tracking`, or None if no marker was tracked.
+
+    It has one column per run: at the top the axis that moved most, at the bottom the error after compensation of the lag.
+    """
     found = {name: part for name, run in runs.items() if (part := _tracking(run)) is not None and part.data is not None}
     if not found:
         return None
