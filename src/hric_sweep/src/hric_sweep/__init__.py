@@ -1,1 +1,1 @@
-"""Many runs: sweeps, studies, benchmark, approaches, limit speeds and stops."""
+"""Execution of many runs: sweeps, studies, benchmark, approaches, limit speeds and stops."""

@@ -302,7 +302,7 @@ def _part(content: Any, key: str) -> Mapping[str, Any]:
 
 
 def _check_names(content: Mapping[str, Any], mistakes: Mistakes) -> None:
-    """Refuse output names that are missing, unknown or equal to that of a variable, even if there are other mistakes."""
+    """Refuse output names that are missing, unknown or equal to that of a variable, even with other mistakes."""
     given = _part(content, "sweep")
     outputs = _part(given, "outputs")
     with mistakes.noted():
@@ -320,7 +320,7 @@ def _check_names(content: Mapping[str, Any], mistakes: Mistakes) -> None:
 
 
 def _check_paths(content: Mapping[str, Any], base: Mapping[str, Any] | None, mistakes: Mistakes) -> bool:
-    """Refuse variables whose path is not in the experiment, even if there are other mistakes; True if none."""
+    """Refuse variables whose path is not in the experiment, even with other mistakes; return True if all paths fit."""
     extends, fits = content.get("extends"), True
     if base is None and isinstance(extends, str):
         with suppress(HricError):  # reported already

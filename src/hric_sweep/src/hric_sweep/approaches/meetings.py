@@ -18,7 +18,7 @@ from hric_core.geometry import FloatArray
 BEFORE = 0.002
 """Time before a contact at which the arm's speed is read, since the contact changes it [s] (project default)."""
 MOVING, STANDING_ARM, PUSHED = "moving", "standing", "pushed"
-"""State of the arm as a contact begins; pushed: it stood until an earlier contact moved it."""
+"""States of the arm as a contact begins; pushed: it stood still until an earlier contact moved it."""
 
 
 @dataclass(frozen=True)

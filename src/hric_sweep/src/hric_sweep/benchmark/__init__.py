@@ -1,1 +1,1 @@
-"""Controllers compared over collaborations, bodies and seeds, by stated rules."""
+"""Benchmark of controllers over collaborations, bodies and seeds, by stated rules."""

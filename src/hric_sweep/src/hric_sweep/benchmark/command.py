@@ -1,4 +1,4 @@
-"""`rosrun hric_experiments benchmark`: controllers compared over collaborations, bodies and seeds."""
+"""Command `rosrun hric_experiments benchmark`: compare controllers over collaborations, bodies and seeds."""
 
 import argparse
 import signal
@@ -25,13 +25,13 @@ from hric_sweep.task import code_version
 
 FILE = "benchmark.yaml"
 MEMORY = 4e9
-"""That a worker may take [bytes]; project default, unconfirmed."""
+"""Memory limit of a worker [bytes]; project default, unconfirmed."""
 DIFFERS = 1
-"""Exit code of a comparison that is not within the tolerance."""
+"""Exit code of a comparison with differences beyond the tolerance."""
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the command; returns the exit code."""
+    """Run the command and return its exit code."""
     given = _parser().parse_args(list(arguments))
     if given.seeds is not None:
         whole(minimum=1).checked(given.seeds, "--seeds")
@@ -87,7 +87,7 @@ def _folder(given: str) -> Path:
 
 
 def _what(given: argparse.Namespace, folder: Path | None) -> tuple[Benchmark, dict[str, Any], list[Controller]]:
-    """What is run: as given, or as it was begun."""
+    """Return benchmark, content and controllers, from the arguments or from the benchmark that is resumed."""
     said = vars(given) if folder is None else read_yaml(folder / FILE)["given"]
     path = None if said["definition"] is None else Path(said["definition"])
     benchmark, content = definition.load(path)
@@ -102,7 +102,7 @@ def _what(given: argparse.Namespace, folder: Path | None) -> tuple[Benchmark, di
 
 
 def _begin(given: argparse.Namespace, content: Mapping[str, Any], code: str) -> Path:
-    """A new folder with benchmark.yaml."""
+    """Create the run folder with benchmark.yaml and return its path."""
     folder = RunFolder.create(runs_root(given.runs), "benchmark").path
     said = {key: getattr(given, key) for key in ("without_references", "collaborations", "bodies", "seeds")}
     said["definition"] = None if given.definition is None else str(given.definition.expanduser().resolve())
@@ -133,7 +133,7 @@ def _run(
     code: str,
     given: argparse.Namespace,
 ) -> tuple[Path, dict[str, Any]]:
-    """Run a new benchmark, or go on; returns its folder and results."""
+    """Run a new benchmark, or resume one; return its folder and results."""
     from hric_sweep.benchmark import page
 
     todo = running.runs(benchmark, content["experiments"], controllers, code)

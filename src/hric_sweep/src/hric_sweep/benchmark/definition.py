@@ -1,4 +1,4 @@
-"""What a benchmark runs and how it scores: its definition, and the file of each controller."""
+"""Definition of a benchmark, with its runs and scores, and the file of each controller."""
 
 import hashlib
 import json
@@ -27,10 +27,10 @@ from hric_run.definition.experiment import ExperimentError
 from hric_sweep.outputs import Output
 
 NAME = "collaborations"
-"""Of the definition that comes with the workspace."""
+"""Name of the definition that comes with the workspace."""
 FINDINGS, ERGONOMICS, TASK = "findings", "ergonomics", "task"
 CATEGORIES = (FINDINGS, ERGONOMICS, TASK)
-"""Each with scores of its own; robustness follows from all of them."""
+"""Categories that have scores; robustness follows from all of them."""
 EXAMPLE = """\
 description: my controller
 changes:
@@ -42,7 +42,7 @@ OVERRIDES: Any = listing(text(empty=False), default=(), different=True)
 
 @dataclass(frozen=True)
 class Score(Output):
-    """One number of each run, by which controllers are compared."""
+    """Number of each run by which controllers are compared."""
 
     separator = "."
     limit: float | None = number(
@@ -54,11 +54,11 @@ class Score(Output):
 
     @property
     def sign(self) -> float:
-        """1 where smaller is better, else -1."""
+        """Sign of the score: 1 if smaller is better, else -1."""
         return 1.0 if self.better == "smaller" else -1.0
 
     def beyond(self, value: float) -> bool:
-        """Whether a value is not accepted."""
+        """Return True if a value is beyond the limit."""
         return self.limit is not None and self.sign * value > self.sign * self.limit
 
 
@@ -67,7 +67,7 @@ SCORES: Any = mapping(section(Score), text="scores by name")
 
 @dataclass(frozen=True)
 class Collaboration(Settings):
-    """One experiment of the benchmark. name: within it."""
+    """Experiment of the benchmark; `name` is its name within the benchmark."""
 
     separator = "."
     name: str = ""
@@ -78,19 +78,19 @@ class Collaboration(Settings):
     task: Mapping[str, Score] = mapping(section(Score), text="scores of time and error")
 
     def scores(self, category: str) -> Mapping[str, Score]:
-        """Of one of CATEGORIES, by name."""
+        """Return the scores of one of CATEGORIES, by name."""
         found: Mapping[str, Score] = getattr(self, category)
         return found
 
     @property
     def all(self) -> dict[tuple[str, str], Score]:
-        """By category and name."""
+        """Scores by category and name."""
         return {(category, name): one for category in CATEGORIES for name, one in self.scores(category).items()}
 
 
 @dataclass(frozen=True)
 class Population(Settings):
-    """Whose bodies are used."""
+    """Bodies of the persons in the benchmark."""
 
     separator = "."
     name: str = text(empty=False, text="of the population")
@@ -100,7 +100,7 @@ class Population(Settings):
 
 @dataclass(frozen=True)
 class Benchmark(Settings):
-    """A definition, checked."""
+    """Checked definition of a benchmark."""
 
     separator = "."
     description: str = text("", text="one line for people")
@@ -120,14 +120,15 @@ class Benchmark(Settings):
     )
 
     def only(self, collaborations: Sequence[str], bodies: Sequence[str], seeds: int | None) -> "Benchmark":
-        """A part of it.
+        """Return a part of the benchmark.
 
         Args:
-            collaborations, bodies: names; empty: all.
-            seeds: how many of them, the first ones; None: all.
+            collaborations: names of the collaborations; empty: all.
+            bodies: names of the bodies; empty: all.
+            seeds: number of seeds, the first ones; None: all.
 
         Raises:
-            UnknownNameError: a name that it has not.
+            UnknownNameError: a name is not in the benchmark.
         """
         people = self.population
         return replace(
@@ -147,7 +148,7 @@ def _chosen(kind: str, names: Sequence[str], known: Mapping[str, Any]) -> dict[s
 
 @dataclass(frozen=True)
 class Prediction(Settings):
-    """What the design of a controller says of the result."""
+    """Rank that a controller's design predicts."""
 
     separator = "."
     rank: int = whole(minimum=1, text="among the reference controllers")
@@ -156,7 +157,7 @@ class Prediction(Settings):
 
 @dataclass(frozen=True)
 class Controller(Settings):
-    """A controller's file, checked. name: of the file without its ending."""
+    """Checked file of a controller; `name` is the file name without its ending."""
 
     separator = "."
     name: str = ""
@@ -169,16 +170,16 @@ class Controller(Settings):
 
 
 def load(path: Path | None = None) -> tuple[Benchmark, dict[str, Any]]:
-    """Read a definition and check it.
+    """Read and check a definition.
 
     Args:
-        path: of a YAML file; None: the one that comes with the workspace.
+        path: path of a YAML file; None: the definition that comes with the workspace.
 
     Returns:
-        The definition, and its contents as plain data with those of its experiments.
+        The definition, and its content as plain data, including that of its experiments.
 
     Raises:
-        HricError: mistakes in it, all of them at once.
+        HricError: mistakes, all of them at once.
     """
     path = path or folder() / f"{NAME}.yaml"
     content = read_yaml(path)
@@ -191,24 +192,24 @@ def load(path: Path | None = None) -> tuple[Benchmark, dict[str, Any]]:
 
 
 def folder() -> Path:
-    """Where the definition and the reference controllers are."""
+    """Return the folder of the definition and the reference controllers."""
     return experiment.config_path("benchmark")
 
 
 def references() -> list[str]:
-    """Names of the reference controllers."""
+    """Return the names of the reference controllers."""
     return sorted(path.stem for path in (folder() / "controllers").glob("*.yaml"))
 
 
 def controller(name: str, benchmark: Benchmark) -> Controller:
-    """Read the file of a controller and check it, with each run that it changes.
+    """Read and check the file of a controller, including each run that it changes.
 
     Args:
-        name: of a reference controller, or the path of a YAML file.
-        benchmark: whose collaborations it changes.
+        name: name of a reference controller, or path of a YAML file.
+        benchmark: benchmark whose collaborations it changes.
 
     Raises:
-        HricError: no such controller, or mistakes in its file, all of them at once.
+        HricError: the controller does not exist, or its file has mistakes, all of them listed at once.
     """
     if name.endswith((".yaml", ".yml")):
         path = Path(name).expanduser()
@@ -243,23 +244,23 @@ def _check(found: Controller, benchmark: Benchmark) -> None:
 
 
 def arguments(benchmark: Benchmark, one: Collaboration, by: Controller, subject: str) -> list[str]:
-    """Overrides of a run: of the benchmark, the collaboration, the body, and last the controller's."""
+    """Return the overrides of a run: of the benchmark, the collaboration and the body, and last of the controller."""
     return [*benchmark.changes, *one.changes, f"human.subject:={subject}", *by.changes.get(one.name, ())]
 
 
 def plain(content: Any) -> dict[str, Any]:
-    """As JSON has it."""
+    """Return content as JSON represents it."""
     found: dict[str, Any] = json.loads(json.dumps(content, default=str))
     return found
 
 
 def digest(content: Any) -> str:
-    """Hash of plain data."""
+    """Return the hash of plain data."""
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 def limits_digest() -> str:
-    """Hash of the tables that findings are held against."""
+    """Return the hash of the tables with the limits for findings."""
     found = hashlib.sha256()
     for path in sorted((experiment.package_path("hric_assessment") / "config" / "tables").glob("*.yaml")):
         found.update(path.name.encode() + b"\0" + path.read_bytes())

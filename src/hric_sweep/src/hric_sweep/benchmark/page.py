@@ -1,4 +1,4 @@
-"""The page of a benchmark: one file that needs no network and no script."""
+"""Page of a benchmark: one file that needs no network and no script."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -18,18 +18,18 @@ CHARTS = (
     "dashed line a limit."
 )
 LEFT, WIDTH, ROW = 150, 620, 20
-"""Of a chart: for names, for values, and each controller's height [px]."""
+"""Layout of a chart: width of the names, width of the values, height per controller [px]."""
 
 
 def write(folder: Path, results: Mapping[str, Any]) -> Path:
-    """Write the page of results into a folder."""
+    """Write the page of the results to a folder and return its path."""
     path = folder / NAME
     files.write_text(path, build(results))
     return path
 
 
 def build(results: Mapping[str, Any]) -> str:
-    """The file's text."""
+    """Return the text of the page."""
     part, order = results["part"], [one["name"] for one in results["standings"]]
     parts = {
         "Order": _overview(results),
@@ -62,7 +62,7 @@ def _overview(results: Mapping[str, Any]) -> str:
 
 
 def _ranks(results: Mapping[str, Any], category: str) -> str:
-    """Mean ranks of a category, by collaboration."""
+    """Return a table of the mean ranks in a category, by collaboration."""
     order = [one["name"] for one in results["standings"]]
     rows = tuple(
         (_spaced(name), *(f"{one['controllers'][who]['ranks'][category]:.2f}" for who in order))
@@ -94,7 +94,7 @@ def _label(key: str, about: Mapping[str, Any]) -> str:
 
 
 def _chart(one: Mapping[str, Any], key: str, order: Sequence[str]) -> str:
-    """Of each controller the range over all runs as a line, the median of each body as a dot."""
+    """Return a chart: for each controller the range over all runs as a line, the median of each body as a dot."""
     scores = [one["controllers"][who]["scores"][key] for who in order]
     limit = one["scores"][key]["limit"]
     ends = [value for score in scores for value in (score["lowest"], score["highest"]) if value is not None]

@@ -1,4 +1,4 @@
-"""The results file of a benchmark: what was run, its hashes, and what was found; and two of them compared."""
+"""Results file of a benchmark: definition, hashes and results; and the comparison of two such files."""
 
 import json
 import math
@@ -24,7 +24,7 @@ from hric_sweep.benchmark.scoring import RULE, Cell, category_ranks, spread_rank
 VERSION = 1
 NAME = "results.json"
 INFINITE = "infinite"
-"""An infinite value in a results file."""
+"""Replacement for an infinite value in a results file."""
 
 
 def make(
@@ -34,13 +34,13 @@ def make(
     found: Mapping[tuple[str, str], Cell],
     code: str,
 ) -> dict[str, Any]:
-    """Contents of the results file.
+    """Return the content of the results file.
 
     Args:
-        benchmark: the part of it that was run.
-        content: of `definition.load`.
-        controllers: that were compared.
-        found: of `scoring.cells`.
+        benchmark: part of the benchmark that was run.
+        content: plain data from `definition.load`.
+        controllers: controllers that were compared.
+        found: results from `scoring.cells`.
         code: version of the code.
     """
     names = [one.name for one in controllers]
@@ -65,7 +65,7 @@ def make(
 
 
 def part(benchmark: Benchmark) -> dict[str, Any]:
-    """What of it was run."""
+    """Return the collaborations, bodies and seeds that were run."""
     return plain(
         {
             "collaborations": list(benchmark.collaborations),
@@ -124,7 +124,7 @@ def _cell(one: Cell) -> dict[str, Any]:
 
 
 def predicted(results: Mapping[str, Any]) -> list[tuple[str, int, int]]:
-    """(controller, predicted rank, rank found) of those whose files say one; ranks among these alone."""
+    """Return (controller, predicted rank, actual rank among these) for controllers with a prediction."""
     order = [one["name"] for one in results["standings"]]
     said = {
         name: one["prediction"]["rank"] for name, one in results["controllers"].items() if one["prediction"] is not None
@@ -135,7 +135,7 @@ def predicted(results: Mapping[str, Any]) -> list[tuple[str, int, int]]:
 
 
 def run_rows(runs: Sequence[Run], responses: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """A row per run, for those who want all of it."""
+    """Return one row per run, with all its outputs."""
     return [
         {
             **{key: getattr(run, key) for key in ("controller", "collaboration", "body", "seed")},
@@ -146,10 +146,10 @@ def run_rows(runs: Sequence[Run], responses: Sequence[Mapping[str, Any]]) -> lis
 
 
 def read(path: Path) -> dict[str, Any]:
-    """A results file.
+    """Read a results file.
 
     Raises:
-        HricError: it is none.
+        HricError: the file is no results file of this version.
     """
     try:
         found = json.loads(path.read_text())
@@ -163,7 +163,7 @@ def read(path: Path) -> dict[str, Any]:
 
 
 def finite(value: Any) -> Any:
-    """Return results as JSON has them, which knows no infinity."""
+    """Return results with infinite values replaced, as JSON cannot represent them."""
     if isinstance(value, float) and math.isinf(value):
         return INFINITE
     if isinstance(value, Mapping):
@@ -172,7 +172,7 @@ def finite(value: Any) -> Any:
 
 
 def _restored(value: Any) -> Any:
-    """Return results from what `finite` made of them."""
+    """Return results with the infinite values that `finite` replaced."""
     if isinstance(value, dict):
         return {key: _restored(item) for key, item in value.items()}
     if isinstance(value, list):
@@ -181,10 +181,10 @@ def _restored(value: Any) -> Any:
 
 
 def compare(ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> list[str]:
-    """What differs between two results by more than the tolerance of the definition; empty: nothing.
+    """Return the differences between two results that exceed the tolerance of the definition; empty: none.
 
     Raises:
-        HricError: they are of different definitions, tables or controllers, so that nothing can be said.
+        HricError: they have different definitions, tables or controllers, so that they cannot be compared.
     """
     for key in ("definition", "tables"):
         if ours["hashes"][key] != theirs["hashes"][key]:

@@ -1,4 +1,4 @@
-"""The runs of a benchmark, as tasks of a sweep."""
+"""Runs of a benchmark, as tasks of a sweep."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from hric_sweep.task import identity
 
 @dataclass(frozen=True)
 class Run:
-    """One run: whose controller, which collaboration, body and seed, and its task."""
+    """Run of a controller in a collaboration with a body and a seed, and its task."""
 
     controller: str
     collaboration: str
@@ -24,12 +24,12 @@ class Run:
 def runs(
     benchmark: Benchmark, experiments: Mapping[str, Any], controllers: Sequence[Controller], code: str
 ) -> list[Run]:
-    """All runs. The first of them are of all controllers, so that a part of them compares.
+    """Return all runs; the controllers alternate, so that the first runs already allow a comparison.
 
     Args:
-        benchmark: what is run.
-        experiments: contents of the experiment files, by name.
-        controllers: whose.
+        benchmark: definition of the benchmark.
+        experiments: content of the experiment files, by name.
+        controllers: controllers to compare.
         code: version of the code.
     """
     found: list[Run] = []

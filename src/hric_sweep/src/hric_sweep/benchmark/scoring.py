@@ -1,4 +1,4 @@
-"""From the runs of a benchmark to what is compared: values by controller and collaboration, ranks, and one order.
+"""Scoring of a benchmark: values by controller and collaboration, ranks, and one order.
 
 Categories are never added up. The order follows from `RULE` alone.
 """
@@ -18,22 +18,22 @@ RULE = (
     "only where all before it are equal. The rank in a collaboration is that of the median over bodies and seeds, "
     "score by score, all scores alike; controllers within the tolerance of each other share a rank."
 )
-"""How controllers are put in order."""
+"""Rule by which controllers are ordered."""
 
 
 @dataclass(frozen=True)
 class Cell:
-    """One controller in one collaboration.
+    """Results of one controller in one collaboration.
 
     Attributes:
-        runs: how many.
-        above: with a finding beyond its limit, or one that nothing proves to be within (an infinite share).
-        unknown: of which a finding is not known, because the run failed.
-        incomplete: whose task was not completed: the run failed, a score of the task is not known or beyond its limit.
-        failures: reasons, and how often.
-        values: median of each score over all runs that have it, by category and name; None: of none.
-        lowest, highest: of the same runs.
-        by_body: medians of each score by body.
+        runs: number of runs.
+        above: runs with a finding beyond its limit, or with one that is not assessable (an infinite share).
+        unknown: runs with an unknown finding, because they failed.
+        incomplete: runs that failed, or have a score of the task that is unknown or beyond its limit.
+        failures: number of runs by reason of failure.
+        values: median of each score over all runs that have it, by category and name; None: no run has it.
+        lowest, highest: extreme values of the same runs.
+        by_body: medians of each score, by body.
     """
 
     runs: int
@@ -47,22 +47,22 @@ class Cell:
     by_body: Mapping[str, Mapping[tuple[str, str], float | None]]
 
     def spread(self, key: tuple[str, str]) -> float | None:
-        """Largest minus smallest value of a score over all bodies and seeds."""
+        """Return the largest minus the smallest value of a score over all bodies and seeds."""
         low, high = self.lowest[key], self.highest[key]
         return None if low is None or high is None else high - low
 
 
 @dataclass(frozen=True)
 class Standing:
-    """A controller in the whole benchmark.
+    """Result of a controller in the whole benchmark.
 
     Attributes:
-        name: of the controller.
-        rank: 1 at first; equal by the rule, equal in rank.
+        name: name of the controller.
+        rank: rank from 1; controllers that are equal by the rule share a rank.
         out_of_limits: runs that are above a limit or could not be judged.
         ergonomics, task, spread: mean ranks over collaborations.
         incomplete: runs whose task was not completed.
-        runs: all of them.
+        runs: number of all runs.
     """
 
     name: str
@@ -78,12 +78,12 @@ class Standing:
 def cells(
     benchmark: Benchmark, runs: Sequence[Run], responses: Sequence[Mapping[str, Any]]
 ) -> dict[tuple[str, str], Cell]:
-    """By collaboration and controller.
+    """Return the results by collaboration and controller.
 
     Args:
-        benchmark: what was run.
-        runs: of it.
-        responses: one per run, in their order.
+        benchmark: definition of the benchmark.
+        runs: runs of the benchmark.
+        responses: responses in the order of the runs.
     """
     rows: dict[tuple[str, str], list[tuple[Run, Mapping[str, Any]]]] = {}
     for run, response in zip(runs, responses, strict=True):
@@ -137,13 +137,14 @@ def _state(score: Score, value: float | None) -> str:
 
 
 def ranks(values: Mapping[str, float | None], sign: float, tolerance: float) -> dict[str, int]:
-    """Place of each controller by one score: one more than those that are better by more than the tolerance; who has no
-    value comes last.
+    """Return the rank of each controller by one score: 1 + the number of controllers that are clearly better.
+
+    Clearly better means by more than the tolerance. A controller without a value is last.
 
     Args:
-        values: by controller.
-        sign: 1 where smaller is better, -1 where larger is.
-        tolerance: share of the larger of two values within which they are the same.
+        values: score by controller.
+        sign: 1 if smaller is better, -1 if larger is better.
+        tolerance: share of the larger of two values within which they count as equal.
     """
     worst = {name: math.inf if value is None else sign * value for name, value in values.items()}
     return {
@@ -161,7 +162,7 @@ def _better(a: float, b: float, tolerance: float) -> bool:
 def category_ranks(
     benchmark: Benchmark, found: Mapping[tuple[str, str], Cell], controllers: Sequence[str], category: str
 ) -> dict[tuple[str, str], float]:
-    """Mean rank over the scores of a category, by collaboration and controller."""
+    """Return the mean rank over the scores of a category, by collaboration and controller."""
     result = {}
     for one in benchmark.collaborations.values():
         own = {
@@ -180,7 +181,7 @@ def category_ranks(
 def spread_ranks(
     benchmark: Benchmark, found: Mapping[tuple[str, str], Cell], controllers: Sequence[str]
 ) -> dict[tuple[str, str], float]:
-    """Mean rank by the spread of all scores, by collaboration and controller."""
+    """Return the mean rank by the spread of all scores, by collaboration and controller."""
     result = {}
     for one in benchmark.collaborations.values():
         own = [
@@ -196,7 +197,7 @@ def spread_ranks(
 def standings(
     benchmark: Benchmark, found: Mapping[tuple[str, str], Cell], controllers: Sequence[str]
 ) -> list[Standing]:
-    """All controllers in order, by RULE."""
+    """Return all controllers in the order of RULE."""
     overall = {
         category: _overall(category_ranks(benchmark, found, controllers, category), controllers)
         for category in (ERGONOMICS, TASK)
@@ -215,5 +216,5 @@ def standings(
 
 
 def _overall(by_cell: Mapping[tuple[str, str], float], controllers: Sequence[str]) -> dict[str, float]:
-    """Mean over collaborations, rounded so that equal means are equal."""
+    """Return the mean over collaborations, rounded so that equal means compare as equal."""
     return {who: round(mean(rank for (_, name), rank in by_cell.items() if name == who), 9) for who in controllers}

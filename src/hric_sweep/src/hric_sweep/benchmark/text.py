@@ -1,4 +1,4 @@
-"""The table of a benchmark, for a terminal."""
+"""Tables of a benchmark for a terminal."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -9,7 +9,7 @@ HEAD = ("rank", "controller", "out of limits", "ergonomics", "task", "not comple
 
 
 def rows(results: Mapping[str, Any]) -> list[tuple[str, ...]]:
-    """A row of text per controller, below HEAD: counts of runs, and mean ranks."""
+    """Return a row of text per controller, below HEAD: counts of runs, and mean ranks."""
     return [
         (
             str(one["rank"]),
@@ -25,7 +25,7 @@ def rows(results: Mapping[str, Any]) -> list[tuple[str, ...]]:
 
 
 def by_collaboration(results: Mapping[str, Any], name: str) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Head and rows of one collaboration: medians of its scores, by controller in order."""
+    """Return head and rows for one collaboration: medians of its scores, with the controllers in order."""
     one, order = results["collaborations"][name], [item["name"] for item in results["standings"]]
     found = []
     for key, about in one["scores"].items():
@@ -50,7 +50,7 @@ def _value(score: Mapping[str, Any]) -> str:
 
 
 def render(results: Mapping[str, Any]) -> str:
-    """All of it."""
+    """Return the complete text of the results."""
     part = results["part"]
     lines = [
         f"{results['description']}: {', '.join(part['collaborations'])}; bodies {', '.join(part['bodies'])} of "

@@ -73,16 +73,16 @@ class PebbleEngine:
 
 
 class Patience:
-    """Detection of runs that hang, by processor time: wall time would condemn healthy runs on a busy machine."""
+    """Detection of hanging runs by processor time: wall time would condemn healthy runs on a busy machine."""
 
     def __init__(self) -> None:
         self._progress: dict[int, _Progress] = {}
 
     def exhausted(self, task: Any) -> bool:
-        """Return True if a run has used its timeout of processor time, or made no progress for that time.
+        """Return True if a run has used its timeout of processor time or made no progress for that time.
 
-        This replaces the timeout rule of pebble. No progress means at most `MIN_PROGRESS` of processor time [s] in as much
-        wall time as the timeout [s].
+        This replaces pebble's own rule. No progress means at most `MIN_PROGRESS` of processor time [s] in as much wall
+        time as the timeout [s].
         """
         if not task.started:
             return False
@@ -140,7 +140,9 @@ def _how(code: int | None) -> str:
 
 
 def begin_worker(supervisor: int, memory: int) -> None:
-    """Prepare a worker process: it ends with the supervisor, leaves Ctrl-C to it, and is killed first if memory runs out.
+    """Prepare a worker process, which ends with the supervisor and does not get its Ctrl-C.
+
+    If memory runs out, the kernel kills this process before the supervisor.
 
     Args:
         supervisor: process id of the supervisor.

@@ -1,1 +1,1 @@
-"""Page of a sweep, each part in a module of its own; `build` writes it."""
+"""Page of a sweep, written by `build`, with one module per part."""

@@ -1,4 +1,4 @@
-"""The page of a sweep: report.html from its table and its settings alone, one file that needs no network."""
+"""Page of a sweep: report.html, made from its table and settings only, one file that needs no network."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -17,27 +17,27 @@ from hric_sweep.page.study import EXCEEDED, FAILED, FINE, Study, load
 OWN = Path(__file__).parent / "assets"
 SCRIPTS = ("columns.js", "density.js", "parallel.js", "matrix.js", "sweep.js")
 PERIOD, RUNS_PER_SECOND = 10.0, 2000.0
-"""Time between two loads of a growing page [s]: at least, and a second more for so many runs."""
+"""Reload interval of the page of a running sweep: minimum [s], and number of runs that add one second."""
 CONTENTS, VERSIONS = ("definition", "experiment"), "versions"
-"""Of sweep.yaml, that have a table of their own."""
+"""Keys of sweep.yaml that have separate tables."""
 COLOURS = {"fine": "measured", "exceeded": "limit", "failed": "desired"}
 
 
 def write(folder: Path, *, running: bool = False) -> Path:
-    """Write the page of a sweep into its folder, replacing one that is there.
+    """Write the page of a sweep into its folder, replacing an existing one, and return its path.
 
     Args:
-        folder: of the sweep, with runs.parquet and sweep.yaml.
-        running: whether the sweep goes on; the page then says so and loads itself again.
+        folder: run folder of the sweep, with runs.parquet and sweep.yaml.
+        running: True if the sweep is still running; the page then says so and reloads itself.
 
     Raises:
-        HricError: the folder has no table, or one that no sweep wrote; or the page cannot be written.
+        HricError: the folder has no table, or one that was not written by a sweep; or the page cannot be written.
     """
     return report_html.write_text(folder, render_page(load(folder), running=running))
 
 
 def render_page(study: Study, *, running: bool) -> str:
-    """The file's text; running: whether the sweep goes on, so that the page reloads itself."""
+    """Return the text of the page; `running`: the sweep is still running, so that the page reloads itself."""
     blob, rows = Blob(), drawn.chosen(study)
     counted = sample.of(study)
     rank = sensitivity.ranks(study, counted)
@@ -72,7 +72,7 @@ def render_page(study: Study, *, running: bool) -> str:
 
 
 def _parts(study: Study, counted: Sample, sampled: str, rank: sensitivity.Ranks) -> Iterator[tuple[str, str]]:
-    """Title and content of each part that has something in it."""
+    """Yield title and content of each part that is not empty."""
     yield "Estimate", estimate.part(study)
     yield "What was varied", f"<p>{escape(_how_many(study))}</p>{render(words.varied(study))}"
     yield "Runs", _runs(study, counted, sampled)
@@ -130,7 +130,7 @@ def _runs(study: Study, counted: Sample, sampled: str) -> str:
 
 
 def _pairs(counted: Sample) -> str:
-    """What is on the diagonal, and above it."""
+    """Return the description of the scatter matrix: its diagonal and the cells above it."""
     if counted.refused:
         return f"a point is a run. {counted.refused}"
     shown = "above the diagonal their rank correlation (Spearman), on it all runs in grey and the kept ones in blue."

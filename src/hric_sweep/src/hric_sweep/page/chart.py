@@ -8,7 +8,7 @@ from hric_report.html.tables import escape, number
 
 
 def ticks(low: float, high: float, count: int) -> list[float]:
-    """Round numbers between two, about so many."""
+    """Return about `count` round numbers between two ends."""
     if not high > low:
         return [low]
     rough = (high - low) / count
@@ -20,11 +20,11 @@ def ticks(low: float, high: float, count: int) -> list[float]:
 
 @dataclass(frozen=True)
 class Axis:
-    """A horizontal axis.
+    """Horizontal axis.
 
     Attributes:
-        low, high: its ends, in its unit.
-        left, right: where they are [units of the picture].
+        low, high: ends of the axis, in its unit.
+        left, right: positions of the ends [units of the picture].
     """
 
     low: float
@@ -33,12 +33,12 @@ class Axis:
     right: float
 
     def x(self, value: float) -> float:
-        """Where a value is, within the ends [units of the picture]."""
+        """Return the position of a value, clipped to the ends [units of the picture]."""
         share = (value - self.low) / (self.high - self.low)
         return self.left + (self.right - self.left) * min(max(share, 0.0), 1.0)
 
     def drawn(self, y: float, label: str, top: float) -> Iterator[str]:
-        """The axis at a height, with its label and faint lines up to `top`."""
+        """Yield the axis at a height, with its label and faint lines up to `top`."""
         for value in ticks(self.low, self.high, 6):
             x = self.x(value)
             yield line("grid", x, top, x, y)
@@ -48,23 +48,23 @@ class Axis:
 
 
 def line(look: str, x1: float, y1: float, x2: float, y2: float) -> str:
-    """A line of a class."""
+    """Return a line of a class."""
     return f'<line class="{look}" x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}"/>'
 
 
 def rectangle(look: str, x: float, y: float, width: float, height: float, title: str = "") -> str:
-    """A rectangle of a class; title: what hovering says."""
+    """Return a rectangle of a class; `title`: tooltip."""
     said = f"<title>{escape(title)}</title>" if title else ""
     return f'<rect class="{look}" x="{x:.2f}" y="{y:.2f}" width="{width:.2f}" height="{height:.2f}">{said}</rect>'
 
 
 def text(x: float, y: float, words: str, look: str = "", anchor: str = "start") -> str:
-    """Words."""
+    """Return a text element."""
     return f'<text class="{look}" x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{escape(words)}</text>'
 
 
 def svg(width: float, height: float, label: str, parts: Sequence[str]) -> str:
-    """The picture; label: what it shows, for those who do not see it."""
+    """Return the picture; `label`: description for screen readers."""
     return (
         f'<svg class="chart" viewBox="0 0 {width:g} {height:g}" role="img" aria-label="{escape(label)}">'
         f"{''.join(parts)}</svg>"

@@ -1,4 +1,4 @@
-"""What the browser draws: the columns of all runs, or of a seeded sample of them, as typed arrays."""
+"""Data that the browser draws: columns of all runs, or of a seeded sample of them, as typed arrays."""
 
 from typing import Any
 
@@ -13,17 +13,17 @@ from hric_sweep.page.sensitivity import Ranks
 from hric_sweep.page.study import OUTPUT, VARIABLE, Study
 
 VALUES = 2_600_000
-"""Numbers of all columns together; as single precision in base64 they are 14 MB, so that a page stays below 20 MB with
-the names of its runs. Project default, unconfirmed."""
+"""Maximum number of values of all columns together; as single precision in base64 they are 14 MB, so that a page with
+the names of its runs stays below 20 MB. Project default, unconfirmed."""
 SEED = 0
 AXES, PAIRS = 12, 8
-"""Columns that are drawn at first, and in the scatter matrix. Project default, unconfirmed."""
+"""Columns that are visible initially, and columns in the scatter matrix. Project default, unconfirmed."""
 DECADES = 2.5
-"""From so many on, and where all are positive, an output's axis is logarithmic."""
+"""Range of an output [decades] above which its axis is logarithmic, if all values are positive."""
 
 
 def chosen(study: Study) -> npt.NDArray[np.intp]:
-    """Rows that are drawn: all, or a sample by seed and the worst ones; rising."""
+    """Return the rows that are drawn, in ascending order: all, or a sample by seed and the worst ones."""
     columns = (
         len(study.named(VARIABLE)) + len(study.named(OUTPUT)) + 7
     )  # kind, index, counts, and 17 letters of the name
@@ -35,21 +35,21 @@ def chosen(study: Study) -> npt.NDArray[np.intp]:
 
 
 def said(study: Study, rows: npt.NDArray[np.intp]) -> str:
-    """Of the caption: how many runs are drawn."""
+    """Return the caption that says how many runs are drawn."""
     if len(rows) == study.runs:
         return f"All {study.runs} runs are drawn."
     return f"Drawn: a sample of {len(rows)} of {study.runs} runs by seed {SEED}, the worst {WORST} among them."
 
 
 def counts(sample: Sample, rows: npt.NDArray[np.intp], blob: Blob) -> Any:
-    """What each drawn run counts in a distribution, for the scripts; None: all alike, or nothing."""
+    """Return the weight of each drawn run in a distribution, for the scripts; None: all have weight 1."""
     return blob.add(sample.counts[rows], "f4") if np.any(sample.counts[rows] != 1.0) else None
 
 
 def columns(study: Study, rows: npt.NDArray[np.intp], rank: Ranks, blob: Blob) -> list[dict[str, Any]]:
-    """The columns for the scripts; rank: correlations of each column with others, by name."""
+    """Return the columns for the scripts; `rank`: correlations of each column with others, by name."""
     names = [*study.named(VARIABLE), *study.named(OUTPUT)]
-    # The counted output is drawn at first, however many there are.
+    # The output with the limit is always visible initially.
     order = sorted(names, key=lambda name: study.limit is None or study.limit.output != name)
     on = set([name for name in order if not study.constant(name)][:AXES])
     return [_column(study, name, rows, rank.get(name, {}), name in on, blob) for name in names]

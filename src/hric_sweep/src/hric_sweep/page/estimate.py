@@ -1,4 +1,4 @@
-"""The probability of exceeding the limit in one line, with its interval and what kind of interval it is."""
+"""Probability of exceeding the limit in one line, with its interval and the kind of the interval."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -12,10 +12,10 @@ from hric_sweep.page.words import CROSS_ENTROPY, GRID, LIST, RANDOM, SALTELLI, S
 from hric_sweep.statistics.intervals import LEVEL, clopper_pearson
 
 APART = 6
-"""Values of a variable that are counted apart. Project default, unconfirmed."""
+"""Maximum number of values of a variable that are counted separately. Project default, unconfirmed."""
 KIND = ("Clopper-Pearson.", "Clopper-Pearson as of independent points, an estimate that is usually too wide.")
 TRUSTED = 20.0
-"""Effective number of runs that exceeded, from which the interval of importance sampling covers as often as it says
+"""Effective number of runs that exceeded above which the interval of importance sampling has its nominal coverage
 (docs/concepts/rare_events.md)."""
 DESIGNED = {
     GRID: "The points were chosen, not drawn",
@@ -23,11 +23,11 @@ DESIGNED = {
     TPE: "The points were searched for the worst, not drawn",
     SALTELLI: "Runs of this design share values with each other",
 }
-"""Samplers whose runs count nothing, and why."""
+"""Samplers whose runs give no probability, with the reason."""
 
 
 def part(study: Study) -> str:
-    """HTML."""
+    """Return the HTML of the estimate."""
     if study.limit is None:
         return "<p>No limit is given, so nothing is counted.</p>"
     value, *notes = lines(study, "given the distributions below")
@@ -36,7 +36,7 @@ def part(study: Study) -> str:
 
 
 def condition(study: Study) -> str:
-    """What is counted, e.g. "peak > 140 N"; "exceeded" where nothing is."""
+    """Return the condition for an exceedance, e.g. "peak > 140 N"; "exceeded" if there is none."""
     limit = study.limit
     if limit is None:
         return "exceeded"
@@ -45,7 +45,7 @@ def condition(study: Study) -> str:
 
 
 def lines(study: Study, given: str) -> list[str]:
-    """The line, and notes to it, some of them empty; of a study with a limit. given: what the probability is of."""
+    """Return the estimate and notes to it, some empty, for a study with a limit; `given`: condition of P."""
     exceeded, failed = int((study.kinds == EXCEEDED).sum()), int((study.kinds == FAILED).sum())
     if study.sampler in DESIGNED:
         why = f"{DESIGNED[study.sampler]}: this is no probability, and has no interval."
@@ -67,7 +67,7 @@ def lines(study: Study, given: str) -> list[str]:
 
 
 def _counted(study: Study, exceeded: int, failed: int) -> dict[str, Any] | None:
-    """Of runs that are drawn, until the sampler says it; None: there is none, or the runs have weights."""
+    """Return the estimate from unweighted runs until the sampler has one; None: none yet, or the runs have weights."""
     if study.sampler not in (RANDOM, *SPREAD) or study.runs == failed:
         return None
     low, high = clopper_pearson(exceeded, study.runs).low, clopper_pearson(exceeded + failed, study.runs).high
@@ -77,7 +77,7 @@ def _counted(study: Study, exceeded: int, failed: int) -> dict[str, Any] | None:
 
 
 def _apart(study: Study) -> str:
-    """HTML of a table for each variable of words: how often each value exceeds, given the rest of the distributions."""
+    """Return HTML tables of the probability for each value of each variable with words as values."""
     if study.sampler not in (RANDOM, *SPREAD):
         return ""
     head = (
@@ -96,7 +96,7 @@ def _apart(study: Study) -> str:
 
 
 def _of_one(study: Study, chosen: npt.NDArray[np.bool_]) -> tuple[str, ...]:
-    """Cells of runs that are chosen by one value."""
+    """Return the table cells for the runs with one value."""
     runs, kinds = int(chosen.sum()), study.kinds[chosen]
     exceeded, failed = int((kinds == EXCEEDED).sum()), int((kinds == FAILED).sum())
     low, high = clopper_pearson(exceeded, runs).low, clopper_pearson(exceeded + failed, runs).high

@@ -1,4 +1,4 @@
-"""First-order and total indices of each output, where the runs are those of Saltelli's design."""
+"""First-order and total indices of each output, for runs of Saltelli's design."""
 
 from collections.abc import Iterator, Mapping
 
@@ -14,11 +14,12 @@ from hric_sweep.statistics.sensitivity import Index, indices
 from hric_sweep.variables import Variable
 
 WIDTH, LEFT, RIGHT, ROW, TOP, APART = 440.0, 110.0, 368.0, 28.0, 8.0, 6.0
-"""Of a chart, its labels, a row, and the distance of the two indices from its middle [units of the picture]."""
+"""Layout of a chart: its width, left and right end of the axis, row height, top margin, and distance of the two indices
+from the middle of the row [units of the picture]."""
 
 
 def part(study: Study) -> str:
-    """HTML: a chart for each output; "" where the runs are of another design, or not all there."""
+    """Return the HTML with a chart for each output; "" if the design is different or incomplete."""
     if study.sampler != SALTELLI or study.runs != (study.planned or study.runs):
         return ""
     vary = study.section["vary"]
@@ -33,7 +34,7 @@ def part(study: Study) -> str:
 
 def _figure(study: Study, space: Space, name: str) -> str:
     if study.constant(name):
-        return ""  # it has no variance
+        return ""  # a constant output has no variance
     try:
         content = _chart(name, indices(space, np.asarray(study.columns[name], dtype=float)))
     except HricError as error:

@@ -1,4 +1,4 @@
-"""Tables of single runs: the worst ones with the command that repeats them, failures by reason; and what all cost."""
+"""Tables of single runs: worst runs with the command that repeats them, failures by reason; and the cost of all."""
 
 import re
 import shlex
@@ -13,17 +13,17 @@ from hric_sweep.page.words import figure
 
 WORST = 10
 REASONS = 50
-"""Different reasons in the table; more are counted. Project default, unconfirmed."""
+"""Maximum number of reasons in the table; the others are only counted. Project default, unconfirmed."""
 DECIMAL = re.compile(r"[-+]?\d+\.\d+(e[-+]?\d+)?")
 
 
 def command(study: Study) -> str:
-    """What repeats a run, without its id; the folder by its name, as the page names none of a machine."""
+    """Return the command that repeats a run, without its id; it has no path of this machine, only the folder's name."""
     return f"rosrun hric_experiments sweep rerun {shlex.quote(study.folder.resolve().name)}"
 
 
 def worst(study: Study) -> str:
-    """HTML of the worst runs."""
+    """Return the HTML of the worst runs."""
     order, by = study.order_of_worst
     rows = order[:WORST]
     if not len(rows):
@@ -49,7 +49,7 @@ def _how_again(study: Study) -> str:
 
 
 def _rerun(study: Study, row: int) -> str:
-    """A run's id, with its command to copy."""
+    """Return a run's id, with a button that copies its command."""
     name = str(study.columns["id"][row])
     again = f"{command(study)} {name}"
     return f'<code>{name}</code> <button type=button class=copy data-command="{escape(again)}">copy command</button>'
@@ -60,7 +60,7 @@ def _cell(value: object) -> str:
 
 
 def failures(study: Study) -> str:
-    """HTML of what went wrong, the most frequent first; reasons that differ in measured numbers alone are one."""
+    """Return the HTML of the failures, most frequent first; reasons that differ only in measured numbers are merged."""
     failed = np.flatnonzero(study.kinds == FAILED)
     if not len(failed):
         return f"<p>None of the {study.runs} runs failed.</p>"
@@ -81,7 +81,7 @@ def failures(study: Study) -> str:
 
 
 def cost(study: Study) -> Table:
-    """Processor and wall time of the runs, together and by machine."""
+    """Return the table of processor and wall time of the runs, in total and by machine."""
     hosts = np.array([str(host) for host in study.columns["host"]])
     rows = [_cost(study, "all", np.ones(study.runs, dtype=bool))]
     names = sorted(set(hosts))

@@ -1,4 +1,4 @@
-"""Quantiles of a sample with their intervals: by order statistics, or by bootstrap where runs have weights."""
+"""Quantiles of a sample with their intervals: by order statistics, or by bootstrap if runs have weights."""
 
 from dataclasses import dataclass
 
@@ -8,17 +8,17 @@ from scipy import stats
 from hric_core.geometry import FloatArray
 
 RESAMPLED, SEED = 400, 0
-"""Of the bootstrap: how often, and its seed. Project default, unconfirmed."""
+"""Number of bootstrap resamples, and their seed. Project default, unconfirmed."""
 
 
 @dataclass(frozen=True)
 class Quantile:
-    """A quantile.
+    """Quantile with its interval.
 
     Attributes:
-        share: of the distribution that lies below it.
-        value: estimated.
-        low, high: ends of its interval; NaN: the sample is too small for one, or makes none.
+        share: share of the distribution below the quantile.
+        value: estimate.
+        low, high: ends of the interval; NaN: the sample is too small for one, or not independent.
     """
 
     share: float
@@ -28,13 +28,15 @@ class Quantile:
 
 
 def of_sample(values: FloatArray, share: float, level: float) -> Quantile:
-    """From independent values of one distribution, whatever it is: the interval lies between two order statistics,
-    whose numbers the binomial distribution gives (David and Nagaraja, Order Statistics, 3rd ed., 7.1).
+    """Return a quantile of independent values of one distribution, which may be any.
+
+    The interval lies between two order statistics, whose numbers the binomial distribution gives (David and Nagaraja,
+    Order Statistics, 3rd ed., 7.1).
 
     Args:
-        values: shape (n,).
-        share: of the distribution below the quantile, within 0 and 1.
-        level: at least so often does the interval hold the quantile.
+        values: sample, shape (n,).
+        share: share of the distribution below the quantile, within 0 and 1.
+        level: minimum probability that the interval contains the quantile.
     """
     ordered = np.sort(values)
     count, beyond = len(ordered), 0.5 * (1.0 - level)
@@ -50,19 +52,19 @@ def of_sample(values: FloatArray, share: float, level: float) -> Quantile:
 
 
 def interpolated(ordered: FloatArray, share: float) -> float:
-    """The quantile of values in order, shape (n,), between the two next to it; they may be infinite."""
+    """Return the quantile of sorted values, shape (n,), interpolated between its neighbours; values may be infinite."""
     below, part = divmod(share * (len(ordered) - 1), 1.0)
     low, high = float(ordered[int(below)]), float(ordered[min(int(below) + 1, len(ordered) - 1)])
     return low if part == 0.0 or low == high else low + part * (high - low)
 
 
 def weighted(values: FloatArray, weights: FloatArray, share: float) -> float:
-    """The quantile of values with weights, shape (n,) each: the least value up to which the weights come to `share`."""
+    """Return the quantile of weighted values, shape (n,) each: the least whose cumulative weight reaches `share`."""
     return float(np.quantile(values, share, weights=weights, method="inverted_cdf"))
 
 
 def of_weighted(values: FloatArray, weights: FloatArray, share: float, level: float) -> Quantile:
-    """From an importance sample: the interval is that of a bootstrap by percentiles; arguments as of `of_sample`."""
+    """Return a quantile of an importance sample with its percentile bootstrap interval; arguments as of `of_sample`."""
     count = len(values)
     if count < 2:
         return Quantile(share, float(values[0]) if count else np.nan)

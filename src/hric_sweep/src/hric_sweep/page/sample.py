@@ -1,4 +1,4 @@
-"""What each run counts for as a sample of the distributions, or why the runs are none."""
+"""Runs as a sample of the distributions: the weight of each run, or the reason why the runs are no sample."""
 
 from dataclasses import dataclass
 
@@ -11,18 +11,18 @@ from hric_sweep.page.words import CROSS_ENTROPY, RANDOM, SPREAD, SUBSET, TPE
 from hric_sweep.statistics.intervals import effective_size
 
 FEWEST = 10.0
-"""Effective number of runs below which weights say nothing of a distribution. Project default, unconfirmed."""
+"""Effective number of runs below which weights say nothing about a distribution. Project default, unconfirmed."""
 
 
 @dataclass(frozen=True)
 class Sample:
-    """The runs as a sample of the distributions.
+    """Runs as a sample of the distributions.
 
     Attributes:
-        counts: what each run counts, shape (runs,); 0: it is not in the sample.
-        independent: whether the runs in it are drawn one by one, or spread more evenly than that.
-        note: what is to be said of it; "": nothing.
-        refused: why the runs are no sample; "": they are one.
+        counts: weight of each run, shape (runs,); 0: the run is not in the sample.
+        independent: True if the runs are drawn independently, or spread more evenly than that.
+        note: note for the reader; "": none.
+        refused: reason why the runs are no sample; "": they are one.
     """
 
     counts: FloatArray
@@ -32,16 +32,16 @@ class Sample:
 
     @property
     def weighted(self) -> bool:
-        """Whether runs in it count differently."""
+        """True if the runs in the sample have different weights."""
         inside = self.counts[self.counts > 0.0]
         return bool(np.any(inside != inside[:1]))
 
 
 def of(study: Study) -> Sample:
-    """The sample that a sweep is.
+    """Return the sample that the runs of a sweep are.
 
-    Weights of importance sampling are likelihood ratios, batch by batch, so that averages with them are those of the
-    distributions. Points that the chains of subset simulation try are of no known distribution: its first level is one.
+    Weights of importance sampling are likelihood ratios, batch by batch, so that weighted averages are those of the
+    distributions. Points that the chains of subset simulation try have no known distribution; only its first level has.
     """
     if study.sampler == TPE:
         why = "The points were searched for the worst, not drawn: among them nothing is spread as the distributions are"

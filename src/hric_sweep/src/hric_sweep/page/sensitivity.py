@@ -1,4 +1,4 @@
-"""What the outputs depend on: rank correlations of all pairs of columns, and of each output with each variable."""
+"""Dependence of the outputs: rank correlations of all pairs of columns, and of each output with each variable."""
 
 import contextlib
 
@@ -13,17 +13,19 @@ from hric_sweep.statistics.intervals import effective_size
 from hric_sweep.statistics.sensitivity import rank_correlation
 
 FEWEST = 10.0
-"""Runs, or effective number of them, below which a rank correlation is not shown. Project default, unconfirmed."""
+"""Effective number of runs below which a rank correlation is not shown. Project default, unconfirmed."""
 LIKELY = 0.05
-"""A correlation that chance alone reaches or exceeds with this probability is shown faint. Project default,
-unconfirmed."""
+"""Threshold of the p-value above which a correlation is shown faint. Project default, unconfirmed."""
 Ranks = dict[str, dict[str, tuple[float, float]]]
-"""Spearman's rank correlation of a column with another, and the probability of as much by chance."""
+"""Spearman's rank correlation of a column with another, and its p-value."""
 
 
 def ranks(study: Study, sample: Sample) -> Ranks:
-    """Of all pairs of columns with an order, over the runs that have both; words have one if they are two. Empty where
-    the runs are no sample of the distributions."""
+    """Return rank correlations of all pairs of ordered columns, over the runs that have both values.
+
+    A column of words is ordered if it has two different words. The result is empty if the runs are no sample of the
+    distributions.
+    """
     if sample.refused:
         return {}
     values = {}
@@ -38,13 +40,13 @@ def ranks(study: Study, sample: Sample) -> Ranks:
             a, b = values[first], values[second]
             if effective_size(sample.counts[~np.isnan(a) & ~np.isnan(b)]) < FEWEST - 1e-9:
                 continue
-            with contextlib.suppress(HricError):  # one of both is the same in all runs
+            with contextlib.suppress(HricError):  # one of the two is constant
                 found[first][second] = found[second][first] = rank_correlation(a, b, sample.counts)
     return found
 
 
 def part(study: Study, sample: Sample, found: Ranks) -> str:
-    """HTML: each output with each variable; "" where nothing is known."""
+    """Return the HTML table of each output with each variable; "" if no correlation is known."""
     variables, outputs = study.named(VARIABLE), study.named(OUTPUT)
     if sample.refused and study.runs:
         return f"<p class=note>No rank correlations. {escape(sample.refused)}</p>"
@@ -74,7 +76,7 @@ def part(study: Study, sample: Sample, found: Ranks) -> str:
 def _cell(found: tuple[float, float] | None) -> str:
     if found is None:
         return "<td class=rank>-</td>"
-    value, chance = round(found[0], 2) + 0.0, found[1]  # + 0.0: no -0.00
+    value, chance = round(found[0], 2) + 0.0, found[1]  # + 0.0: avoids -0.00
     if chance > LIKELY:
         return f'<td class="rank faint">{value:.2f}</td>'
     colour = "--s1" if value > 0.0 else "--s6"

@@ -16,14 +16,14 @@ from hric_sweep.statistics.intervals import effective_size
 LEVEL = 0.95
 SHARES = (0.05, 0.5, 0.95)
 WIDTH, HEIGHT, LEFT, RIGHT, TOP = 440.0, 165.0, 46.0, 432.0, 22.0
-"""Of a histogram [units of the picture]."""
+"""Layout of a histogram [units of the picture]."""
 MAX_BINS = 60
 TAIL = 0.002
-"""Share of the runs at each end that the histogram's last bins may collect, so that one run does not squeeze it."""
+"""Share of the runs at each end that the outer bins may collect, so that one run does not compress the histogram."""
 
 
 def part(study: Study, sample: Sample) -> str:
-    """HTML: a histogram of each output, and a table; why there are none where the runs are no sample."""
+    """Return the HTML with a histogram of each output and a table, or the reason why the runs are no sample."""
     if sample.refused and study.runs:
         return f"<p class=note>No distributions. {escape(sample.refused)}</p>"
     figures, rows = [], []
@@ -47,7 +47,7 @@ def part(study: Study, sample: Sample) -> str:
 
 
 def kind(study: Study, sample: Sample) -> str:
-    """What the intervals of the quantiles are."""
+    """Return the explanation of the quantiles' intervals."""
     shown = "Purple: 5th percentile, median, 95th percentile; band: interval. Failed runs are left out."
     shown = f"{shown} {sample.note}".rstrip()
     if not sample.independent:
@@ -63,7 +63,7 @@ def kind(study: Study, sample: Sample) -> str:
 
 
 def said(one: Quantile) -> str:
-    """A quantile with its interval, for a reader."""
+    """Return a quantile with its interval, as text."""
     if np.isnan(one.low) and np.isnan(one.high):
         return figure(one.value)
     ends = ["open" if np.isnan(end) else figure(end) for end in (one.low, one.high)]
@@ -92,7 +92,7 @@ def _mean(values: FloatArray, weights: FloatArray) -> str:
 
 
 def _ends(values: FloatArray, weights: FloatArray, bound: float | None) -> tuple[float, float]:
-    """Of the histogram; a bound that is near is within."""
+    """Return the ends of the histogram, which include a bound that is near."""
     finite = np.isfinite(values)
     if not np.any(finite):
         return -0.5, 0.5
@@ -133,7 +133,7 @@ def _histogram(study: Study, name: str, values: FloatArray, weights: FloatArray,
 
 
 def _edges(low: float, high: float, count: float, bound: float | None) -> FloatArray:
-    """Of the bins, shape (bins + 1,): by Rice's rule, one of them at the bound where that is within."""
+    """Return bin edges by Rice's rule, shape (bins + 1,); one of them is at the bound if that is within the ends."""
     bins = int(np.clip(np.ceil(2.0 * count ** (1.0 / 3.0)), 8, MAX_BINS))
     width = (high - low) / bins
     if bound is None or not low < bound < high:
@@ -143,14 +143,14 @@ def _edges(low: float, high: float, count: float, bound: float | None) -> FloatA
 
 
 def _whole(values: FloatArray) -> FloatArray | None:
-    """Edges of a bin for each whole number, where all values are some; None: they are not, or too many."""
+    """Return edges of one bin per integer if all values are integers; None: they are not, or there are too many."""
     if np.any(np.isinf(values)) or np.any(values != np.round(values)) or np.ptp(values) > MAX_BINS:
         return None
     return np.arange(values.min() - 0.5, values.max() + 1.0)
 
 
 def _vertical(highest: float, bottom: float, of: str) -> Iterator[str]:
-    """The vertical axis: share of the runs, or of their weights, in a bin."""
+    """Yield the vertical axis: share of the runs, or of their weights, in a bin."""
     for share in chart.ticks(0.0, 100.0 * highest, 3):
         y = bottom - (bottom - TOP) * share / (100.0 * highest)
         yield chart.text(LEFT - 6.0, y + 4.0, figure(share), "faint", "end")
@@ -167,7 +167,7 @@ def _bound(axis: chart.Axis, bound: float, bottom: float) -> Iterator[str]:
 
 
 def _band(axis: chart.Axis, one: Quantile, bottom: float) -> Iterator[str]:
-    """Of a quantile's interval; an open one reaches to the end of the picture."""
+    """Yield the band of a quantile's interval; an open interval extends to the end of the picture."""
     if np.isnan(one.low) and np.isnan(one.high):
         return
     left = axis.x(axis.low if np.isnan(one.low) else one.low)

@@ -1,4 +1,4 @@
-"""A sweep as its page needs it: columns of runs.parquet with their roles and units, and its definition."""
+"""Data of a sweep for its page: columns of runs.parquet with their roles and units, and the definition."""
 
 import json
 from collections.abc import Mapping
@@ -18,14 +18,14 @@ from hric_core.parameters import read_yaml
 RUNS, SETTINGS = "runs.parquet", "sweep.yaml"
 VARIABLE, OUTPUT = "variable", "output"
 FINE, EXCEEDED, FAILED = 0, 1, 2
-"""Of a run: what came of it."""
+"""Result of a run."""
 
 Column = npt.NDArray[Any]
 
 
 @dataclass(frozen=True)
 class About:
-    """Of a column: role in the table, unit of its numbers, and what it is."""
+    """Role of a column in the table, unit of its numbers, and description."""
 
     role: str
     unit: str = ""
@@ -34,7 +34,7 @@ class About:
 
 @dataclass(frozen=True)
 class Limit:
-    """What a sweep counts: an output above or below a bound."""
+    """Exceedance of a sweep: an output above or below a bound."""
 
     output: str
     bound: float
@@ -42,21 +42,21 @@ class Limit:
 
     @property
     def sign(self) -> str:
-        """Between the output and the bound."""
+        """Comparison sign between the output and the bound."""
         return ">" if self.above else "<"
 
 
 @dataclass(frozen=True)
 class Study:
-    """A sweep.
+    """Recorded sweep.
 
     Attributes:
-        folder: of it.
-        columns: by name, each of shape (runs,), in order of index.
-        about: the columns.
-        definition: canonical, of the whole file; its section `sweep` says what was varied.
-        estimate: of a sampler that makes its own; None: it makes none, or it is too early.
-        made: what sweep.yaml says beside the definition.
+        folder: run folder of the sweep.
+        columns: columns by name, each of shape (runs,), in order of index.
+        about: description of each column.
+        definition: canonical definition, of the whole file; its section `sweep` defines what was varied.
+        estimate: estimate of the sampler; None: the sampler has none, or none yet.
+        made: content of sweep.yaml.
     """
 
     folder: Path
@@ -68,7 +68,7 @@ class Study:
 
     @property
     def section(self) -> Mapping[str, Any]:
-        """The section `sweep` of the definition."""
+        """Section `sweep` of the definition."""
         found: Mapping[str, Any] = self.definition.get("sweep") or {}
         return found
 
@@ -79,27 +79,27 @@ class Study:
 
     @property
     def runs(self) -> int:
-        """How many are in the table."""
+        """Number of runs in the table."""
         return len(self.columns["id"])
 
     @property
     def planned(self) -> int | None:
-        """How many there will be at most; None: nothing says it."""
+        """Maximum number of runs; None: not defined."""
         runs = self.section.get("runs")
         return None if runs is None else int(runs)
 
     def named(self, role: str) -> list[str]:
-        """Columns of a role, in their order."""
+        """Return the names of the columns with a role, in their order."""
         return [name for name, one in self.about.items() if one.role == role and name in self.columns]
 
     def label(self, name: str) -> str:
-        """A column's name with its unit, 1 of a number that has none."""
+        """Return a column's name with its unit, which is 1 for a number without unit."""
         unit = self.about[name].unit or ("1" if self.columns[name].dtype.kind in "iuf" else "")
         return f"{name} [{unit}]" if unit else name
 
     @cached_property
     def limit(self) -> Limit | None:
-        """What is counted; None: nothing."""
+        """Limit of the exceedance; None: there is none."""
         counted = self.section.get("exceedance")
         if not counted:
             return None
@@ -108,7 +108,7 @@ class Study:
 
     @cached_property
     def kinds(self) -> npt.NDArray[np.uint32]:
-        """FINE, EXCEEDED or FAILED, shape (runs,)."""
+        """Result of each run, FINE, EXCEEDED or FAILED, shape (runs,)."""
         found = np.full(self.runs, FINE, dtype=np.uint32)
         found[[bool(one) for one in self.columns["exceeded"]]] = EXCEEDED
         found[self.columns["failure"] != ""] = FAILED
@@ -116,16 +116,16 @@ class Study:
 
     @cached_property
     def weights(self) -> FloatArray:
-        """Likelihood ratios, shape (runs,); 1 where the points were drawn from the distributions themselves."""
+        """Likelihood ratios, shape (runs,); 1 if the points were drawn from the distributions themselves."""
         return np.asarray(self.columns["weight"], dtype=float)
 
     @property
     def weighted(self) -> bool:
-        """Whether a run counts other than one."""
+        """True if a run has a weight other than 1."""
         return bool(np.any(self.weights != 1.0))
 
     def numbers(self, name: str) -> tuple[FloatArray, list[str]]:
-        """A column as numbers, and the names of its values where they are words: number k is the k-th."""
+        """Return a column as numbers, and the labels of its values if they are words: number k stands for label k."""
         values = self.columns[name]
         if values.dtype.kind in "iuf":
             return values.astype(float), []
@@ -135,15 +135,17 @@ class Study:
         return np.array([known[word] for word in words], dtype=float), labels
 
     def constant(self, name: str) -> bool:
-        """Whether a column is the same in all runs that have it, and they are more than one."""
+        """Return True if a column has more than one value and all of them are equal."""
         values = self.numbers(name)[0]
         known = values[~np.isnan(values)]
         return len(known) > 1 and bool(np.all(known == known[0]))
 
     @cached_property
     def order_of_worst(self) -> tuple[npt.NDArray[np.intp], str]:
-        """Rows that did not fail from the worst on, and by what: the objective, else the output that is counted, else
-        the first output from its largest value on."""
+        """Rows that did not fail, from the worst on, and the criterion.
+
+        The criterion is the objective, else the output with the limit, else the largest value of the first output.
+        """
         aim: Mapping[str, Any] = self.section.get("objective") or {}
         outputs = self.named(OUTPUT)
         if aim:
@@ -164,7 +166,7 @@ def load(folder: Path) -> Study:
     """Read a sweep.
 
     Raises:
-        HricError: the folder has no table, or one that no sweep wrote.
+        HricError: the folder has no table, or one that was not written by a sweep.
     """
     import pyarrow
     from pyarrow import parquet

@@ -1,4 +1,4 @@
-"""What a sweep varied and by what sampler, in words and as a table."""
+"""Description of the varied quantities and of the sampler, in words and as a table."""
 
 import math
 from collections.abc import Mapping
@@ -21,18 +21,18 @@ SAMPLERS: Mapping[str, str] = {
     CROSS_ENTROPY: "importance sampling by the cross-entropy method, weighted back to the distributions",
     SUBSET: "subset simulation, level by level towards the limit",
 }
-"""What each does, after its name."""
+"""Description of each sampler, shown after its name."""
 
 
 def figure(value: Any, digits: int = 4) -> str:
-    """A number for a reader, also an infinite one: a share of a limit of 0 is."""
+    """Return a number as text, also an infinite one, such as a share of a limit of 0."""
     if isinstance(value, float) and math.isinf(value):
         return "infinite" if value > 0.0 else "minus infinite"
     return number(value, digits)
 
 
 def sampler(study: Study) -> str:
-    """By what the points were chosen."""
+    """Return the description of the sampler."""
     settings = dict(study.section.get("sampler") or {})
     settings.pop("kind", None)
     given = "".join(f", {key} {number(value)}" for key, value in settings.items() if value is not None)
@@ -45,7 +45,7 @@ def sampler(study: Study) -> str:
 
 
 def distribution(settings: Mapping[str, Any]) -> str:
-    """A distribution in words; settings: as in the definition."""
+    """Return a distribution in words; `settings`: as in the definition."""
     given = {key: value for key, value in settings.items() if value is not None}
     kind = str(given.pop("kind", ""))
     low, high = given.pop("low", None), given.pop("high", None)
@@ -69,7 +69,7 @@ def _value(value: Any) -> str:
 
 
 def varied(study: Study) -> Table:
-    """The variables with their distributions."""
+    """Return the table of the variables with their distributions."""
     settings: Mapping[str, Any] = study.section.get("vary") or {}
     rows = []
     for name in study.named(VARIABLE):

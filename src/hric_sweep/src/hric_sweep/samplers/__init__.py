@@ -1,1 +1,1 @@
-"""Where the runs of a sweep are: one module per family of samplers."""
+"""Samplers, which choose the points of the runs of a sweep: one module per family."""

@@ -110,8 +110,10 @@ class Blows:
         """Return the torque for the plant.
 
         Args:
-            behind, slower: desired minus measured joint position and velocity, shape (7,) [rad], [rad/s].
-            q, v: measured joint position and velocity, shape (7,) [rad], [rad/s].
+            behind: desired minus measured joint position, shape (7,) [rad].
+            slower: desired minus measured joint velocity, shape (7,) [rad/s].
+            q: measured joint position, shape (7,) [rad].
+            v: measured joint velocity, shape (7,) [rad/s].
         """
         robot = self._robot
         if self._arm is Arm.PASSIVE:

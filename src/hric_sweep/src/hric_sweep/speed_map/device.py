@@ -33,8 +33,8 @@ class Device:
 
     Args:
         body: mass and spring of the device.
-        robot_mass: reflected mass of the arm along the direction [kg]; used within a step only, as the plant moves the arm
-            between steps.
+        robot_mass: reflected mass of the arm along the direction [kg]; used within a step only, as the plant moves the
+            arm between steps.
         time_step: time between two readings [s].
         approach: initial speed of the body towards the arm [m/s].
 

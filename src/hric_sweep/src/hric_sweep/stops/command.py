@@ -70,7 +70,8 @@ def measured(robot: FrankaHWSim, speeds: Sequence[float], loads: Sequence[float]
 
     Args:
         robot: robot of a simulation.
-        speeds, loads: speeds and loads in ascending order [m/s], [kg].
+        speeds: speeds of the end effector, in ascending order [m/s].
+        loads: loads, in ascending order [kg].
         command: command that reproduces the table.
 
     Raises:

@@ -119,8 +119,8 @@ class Stopping:
     def begins(self, q: FloatArray, speed: float, max_velocity: Sequence[float]) -> Iterator[Begun]:
         """Yield starts at an end-effector speed [m/s] in a pose, within the joints' velocity limits.
 
-        The directions are the axes of the base, with the smallest joint velocities, and the motion of each joint alone, in
-        both senses.
+        The directions are the axes of the base, with the smallest joint velocities, and the motion of each joint alone,
+        in both senses.
         """
         J = self.jacobian(q)
         along = np.linalg.pinv(J).T

@@ -1,1 +1,1 @@
-"""Studies: forms of one experiment, run and compared with each other."""
+"""Studies: variants of one experiment, run and compared with each other."""

@@ -75,7 +75,7 @@ def lines(runs: Mapping[str, Mapping[str, Any]]) -> list[str]:
 
 
 def figure(runs: Mapping[str, Mapping[str, Any]], abscissa: str) -> Figure | None:
-    """Return the figure `human` of each value over the numeric names of the runs; None without a human or an abscissa."""
+    """Return the figure `human`: each value over the numeric names of the runs; None without human or abscissa."""
     found = sorted((float(name), run["human"]) for name, run in runs.items() if abscissa and run.get("human"))
     if not found:
         return None

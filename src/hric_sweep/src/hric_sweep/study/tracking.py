@@ -62,9 +62,9 @@ def _scaled(value: float | None, factor: float, digits: int) -> str:
 
 
 def figure(runs: Mapping[str, RunFolder]) -> Figure | None:
-    """Return the figure `tracking`, or None if no marker was tracked.
+    """Return the figure `tracking`, one column per run, or None if no marker was tracked.
 
-    It has one column per run: at the top the axis that moved most, at the bottom the error after compensation of the lag.
+    At the top is the axis that moved most, at the bottom the error after compensation of the lag.
     """
     found = {name: part for name, run in runs.items() if (part := _tracking(run)) is not None and part.data is not None}
     if not found:
