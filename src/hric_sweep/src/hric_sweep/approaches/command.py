@@ -52,7 +52,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the command; return 1 if a contact with the moving arm was above limits, else 4 if one is not assessable."""
+    """Run the command; return 1 if a contact with the moving arm was above limits, 4 if that is unknown, else 0."""
     options = parser().parse_args(arguments)
     for name in ("count", "first", "jobs"):
         whole(minimum=0 if name == "first" else 1).checked(getattr(options, name), f"--{name}")

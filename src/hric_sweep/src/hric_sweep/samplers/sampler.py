@@ -105,7 +105,7 @@ class Sampler(Protocol):
         """Receive the results of the complete batch, in order of index."""
 
     def estimate(self) -> Estimate | None:
-        """Return the estimate from all results so far; None: this sampler, the exceedance or the results give none."""
+        """Return the estimate from all results so far; None: there is no exceedance, no result or no method for it."""
 
 
 def in_order(results: Sequence[Told], first: int, count: int) -> None:
