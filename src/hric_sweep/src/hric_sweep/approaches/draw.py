@@ -14,7 +14,7 @@ PEAK = 1.875
 """Ratio of peak to mean speed of a minimum-jerk motion."""
 SUBJECTS = ("P05_female", "P50_female", "P50_male", "P95_male")
 BEARING = math.radians(100.0)
-"""Largest angle between x of the base and the person's initial direction from the base [rad]: the arm works in front."""
+"""Largest angle between x of the base and the bearing of the person's start [rad]: the arm works in front."""
 CONTROLLER = "joint_pd_controller"
 SWING = 1.5
 """Time between two setpoints of the arm [s]."""

@@ -48,23 +48,23 @@ class Axis:
 
 
 def line(look: str, x1: float, y1: float, x2: float, y2: float) -> str:
-    """Return a line of a class."""
+    """Return an SVG line of a CSS class."""
     return f'<line class="{look}" x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}"/>'
 
 
 def rectangle(look: str, x: float, y: float, width: float, height: float, title: str = "") -> str:
-    """Return a rectangle of a class; `title`: tooltip."""
+    """Return an SVG rectangle of a CSS class; `title`: tooltip."""
     said = f"<title>{escape(title)}</title>" if title else ""
     return f'<rect class="{look}" x="{x:.2f}" y="{y:.2f}" width="{width:.2f}" height="{height:.2f}">{said}</rect>'
 
 
 def text(x: float, y: float, words: str, look: str = "", anchor: str = "start") -> str:
-    """Return a text element."""
+    """Return an SVG text of a CSS class."""
     return f'<text class="{look}" x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{escape(words)}</text>'
 
 
 def svg(width: float, height: float, label: str, parts: Sequence[str]) -> str:
-    """Return the picture; `label`: description for screen readers."""
+    """Return the SVG picture; `label`: description for screen readers."""
     return (
         f'<svg class="chart" viewBox="0 0 {width:g} {height:g}" role="img" aria-label="{escape(label)}">'
         f"{''.join(parts)}</svg>"

@@ -38,7 +38,7 @@ class Sample:
 
 
 def of(study: Study) -> Sample:
-    """Return the sample that the runs of a sweep are.
+    """Return the runs of a sweep as a sample of the distributions.
 
     Weights of importance sampling are likelihood ratios, batch by batch, so that weighted averages are those of the
     distributions. Points that the chains of subset simulation try have no known distribution; only its first level has.
