@@ -19,7 +19,7 @@ CONTROLLER = "joint_pd_controller"
 SWING = 1.5
 """Time between two setpoints of the arm [s]."""
 LONGEST = 2.0 * TRANSIENT_TIME
-"""Longest time from the first touch to the end of a run [s]: twice the time after which a contact counts as clamping."""
+"""Longest time from the first touch to the end of a run [s]: twice the time after which a contact counts as a clamp."""
 BEGIN = 0.5
 """Start of the arm's motion [s]: after the supervisor's first request has taken effect, which takes 0.34 s."""
 
