@@ -1,4 +1,4 @@
-"""From two run folders to a folder with their comparison: metrics.json, figures, summary.txt; needs no ROS."""
+"""Comparison of two run folders, written to a folder as metrics.json, figures and summary.txt; needs no ROS."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -17,9 +17,9 @@ from hric_core.errors import UnknownNameError
 from hric_report.run import bag_of
 
 SHOWN_JOINT = 5
-"""Column of the joint shown large: the sixth, as in the thesis's figure 13."""
+"""Column of the joint that is shown large: the sixth, as in figure 13 of the thesis."""
 SHOWN_SETTINGS = ("robot", "controllers", "parameters", "human", "mocap", "duration")
-"""Keys of an experiment by which two runs differ."""
+"""Keys of an experiment whose values are compared between two runs."""
 
 
 def compare(
@@ -32,15 +32,16 @@ def compare(
     fit: bool = False,
     figures: bool = True,
 ) -> dict[str, Any]:
-    """Compare two runs and write the result, replacing one that is there.
+    """Compare two runs and write the result, overwriting an earlier one.
 
     Args:
-        a, b: the runs, e.g. simulated and real.
-        folder: where to write; made if missing.
-        labels: what to call the runs; default: the names of their folders.
+        a: first run, e.g. simulated.
+        b: second run, e.g. real.
+        folder: target folder; created if missing.
+        labels: labels of the runs; default: the names of their folders.
         joint: name, in run A, of the joint shown large; default: the sixth, or the last.
-        fit: lay the runs over each other by their positions instead of the setpoints' time (see `comparison.overlay`).
-        figures: whether to draw.
+        fit: align the runs by their positions instead of the times of the setpoints (see `comparison.overlay`).
+        figures: draw the figures.
 
     Returns:
         The metrics, with the report text under "report".
@@ -76,7 +77,7 @@ def _draw(folder: Path, compared: Comparison, names: tuple[str, str], shown: int
 
 
 def _people(bags: Sequence[Path], records: Sequence[RunRecord], shift: float) -> dict[str, Any] | None:
-    """How far the humans of two runs are apart; None: one of them has nobody."""
+    """Return the differences between the simulated humans of two runs; None: one of the runs has no human."""
     a, b = (human_record.read(bag, record.robot_time) for bag, record in zip(bags, records, strict=True))
     return None if a is None or b is None else human_difference.difference(a, b, shift)
 
@@ -106,13 +107,13 @@ def _head(folder: RunFolder, run: Mapping[str, Any], label: str) -> dict[str, An
 
 
 def settings_of(run: Mapping[str, Any]) -> dict[str, Any]:
-    """What an experiment set; run: contents of run.yaml."""
+    """Return the settings of a run's experiment that are compared; `run` is the contents of run.yaml."""
     definition = run.get("definition") or {}
     return {key: definition[key] for key in SHOWN_SETTINGS if key in definition}
 
 
 def render(result: Mapping[str, Any]) -> str:
-    """The comparison as text, for the terminal and summary.txt; result: contents of metrics.json."""
+    """Return the comparison as text, for the terminal and summary.txt; `result` is the contents of metrics.json."""
     a, b = (result["runs"][key] for key in "ab")
     lines = [f"{key.upper()}: {run['label']} ({_labelled(run)})" for key, run in zip("ab", (a, b), strict=True)]
     lines.append(

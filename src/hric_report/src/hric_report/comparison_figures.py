@@ -1,4 +1,4 @@
-"""Figures of a comparison of two runs, in the form of the thesis's figures 13 and 14."""
+"""Figures of the comparison of two runs, in the form of figures 13 and 14 of the thesis."""
 
 from collections.abc import Sequence
 
@@ -12,11 +12,11 @@ SINCE = "time since the setpoint [s]"
 
 
 def pair_figures(compared: Comparison, labels: tuple[str, str], joint: int) -> list[Figure]:
-    """Joint states of one joint, positions, and their differences.
+    """Return the figures of the states of one joint, of all positions, and of the position differences.
 
     Args:
-        compared: the runs overlaid on each other.
-        labels: what to call them.
+        compared: the two runs, overlaid.
+        labels: labels of the runs.
         joint: column of the joint that is shown large.
     """
     name, parts = compared.joint_names[joint], compared.overlays
@@ -48,13 +48,13 @@ def pair_figures(compared: Comparison, labels: tuple[str, str], joint: int) -> l
 
 
 def time_of(compared: Comparison) -> FloatArray:
-    """Times of the parts that both runs have, since the first setpoint of run A, shape (n,) [s]."""
+    """Return the times of the parts common to both runs, since the first setpoint of run A, shape (n,) [s]."""
     parts = compared.overlays
     return np.concatenate([part.time + part.start_a - parts[0].start_a for part in parts])
 
 
 def differences(pairs: Sequence[tuple[str, str, Comparison]]) -> Figure:
-    """Position of the first run minus that of another, of each pair; pairs: name, role, the runs."""
+    """Return the figure of the position differences, first run minus other; pairs: name, role, runs of each curve."""
     curves = [
         Curve(name, role, time_of(pair), np.concatenate([part.position_a - part.position_b for part in pair.overlays]))
         for name, role, pair in pairs
@@ -66,7 +66,7 @@ def differences(pairs: Sequence[tuple[str, str, Comparison]]) -> Figure:
 
 
 def _largest(compared: Comparison, joint: str, kind: str) -> str:
-    """What the thesis reads from its figure 13, for each setpoint."""
+    """Return peak and steady difference per setpoint as text, as the thesis reads them from its figure 13."""
     found = []
     for move in difference_metrics(compared):
         one = move["joints"][joint]

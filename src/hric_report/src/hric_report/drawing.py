@@ -1,4 +1,4 @@
-"""Draws figures for paper: SVG and PNG in the widths of a journal's columns, with their captions."""
+"""Drawing of figures for print: SVG and PNG in the column widths of journals, with captions."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing
 
 FOLDER, CAPTIONS = "figures", "captions.md"
-"""Where the figures of a run or of a comparison go, in its folder, and their captions in it."""
+"""Subfolder of a run or comparison that holds the figures, and the file of their captions in it."""
 POINTS = 1500
-"""Of one curve at most: more than a column has dots at 300 per inch. Project default, unconfirmed."""
+"""Maximum number of points of a curve: more than the dots across a column at 300 dpi. Project default, unconfirmed."""
 INCH = 25.4
-"""[mm]"""
+"""Length of an inch [mm]."""
 LEFT, RIGHT, BOTTOM, TOP, TITLE, LEGEND, GAP, BETWEEN = 16.0, 2.5, 9.5, 2.0, 3.5, 3.6, 16.0, 6.5
-"""Room beside, below and above the panels, of their titles and of a row of the legend, and between the columns and rows
-of panels [mm]."""
+"""Margins left, right, below and above the panels, heights of a panel title and of a legend row, and gaps between the
+columns and between the rows of panels [mm]."""
 LABEL, BELOW = 12.0, 5.468
-"""From an axis to its label, vertical: what a number of six characters takes, and horizontal [mm]; else matplotlib
-measures all numbers."""
+"""Distance of the label from the vertical axis (room for a number of six characters) and from the horizontal axis [mm].
+Fixed, because matplotlib otherwise measures all tick labels."""
 SMALL = 5e-3
-"""Axes that show nothing greater have numbers with a prefix, such as 200µ, as on the page."""
+"""Largest absolute value of an axis up to which tick labels have an SI prefix, such as 200µ, as on the HTML page."""
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 ROW, ALONE = 24.0, 52.0
-"""Height of a panel among others, and of one row of panels [mm]."""
+"""Height of a panel in a figure with several rows, and in a figure with one row [mm]."""
 Sheets: TypeAlias = "dict[Layout, tuple[Drawing, list[Axes]]]"
 STYLE = {
     "axes.grid": True,
@@ -65,8 +65,7 @@ STYLE = {
 
 
 class Layout(NamedTuple):
-    """Of panels: how many, side by side, width of the figure and room above them [mm], whether all axes have one
-    scale."""
+    """Arrangement of panels: their number, columns, figure width and top margin [mm], and equal scales of all axes."""
 
     panels: int
     columns: int
@@ -76,7 +75,7 @@ class Layout(NamedTuple):
 
 
 def stroke(role: str) -> dict[str, Any]:
-    """Of a curve, as matplotlib has it."""
+    """Return the matplotlib line properties of a curve with this role."""
     look = style.ROLES[role]
     if not look.width:
         return {"color": look.light, "linestyle": "none", "marker": ".", "markersize": 1.2}
@@ -85,13 +84,14 @@ def stroke(role: str) -> dict[str, Any]:
 
 
 def draw(folder: Path, figures: Iterable[Figure], title: str) -> list[Path]:
-    """Draw figures into a folder, `<key>.png` and `<key>.svg` each, and their captions, `captions.md`; a figure without
-    panels is left out. One panel takes one column of a journal, several take two.
+    """Draw figures into a folder as `<key>.png` and `<key>.svg`, and write their captions to `captions.md`.
+
+    Figures without panels are skipped. A single panel is one journal column wide, several panels are two.
 
     Args:
-        folder: where the files go; made if missing.
-        figures: what to draw.
-        title: of the run, in the captions.
+        folder: target folder; created if missing.
+        figures: figures to draw.
+        title: title of the run, for the captions.
 
     Returns:
         The PNG files.
@@ -110,15 +110,20 @@ def draw(folder: Path, figures: Iterable[Figure], title: str) -> list[Path]:
 
 
 def caption(figure: Figure, title: str) -> str:
-    """Of a figure of a run, for a paper."""
+    """Return the caption of a figure of a run, for a paper."""
     return f"{figure.title} ({title}). {figure.caption}".strip()
 
 
 def save(drawing: Drawing, path: Path, words: str = "") -> Path:
-    """Write a drawing as PNG and, beside it, as SVG, each whole or not at all, and close it; words: its caption, which
-    both files hold."""
+    """Write a drawing atomically as PNG and as SVG next to it, then close it.
+
+    Args:
+        drawing: matplotlib figure.
+        path: PNG file.
+        words: caption that is stored in the metadata of both files.
+    """
     about = {"Title": path.stem, "Description": words}
-    # Packed less, a PNG takes two thirds of the time and is a quarter larger.
+    # With less compression a PNG takes two thirds of the time and is a quarter larger.
     png: dict[str, Any] = {"metadata": {**about, "Software": None}, "pil_kwargs": {"compress_level": 1}}
     svg: dict[str, Any] = {"metadata": {**about, "Date": None}}
     for target, options in ((path, png), (path.with_suffix(".svg"), svg)):
@@ -129,12 +134,12 @@ def save(drawing: Drawing, path: Path, words: str = "") -> Path:
 
 
 def drawn(figure: Figure, sheets: Sheets) -> Drawing:
-    """A figure, drawn; `plt.rc_context(STYLE)` has to be around it.
+    """Draw a figure and return the drawing; must be called within `plt.rc_context(STYLE)`.
 
     Args:
-        figure: what is drawn.
-        sheets: empty panels of the figures before it: of those alike it takes the place, since to make panels and ticks
-            takes as long as to draw in them.
+        figure: figure to draw.
+        sheets: panels of earlier figures by layout, reused and extended here, since creating panels and ticks takes as
+            long as drawing in them. A reused drawing replaces the earlier figure.
     """
     if (rows := figure.panels[0].heat) is not None:
         return heat.drawn(rows, figure.abscissa)
@@ -143,7 +148,7 @@ def drawn(figure: Figure, sheets: Sheets) -> Drawing:
     width = style.DOUBLE if count > 1 else style.SINGLE
     columns = min(figure.columns, count)
     names = list(dict.fromkeys(name for panel in figure.panels for name in _names(figure, panel)))
-    # Fixed margins: matplotlib's own layout engines take longer than all the drawing.
+    # Fixed margins: matplotlib's layout engines take longer than all the drawing.
     per_row, legend_rows = _legend_rows(names, width)
     top = TOP + TITLE * any(panel.title for panel in figure.panels) + LEGEND * legend_rows
     layout = Layout(count, columns, width, top, equal=figure.equal)
@@ -162,7 +167,7 @@ def drawn(figure: Figure, sheets: Sheets) -> Drawing:
 
 
 def _sheet(layout: Layout) -> tuple[Drawing, list[Axes]]:
-    """Empty panels."""
+    """Return a drawing with empty panels, and their axes."""
     count, columns, width, top, equal = layout
     rows = -(-count // columns)
     panel_width = (width - LEFT - RIGHT - GAP * (columns - 1)) / columns
@@ -190,7 +195,7 @@ def _sheet(layout: Layout) -> tuple[Drawing, list[Axes]]:
 
 
 def _wipe(drawing: Drawing, axes: Sequence[Axes]) -> None:
-    """Take out what `drawn` put in; what it sets in any case stays."""
+    """Remove curves, bands, texts and legends of the previous figure; `drawn` overwrites all other properties."""
     for ax in axes:
         for artist in (*ax.lines, *ax.patches, *ax.texts):
             artist.remove()
@@ -205,7 +210,7 @@ def _names(figure: Figure, panel: Panel) -> list[str]:
 
 
 def _legend_rows(names: Sequence[str], width: float) -> tuple[int, int]:
-    """Entries per row, and rows, so that none is wider than the figure [mm]; nothing where there is one name."""
+    """Return entries per row and number of rows of a legend within a width [mm]; (1, 0) for fewer than two names."""
     if len(names) < 2:
         return 1, 0
     per_row = max(1, min(len(names), int((width - 4.0) / (11.0 + 1.35 * max(map(len, names))))))
@@ -217,7 +222,7 @@ def _draw_panel(ax: Axes, figure: Figure, panel: Panel, *, first: bool) -> None:
         ax.plot(curve.time, curve.values, label=curve.name, **stroke(curve.role))
     for name, begin, end in figure.bands:
         ax.axvspan(begin, end, color=style.LIMIT[0], alpha=0.12, linewidth=0, label=name)
-    ax.set_title(panel.title, loc="left", y=1.0)  # a height of its own: matplotlib measures all labels to find one
+    ax.set_title(panel.title, loc="left", y=1.0)  # a fixed height: otherwise matplotlib measures all labels
     if first or panel.unit:
         ax.set_ylabel(panel.unit or figure.unit)
     ax.margins(x=0.0)
@@ -241,12 +246,12 @@ def _draw_panel(ax: Axes, figure: Figure, panel: Panel, *, first: bool) -> None:
 
 
 def _power(value: float, _: float) -> str:
-    """Of ten, in plain text: matplotlib's own is a formula, which takes longer to read than a panel to draw."""
+    """Return a power of ten as plain text: matplotlib's formula takes longer to parse than a panel to draw."""
     return "10" + str(round(math.log10(value))).translate(RAISED)
 
 
 def _draw_bound(ax: Axes, name: str, bound: float) -> None:
-    """A horizontal line, with its name on the side that is away from the panel's edge."""
+    """Draw a horizontal line with its name on the side that faces the middle of the panel."""
     upper = ax.transData.transform((0.0, bound))[1] > ax.transAxes.transform((0.0, 0.5))[1]
     ax.axhline(bound, color=style.LIMIT[0], linestyle=":", linewidth=0.9)
     ax.annotate(
@@ -264,7 +269,7 @@ def _draw_bound(ax: Axes, name: str, bound: float) -> None:
 
 
 def _legend(drawing: Drawing, axes: Sequence[Axes], per_row: int, left: float) -> None:
-    """One legend for all panels, above them; per_row: entries side by side; left: where it begins [width]."""
+    """Draw one legend above all panels, with `per_row` entries per row, from `left` on [share of the width]."""
     entries: dict[str, Any] = {}
     for ax in axes:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):

@@ -1,5 +1,7 @@
-"""What a figure shows, as plain data: curves, bounds and bands in panels, and its caption. `report.drawing` draws it
-for paper (SVG, PNG), `report_html` in a page, both by the colours and strokes of `report.style`."""
+"""Contents of a figure as plain data: curves, bounds and bands in panels, and a caption.
+
+`hric_report.drawing` draws it for print (SVG, PNG), `hric_report.html` in a page, both in `hric_report.style`.
+"""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -12,26 +14,26 @@ from hric_report.heat import HeatMap
 
 FloatArray = npt.NDArray[np.float64]
 Bound = tuple[str, float]
-"""A horizontal line: what it is, value."""
+"""Name and value of a horizontal line."""
 NEAR = 0.6
-"""A bound this far beyond the curves still belongs to the vertical axis [1/height of the curves]."""
+"""Distance beyond the curves up to which the vertical axis still includes a bound [height of the curves]."""
 
 
 STILL = 1e-9
-"""Curves whose height is less than this share of their values stand still, and their axis shows nothing finer."""
+"""Range of the curves relative to their values below which they count as constant, so that rounding is hidden [1]."""
 
 
 @dataclass(frozen=True)
 class Curve:
-    """One line.
+    """One line of a panel.
 
     Attributes:
-        name: in the legend.
-        role: colour and stroke, of `style.ROLES`: measured, setpoint, desired, raw, other, samples (points without a
-            line), or s0, s1, ... for one of several alike.
-        time: or another abscissa, shape (n,); curves that share the array share it in a page, too.
-        values: shape (n,); NaN is a gap.
-        cut: whether the axis may end before the curve's peaks.
+        name: name in the legend.
+        role: key of colour and stroke in `style.ROLES`: measured, setpoint, desired, raw, other, samples (points, no
+            line), or s0, s1, ... for one of several similar curves.
+        time: time or another abscissa, shape (n,); an array shared by several curves is stored once in a page.
+        values: ordinates, shape (n,); NaN is a gap.
+        cut: True if the axis may cut off the peaks of the curve.
     """
 
     name: str
@@ -41,21 +43,21 @@ class Curve:
     cut: bool = False
 
     def column(self, joint: int) -> "Curve":
-        """The curve of one joint, of values with shape (n, joints); of a time with that shape, too."""
+        """Return the curve of one joint, from values of shape (n, joints) and times of shape (n,) or (n, joints)."""
         time = self.time if self.time.ndim == 1 else self.time[:, joint]
         return replace(self, time=time, values=self.values[:, joint])
 
 
 @dataclass(frozen=True)
 class Panel:
-    """One pair of axes.
+    """One pair of axes of a figure.
 
     Attributes:
-        title: above it.
-        curves: its lines, the last one on top.
-        bounds: limits and tolerances; a far one does not widen the axis.
-        unit, abscissa: of its vertical and horizontal axis; "": those of the figure.
-        heat: rows of colours in place of curves, in a panel that is alone in its figure; None: none.
+        title: title above the panel.
+        curves: lines, the last one on top.
+        bounds: limits and tolerances; a distant one does not widen the axis.
+        unit, abscissa: labels of the vertical and horizontal axis; "": those of the figure.
+        heat: heat map in place of curves, only in the single panel of a figure; None: none.
     """
 
     title: str
@@ -68,21 +70,21 @@ class Panel:
 
 @dataclass(frozen=True)
 class Figure:
-    """Panels with one horizontal axis.
+    """Panels with a common horizontal axis.
 
     Attributes:
-        key: name of its file, and in the page's address.
-        title: its heading.
-        unit: of the vertical axes, as text such as "position [rad]".
-        panels: from left to right, then downwards.
-        min_height: of a vertical axis, so that rounding errors do not fill a panel [unit].
-        logarithmic: whether the vertical axes are.
-        abscissa: of the horizontal axes.
-        bands: what happened for a while, in all panels: (what, begin, end).
-        columns: panels side by side; at most two in one column of a journal.
-        equal: whether all axes have one scale, so that a path keeps its shape; the abscissa is no time then.
-        section: of `report.sections`, where it belongs.
-        caption: what a reader sees in it, in whole sentences.
+        key: file name without extension, and anchor in the page.
+        title: heading.
+        unit: label of the vertical axes, such as "position [rad]".
+        panels: panels from left to right, then downwards.
+        min_height: minimum range of a vertical axis, so that rounding errors do not fill a panel [unit].
+        logarithmic: True if the vertical axes are logarithmic.
+        abscissa: label of the horizontal axes.
+        bands: time spans that are marked in all panels: (name, begin, end).
+        columns: panels side by side.
+        equal: True if all axes have the same scale, so that a path keeps its shape; the abscissa then is not time.
+        section: section of the report, from `hric_report.sections`.
+        caption: description for the reader, in full sentences.
     """
 
     key: str
@@ -99,17 +101,19 @@ class Figure:
     caption: str = ""
 
     def about(self, section: str, caption: str) -> "Figure":
-        """The same figure with its part of the report and its caption."""
+        """Return a copy with this section of the report and this caption."""
         return replace(self, section=section, caption=caption)
 
     @property
     def timed(self) -> bool:
-        """Whether its abscissa is the time of the run, or of runs that are compared."""
+        """True if the abscissa is the time of the run, or of runs that are compared."""
         return not self.equal and self.abscissa.startswith("time")
 
     def horizontal_range(self, panel: Panel) -> tuple[float, float]:
-        """Ends of a panel's horizontal axis that is no time: where all axes have one scale as long as its vertical
-        one, else that of all panels."""
+        """Return the ends of a panel's horizontal axis if it is not time.
+
+        With equal scales it is as long as the vertical axis of the panel, else it covers the curves of all panels.
+        """
         if not self.equal:
             return _extent(curve.time for each in self.panels for curve in each.curves)
         low, high = _extent(curve.time for curve in panel.curves)
@@ -118,8 +122,10 @@ class Figure:
         return middle - half, middle + half
 
     def vertical_range(self, panel: Panel) -> tuple[float, float]:
-        """Ends of a panel's vertical axis: its curves with some room, and a bound that is not far from them; of rows of
-        colours the last below and the first above."""
+        """Return the ends of a panel's vertical axis: the curves with a margin, and bounds that are near them.
+
+        For a heat map the axis points downwards: the first row is at the top.
+        """
         if panel.heat is not None:
             return len(panel.heat.rows) - 0.5, -0.5
         low, high = _extent(curve.values for curve in panel.curves if not curve.cut)
@@ -141,7 +147,7 @@ class Figure:
 
 
 def _extent(curves: Iterable[FloatArray]) -> tuple[float, float]:
-    """Smallest and greatest value; (0, 1) where there is none."""
+    """Return the smallest and the greatest value of all curves; (0, 1) if there is none."""
     ends = [(np.fmin.reduce(values), np.fmax.reduce(values)) for values in curves if len(values)]
     ends = [pair for pair in ends if np.isfinite(pair).all()]
     return (float(min(low for low, _ in ends)), float(max(high for _, high in ends))) if ends else (0.0, 1.0)
@@ -156,13 +162,15 @@ def per_joint(
     bounds: Callable[[str], tuple[Bound, ...]] = lambda joint: (),
     **options: Any,
 ) -> Figure:
-    """A figure with one panel per joint; a joint that no curve has gets none.
+    """Return a figure with one panel per joint; a joint whose values are all NaN gets no panel.
 
     Args:
-        key, title, unit: as `Figure`.
-        joint_names: in the order of the columns.
-        curves: of all joints, see `Curve.column`.
-        bounds: of a joint.
+        key: file name without extension.
+        title: heading.
+        unit: label of the vertical axes.
+        joint_names: names of the joints in the order of the columns.
+        curves: curves of all joints, see `Curve.column`.
+        bounds: function that returns the bounds of a joint.
         options: other attributes of the figure.
     """
     panels = []

@@ -1,4 +1,4 @@
-"""The headless runner: an experiment into a run folder, as fast as the machine allows."""
+"""Headless runner: simulates an experiment into a run folder, as fast as the machine allows."""
 
 import contextlib
 import sys
@@ -25,12 +25,12 @@ from hric_run.simulation import Simulation
 
 @dataclass(frozen=True)
 class Result:
-    """What a headless run leaves.
+    """Result of a headless run.
 
     Attributes:
-        folder: the run folder.
+        folder: run folder.
         metrics: contents of metrics.json, plus the report text under "report".
-        interrupted: whether Ctrl-C ended it before its time.
+        interrupted: True if Ctrl-C ended the run early.
     """
 
     folder: RunFolder
@@ -51,15 +51,15 @@ def run(
 
     Args:
         definition: the experiment.
-        arguments: the overrides it was made with, for run.yaml.
-        seed: of everything random.
+        arguments: overrides of the experiment, for run.yaml.
+        seed: seed of all random numbers.
         root: folder of all runs.
-        progress: show on a terminal how far run and report are.
-        figures: draw.
+        progress: show the progress of run and report on a terminal.
+        figures: draw the figures.
 
     Raises:
-        HricError: the experiment cannot run, and no folder was made: a mistake of the user; or it failed on its way,
-            and run.yaml says so: `exit_code` FAILURE.
+        HricError: the experiment cannot run because of a user error, and no folder was created; or the run failed,
+            which is noted in run.yaml and has the `exit_code` FAILURE.
     """
     with Simulation(definition, seed=seed) as simulation:
         folder = RunFolder.create(root, definition.name)
@@ -76,7 +76,7 @@ def run(
 
 
 def _record(simulation: Simulation, folder: RunFolder, progress: bool) -> tuple[Messages, bool]:
-    """Run the robot into the bag: (what of it a report needs, whether it was interrupted)."""
+    """Run the simulation and write the bag; return the messages for the report, and True if it was interrupted."""
     app, node = simulation.app, simulation.node
     interrupted, messages = False, Messages()
     failure: HricError | None = None
@@ -88,7 +88,7 @@ def _record(simulation: Simulation, folder: RunFolder, progress: bool) -> tuple[
                 return
             try:
                 stamp = bag.write(topic, message, at)
-            except FileError as error:  # whoever publishes is not to blame, and the run ends
+            except FileError as error:  # not an error of the publisher; stop the run
                 failure = error
                 app.stop()
             else:
@@ -104,7 +104,7 @@ def _record(simulation: Simulation, folder: RunFolder, progress: bool) -> tuple[
             simulation.run(progress=progress)
         except KeyboardInterrupt:
             interrupted = True
-        except HricError as error:  # raised again when the bag, with all its cycles, is whole
+        except HricError as error:  # raised again once the bag is complete
             failure = failure or error
         if isinstance(failure, FileError):
             raise failure

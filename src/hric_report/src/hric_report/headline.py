@@ -1,4 +1,4 @@
-"""Headline of a report: a run or a comparison in a few figures with their meaning."""
+"""Headline of a report: the key figures of a run or of a comparison, each with its meaning."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -10,19 +10,19 @@ from hric_assessment.findings import Outcome
 
 GOOD, BAD, PLAIN = "good", "bad", "plain"
 PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
-"""Of units, down to what the positions of a run resolve."""
+"""Factors and SI prefixes of units, down to the resolution of the positions of a run."""
 PERSON = "human::"
-"""Begin of the names of the person's links; their contacts are judged by the verdict, not shown as a bare force."""
+"""Prefix of the person's link names; their contacts are judged by the verdict, not shown as a bare force."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One figure.
+    """Key figure of a report.
 
     Attributes:
-        name: what it is.
-        value: with its unit.
-        meaning: what it says, in one sentence without a full stop.
+        name: name of the quantity.
+        value: value with its unit.
+        meaning: explanation in one sentence without a full stop.
         kind: good, bad or plain.
     """
 
@@ -35,12 +35,12 @@ class Finding:
 def of_run(
     run: Mapping[str, Any], metrics: Mapping[str, Any], verdict: Mapping[str, Any] | None = None
 ) -> list[Finding]:
-    """Return what went wrong, how contacts were judged, how a marker was followed and setpoints reached, what was lost.
+    """Return the key figures of a run: failures, contacts, marker tracking, setpoints, lost samples, stability.
 
     Args:
         run: contents of run.yaml.
         metrics: contents of metrics.json.
-        verdict: contents of verdict.json; None: there was no person, or nobody judged the run.
+        verdict: contents of verdict.json; None: there was no person, or the run was not judged.
     """
     found = [*_problems(run, metrics), *_judged(verdict)]
     if metrics.get("tracking"):
@@ -61,7 +61,7 @@ def of_run(
         pair = f"{strongest['body_a']} on {strongest['body_b']}, the strongest contact ({strongest['kind']})"
         bodies = {strongest[key].removeprefix("human::") for key in ("body_a", "body_b")}
         blows = [one for one in (metrics.get("human") or {}).get("contacts", ()) if one["transient"]]
-        if not any(bodies == {one["link"], one["other"]} for one in blows):  # which have a name of their own
+        if not any(bodies == {one["link"], one["other"]} for one in blows):  # these are listed by their body region
             found.append(Finding("Contact force", scaled(strongest["peak_force"], "N"), pair))
     if metrics["stability"]["verdict"] == stability.STABLE:
         found.append(Finding("Stability", stability.STABLE, "no joint chatters and nothing diverged", GOOD))
@@ -69,7 +69,7 @@ def of_run(
 
 
 def _judged(verdict: Mapping[str, Any] | None) -> list[Finding]:
-    """Return the worst finding of the person's contacts; those of verdict.json are in order from the worst on."""
+    """Return the worst finding of the person's contacts; verdict.json lists the worst findings first."""
     found = next((one for one in (verdict or {}).get("findings", ()) if one["group"] == "contact"), None)
     if found is None:
         return []
@@ -116,11 +116,11 @@ def _supervised(found: Mapping[str, Any]) -> list[Finding]:
 
 
 def of_comparison(first: str, pairs: Mapping[str, Sequence[Mapping[str, Any]]]) -> list[Finding]:
-    """How far runs are apart.
+    """Return the largest differences in joint position of each run from the first run.
 
     Args:
         first: name of the run that the others are compared with.
-        pairs: name of each other run, and per setpoint its differences, as `comparison.difference_metrics` has them.
+        pairs: differences per setpoint, as `comparison.difference_metrics` returns them, by name of the other run.
     """
     found = []
     for name, moves in pairs.items():
@@ -139,7 +139,7 @@ def of_comparison(first: str, pairs: Mapping[str, Sequence[Mapping[str, Any]]]) 
 
 
 def scaled(value: float | None, unit: str) -> str:
-    """A number of three digits with its unit, which gets a prefix where the number is small; None: not known."""
+    """Format a value with three significant digits and its unit, with an SI prefix if small; None: "not known"."""
     if value is None or not math.isfinite(value):
         return "not known"
     factor, prefix = next(((f, p) for f, p in PREFIXES if abs(value) >= f), PREFIXES[-1])
@@ -149,7 +149,7 @@ def scaled(value: float | None, unit: str) -> str:
 
 
 def _digits(value: float) -> str:
-    """Three digits that count, without an exponent."""
+    """Format a value with three significant digits, without an exponent."""
     if value == 0.0:
         return "0"
     return f"{value:.{max(0, 2 - math.floor(math.log10(abs(value))))}f}"
@@ -201,7 +201,7 @@ def _tracking(values: Mapping[str, Any]) -> list[Finding]:
 
 
 def _setpoints(moves: Sequence[Mapping[str, Any]]) -> list[Finding]:
-    """Of all setpoints the worst joint."""
+    """Return final error, settling time and overshoot of the worst joint over all setpoints."""
     joints = [(name, joint) for move in moves for name, joint in move["joints"].items()]
     number = _count(len(moves), "setpoint") if len(moves) > 1 else "the setpoint"
     name, worst = max(joints, key=lambda item: abs(item[1]["final_error"]))
@@ -221,7 +221,7 @@ def _setpoints(moves: Sequence[Mapping[str, Any]]) -> list[Finding]:
 
 
 def _recorded(sources: Mapping[str, Mapping[str, Any]]) -> list[Finding]:
-    """What the sources sent and what of it is in the bag; a robot alone is no news."""
+    """Return the samples that were sent and are missing in the bag; nothing if fewer than two sources count samples."""
     counted = {topic: one for topic, one in sources.items() if one["sent"] is not None}
     unknown = len(sources) - len(counted)
     if len(counted) < 2:
@@ -234,7 +234,7 @@ def _recorded(sources: Mapping[str, Mapping[str, Any]]) -> list[Finding]:
 
 
 def _skew(streams: Mapping[str, Mapping[str, Any]]) -> list[Finding]:
-    """The largest distance in time of a synchronised value from its instant, and what instants are missing."""
+    """Return the largest time skew of synchronised values, and the number of missing instants."""
     known = [
         (part["skew"]["p99"], source, part["by"], stream["bound"])
         for stream in streams.values()

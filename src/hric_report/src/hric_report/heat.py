@@ -1,4 +1,4 @@
-"""Values of many alike over time as colours: one row each. Plain data, and how it is drawn for paper."""
+"""Heat maps: one row of colours over time for each of many similar signals. Plain data, and its drawing for print."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing
 
 COLUMNS = 600
-"""Of one heat map at most; more instants are joined, of which the largest value is shown. Project default."""
+"""Maximum number of columns of a heat map; a column shows the largest value of its instants. Project default."""
 ROW_HEIGHT, LETTER = 2.7, 1.15
-"""Of a row, and of a letter of its name [mm]."""
+"""Height of a row, and width of a letter of its name [mm]."""
 BELOW, ABOVE, SCALE, BAR = 9.5, 2.0, 17.0, 3.0
-"""Room below and above, beside it for the scale, and width of the scale [mm]."""
+"""Margins below and above, margin on the right for the colour scale, and width of the scale [mm]."""
 INCH = 25.4
-"""[mm]"""
+"""Length of an inch [mm]."""
 
 
 @dataclass(frozen=True)
 class HeatMap:
-    """Of k rows at n instants.
+    """Heat map of k signals at n instants.
 
     Attributes:
-        rows: names, from top to bottom.
-        time: increasing, shape (n,) [s].
-        values: shape (n, k); NaN: not known.
-        unit: of the values, as text such as "activation [1]".
-        scale: colours, as `style.Stops`; beyond its last value there is no other colour.
+        rows: names of the signals, from top to bottom.
+        time: increasing times, shape (n,) [s].
+        values: values, shape (n, k); NaN: not known.
+        unit: quantity and unit of the values, such as "activation [1]".
+        scale: colours, as `style.Stops`; values above the last stop have its colour.
     """
 
     rows: tuple[str, ...]
@@ -43,12 +43,12 @@ class HeatMap:
 
     @property
     def top(self) -> float:
-        """Value of the last colour."""
+        """Value of the last colour of the scale."""
         return self.scale[-1][0]
 
 
 def heat_map(rows: tuple[str, ...], time: FloatArray, values: FloatArray, unit: str, scale: style.Stops) -> HeatMap:
-    """Of values of shape (n, k), in at most COLUMNS columns."""
+    """Return the heat map of values of shape (n, k), reduced to at most COLUMNS instants by their maxima."""
     if len(time) > COLUMNS:
         first = np.linspace(0, len(time), COLUMNS + 1).astype(np.int64)[:-1]
         time, values = time[first], np.fmax.reduceat(values, first, axis=0)
@@ -56,7 +56,7 @@ def heat_map(rows: tuple[str, ...], time: FloatArray, values: FloatArray, unit: 
 
 
 def drawn(heat: HeatMap, abscissa: str) -> Drawing:
-    """For paper, over two columns of a journal."""
+    """Draw the heat map for print, two journal columns wide."""
     import matplotlib.pyplot as plt
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import LinearSegmentedColormap, Normalize

@@ -1,4 +1,4 @@
-"""The figures of a simulated human: what he holds, and what his joints do."""
+"""Figures of a simulated human: grips, contacts, carried objects, muscles and joints."""
 
 from collections.abc import Sequence
 
@@ -15,12 +15,12 @@ from hric_report.heat import heat_map
 from hric_report.sections import HUMAN
 
 SHOWN = 1.5
-"""How much of a blow is shown, in durations of its half sine."""
+"""Time span of an impact that is shown, in durations of its half sine [1]."""
 ESTIMATE = "A model's estimate, not a measurement of a person."
 
 
 def human_figures(person: Person | None) -> list[Figure]:
-    """Of a run; none without a human."""
+    """Return the figures of the human of a run; none without a human."""
     if person is None:
         return []
     record = person.record
@@ -60,7 +60,7 @@ def human_figures(person: Person | None) -> list[Figure]:
 
 
 def _muscle_figures(record: MuscleRecord) -> list[Figure]:
-    """Activation as colours over time, and contact forces between bones."""
+    """Return the heat map of muscle activation and the contact forces between bones."""
     sides = {name.partition("_")[0] for name in record.names}
     rows = tuple(name.partition("_")[2] if len(sides) == 1 else name for name in record.names)
     heat = heat_map(rows, record.time, record.activation, "activation [1]", ACTIVATION_COLOURS)
@@ -81,7 +81,7 @@ def _muscle_figures(record: MuscleRecord) -> list[Figure]:
 
 
 def _contact_figures(impacts: Sequence[Impact]) -> list[Figure]:
-    """Of contacts by a spring, as far as something is expected of them."""
+    """Return the figures of impacts and of clamping, of the spring contacts that have expected values."""
     hardest: dict[tuple[str, str], tuple[Impact, Transient]] = {}
     for impact in impacts:
         pair, form = (impact.met.link, impact.met.other), impact.transient
@@ -136,7 +136,7 @@ def _between(impact: Impact) -> str:
 
 
 def _carrying(one: Carried, key: str) -> Figure:
-    """Load share, squeeze and tilt over time."""
+    """Return the figure of load share, internal force and tilt of an object over time."""
     panels = []
     if one.share is not None:
         shares = zip(one.ends, one.share, strict=True)
@@ -156,7 +156,7 @@ def _carrying(one: Carried, key: str) -> Figure:
 
 
 def _path(one: Carried, key: str) -> Figure:
-    """Both ends and their middle, each from where it began: the ends are far apart beside their path."""
+    """Return the paths of both ends and their midpoint, each from its start, as the ends are far apart."""
     points = [*zip(one.ends, ("s0", "s1"), one.point, strict=True), ("middle of both", "s2", one.centre)]
     moved = [(name, role, point - point[0]) for name, role, point in points]
     panels = tuple(

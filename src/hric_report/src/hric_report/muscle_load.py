@@ -1,7 +1,7 @@
-"""rosrun hric_experiments muscle_load: what a recorded motion cost the arms of the person in it. No ROS master.
+"""Command muscle_load: muscle and joint load of a person's arms in a recorded motion. Needs no ROS master.
 
-From the joint states and the grips of a run, or from the markers of a c3d file, by `hric_human.muscles.after_run`; a
-table for people, and .sto files that OpenSim opens, in the axes of its ground.
+The motion comes from the joint states and grips of a run or from the markers of a c3d file; the load is computed by
+`hric_human.muscles.after_run`. The output is a text table and .sto files for OpenSim, in the axes of its ground.
 """
 
 import argparse
@@ -49,25 +49,25 @@ AS_SHIPPED = MuscleSettings()
 HIGH = 0.3
 """Activation above which a muscle is counted as highly active [1]; project default."""
 POOR_FIT, WORST_FIT = 0.015, 0.05
-"""Root mean square distance of markers from those of the body, above which they may not be his, and are not [m];
-project default."""
+"""Distance of the markers from the body model (RMS, median over the frames) above which a note says that they may be
+another person's, and above which the file is rejected [m]; project default."""
 
 
 class MuscleLoadError(HricError):
-    """A recording that has not what muscle load needs."""
+    """Error: the recording lacks data that the muscle load needs."""
 
 
 @dataclass(frozen=True)
 class Described:
-    """Who moved, and what acted on him.
+    """Description of the person who moved, and of the forces on them.
 
     Attributes:
-        settings: where he is.
-        body: his.
-        gravity: in the world [m/s^2].
-        record: from a run's bag; None: of an experiment file, from which nothing acts on him.
-        source: what described him, for people.
-        anatomy: what names the anatomy of his muscles, for messages.
+        settings: settings of the simulated human, with the pose of the body in the world.
+        body: body model.
+        gravity: gravity in the world [m/s^2].
+        record: recording from a run's bag; None: described by an experiment file, so no recorded forces act.
+        source: name of the run or file that describes the person, for messages.
+        anatomy: parameter or option that selects the muscle anatomy, for messages.
     """
 
     settings: HumanSettings
@@ -78,30 +78,30 @@ class Described:
     anatomy: str = "human.muscles.anatomy"
 
     def with_muscles(self, anatomy: str | None, strength: float | None) -> "Described":
-        """The same person with another anatomy, or another factor of the strength of his muscles; None: his own."""
+        """Return a copy with another muscle anatomy or another strength factor; None leaves the value unchanged."""
         muscles = _chosen(self.settings.muscles, anatomy, strength)
         where = self.anatomy if anatomy is None else "--muscles"
         return replace(self, settings=replace(self.settings, muscles=muscles), anatomy=where)
 
     def loads(self, time: FloatArray) -> list[Load]:
-        """What his grips do to his links, shape (n,) of instants [s]."""
+        """Return the loads of the grips on the links of the body at times of shape (n,) [s]."""
         return [] if self.record is None else grip_loads(self.record.grips.values(), time)
 
 
 def _chosen(own: MuscleSettings, anatomy: str | None, strength: float | None) -> MuscleSettings:
-    """With what is given instead."""
+    """Return the muscle settings with anatomy and strength replaced where they are not None."""
     return replace(own, anatomy=anatomy or own.anatomy, strength=own.strength if strength is None else strength)
 
 
 @dataclass(frozen=True)
 class Result:
-    """What came of it.
+    """Muscle load of one motion.
 
     Attributes:
-        load: of the muscles.
-        body: whose.
-        anatomy: of the muscles.
-        notes: for people: how the motion was found, and what is not in it.
+        load: load of muscles and joints.
+        body: body model of the person.
+        anatomy: muscle anatomy.
+        notes: remarks for the reader: how the motion was obtained, and which forces are not included.
     """
 
     load: MuscleLoad
@@ -111,14 +111,14 @@ class Result:
 
 
 def described_by(given: str, root: Path | None = None) -> Described:
-    """A person, from a run or from an experiment file.
+    """Read the description of a person from a run or from an experiment file.
 
     Args:
         given: a run folder, its name, "latest", or the path of a YAML file.
         root: folder of all runs.
 
     Raises:
-        HricError: there is none, or nobody is in it.
+        HricError: no such run or file, or it has no human.
     """
     if given.endswith((".yaml", ".yml")):
         section: Mapping[str, Any] | None = experiment.load(given, []).human
@@ -150,14 +150,14 @@ def _described(
 
 
 def of_run(person: Described, cutoff: float = CUTOFF) -> Result:
-    """Of the motion that a run recorded.
+    """Compute the muscle load of the motion that a run recorded.
 
     Args:
-        person: of the run.
-        cutoff: of the low-pass filter of angles [Hz].
+        person: person of the run.
+        cutoff: cut-off frequency of the low-pass filter of the joint angles [Hz].
 
     Raises:
-        HricError: no record of a motion, too short a motion, a body without arms.
+        HricError: no recorded motion, too short a motion, a body without arms.
     """
     record = person.record
     if record is None:
@@ -168,7 +168,7 @@ def of_run(person: Described, cutoff: float = CUTOFF) -> Result:
 
 
 def _against(load: MuscleLoad, record: HumanRecord) -> str:
-    """How far inverse dynamics is from the joint torque that the run logged."""
+    """Compare the joint torque of inverse dynamics with the logged torque; return a note with the RMS difference."""
     inside = (load.time >= record.torque_time[0]) & (load.time <= record.torque_time[-1])
     columns = [
         np.interp(load.time[inside], record.torque_time, record.torque[:, record.joints.index(name)])
@@ -179,15 +179,15 @@ def _against(load: MuscleLoad, record: HumanRecord) -> str:
 
 
 def of_tracked(given: str, root: Path | None = None, muscles: MuscleSettings = AS_SHIPPED) -> Result:
-    """Of the real person before the cameras of a run, tracked again from its frames.
+    """Compute the muscle load of the real person in front of the cameras, tracked again from the recorded frames.
 
     Args:
         given: a run folder, its name, or "latest".
         root: folder of all runs.
-        muscles: their anatomy and strength.
+        muscles: anatomy and strength of the muscles.
 
     Raises:
-        HricError: the run has no section `person`, or its bag does not show him.
+        HricError: the run has no section `person`, or the person is not visible in its bag.
     """
     folder = RunFolder.open(given, root)
     run = folder.read()
@@ -207,16 +207,18 @@ def of_c3d(
     cutoff: float = CUTOFF,
     plates: Mapping[int, str] = NO_PLATES,
 ) -> Result:
-    """Of the markers in a c3d file. Its laboratory is the person's world, and the begin of its clock, if the file has
-    none, that of the run.
+    """Compute the muscle load from the markers of a c3d file, whose laboratory frame is taken as the world frame.
+
+    Times of the file are taken as times of the person's run; without a start time in the file they begin with the run.
 
     Args:
-        path: of the file.
-        person, cutoff: see `of_run`.
-        plates: links of the body that press on force plates of the file, by the plates' numbers from 1 on.
+        path: c3d file.
+        person: person who wears the markers, with the recorded grips of their run.
+        cutoff: see `of_run`.
+        plates: links of the body that press on the force plates of the file, by plate number from 1 on.
 
     Raises:
-        HricError: no such file, no markers of the body in it, or they are elsewhere; no such plate or link.
+        HricError: no such file, no markers of the body in it, or they do not fit the body; no such plate or link.
     """
     trial, body = read_trial(path), person.body
     labels = marker_labels(path.name, trial.labels, tuple(body.markers))
@@ -245,12 +247,12 @@ def of_c3d(
 
 
 def plate_load(plate: TrialPlate, link: str, time: FloatArray) -> Load:
-    """What a force plate does to the link that presses on it: the opposite of what it measures.
+    """Return the load of a force plate on the link that presses on it: the measured wrench with opposite sign.
 
     Args:
-        plate: of a c3d file.
-        link: of the body.
-        time: since the first frame, shape (n,) [s].
+        plate: force plate of a c3d file.
+        link: link of the body.
+        time: time since the first frame, shape (n,) [s].
     """
     R, wrench = plate.T_lab_plate[:3, :3], -plate.loads(time)
     return Load(link, wrench[:, :3] @ R.T, wrench[:, 3:] @ R.T, np.tile(plate.T_lab_plate[:3, 3], (len(time), 1)))
@@ -284,8 +286,11 @@ def _result(
 
 
 def write(result: Result, folder: Path) -> list[Path]:
-    """Write activation, force, joint torque and joint reactions as .sto files, replacing those that are there; returns
-    their paths. Raises HricError where they cannot be written."""
+    """Write activation, force, joint torque and joint reactions as .sto files, overwriting any; return their paths.
+
+    Raises:
+        HricError: a file cannot be written.
+    """
     load = result.load
     kinds = {
         "activation": (load.names, _known(load, load.names, load.activation), "1"),
@@ -308,7 +313,7 @@ def write(result: Result, folder: Path) -> list[Path]:
 
 
 def _known(load: MuscleLoad, names: Sequence[str], values: FloatArray) -> FloatArray:
-    """Values by name, NaN where muscle paths are not known."""
+    """Return the values, shape (n, k), with NaN at times at which the muscle paths are unknown."""
     return np.where(np.stack([load.known(name) for name in names], axis=1), values, np.nan)
 
 
@@ -320,11 +325,11 @@ def _storage(folder: Path, kind: str, time: FloatArray, columns: dict[str, Float
 
 
 def render(result: Result, fatigue: bool = False) -> str:
-    """As text: muscles by their largest activation, joints, joint centres.
+    """Return the text tables: muscles in order of their peak activation, joints, and joint contact forces.
 
     Args:
-        result: what came of it.
-        fatigue: whether to add how much of each muscle is fatigued at the end (3CC-r, not reproduced).
+        result: muscle load of a motion.
+        fatigue: add the fatigued share of each muscle at the end (3CC-r, not reproduced).
     """
     load = result.load
     span = load.time[-1] - load.time[0]
@@ -369,8 +374,11 @@ def _contacts(load: MuscleLoad) -> list[list[str]]:
 
 
 def _fatigued(result: Result) -> FloatArray:
-    """Share of each muscle that is fatigued at the end, shape (k,) [1]; its load is its activation, of one that is
-    least active zero. What crosses the shoulder tires as the shoulder, all others as the elbow."""
+    """Return the fatigued share of each muscle at the end of the motion, shape (k,) [1].
+
+    The load of a muscle is its activation, or zero at the minimum of static optimisation. Muscles that cross the
+    shoulder have the shoulder's fatigue parameters, all others the elbow's.
+    """
     load, muscles = result.load, result.anatomy.muscles
     names = [name.partition("_")[2] for name in load.names]
     model = Fatigue(
@@ -382,7 +390,7 @@ def _fatigued(result: Result) -> FloatArray:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """The command."""
+    """Run the command; return its exit code."""
     given = _parser().parse_args(list(arguments))
     root = runs_root(given.runs)
     recording, output = Path(given.recording).expanduser(), given.output

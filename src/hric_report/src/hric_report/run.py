@@ -1,4 +1,4 @@
-"""From a run folder to its metrics, figures and report; needs no ROS."""
+"""Analysis of a run folder: writes its metrics, figures and report; needs no ROS."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -18,9 +18,9 @@ from hric_control.plants import WindowlessConfig
 from hric_report import text as report_text
 
 OPENSIM = "opensim_ros_control/OpenSimPlant"
-"""Plant whose runs leave files for OpenSim's own tools."""
+"""Plant type whose runs are exported for OpenSim's tools."""
 STEPS, FIGURE_STEPS = 3, 2
-"""Of `analyse`, and with figures so many more."""
+"""Number of progress steps of `analyse`, and of additional steps with figures."""
 
 
 def analyse(
@@ -30,20 +30,21 @@ def analyse(
     step: Callable[[str], object] = str,
     known: Messages | None = None,
 ) -> dict[str, Any]:
-    """Compute metrics.json, the figures and summary.txt of a run, and what OpenSim replays of a run in it, replacing
-    those that are there.
+    """Write metrics.json, summary.txt and the figures of a run, overwriting old ones; return the metrics.
+
+    A run on the OpenSim plant also gets files that OpenSim can replay.
 
     Args:
-        path: the run folder.
-        figures: whether to draw.
-        step: called with what begins, since a minute of samples takes a minute, too; str: nobody looks on.
-        known: the bag's messages, from whoever has just written them.
+        path: run folder.
+        figures: draw the figures.
+        step: callback for the name of each step that starts (a minute of samples takes about a minute); str: none.
+        known: messages of the bag, if the caller has just written them.
 
     Returns:
         The metrics, with the report text under "report".
 
     Raises:
-        HricError: no run folder, or its bag cannot be used.
+        HricError: not a run folder, or its bag cannot be used.
     """
     folder = path if isinstance(path, RunFolder) else RunFolder.open(path)
     run = folder.read()
@@ -67,7 +68,7 @@ def analyse(
 
 
 def _export(folder: RunFolder, run: Mapping[str, Any], record: RunRecord, person: Person | None) -> None:
-    """What OpenSim's own tools replay, of a run on it."""
+    """Write the files that OpenSim's tools replay, for a run on the OpenSim plant."""
     definition = run.get("definition") or {}
     if (definition.get("robot") or {}).get("plant_type") != OPENSIM:
         return
@@ -93,7 +94,7 @@ def _draw(
     tolerances: Sequence[float],
     step: Callable[[str], object],
 ) -> None:
-    """The figures of a run and what its sensors measured, into its folder `figures`."""
+    """Draw the figures of a run and of its sensors into its folder `figures`."""
     from hric_report import drawing, human_figures, run_figures, safety_figures, signal_figures
     from hric_report.thinning import limited
 
@@ -111,11 +112,11 @@ def _draw(
 
 
 def bag_of(folder: RunFolder, run: Mapping[str, Any]) -> Path:
-    """The bag of a run; run: contents of its run.yaml."""
+    """Return the path of the bag of a run; `run` is the contents of its run.yaml."""
     return folder.path / str(run.get("bag", folder.bag_path.name))
 
 
 def title(run: Mapping[str, Any]) -> str:
-    """Of a run: its experiment and its arguments; run: contents of run.yaml."""
+    """Return the title of a run: its experiment and arguments; `run` is the contents of run.yaml."""
     arguments = " ".join(run.get("arguments") or [])
     return f"{run.get('experiment', 'run')} ({arguments})" if arguments else str(run.get("experiment", "run"))

@@ -1,4 +1,4 @@
-"""The figures of a run."""
+"""Figures of a run: joint motion, torques, setpoint errors and marker tracking."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -16,18 +16,18 @@ from hric_report.figure import Bound, Curve, Figure, FloatArray, Panel, per_join
 Limits = Mapping[str, Mapping[str, float]]
 AXES = ("x", "y", "z")
 MIN_ERROR = 1e-9
-"""Errors below are drawn there, on the logarithmic axis [rad]. Project default, unconfirmed."""
+"""Lower bound of errors on the logarithmic axis; smaller ones are drawn here [rad]. Project default, unconfirmed."""
 
 
 def robot_figures(
     record: RunRecord, moves: Sequence[Move], limits: Limits, tolerances: Sequence[float]
 ) -> list[Figure]:
-    """Positions, velocities, torques and their rate, and errors, joint by joint.
+    """Return the figures of positions, errors, velocities, torques and torque rates of the joints.
 
     Args:
-        record: the run.
-        moves: its setpoints.
-        limits: limits per joint.
+        record: recording of the run.
+        moves: setpoints of the run.
+        limits: limits by joint.
         tolerances: bounds in the figure of the errors [rad].
     """
     log = record.log
@@ -44,7 +44,7 @@ def robot_figures(
 
 
 def _torques(log: ControlRecord, limits: Limits) -> list[Figure]:
-    """What was commanded, and its rate."""
+    """Return the figures of the commanded torques and of their rates."""
     names, time = log.joint_names, log.time
     requested = Curve("requested", "raw", time, log.command_raw, cut=True)
     sent = Curve("sent (after the limits)", "measured", time, log.command)
@@ -61,7 +61,7 @@ def _torques(log: ControlRecord, limits: Limits) -> list[Figure]:
 
 
 def _bounds(limits: Limits, name: str, *keys: str) -> Callable[[str], tuple[Bound, ...]]:
-    """The limits of a joint that are known; one key alone is a limit in both directions."""
+    """Return a function from joint to its known limits; a single key is a limit in both directions."""
 
     def of_joint(joint: str) -> tuple[Bound, ...]:
         own = limits.get(joint, {})
@@ -72,7 +72,7 @@ def _bounds(limits: Limits, name: str, *keys: str) -> Callable[[str], tuple[Boun
 
 
 def setpoints(log: ControlRecord, moves: Sequence[Move]) -> list[Curve]:
-    """The line of setpoints of all joints; nothing where there was none."""
+    """Return the curve of the setpoints of all joints; empty if there were none."""
     times = [float(log.time[k]) for move in moves for k in (move.first, move.last - 1)]
     targets = [move.target for move in moves for _ in range(2)]
     return [Curve("setpoint", "setpoint", np.array(times), np.array(targets))] if moves else []
@@ -107,7 +107,7 @@ def _errors(log: ControlRecord, moves: Sequence[Move], tolerances: Sequence[floa
 
 
 def tracking_figures(found: Tracking | None) -> list[Figure]:
-    """How the end effector followed the marker, over time and in space; nothing where none was followed."""
+    """Return figures of the end effector that follows a marker, over time and in space; empty without tracking."""
     if found is None or found.data is None:
         return []
     data, record = found.data, found.record
@@ -129,7 +129,7 @@ def tracking_figures(found: Tracking | None) -> list[Figure]:
 
 
 def _followed(found: Tracking, marker: FloatArray) -> list[Curve]:
-    """Marker, desired and actual end effector, shape (n, 3) [m]."""
+    """Return the curves of marker, desired and actual end effector, with values of shape (n, 3) [m]."""
     assert found.data is not None
     states, time = found.record.states, found.data.time
     return [
@@ -140,7 +140,7 @@ def _followed(found: Tracking, marker: FloatArray) -> list[Curve]:
 
 
 def _losses(states: States) -> tuple[tuple[str, float, float], ...]:
-    """When the controller had lost the marker."""
+    """Return the time spans in which the controller had lost the marker."""
     lost = np.array([0, *(word == "lost" for word in states.tracking), 0], dtype=int)
     begins, ends = np.flatnonzero(np.diff(lost) > 0), np.flatnonzero(np.diff(lost) < 0)
     last = len(states.time) - 1
@@ -151,7 +151,7 @@ def _losses(states: States) -> tuple[tuple[str, float, float], ...]:
 
 
 def _path(curves: Sequence[Curve], title: str) -> Figure:
-    """The same path along each axis; curves: positions, shape (n, 3) [m]."""
+    """Return the figure of paths seen along each axis, from curves with positions of shape (n, 3) [m]."""
     panels = tuple(
         Panel(
             "",

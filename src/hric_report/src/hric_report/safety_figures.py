@@ -1,4 +1,4 @@
-"""The figure of a supervised run."""
+"""Figure of a supervised run: protective distance and speed scale."""
 
 from hric_bags.records.safety_record import SafetyRecord
 from hric_report.figure import Curve, Figure, Panel
@@ -12,7 +12,7 @@ CAPTION = (
 
 
 def safety_figures(record: SafetyRecord | None) -> list[Figure]:
-    """Distance beside the protective one, and the speed scale; none without a supervisor."""
+    """Return the figure of actual and protective distance and of the speed scale; empty without a supervisor."""
     if record is None:
         return []
     distance = (

@@ -1,4 +1,4 @@
-"""The parts of a report by what they are about, in the order in which they are read, and the topics of each."""
+"""Sections of a report in reading order, and the assignment of topics to them."""
 
 import re
 
@@ -58,11 +58,11 @@ KNOWN = (
         "Position of the body that the motion capture tracked.",
     ),
 )
-"""Of a topic: a pattern of its name, the part of the report, its figure's title and caption."""
+"""Known topics: pattern of the name, section of the report, title and caption of the figure."""
 
 
 def of_topic(topic: str) -> tuple[str, str, str]:
-    """Part of the report, title and caption; of a topic that is not known, its name is the title."""
+    """Return section, title and caption of a topic; an unknown topic has its name as title."""
     for pattern, section, title, caption in KNOWN:
         found = re.search(pattern, topic)
         if found:

@@ -1,4 +1,4 @@
-"""Figures of what the sensors measured, by their meaning."""
+"""Figures of sensor signals, assigned to sections of the report."""
 
 from collections.abc import Iterable
 
@@ -7,19 +7,19 @@ from hric_report import sections
 from hric_report.figure import Curve, Figure, Panel
 
 TOGETHER = 3
-"""Channels of one unit that share a panel at most: those of a vector."""
+"""Maximum number of channels of one unit that share a panel: those of a vector."""
 QUANTITIES = {"V": "voltage", "N": "force", "N m": "moment", "m": "position", "MVC": "activation"}
-"""What is measured in a unit, where a topic has the unit alone."""
+"""Quantity by unit, for topics that name only the unit."""
 
 
 def signal_figures(signals: Iterable[Signal]) -> list[Figure]:
-    """One figure per topic: channels of a vector in one panel, those of a sensor with many in one each.
+    """Return one figure per topic: the channels of a vector share a panel, many channels get a panel each.
 
     Args:
-        signals: one or more per topic, by their units.
+        signals: one or more signals per topic, one for each unit.
 
     Returns:
-        The figures in the order of the report's parts.
+        The figures in the order of the report's sections.
     """
     by_topic: dict[str, list[Signal]] = {}
     for signal in signals:
@@ -28,7 +28,7 @@ def signal_figures(signals: Iterable[Signal]) -> list[Figure]:
 
 
 def in_order(figures: Iterable[Figure]) -> list[Figure]:
-    """Return figures in the order of the report's parts."""
+    """Return the figures in the order of the report's sections."""
     return sorted(figures, key=lambda figure: sections.ORDER.index(figure.section))
 
 
@@ -41,7 +41,7 @@ def _figure(topic: str, signals: Iterable[Signal]) -> Figure:
 
 
 def _panels(signal: Signal, roles: dict[str, str]) -> list[Panel]:
-    """Of the channels of one unit; roles: of the names in the figure's legend, which it gets."""
+    """Return the panels of the channels of one unit; adds new legend names with their roles to `roles`."""
     quantity, _, unit = signal.unit.rpartition("[")
     quantity = quantity.strip() or QUANTITIES.get(unit.rstrip("]"), "")
     label = f"{quantity} [{unit}".strip()

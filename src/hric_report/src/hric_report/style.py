@@ -1,24 +1,24 @@
-"""How figures look, on paper and on the page: the colours and strokes of all curves, and the sizes of a journal."""
+"""Style of figures in print and in pages: colours and strokes of all curves, and journal sizes."""
 
 from dataclasses import dataclass
 
 SINGLE, DOUBLE = 85.0, 170.0
-"""Widths of a figure in one column of a journal and in two [mm]: within what Elsevier, IEEE and Springer print."""
+"""Figure widths for one and for two journal columns, within the limits of Elsevier, IEEE and Springer [mm]."""
 RESOLUTION = 300
-"""Of pictures for print [dots per inch]."""
+"""Resolution of pictures for print [dots per inch]."""
 TYPE = 7.5
-"""Size of the type in a figure of those widths; journals require 6 to 8 [pt]."""
+"""Font size in a figure of these widths; journals require 6 to 8 [pt]."""
 
 
 @dataclass(frozen=True)
 class Role:
-    """A curve's look.
+    """Appearance of a curve.
 
     Attributes:
-        light, dark: colour on white and on a dark page.
-        width: of the line; 0: none, its points are drawn [pt].
-        dash: lengths of stroke and gap; empty: solid [widths of the line].
-        opacity: 1: covers what lies below.
+        light, dark: colours on a white and on a dark page.
+        width: line width [pt]; 0: points without a line.
+        dash: lengths of stroke and gap [line widths]; empty: solid.
+        opacity: opacity from 0 to 1 (opaque).
     """
 
     light: str
@@ -40,7 +40,7 @@ ALIKE = (
     ("#7d8f1a", "#c3d45c"),
     ("#4a4fd0", "#a3a7ff"),
 )
-"""Of curves that differ by colour alone: light, dark."""
+"""Colours (light, dark) of curves that differ only in colour."""
 ROLES = {
     "measured": Role("#1f5fa8", "#7db4f0"),
     "setpoint": Role("#222222", "#e6e9ec", 0.9, (4.0, 2.0)),
@@ -50,15 +50,15 @@ ROLES = {
     "samples": Role("#d9a7a0", "#8f625b", 0.0),
     **{f"s{k}": Role(*pair) for k, pair in enumerate(ALIKE)},
 }
-"""By the role of a curve, `figure.Curve.role`."""
+"""Appearance of a curve by its role, `figure.Curve.role`."""
 LIMIT = ("#b3261e", "#ff8a80")
-"""Colour of bounds and of bands: light, dark."""
+"""Colours (light, dark) of bounds and bands."""
 Stops = tuple[tuple[float, str], ...]
-"""A scale of colours: value and colour of each stop, from 0 on; straight between them."""
+"""Colour scale: value and colour of each stop, from 0 on, with linear interpolation between them."""
 
 
 def css() -> str:
-    """The colours as variables of the page, light and dark."""
+    """Return the CSS that defines the colours as variables of a page, light and dark."""
     colours = {**{name: (role.light, role.dark) for name, role in ROLES.items()}, "limit": LIMIT}
     light, dark = (" ".join(f"--{name}: {pair[k]};" for name, pair in colours.items()) for k in (0, 1))
     return f":root {{ {light} }}\n:root[data-theme=dark] {{ {dark} }}"

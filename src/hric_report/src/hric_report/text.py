@@ -1,4 +1,4 @@
-"""The report as text, for the terminal and summary.txt."""
+"""Text of a report, for the terminal and summary.txt."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -9,7 +9,7 @@ from hric_bags.records import contact_record
 
 
 def render(run: Mapping[str, Any], metrics: Mapping[str, Any]) -> str:
-    """The whole report.
+    """Return the text of the complete report.
 
     Args:
         run: contents of run.yaml.
@@ -64,10 +64,10 @@ def _stability(found: Mapping[str, Any]) -> str:
 
 
 def setpoint_cells(move: Mapping[str, Any]) -> tuple[list[tuple[str, str]], list[list[str]]]:
-    """How one setpoint was reached: (name, unit) of each column, and a row per joint, which is named in the first cell.
+    """Return the table of one setpoint: (name, unit) of each column, and a row per joint with its name first.
 
     Args:
-        move: of `setpoints` in metrics.json.
+        move: entry of `setpoints` in metrics.json.
     """
     tolerances = list(move["settling_time_max"])
     columns = [("joint", ""), ("start", "rad"), ("setpoint", "rad"), ("final error", "rad")]

@@ -1,4 +1,4 @@
-"""Thins curves, so that a long run still makes a small page and a small picture."""
+"""Thinning of curves, so that a long run still gives small pages and pictures."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -9,16 +9,16 @@ import numpy.typing as npt
 from hric_report.figure import Curve, Figure, FloatArray, Panel
 
 FEWEST = 500
-"""No curve is thinned below this many points."""
+"""Minimum number of points of a thinned curve."""
 
 
 def thin(figures: Sequence[Figure], budget: int) -> tuple[list[Figure], int | None]:
-    """Figures with at most `budget` values altogether, as far as FEWEST allows.
+    """Thin figures to at most `budget` values altogether, as far as FEWEST allows.
 
-    Long curves become the smallest and the greatest value of equal parts of time, so that no peak is lost.
+    Long curves are reduced to the smallest and the greatest value of equal parts of time, so that no peak is lost.
 
     Returns:
-        The figures, and the points that the longest curves kept; None: all.
+        The figures, and the number of points of the longest curves; None: nothing was thinned.
     """
     lengths = np.array([len(curve.values) for figure in figures for panel in figure.panels for curve in panel.curves])
     if lengths.sum() <= budget:
@@ -32,13 +32,13 @@ def thin(figures: Sequence[Figure], budget: int) -> tuple[list[Figure], int | No
 
 
 def limited(figure: Figure, points: int) -> Figure:
-    """A figure whose curves have at most about `points` points each."""
+    """Return a copy of the figure whose curves have at most about `points` points each."""
     thinner = _Thinner(points)
     return replace(figure, panels=tuple(thinner.panel(panel) for panel in figure.panels))
 
 
 class _Thinner:
-    """Thins curves to the same number of points; curves that shared their time still do."""
+    """Reduction of curves to a common maximum of points; curves that shared a time array still share one."""
 
     def __init__(self, points: int) -> None:
         self._points = points
@@ -50,7 +50,7 @@ class _Thinner:
     def _curve(self, curve: Curve) -> Curve:
         if len(curve.values) <= self._points:
             return curve
-        if np.any(np.diff(curve.time) < 0.0):  # a path: it has no parts of time
+        if np.any(np.diff(curve.time) < 0.0):  # a path: its abscissa is not time
             part = slice(None, None, -(-len(curve.values) // self._points))
             return replace(curve, time=curve.time[part], values=curve.values[part])
         edges = np.linspace(0, len(curve.values), self._points // 2 + 1).astype(np.int64)
@@ -66,11 +66,11 @@ def _times(time: FloatArray, edges: npt.NDArray[np.int64]) -> FloatArray:
 
 
 def extremes(values: FloatArray, edges: npt.NDArray[np.int64]) -> FloatArray:
-    """Smallest and greatest value of each part, in the order of a rising or falling line, shape (2 parts,).
+    """Return the smallest and the greatest value of each part, in the order of its rise or fall, shape (2 parts,).
 
     Args:
-        values: shape (n,); NaN is passed over.
-        edges: where each part begins, and the end, shape (parts + 1,), rising.
+        values: shape (n,); NaN is ignored.
+        edges: increasing indices of the starts of the parts, and the end, shape (parts + 1,).
     """
     low, high = np.fmin.reduceat(values, edges[:-1]), np.fmax.reduceat(values, edges[:-1])
     rising = values[edges[1:] - 1] >= values[edges[:-1]]

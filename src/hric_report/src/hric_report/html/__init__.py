@@ -1,4 +1,4 @@
-"""From a run folder to report.html: one file with plots, tables and a replay, which needs no network."""
+"""HTML report of a run folder: report.html, one file with plots, tables and a replay, which needs no network."""
 
 from __future__ import annotations
 
@@ -19,11 +19,12 @@ NAME = "report.html"
 
 
 def write(folder: RunFolder, *, progress: bool = False) -> Path:
-    """Write the page of a run into its folder, replacing one that is there; and its verdict.json, where a person was in
-    the run and there is none.
+    """Write the page of a run into its folder, overwriting an earlier one; return its path.
+
+    Also writes verdict.json if a person was in the run and the file does not exist yet.
 
     Args:
-        folder: of the run.
+        folder: run folder.
         progress: show a progress bar while the bag is read.
 
     Raises:
@@ -39,13 +40,13 @@ def write(folder: RunFolder, *, progress: bool = False) -> Path:
 def write_comparison(
     runs: Sequence[RunFolder], labels: Sequence[str], target: Path, *, fit: bool = False, progress: bool = False
 ) -> Path:
-    """Write the page of two or more runs of the same motion, overlaid on the first of them.
+    """Write the page of two or more runs of the same motion, overlaid on the first of them; return its path.
 
     Args:
-        runs: their folders.
-        labels: what to call them, one per run.
-        target: folder in which the page is written; made if missing.
-        fit: lay the runs over each other by their positions instead of the setpoints' time.
+        runs: run folders.
+        labels: labels of the runs.
+        target: folder of the page; created if missing.
+        fit: align the runs by their positions instead of the times of the setpoints.
         progress: show a progress bar while the bags are read.
 
     Raises:
@@ -62,7 +63,7 @@ def write_comparison(
 
 
 def metrics_of(folder: RunFolder) -> dict[str, Any]:
-    """Contents of metrics.json, computed first where there is none."""
+    """Return the contents of metrics.json; computes the file first if it is missing."""
     if not folder.metrics_path.is_file():
         analyse(folder, figures=False)
     try:
@@ -79,7 +80,7 @@ def _write(folder: Path, page: Page) -> Path:
 
 
 def write_text(folder: Path, text: str) -> Path:
-    """Write the text of a page into a folder, made if missing. Raises HricError: it cannot be written."""
+    """Write the HTML of a page into a folder, created if missing; return its path. Raises HricError if that fails."""
     path = folder / NAME
     files.make_folder(folder)
     files.write_text(path, text)

@@ -1,4 +1,4 @@
-"""What is beside the robot in the replay of a run: the human, what he holds and what touches him, and the objects."""
+"""Human and objects near the robot in the replay of a run, with grip forces, contact forces and muscles."""
 
 import numpy as np
 
@@ -14,11 +14,11 @@ from hric_report.html.run_data import RunData
 from hric_report.html.scene import Arrow, Lines, Robot, Track, instants
 
 PER_NEWTON_GRIP, PER_NEWTON_CONTACT = 0.02, 0.002
-"""Length of an arrow, as live: project defaults, unconfirmed [m/N]."""
+"""Lengths of the arrows of grip and contact forces, as in the live view [m/N]; project defaults, unconfirmed."""
 
 
 def width(data: RunData) -> int:
-    """Numbers per instant of his replay: joints with their time, and arrows with force, point and time."""
+    """Return the values per instant of the human's replay: joints and time; force, point and time of each arrow."""
     if data.person is None:
         return 0
     record = data.person.record
@@ -28,13 +28,13 @@ def width(data: RunData) -> int:
 
 
 def human(data: RunData, rate: float, *, role: str = "", shift: float = 0.0) -> list[Robot]:
-    """He, or nobody.
+    """Return the human of a run for the replay; empty without a human.
 
     Args:
-        data: the run.
-        rate: at most so many instants per second.
-        role: colour where a page has several runs, that of his robot; "": of each region of his body its own.
-        shift: is added to all times [s].
+        data: run data.
+        rate: maximum number of instants per second [Hz].
+        role: colour role of the run in a page with several runs; "": each body region has its colour.
+        shift: offset added to all times [s].
     """
     if data.person is None:
         return []
@@ -55,7 +55,7 @@ def human(data: RunData, rate: float, *, role: str = "", shift: float = 0.0) -> 
 
 
 def _muscles(record: MuscleRecord, body: Body, settings: HumanSettings, rate: float, shift: float) -> Lines | None:
-    """Lines coloured by activation; None where the anatomy of the run cannot be read any more."""
+    """Return the muscle lines coloured by activation; None if the anatomy of the run can no longer be read."""
     try:
         lines = muscle_lines(body, find(settings.muscles.anatomy, "human.muscles.anatomy"))
     except HricError:
@@ -67,7 +67,7 @@ def _muscles(record: MuscleRecord, body: Body, settings: HumanSettings, rate: fl
 
 
 def objects(data: RunData, *, role: str = "", shift: float = 0.0) -> list[Robot]:
-    """Of the world around the robot; arguments as of `human`."""
+    """Return the objects around the robot for the replay; for the arguments see `human`."""
     return [
         Robot(
             "",
@@ -90,7 +90,7 @@ def _grip(grip: GripRecord, rate: float, shift: float) -> Arrow:
 
 
 def _contact(contact: ContactRecord, rate: float, shift: float) -> Arrow:
-    """The largest force between two instants, where it acts, so that no blow is left out."""
+    """Return the arrow of a contact force with the peak force between two instants, so that no impact is missed."""
     first = instants(contact.time, rate)
     parts = np.split(np.arange(len(contact.time)), first[1:])
     largest = [part[np.argmax(contact.force[part])] for part in parts]

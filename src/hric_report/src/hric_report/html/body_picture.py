@@ -1,4 +1,4 @@
-"""A body from the front as SVG, its regions of ISO/TS 15066 coloured by the share of their limits."""
+"""Front view of a body as SVG, with the regions of ISO/TS 15066 coloured by their share of the limit."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from hric_report.html.tables import escape
 
 CONTACT, NOT_ASSESSABLE = "contact", "not assessable"
 SCALE = ((0.0, (246, 234, 196)), (0.8, (224, 138, 44)), (1.0, (179, 38, 30)))
-"""Share of the limit -> colour, with straight lines between; more than all of it has the last one."""
+"""Share of the limit and colour of each stop, interpolated linearly; shares above 1 have the last colour."""
 SHAPES: Mapping[str, str] = {
     "skull, forehead": "M84 34 a16 18 0 0 1 32 0 z",
     "face": "M84 34 h32 q0 24 -16 26 q-16 -2 -16 -26 z",
@@ -18,7 +18,7 @@ SHAPES: Mapping[str, str] = {
     "abdomen": "M72 124 q28 10 56 0 l-3 36 q-25 8 -50 0 z",
     "pelvis": "M75 162 q25 8 50 0 l5 26 q-15 14 -30 14 q-15 0 -30 -14 z",
 }
-"""Of regions in the middle of the body: paths in a picture 200 wide and 380 high; a person who faces the reader."""
+"""SVG paths of the central regions of the body in a picture 200 wide and 380 high; the person faces the reader."""
 PAIRS: Mapping[str, str] = {
     "back, shoulders": "M92 71 q-26 3 -33 15 l13 10 l20 -10 z",
     "upper arm, elbow": "M57 89 l11 10 l-1 48 q-8 6 -17 0 q-1 -45 7 -58 z",
@@ -28,15 +28,15 @@ PAIRS: Mapping[str, str] = {
     "lower leg": "M73 286 h22 l-3 72 h-15 z",
     "foot, toes, ankle": "M77 361 h15 l2 12 h-28 q0 -8 11 -12 z",
 }
-"""Paths of regions with two sides: the right one of the person, on the left of the picture."""
+"""SVG paths of regions on two sides, for the person's right side, which is on the left of the picture."""
 OF_ARMS = ("upper arm, elbow", "lower arm, wrist", "hand, fingers")
-"""Regions that a body without that arm does not have."""
+"""Regions that are missing if the body model lacks the arm of that side."""
 SIDES = ("right", "left")
 MIRRORED = 'transform="translate(200 0) scale(-1 1)"'
 
 
 def _drawn(region: str, sides: Sequence[str]) -> str:
-    """Return the paths of a region on some sides of the body."""
+    """Return the SVG paths of a region on the listed sides of the body."""
     if region in SHAPES:
         return f'<path d="{SHAPES[region]}"/>'
     both = {"right": f'<path d="{PAIRS[region]}"/>', "left": f'<path d="{PAIRS[region]}" {MIRRORED}/>'}
@@ -45,13 +45,13 @@ def _drawn(region: str, sides: Sequence[str]) -> str:
 
 @dataclass(frozen=True)
 class Touched:
-    """What the contacts of a region came to.
+    """Assessment of all contacts with one body region.
 
     Attributes:
-        share: the largest of its limit [1]; None: of none is it known.
-        assessable: whether all contacts could be held against limits.
-        outcome: the worst.
-        time: of the worst one's begin [s].
+        share: largest share of the limit [1]; None: unknown for every contact.
+        assessable: True if all contacts could be compared with limits.
+        outcome: worst outcome.
+        time: start of the worst contact [s]; None: unknown.
     """
 
     share: float | None
@@ -61,7 +61,7 @@ class Touched:
 
 
 def touched(findings: Sequence[Mapping[str, Any]]) -> dict[str, Touched]:
-    """By region; findings: of a verdict, from the worst on."""
+    """Summarise the contact findings by region; findings: those of a verdict, the worst first."""
     found: dict[str, Touched] = {}
     for one in findings:
         if one["group"] != CONTACT:
@@ -80,7 +80,7 @@ def touched(findings: Sequence[Mapping[str, Any]]) -> dict[str, Touched]:
 
 
 def colour(share: float) -> str:
-    """Of a share of a limit."""
+    """Return the colour of a share of the limit, as a hex code."""
     for (low, a), (high, b) in pairwise(SCALE):
         if share <= high:
             part = max(share - low, 0.0) / (high - low)
@@ -89,12 +89,14 @@ def colour(share: float) -> str:
 
 
 def picture(findings: Sequence[Mapping[str, Any]], arms: Sequence[str] = ()) -> str:
-    """Return an SVG with its legend: a region that nothing touched is empty, one whose contacts could not all be
-    assessed is hatched, one that is above its limit has a thick outline.
+    """Return the SVG of the body with its legend.
+
+    A region without contact is empty, one with a contact that could not be assessed is hatched, and one above its limit
+    has a thick outline.
 
     Args:
-        findings: of a verdict, from the worst on.
-        arms: sides of the arms that the body has; empty: both. The arm that it lacks is drawn faintly, without colour.
+        findings: findings of a verdict, the worst first.
+        arms: sides of the arms of the body model; empty: both. A missing arm is drawn faintly, without colour.
     """
     met = touched(findings)
     parts = []

@@ -1,4 +1,4 @@
-"""The page of two or more runs of the same motion, overlaid on each other from their first setpoint on."""
+"""Page of two or more runs of the same motion, overlaid on each other from their first setpoint on."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -21,14 +21,14 @@ from hric_report.html.tables import Table, number
 
 @dataclass(frozen=True)
 class Laid:
-    """One of the runs.
+    """Run that is overlaid on the first run of the page.
 
     Attributes:
-        data: the run.
-        label: what to call it.
-        columns: its column for each joint of the first run.
-        zero: its robot time at which the page's time is 0 [s].
-        compared: with the first run; None: it is the first.
+        data: run data.
+        label: label of the run.
+        columns: column of each joint of the first run in this run's log.
+        zero: robot time of the run at which the time of the page is 0 [s].
+        compared: comparison with the first run; None: this is the first run.
     """
 
     data: RunData
@@ -39,20 +39,20 @@ class Laid:
 
     @cached_property
     def time(self) -> FloatArray:
-        """Of its cycles, on the page, shape (n,) [s]."""
+        """Times of the control cycles on the time axis of the page, shape (n,) [s]."""
         return self.data.record.log.time - self.zero
 
 
 def lay(runs: Sequence[RunData], labels: Sequence[str], *, fit: bool = False) -> list[Laid]:
-    """Lay runs over the first of them.
+    """Overlay runs on the first of them.
 
     Args:
-        runs: two or more.
-        labels: one per run.
-        fit: by their positions, see `comparison.overlay`.
+        runs: two or more runs.
+        labels: labels of the runs.
+        fit: align the runs by their positions, see `comparison.overlay`.
 
     Raises:
-        ComparisonError: a run has other joints or other setpoints than the first.
+        ComparisonError: joints or setpoints of a run differ from those of the first.
     """
     first, orders = runs[0], joint_orders(runs[0].run)
     zero, found = float(first.record.log.time[0]), []
@@ -65,11 +65,11 @@ def lay(runs: Sequence[RunData], labels: Sequence[str], *, fit: bool = False) ->
 
 
 def build(laid: Sequence[Laid], settings: Sequence[Mapping[str, Any]]) -> Page:
-    """What the page shows.
+    """Return the contents of the page.
 
     Args:
-        laid: the runs, the first one first.
-        settings: what they set differently: key, and values in the order of the runs.
+        laid: overlaid runs, starting with the first.
+        settings: settings that differ: key, and values in the order of the runs.
     """
     notes = ["Each run's own page shows its sensors, its limits and its parameters."]
     duration = max(float(np.ptp(one.time)) for one in laid)
@@ -95,7 +95,7 @@ def build(laid: Sequence[Laid], settings: Sequence[Mapping[str, Any]]) -> Page:
 
 
 def _problems(laid: Sequence[Laid]) -> list[headline.Finding]:
-    """What went wrong in one of the runs, and how each followed a marker."""
+    """Return the bad key figures of all runs, and the tracking lag and error of each."""
     found = []
     for one in laid:
         for finding in headline.of_run(one.data.run, {**one.data.values, "setpoints": [], "sources": None}):
@@ -105,7 +105,7 @@ def _problems(laid: Sequence[Laid]) -> list[headline.Finding]:
 
 
 def differing(runs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Keys of experiments that the runs set differently, with the value in each; runs: trees of plain values."""
+    """Return the settings that differ between runs, with the value in each; runs: trees of plain values."""
     found: dict[str, None] = {}
     for run in runs[1:]:
         found |= dict.fromkeys(item["key"] for item in comparison.settings(runs[0], run))
@@ -133,7 +133,7 @@ def _overview(laid: Sequence[Laid]) -> Table:
 
 
 def _figures(laid: Sequence[Laid]) -> list[Figure]:
-    """What all runs have: positions, torques where a run commands them, differences, and how they followed a marker."""
+    """Return the figures of differences, positions, torques if a run commands them, and marker tracking."""
     first, names = laid[0], laid[0].data.record.log.joint_names
     positions = [
         replace(curve, time=curve.time - first.zero)
@@ -163,7 +163,7 @@ def _figures(laid: Sequence[Laid]) -> list[Figure]:
 
 
 def _paths(laid: Sequence[Laid]) -> list[Figure]:
-    """How the end effectors followed the marker, where those of all runs did."""
+    """Return the figure of the end effectors that follow a marker; empty unless all runs have tracking."""
     followed = [figures[0] for one in laid if (figures := run_figures.tracking_figures(one.data.followed))]
     if len(followed) != len(laid):
         return []
@@ -213,7 +213,7 @@ def _events(laid: Sequence[Laid]) -> Table:
 
 
 def _robots(one: Laid, number_of_run: int, rate: float, notes: list[str]) -> list[Robot]:
-    """The robot of a run, and who is beside it."""
+    """Return the robot of a run, its human and its objects for the replay."""
     role, shift = f"s{number_of_run}", -one.zero
     robot = moving.robot(one.data, rate, notes, label=one.label, role=role, shift=shift)
     human = beside.human(one.data, rate, role=role, shift=shift)

@@ -1,4 +1,4 @@
-"""The frame of all pages: one file with head, links to its parts, style and scripts, that lets no request out."""
+"""Frame of all pages: one HTML file with head, section links, style and scripts that makes no network requests."""
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
@@ -12,8 +12,9 @@ from hric_report.html.tables import escape
 ASSETS = Path(__file__).parent / "assets"
 THEME = '<button id=theme type=button title="light, dark, or as the system has it">theme: auto</button>'
 POLICY = "style-src 'unsafe-inline'; img-src data: blob:"
-"""What a page may load: what is in it. One with scripts may run these, too."""
+"""Content security policy of a page without scripts: it may load only what is in the file."""
 SCRIPTED = f"script-src 'unsafe-inline'; {POLICY}"
+"""Content security policy of a page that runs the scripts in the file."""
 
 
 def document(
@@ -26,15 +27,16 @@ def document(
     css: Sequence[Path] = (),
     scripts: Sequence[str] = (),
 ) -> str:
-    """The text of a page.
+    """Return the HTML of a page.
 
     Args:
-        title, subtitle: plain text.
-        verdicts: short words beside them, as (kind, plain text): good, bad or plain.
-        main: HTML, the element of that name.
-        foot: HTML of what is to be said last.
-        css: of this page alone.
-        scripts: HTML, of `script` and `embedded`; none: the page may run none.
+        title: title, plain text.
+        subtitle: line below the title, plain text.
+        verdicts: short labels next to the title, as (kind, plain text) with kind good, bad or plain.
+        main: HTML of the main element.
+        foot: HTML of the footer.
+        css: additional style sheets of this page.
+        scripts: HTML from `script` and `embedded`; empty: the page may not run scripts.
     """
     return Template((ASSETS / "frame.html").read_text()).substitute(
         policy=SCRIPTED if scripts else POLICY,
@@ -50,13 +52,13 @@ def document(
 
 
 def links(parts: Mapping[str, str]) -> str:
-    """HTML that leads to each part; parts: those of `titled`."""
+    """Return the HTML of the links to all sections, which are those of `titled`."""
     shown = (f'<a href="#{_anchor(title)}">{escape(title)}</a>' for title in parts)
     return f"<nav>{' '.join(shown)}</nav>"
 
 
 def titled(parts: Mapping[str, str]) -> str:
-    """HTML of all parts; parts: HTML of each, by title."""
+    """Return the HTML of all sections; parts: HTML of each section, by title."""
     return "".join(
         f'<section id="{_anchor(title)}"><h2>{escape(title)}</h2>{content}</section>'
         for title, content in parts.items()
@@ -68,14 +70,14 @@ def _anchor(title: str) -> str:
 
 
 def script(*texts: str) -> str:
-    """HTML that runs JavaScript."""
+    """Return the HTML element that runs these JavaScript texts."""
     return "<script>\n" + "\n".join(texts) + "\n</script>"
 
 
 def embedded(name: str, content: Any) -> str:
-    """HTML of what scripts read, by its id: a string as it is, anything else as JSON."""
+    """Return the HTML element with data for scripts, by its id: a string unchanged, anything else as JSON."""
     if isinstance(content, str):
         return f'<script type="text/plain" id={name}>{content}</script>'
-    # Without any tag in it, which would end the element.
+    # Escape "<": a tag in the text would end the element.
     text = json.dumps(content, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
     return f'<script type="application/json" id={name}>{text}</script>'

@@ -1,8 +1,8 @@
-"""The two JavaScript libraries of a page, as they lie in pinned Python packages of the workspace; none is kept here.
+"""The two JavaScript libraries of a page, read from pinned Python packages; this repository has no copies.
 
 plotly.js (MIT): plotly/package_data/plotly.min.js of the wheel `plotly`.
-three.js (MIT): in the page that the wheel `trimesh` (MIT) shows meshes with; its first line of code is three.min.js as
-released, after its licence.
+three.js (MIT): in the mesh viewer page of the wheel `trimesh` (MIT), whose first line of code, after the licence, is
+three.min.js as released.
 """
 
 import importlib.util
@@ -19,10 +19,10 @@ THREE_BEGINS = "!function(t,e){"
 
 @dataclass(frozen=True)
 class Library:
-    """A script of others.
+    """Third-party script.
 
     Attributes:
-        name: with its licence and where it comes from, for the page's foot.
+        name: name, licence and source, for the footer of the page.
         text: JavaScript, with its licence line.
     """
 
@@ -31,10 +31,10 @@ class Library:
 
 
 def plotly() -> Library:
-    """plotly.js.
+    """Read plotly.js.
 
     Raises:
-        HricError: the package is not installed, or has no such file.
+        HricError: the package is not installed, or lacks the file.
     """
     path = _package("plotly") / "package_data" / "plotly.min.js"
     try:
@@ -44,10 +44,10 @@ def plotly() -> Library:
 
 
 def three() -> Library:
-    """three.js.
+    """Read three.js.
 
     Raises:
-        HricError: the package is not installed, or has it no longer.
+        HricError: the package is not installed, or no longer contains it.
     """
     path = _package("trimesh") / VIEWER
     try:

@@ -1,4 +1,4 @@
-"""Meshes of a robot description as few plain triangles, by the colours of their materials."""
+"""Meshes of a robot description, reduced to few triangles, one surface per material colour."""
 
 from functools import lru_cache
 from pathlib import Path
@@ -10,22 +10,23 @@ from hric_core.meshes.canonical import Surface
 from hric_core.meshes.files import read_coloured
 
 TRIANGLES = 3000
-"""Of one mesh at most: the Panda's links look round, and a page's meshes take half a megabyte. Project default,
-unconfirmed."""
+"""Maximum number of triangles of a mesh: the Panda's links still look round, and the meshes of a page take half a
+megabyte. Project default, unconfirmed."""
 FEWEST = 40
-"""Of one colour of a mesh, which is not reduced below [triangles]. Project default, unconfirmed."""
+"""Minimum number of triangles of one colour of a reduced mesh. Project default, unconfirmed."""
 SHARP = np.radians(35.0)
-"""Edges between planes farther apart stay edges when the browser shades the surface. Project default, unconfirmed."""
+"""Angle between faces above which the edge stays sharp in the browser's shading [rad]. Project default, unconfirmed."""
 Coloured = tuple[Surface, tuple[float, ...] | None]
-"""A surface, and red, green, blue and opacity of its material, each 0 to 1; None: it has none."""
+"""Surface and the red, green, blue and opacity of its material, each 0 to 1; None: no material."""
 
 
 def few_triangles(path: Path, scale: tuple[float, float, float]) -> tuple[Coloured, ...]:
-    """A mesh file for the browser, a surface per colour: few triangles, and vertices on sharp edges once per side, as
-    smooth shading wants them.
+    """Read a mesh file for the browser, one surface per colour, with few triangles.
+
+    Vertices on sharp edges are duplicated for each side, as smooth shading needs it.
 
     Raises:
-        OSError, UnreadableMeshError: it cannot be read.
+        OSError, UnreadableMeshError: the file cannot be read.
     """
     return _few_triangles(path, path.stat().st_mtime_ns, scale)
 
@@ -46,8 +47,7 @@ def _shaded(surface: Surface) -> Surface:
 
 
 def decimate(surface: Surface, triangles: int = TRIANGLES) -> Surface:
-    """At most about `triangles` triangles, by joining those whose planes agree best (quadric error); unchanged where
-    there are no more."""
+    """Reduce a surface to about `triangles` triangles by quadric error decimation; a smaller one is unchanged."""
     if len(surface.faces) <= triangles:
         return surface
     mesh = trimesh.Trimesh(surface.vertices, surface.faces, process=False)

@@ -1,4 +1,4 @@
-"""What the replay of a run moves: the robot, markers and frames, and the force plates beside it."""
+"""Moving parts of the replay of a run: robot, markers and frames, and the force plates near it."""
 
 import re
 from collections.abc import Mapping
@@ -15,31 +15,32 @@ from hric_report.html.run_data import RunData
 from hric_report.html.scene import Plate, Robot, Track, joint_track
 
 WORLDS = ("", "world", "map")
-"""Frames taken as the robot's root where the description has no link of that name."""
+"""Frames that are taken as the robot's root if the description has no link of that name."""
 BODY = "body "
-"""How the name of a body of the motion capture begins."""
+"""Prefix of the names of motion capture bodies."""
 FLANGE, TOOL = "_link8", "_hand_tcp"
-"""How the names of the links end to which the end effector is fixed, and between the fingers."""
+"""Suffixes of the names of the link to which the end effector is fixed, and of the link between the fingers."""
 PLATE_SIZE = (0.6, 0.4)
-"""Of a force plate whose experiment does not say [m]: the default of `force_plate.size`."""
+"""Size of a force plate if the experiment does not set it: the default of `force_plate.size` [m]."""
 
 
 def width(data: RunData) -> int:
-    """Numbers per instant of a run's replay: joints, markers and frames with their times."""
+    """Return the values per instant of a run's replay: joints, and markers and frames with their times."""
     return len(data.record.log.joint_names) + sum(int(moving.values.shape[1]) + 2 for moving in data.found.moving)
 
 
 def robot(
     data: RunData, rate: float, notes: list[str], *, label: str = "", role: str = "", shift: float = 0.0
 ) -> Robot:
-    """The robot of a run for the replay.
+    """Return the robot of a run for the replay.
 
     Args:
-        data: the run.
-        rate: at most so many instants per second.
-        notes: gets what a reader must know.
-        label, role: as `Robot`.
-        shift: is added to all times [s].
+        data: run data.
+        rate: maximum number of instants per second [Hz].
+        notes: list to which notes for the reader are added.
+        label: name of the run in a page with several runs.
+        role: colour role in a page with several runs.
+        shift: offset added to all times [s].
     """
     time, position = joint_track(data.record.log, rate)
     described = urdf.read(data.description)
@@ -59,8 +60,10 @@ def robot(
 
 
 def _tip(data: RunData, described: urdf.Robot) -> tuple[str, tuple[float, ...]] | None:
-    """Link and point that leave a trail: the end effector where the bag says where it is, else the tool, the flange,
-    or the last link."""
+    """Return the link and point that leave a trail.
+
+    The point is the end effector if the bag has its position on the flange, else the tool, the flange or the last link.
+    """
     flange, tool = (next((name for name in described.links if name.endswith(end)), None) for end in (FLANGE, TOOL))
     if flange is not None and data.followed is not None:
         return flange, tuple(data.followed.record.p_flange_ee.tolist())
@@ -73,7 +76,7 @@ def _tip(data: RunData, described: urdf.Robot) -> tuple[str, tuple[float, ...]] 
 def _plates(
     signal: Signal, run: Mapping[str, Any], links: set[str], statics: Mapping[str, Any], shift: float
 ) -> list[Plate]:
-    """The force plate whose wrench a topic has, where its pose is known; nothing for other topics."""
+    """Return the force plate of a wrench topic if its pose is known; empty for other topics."""
     found = re.search(r"/perception/force_plate/([^/]+)/wrench$", signal.topic)
     if found is None or not signal.unit.startswith("force"):
         return []
@@ -89,7 +92,7 @@ def _plates(
 def _track(
     moving: Moving, rate: float, links: set[str], statics: Mapping[str, Any], notes: list[str], shift: float
 ) -> Track:
-    """Thinned to the rate, in the frame of a link where one is known."""
+    """Return a motion thinned to the rate, in the frame of a link if that transform is known."""
     steps = np.floor((moving.time - moving.time[0]) * rate)
     _, kept = np.unique(steps, return_index=True)
     frame, R, p = _placed(moving.frame_id, links, statics)
@@ -110,14 +113,13 @@ def _track(
 
 
 def _unit(quaternions: FloatArray) -> FloatArray:
-    """A message that was not filled in has the quaternion 0, which is no rotation."""
+    """Replace zero quaternions, which messages that were not filled in have, by the identity."""
     empty = np.linalg.norm(quaternions, axis=1) < 0.5
     return np.where(empty[:, None], np.array([0.0, 0.0, 0.0, 1.0]), quaternions)
 
 
 def _placed(frame: str, links: set[str], statics: Mapping[str, Any]) -> tuple[str, Rotation, FloatArray]:
-    """The link in which a frame is fixed, and where: (link, rotation, translation); (frame, ...) where none is
-    known."""
+    """Return link, rotation and translation of a fixed frame; the last known parent frame if no link is known."""
     name, R, p = frame, Rotation.identity(), np.zeros(3)
     for _ in range(len(statics) + 1):
         if name in links or name not in statics:

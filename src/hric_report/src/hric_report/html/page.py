@@ -1,4 +1,4 @@
-"""From what a page shows to one file without a network request: its parts, scripts, libraries and numbers."""
+"""Rendering of a page into one HTML file that needs no network: sections, scripts, libraries and numbers."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -16,28 +16,28 @@ from hric_report.thinning import thin
 
 SCRIPTS = ("data.js", "pictures.js", "plots.js", "scene.js", "replay.js", "page.js")
 PLOT_VALUES, REPLAY_VALUES = 1_100_000, 600_000
-"""Numbers that plots and replay may take. As single precision in base64 they are 5.9 MB and 3.2 MB, times and what
-rounding adds come on top; with 6 MB of libraries and meshes a page stays below 20 MB, however long the run. Project
-default, unconfirmed."""
+"""Maximum number of values in the plots and in the replay: 5.9 MB and 3.2 MB as single precision in base64, plus times
+and rounding. With 6 MB of libraries and meshes a page stays below 20 MB for runs of any length. Project default,
+unconfirmed."""
 REPLAY_RATE = 60.0
-"""Of joints in the replay, at most: what a screen shows [Hz]."""
+"""Maximum rate of the joint positions in the replay: the refresh rate of a screen [Hz]."""
 
 
 @dataclass
 class Page:
-    """What a page shows.
+    """Contents of a page.
 
     Attributes:
-        title: of the run.
-        subtitle: below it.
-        verdicts: short words beside it, as (kind, text): good, bad or plain.
-        findings: what was found, before all else.
-        figures, tables: by the part of the report that they name, in order; a figure without panels is left out.
-        robots: in the replay.
-        notes: what a reader must know of the page itself, e.g. what could not be drawn.
-        verdict: what the run would have meant for the person in it, HTML; "": nobody was there.
-        supervisor: what a supervisor did along time, HTML; "": none was there.
-        name: of the run, for captions and names of files; "": the title.
+        title: title of the run.
+        subtitle: line below the title.
+        verdicts: short labels next to the title, as (kind, text) with kind good, bad or plain.
+        findings: key figures.
+        figures, tables: figures and tables in order, shown in their sections; a figure without panels is skipped.
+        robots: robots, persons and objects of the replay.
+        notes: remarks on the page itself, e.g. what could not be drawn.
+        verdict: HTML of safety and ergonomics of the person in the run; "": there was no person.
+        supervisor: HTML of the supervisor's states over time; "": there was no supervisor.
+        name: name of the run, for captions and file names; "": the title.
     """
 
     title: str
@@ -54,10 +54,10 @@ class Page:
 
 
 def render_page(page: Page) -> str:
-    """The file's text.
+    """Return the HTML of the page.
 
     Raises:
-        HricError: a library of the page is not installed, or a robot's description cannot be read.
+        HricError: a library of the page is not installed, or the description of a robot cannot be read.
     """
     blob = Blob()
     notes = list(page.notes)
@@ -92,7 +92,7 @@ def render_page(page: Page) -> str:
 
 
 def _parts(page: Page, figures: Sequence[Figure], notes: Sequence[str]) -> dict[str, str]:
-    """HTML of each part of the report that has something in it, by its title."""
+    """Return the HTML of each section of the report that is not empty, by its title."""
     own = {sections.VERDICT: page.verdict, sections.SUPERVISOR: page.supervisor}
     own[sections.RESULTS] = _findings(page.findings)
     found = {}
@@ -117,7 +117,7 @@ def _findings(findings: Sequence[Finding]) -> str:
 
 
 def _plot(figure: Figure) -> str:
-    """Where a plot is drawn, with its title, its caption, and what saves it."""
+    """Return the HTML container of a plot, with its title, its caption and the buttons to save it."""
     buttons = "".join(
         f"<button type=button data-format={kind} data-width={width:g}>{kind.upper()} {width:g} mm</button> "
         for kind in ("svg", "png")
@@ -160,7 +160,7 @@ def _figure(figure: Figure, blob: Blob) -> dict[str, Any]:
 
 
 def _heat(heat: HeatMap | None, blob: Blob) -> dict[str, Any] | None:
-    """Rows of colours; values row by row, as plotly has them."""
+    """Return the data of a heat map with the values row by row, as plotly expects them."""
     if heat is None:
         return None
     words = {"rows": heat.rows, "unit": heat.unit, "scale": heat.scale}
@@ -168,6 +168,10 @@ def _heat(heat: HeatMap | None, blob: Blob) -> dict[str, Any] | None:
 
 
 def replay_rate(duration: float, columns: int) -> float:
-    """Rate at which the replay's numbers stay within REPLAY_VALUES, REPLAY_RATE at most [Hz]; columns: numbers per
-    instant."""
+    """Return the rate at which a replay stays within REPLAY_VALUES, at most REPLAY_RATE [Hz].
+
+    Args:
+        duration: duration of the run [s].
+        columns: values per instant.
+    """
     return min(REPLAY_RATE, REPLAY_VALUES / max(duration * max(columns, 1), 1e-9))

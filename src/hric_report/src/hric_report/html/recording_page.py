@@ -1,4 +1,4 @@
-"""The page of a bag or a c3d file without a run folder: its verdict, and a replay of arm and person."""
+"""Page of a bag or a c3d file without a run folder: its verdict, and a replay of arm and person."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,11 +17,11 @@ from hric_report.html.scene import Robot, Track, instants, joint_track
 
 
 def build(given: Given, found: Mapping[str, Any]) -> Page:
-    """What the page shows.
+    """Return the contents of the page.
 
     Args:
-        given: the recording.
-        found: its verdict, as its JSON.
+        given: recording.
+        found: its verdict, as in verdict.json.
     """
     log, notes, robots = given.recording.log, list[str](), list[Robot]()
     rate = replay_rate(given.recording.end - given.recording.begin, 50)
@@ -53,7 +53,7 @@ def _person(given: Given, person: Person, rate: float, notes: list[str]) -> Robo
 
 
 def _of_markers(given: Given) -> RootRecord | None:
-    """In the frame of the markers, while it is known."""
+    """Return the tracked root pose in the frame of the markers, at the times at which it is known; None: never."""
     for tracked in given.recording.tracked.values():
         known = np.isfinite(tracked.pose).all(axis=1)
         if known.any():
@@ -62,10 +62,10 @@ def _of_markers(given: Given) -> RootRecord | None:
 
 
 def write(given: Given, found: Mapping[str, Any], target: Path) -> Path:
-    """Write the page, replacing one that is there.
+    """Write the page, overwriting an earlier one.
 
     Raises:
-        HricError: it cannot be written, or a library of the page is not installed.
+        HricError: the page cannot be written, or a library of it is not installed.
     """
     files.write_text(target, render_page(build(given, found)))
     return target

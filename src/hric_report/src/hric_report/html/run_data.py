@@ -1,4 +1,4 @@
-"""A run as its page needs it, read from its folder."""
+"""Data of a run for its page, read from its folder."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -22,19 +22,19 @@ from hric_report import run as analysis
 
 @dataclass(frozen=True)
 class RunData:
-    """A run, read.
+    """Data of a run for its page.
 
     Attributes:
-        folder: where it lies.
+        folder: run folder.
         run: contents of run.yaml.
         values: contents of metrics.json.
-        record: its control log and what goes with it.
-        followed: how a marker was followed; None: none was.
-        found: what else is in the bag.
-        description: URDF; "": the run folder has none.
-        person: the human beside the robot; None: nobody was there.
-        objects: of the world around them.
-        safety: what a supervisor decided; None: none was there.
+        record: control log with setpoints, profiles and reflexes.
+        followed: marker tracking; None: no marker was followed.
+        found: sensor signals, moving bodies, events and synchronisation from the bag.
+        description: URDF of the robot; "": the run folder has none.
+        person: simulated human; None: there was none.
+        objects: objects around robot and person.
+        safety: decisions of the supervisor; None: there was none.
         verdict: contents of verdict.json; None: there was no person.
     """
 
@@ -52,20 +52,20 @@ class RunData:
 
     @property
     def moves(self) -> list[metrics.Move]:
-        """Its setpoints."""
+        """Setpoints of the run, each with the cycles until the next one."""
         return metrics.moves(self.record, joint_orders(self.run))
 
 
 def load(folder: RunFolder, values: Mapping[str, Any], *, progress: bool = False) -> RunData:
-    """Read a run.
+    """Read the data of a run.
 
     Args:
-        folder: of the run.
-        values: its metrics, as `analysis.analyse` returns them.
+        folder: run folder.
+        values: metrics of the run, as `analysis.analyse` returns them.
         progress: show a progress bar.
 
     Raises:
-        HricError: its bag or its description cannot be used.
+        HricError: the bag or the description cannot be used.
     """
     run = folder.read()
     bag = analysis.bag_of(folder, run)

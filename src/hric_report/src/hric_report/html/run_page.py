@@ -1,4 +1,4 @@
-"""The page of one run."""
+"""Page of one run."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -14,7 +14,7 @@ from hric_report.html.run_data import RunData
 
 
 def build(data: RunData) -> Page:
-    """What the page of a run shows."""
+    """Return the contents of the page of a run."""
     run, values = data.run, data.values
     notes: list[str] = []
     tolerances = sorted({float(value) for move in values["setpoints"] for value in move["settling_time_max"]})
@@ -43,7 +43,7 @@ def build(data: RunData) -> Page:
 
 
 def verdicts(run: Mapping[str, Any], values: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """What a reader wants to know first."""
+    """Return the labels next to the title: status, stability, reflexes, limits and missing cycles."""
     status = str(run.get("status", ""))
     found = [("good" if status == COMPLETED else "bad", status)]
     stable = values["stability"]
@@ -73,7 +73,7 @@ def _tables(data: RunData) -> list[tables.Table]:
     if data.person is not None and any(one["transient"] for one in data.person.values["contacts"]):
         found.append(tables.blows_table(data.person.values["contacts"]))
     if values.get("tracking"):
-        # Phases are among the events.
+        # The phases are in the table of events.
         tree = {key: value for key, value in values["tracking"].items() if key != "phases"}
         found.append(tables.tree_table("All figures [SI units]", tree, folded=True, section=sections.TRACKING))
     if values.get("sources"):
@@ -87,7 +87,7 @@ def _tables(data: RunData) -> list[tables.Table]:
 
 
 def _provenance(run: Mapping[str, Any], values: Mapping[str, Any]) -> list[tables.Table]:
-    """How the run was made."""
+    """Return the tables on the origin of the run: experiment, deviations, topics, parameters and versions."""
     found = [tables.overview(run, values)]
     if values.get("differences"):
         rows = tuple((d["what"], str(d["reference"]), str(d["here"]), d["why"]) for d in values["differences"])
@@ -101,7 +101,7 @@ def _provenance(run: Mapping[str, Any], values: Mapping[str, Any]) -> list[table
 
 
 def events(data: RunData) -> list[Event]:
-    """All that happened, in order of time."""
+    """Return the events of the bag, setpoints, reflexes and supervisor events in the order of time."""
     found = list(data.found.events)
     found += [
         Event(s.time, "setpoint", s.controller, ", ".join(tables.number(float(q)) for q in s.positions) + " rad")

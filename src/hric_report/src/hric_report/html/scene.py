@@ -1,4 +1,4 @@
-"""The robot of a run as the browser draws it: links with their shapes, joints, and where the joints were."""
+"""Scene of the replay for the browser: robots with links, shapes, joints and joint positions, and moving objects."""
 
 import base64
 from collections.abc import Mapping, Sequence
@@ -18,21 +18,21 @@ from hric_core.urdf import Joint, Mimic, Shape, mimic_laws, read
 from hric_report.style import Stops
 
 GREY = (0.86, 0.87, 0.88, 1.0)
-"""Of links without a material."""
+"""Colour of links without a material: red, green, blue, opacity."""
 
 
 @dataclass(frozen=True)
 class Track:
-    """Something that moves by itself: a marker or a frame.
+    """Motion of a marker or of a frame that is not attached to a joint.
 
     Attributes:
         kind: marker or frame.
-        name: for people.
-        parent: the link in whose frame it is given; a name that is no link: of the world.
-        time: shape (n,) [s].
+        name: name for display.
+        parent: link in whose frame the values are; a name that is not a link: the world.
+        time: times, shape (n,) [s].
         values: position of a marker, shape (n, 3) [m]; or position and quaternion x y z w of a frame, shape (n, 7);
-            NaN: not seen.
-        trail: whether it leaves one.
+            NaN: not visible.
+        trail: True if it leaves a trail.
     """
 
     kind: str
@@ -45,15 +45,15 @@ class Track:
 
 @dataclass(frozen=True)
 class Plate:
-    """A force plate.
+    """Force plate of a scene.
 
     Attributes:
-        name: for people.
-        parent: the link in whose frame it is fixed; a name that is no link: of the world.
-        xyz, quaternion: middle of its surface [m], and x y z w; z is normal to the surface.
-        size: along x and y [m].
-        time: of the forces, shape (n,) [s].
-        force: that acts on it, in its own axes, shape (n, 3) [N].
+        name: name for display.
+        parent: link to which it is fixed; a name that is not a link: the world.
+        xyz, quaternion: centre of the surface [m], and orientation x y z w; z is normal to the surface.
+        size: size along x and y [m].
+        time: times of the forces, shape (n,) [s].
+        force: force on the plate in its axes, shape (n, 3) [N].
     """
 
     name: str
@@ -67,17 +67,17 @@ class Plate:
 
 @dataclass(frozen=True)
 class Arrow:
-    """A force over time.
+    """Force over time, drawn as an arrow.
 
     Attributes:
-        name: for people.
+        name: name for display.
         colour: name of a role, or limit.
-        parent: the link in whose frame it is given; a name that is no link: the world's.
-        time: shape (n,) [s].
-        force: shape (n, 3) [N].
-        point: where it acts, shape (n, 3) [m].
-        per_newton: its length [m/N].
-        ends: whether it ends there; else it begins there.
+        parent: link in whose frame force and point are; a name that is not a link: the world.
+        time: times, shape (n,) [s].
+        force: forces, shape (n, 3) [N].
+        point: points of action, shape (n, 3) [m].
+        per_newton: length of the arrow per force [m/N].
+        ends: True if the arrow ends at the point of action, False if it starts there.
     """
 
     name: str
@@ -95,11 +95,11 @@ class Lines:
     """Lines through points of links, coloured by values over time.
 
     Attributes:
-        points: by name: link, and place in its axes [m].
-        time: of the values, shape (n,) [s].
-        values: shape (n, lines).
+        points: (link, point in its axes [m]) along each line, by name of the line.
+        time: times of the values, shape (n,) [s].
+        values: values that give the colours, shape (n, lines).
         scale: colours, as `style.Stops`.
-        title: what the colours are.
+        title: title of the colour scale.
     """
 
     points: Mapping[str, Sequence[tuple[str, tuple[float, ...]]]]
@@ -111,22 +111,22 @@ class Lines:
 
 @dataclass
 class Robot:
-    """A robot and its motion, or a human's body and his, or an object and where it was.
+    """Robot, human body or object with its motion.
 
     Attributes:
-        label: name of the run, where a page has several.
+        label: name of the run in a page with several runs.
         description: URDF.
-        joint_names: columns of `position`.
-        time: of the page, shape (n,) [s].
-        position: shape (n, j) [rad, m].
-        tracks: what else moves.
-        role: colour where a page has several, as `Curve.role`; "": the description's.
+        joint_names: names of the columns of `position`.
+        time: times on the time axis of the page, shape (n,) [s].
+        position: joint positions, shape (n, j) [rad, m].
+        tracks: other moving markers and frames.
+        role: colour in a page with several runs, as `Curve.role`; "": colours of the description.
         tip: link and point in its frame [m] that leave a trail; None: none.
-        plates: beside it.
-        pose: of its root link in the world.
+        plates: force plates near the robot.
+        pose: pose of its root link in the world.
         arrows: forces on it.
-        motion: a frame that its root link follows in the world; None: it is fixed there.
-        lines: on its links, such as muscles; None: none.
+        motion: motion of its root link in the world; None: it is fixed.
+        lines: lines on its links, such as muscles; None: none.
     """
 
     label: str
@@ -145,10 +145,10 @@ class Robot:
 
 
 class Scene:
-    """All robots of a page; meshes that they share are stored once.
+    """Scene of all robots of a page; shared meshes are stored once.
 
     Attributes:
-        notes: what could not be drawn, for the reader.
+        notes: notes for the reader on what could not be drawn.
     """
 
     def __init__(self, blob: "Blob") -> None:
@@ -159,7 +159,7 @@ class Scene:
         self.notes: list[str] = []
 
     def add(self, robot: Robot) -> None:
-        """Add a robot.
+        """Add a robot to the scene.
 
         Raises:
             DescriptionError: its description cannot be read.
@@ -190,7 +190,7 @@ class Scene:
         )
 
     def data(self) -> dict[str, Any]:
-        """For the page."""
+        """Return the robots and meshes as plain values for the page."""
         return {"robots": self._robots, "meshes": self._meshes}
 
     def _track(self, track: Track) -> dict[str, Any]:
@@ -219,7 +219,7 @@ class Scene:
         return {"lines": points, "scale": lines.scale, "title": lines.title, **arrays}
 
     def _visuals(self, shape: Shape) -> list[dict[str, Any]]:
-        """What is drawn of a shape: of a mesh one part per colour; its own colours go before the description's."""
+        """Return the drawn parts of a shape; a mesh has one per colour, and its colours override the description's."""
         if shape.kind == "capsule":
             self.notes.append("a shape <capsule> is not drawn")
             return []
@@ -254,10 +254,10 @@ class Scene:
 
 
 def mesh_path(address: str) -> Path:
-    """File of a mesh; one of the Panda's that lay elsewhere on the machine of the run is found here by its name.
+    """Return the file of a mesh; a Panda mesh with another path on the machine of the run is found by its name.
 
     Raises:
-        HricError: it is nowhere.
+        HricError: the mesh is not found.
     """
     try:
         return resources.resolve(address)
@@ -276,8 +276,10 @@ def _origin(T: FloatArray) -> dict[str, Any]:
 
 
 def _joint(joint: Joint, law: Mimic | None, columns: tuple[str, ...]) -> dict[str, Any]:
-    """Joint for the page. Its column is that of the position that moves it, null where it is fixed, and its value is
-    multiplier * position + offset."""
+    """Return a joint for the page, whose value is multiplier * position + offset.
+
+    Its column is that of the joint position that moves it, null for a fixed joint.
+    """
     mimic = None if joint.name in columns else law
     source = mimic.joint if mimic else joint.name
     return {
@@ -294,36 +296,35 @@ def _joint(joint: Joint, law: Mimic | None, columns: tuple[str, ...]) -> dict[st
 
 
 def joint_track(log: ControlRecord, rate: float) -> tuple[FloatArray, FloatArray]:
-    """Positions of the joints at most `rate` times per second, always with the first and the last: (n,) [s], (n, j)
-    [rad, m]."""
+    """Return times (n,) [s] and joint positions (n, j) [rad, m], at most `rate` per second, with first and last."""
     chosen = instants(log.time, rate)
     return log.time[chosen], log.position[chosen]
 
 
 def instants(time: FloatArray, rate: float) -> npt.NDArray[np.int64]:
-    """At most `rate` indices per second of increasing times, shape (n,) [s], always with the first and the last."""
+    """Return at most `rate` indices per second of increasing times, shape (n,) [s], always with first and last."""
     cycles, span = len(time), float(time[-1] - time[0])
     count = min(cycles, max(2, int(span * rate) + 1)) if cycles > 1 else 1
     return np.unique(np.linspace(0, cycles - 1, count).round().astype(np.int64))
 
 
 KINDS = {"f8": "<f8", "f4": "<f4", "u4": "<u4"}
-"""What `data.js` reads, little-endian."""
+"""Array types that `data.js` reads, little-endian."""
 ALIGNMENT = 8
-"""A typed array of the browser begins at a multiple of its element's size [bytes]."""
+"""Alignment of the arrays, since a typed array of the browser starts at a multiple of its element size [bytes]."""
 
 
 class Blob:
-    """Arrays of one page; the same array object is stored once."""
+    """Binary data of all arrays of one page; the same array object is stored once."""
 
     def __init__(self) -> None:
         self._parts: list[bytes] = []
         self._size = 0
-        # The array itself is kept, so that its id stays its own.
+        # The array is stored, too, so that its id is not reused.
         self._known: dict[tuple[int, str], tuple[Any, dict[str, Any]]] = {}
 
     def add(self, values: npt.NDArray[Any], kind: str) -> dict[str, Any]:
-        """Store an array, row by row; returns where it lies: kind, offset [bytes], number of values."""
+        """Store an array row by row; return its location: kind, offset [bytes], number of values."""
         found = self._known.get((id(values), kind))
         if found is None:
             raw = np.ascontiguousarray(values, dtype=KINDS[kind]).tobytes()
@@ -335,5 +336,5 @@ class Blob:
         return found[1]
 
     def text(self) -> str:
-        """All of it, as base64."""
+        """Return the data of all arrays as base64."""
         return base64.b64encode(b"".join(self._parts)).decode()

@@ -1,4 +1,4 @@
-"""What a supervisor did along time, as strips whose stretches show themselves in the replay."""
+"""States and violations of a supervisor over time, as strips of bars; a click on a bar shows it in the replay."""
 
 from collections.abc import Sequence
 
@@ -6,12 +6,12 @@ from hric_bags.records.safety_record import SLOWED, STOPPED, SafetyRecord
 from hric_report.html.verdict import Axis
 
 LOOKS = {SLOWED: "level2", STOPPED: "level3"}
-"""Class of the colour of a state; where it is free nothing is drawn."""
+"""CSS class of the colour of a state; the state free is not drawn."""
 VIOLATION = "above"
 
 
 def part(record: SafetyRecord | None) -> str:
-    """Return the HTML; empty without a supervisor. The disclaimer is part of the verdict."""
+    """Return the HTML of the strips; empty without a supervisor. The disclaimer is part of the verdict."""
     if record is None:
         return ""
     axis = Axis(float(record.time[0]), float(record.time[-1]))

@@ -1,4 +1,4 @@
-"""Tables of a page: plain cells, and as HTML."""
+"""Tables of a page, as plain cells and as HTML."""
 
 import html
 import math
@@ -15,21 +15,21 @@ from hric_report.text import setpoint_cells
 
 NUMERIC = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?( %)?$|[-–]$|never$")
 SHOWN_EVENTS = 500
-"""More are counted, not listed. Project default, unconfirmed."""
+"""Maximum number of listed events; the rest is only counted. Project default, unconfirmed."""
 
 
 @dataclass(frozen=True)
 class Table:
-    """A table.
+    """Table of a page.
 
     Attributes:
-        title: its heading; "": none.
+        title: heading; "": none.
         head: names of the columns, with units.
-        rows: cells; columns of numbers stand to the right.
-        note: below the heading.
-        folded: closed until it is clicked, but printed.
-        times: per row, the time that a click on it shows [s]; empty: none.
-        section: of `report.sections`, where it belongs.
+        rows: cells of each row; columns of numbers are right-aligned.
+        note: text below the heading.
+        folded: True if the table is collapsed until it is clicked; it is printed anyway.
+        times: replay time that a click on each row shows [s]; empty: rows cannot be clicked.
+        section: section of the report, from `hric_report.sections`.
     """
 
     title: str
@@ -42,7 +42,7 @@ class Table:
 
 
 def render(table: Table) -> str:
-    """HTML."""
+    """Return the HTML of a table."""
     numeric = [bool(table.rows) and all(NUMERIC.match(row[k]) for row in table.rows) for k in range(len(table.head))]
     head = "".join(
         f"<th{' class=num' if right else ''}>{escape(name)}</th>"
@@ -63,7 +63,7 @@ def render(table: Table) -> str:
 
 
 def blows_table(contacts: Sequence[Mapping[str, Any]]) -> Table:
-    """Contacts of a human beside the closed form; contacts: of `human` in metrics.json."""
+    """Compare impacts on the human with the closed form; contacts: those of `human` in metrics.json."""
     head = (
         "human",
         "robot",
@@ -108,12 +108,12 @@ def blows_table(contacts: Sequence[Mapping[str, Any]]) -> Table:
 
 
 def escape(text: object) -> str:
-    """Text that no reader of HTML takes for a tag."""
+    """Return the text with HTML special characters escaped."""
     return html.escape(str(text))
 
 
 def number(value: Any, digits: int = 4) -> str:
-    """A number for a reader; what is none: as it is; None: a dash."""
+    """Format a number with `digits` significant digits; None or not finite: a dash; anything else as text."""
     if value is None or (isinstance(value, float) and not math.isfinite(value)):
         return "-"
     if isinstance(value, bool) or not isinstance(value, int | float):
@@ -122,7 +122,7 @@ def number(value: Any, digits: int = 4) -> str:
 
 
 def flat(tree: Any, prefix: str = "") -> list[tuple[str, str]]:
-    """Leaves of a tree of plain values with dotted keys; short lists stay together."""
+    """Return the leaves of a tree of plain values with dotted keys; a list of plain values is one leaf."""
     if isinstance(tree, Mapping):
         return [leaf for key, value in tree.items() for leaf in flat(value, f"{prefix}.{key}" if prefix else str(key))]
     if isinstance(tree, Sequence) and not isinstance(tree, str) and any(isinstance(item, Mapping) for item in tree):
@@ -133,7 +133,7 @@ def flat(tree: Any, prefix: str = "") -> list[tuple[str, str]]:
 
 
 def overview(run: Mapping[str, Any], metrics: Mapping[str, Any]) -> Table:
-    """What ran."""
+    """Return the table of the run's experiment, status, robot, times and revision."""
     robot = (run.get("definition") or {}).get("robot") or {}
     log = metrics["control_log"]
     revision = run.get("revision") or {}
@@ -164,7 +164,7 @@ def overview(run: Mapping[str, Any], metrics: Mapping[str, Any]) -> Table:
 
 
 def move_table(move: Mapping[str, Any]) -> Table:
-    """How one setpoint was reached; move: of `setpoints` in metrics.json."""
+    """Return the table of one setpoint; move: entry of `setpoints` in metrics.json."""
     columns, rows = setpoint_cells(move)
     head = tuple(f"{name} [{unit}]" if unit else name for name, unit in columns)
     title = f"Setpoint at {move['time']:.3f} s through {move['controller']}"
@@ -172,7 +172,12 @@ def move_table(move: Mapping[str, Any]) -> Table:
 
 
 def limits_table(joints: Mapping[str, Any], counted: bool) -> Table:
-    """What was demanded of each joint, and how often a limit acted; joints: of metrics.json."""
+    """Return the table of the peak load and the limited cycles of each joint.
+
+    Args:
+        joints: `joints` of metrics.json.
+        counted: True if the robot published the counts of limited cycles.
+    """
     peaks = (("velocity", "|dq| max [rad/s]"), ("effort", "|torque| max [N m]"), ("rotatum", "rotatum max [N m/s]"))
     kinds = ("position", "velocity", "effort", "effort_rate")
     head = ["joint"]
@@ -191,19 +196,19 @@ def limits_table(joints: Mapping[str, Any], counted: bool) -> Table:
 
 
 def _known(title: str, head: Sequence[str], rows: Sequence[Sequence[str]], note: str) -> Table:
-    """A table without the columns of which nothing is known."""
+    """Return a table without the columns that have no known value."""
     kept = [k for k in range(len(head)) if any(row[k] != "-" for row in rows)]
     cells = tuple(tuple(row[k] for k in kept) for row in rows)
     return Table(title, tuple(head[k] for k in kept), cells, note, section=sections.LIMITS)
 
 
 def tree_table(title: str, tree: Any, *, folded: bool = False, section: str = sections.MADE) -> Table:
-    """Leaves of a tree of values, each with its dotted key."""
+    """Return a table of the leaves of a tree of values, each with its dotted key."""
     return Table(title, ("what", "value"), tuple(flat(tree)), folded=folded, section=section)
 
 
 def topics_table(metrics: Mapping[str, Any]) -> Table:
-    """Messages per topic; rates as counts over the time of the control log."""
+    """Return the table of messages per topic; the rate is the count divided by the duration of the control log."""
     duration = metrics["control_log"]["duration"]
     rows = [
         (topic, str(count), number(count / duration, 3) if duration > 0 else "-")
@@ -215,7 +220,7 @@ def topics_table(metrics: Mapping[str, Any]) -> Table:
 
 
 def sync_tables(found: Recordings) -> list[Table]:
-    """How well the sources of each synchroniser came together."""
+    """Return the tables of validity and age of each source of the synchronisers, and of their last status."""
     tables = []
     for topic, samples in found.samples.items():
         layout = found.layouts.get(topic + "_layout") or next(iter(found.layouts.values()), None)
@@ -261,7 +266,7 @@ def _status_table(topic: str, status: Any) -> Table:
 
 
 def events_table(events: Sequence[Event]) -> Table:
-    """What happened, in order of time."""
+    """Return the table of the first SHOWN_EVENTS events in the order of time."""
     shown = list(events)[:SHOWN_EVENTS]
     rows = tuple((f"{event.time:.3f}", event.kind, event.source, event.text) for event in shown)
     note = (
@@ -274,7 +279,7 @@ def events_table(events: Sequence[Event]) -> Table:
 
 
 def sources_table(sources: Mapping[str, Mapping[str, Any]]) -> Table:
-    """What each source sent, and what of it is in the bag; sources: of metrics.json."""
+    """Return the table of samples sent, recorded and lost by source; sources: `sources` of metrics.json."""
     head = ("source", "counted in", "sent", "recorded", "lost", "twice", "stamps off, 99 % [ms]", "largest [ms]")
     rows = []
     for topic, one in sources.items():
@@ -287,7 +292,7 @@ def sources_table(sources: Mapping[str, Mapping[str, Any]]) -> Table:
 
 
 def skew_table(streams: Mapping[str, Mapping[str, Any]]) -> Table:
-    """How far synchronised values are from their instants; streams: `sync` of metrics.json."""
+    """Return the table of the time skew of synchronised values; streams: `sync` of metrics.json."""
     head = ("stream", "source", "valid", "skew, median [ms]", "99 % [ms]", "largest [ms]", "by")
     rows = []
     for topic, stream in streams.items():

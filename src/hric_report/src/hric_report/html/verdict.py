@@ -1,6 +1,6 @@
-"""The first part of a page: what a run would have meant for the person in it, from its verdict.json.
+"""First section of a page: safety and ergonomics of the person in the run, from verdict.json.
 
-Five conclusions and a picture of the worst moment come first; their evidence is folded away.
+Five conclusions and a picture of the worst moment come first; their evidence is collapsed.
 """
 
 import base64
@@ -27,9 +27,9 @@ from hric_report.html.tables import Table, escape, number, render
 
 Verdict = Mapping[str, Any]
 KINDS = {"within limits": "within", "warning": "warning", "above limits": "above", "not assessable": "unknown"}
-"""Outcome -> class of its colour."""
+"""CSS class of the colour by outcome."""
 REPLIES = {"yes": "within", "warning": "warning", "no": "above", "unknown": "unknown", "no limit": "plain"}
-"""Reply -> class of its colour."""
+"""CSS class of the colour by reply."""
 BY_DEFAULT = {
     CONTACT: "Was each contact within what the person bears?",
     DISTANCE: "Did the arm keep its protective distance?",
@@ -37,29 +37,29 @@ BY_DEFAULT = {
     EFFORT: "What did it cost the person?",
     TASK: "Was the task completed?",
 }
-"""Questions in words."""
+"""Questions in full, by key."""
 WIDTH, LEFT, ROW = 640.0, 120.0, 20.0
-"""Of what lies along time: all of it, its labels, and a row [units of the picture]."""
+"""Width of a picture over time, width of its labels, and height of a row [units of the picture]."""
 SHOWN = 200
-"""Findings in the table; more are counted. Project default, unconfirmed."""
+"""Maximum number of findings in the table; the rest is only counted. Project default, unconfirmed."""
 MUSCLES, INSTANTS = 24, 500
-"""Rows and columns of the heat map, at most; the most active, and the largest value of each stretch of time. Project
-default, unconfirmed."""
+"""Maximum number of rows and columns of the heat map: the most active muscles, and the peaks of equal time spans.
+Project default, unconfirmed."""
 LEVELS = {"RULA": (2, 4, 6, 7), "REBA": (1, 3, 7, 10, 15)}
-"""Highest score of each level."""
+"""Highest score of each level, by method."""
 TICKS = 6
-"""Intervals along time, at most (project default)."""
+"""Maximum number of tick intervals of a time axis; project default."""
 
 
 @dataclass(frozen=True)
 class Axis:
-    """Time across a picture, from begin to end [s]."""
+    """Horizontal time axis of a picture, from begin to end [s]."""
 
     begin: float
     end: float
 
     def x(self, time: float) -> float:
-        """Return where a time is [units of the picture]."""
+        """Return the horizontal coordinate of a time [units of the picture]."""
         share = (time - self.begin) / max(self.end - self.begin, 1e-9)
         return LEFT + (WIDTH - LEFT) * min(max(share, 0.0), 1.0)
 
@@ -72,7 +72,7 @@ class Axis:
         return [step * k for k in range(int(np.ceil(self.begin / step - 1e-9)), int(self.end / step + 1e-9) + 1)]
 
     def bar(self, begin: float, end: float, row: int, look: str, said: str) -> str:
-        """Return a stretch of time in a row, which a click shows in the replay."""
+        """Return the SVG bar of a time span in a row; a click on it shows its start in the replay."""
         x = self.x(begin)
         width = max(self.x(end) - x, 3.0)
         return (
@@ -102,10 +102,9 @@ class Axis:
 
 
 def verdict_of(folder: RunFolder) -> dict[str, Any] | None:
-    """Return what verdict.json of a run says; one that `assess` left, with the choices of its user, stays.
+    """Return the contents of verdict.json of a run; None: there was no person in the run.
 
-    Returns:
-        the contents; None: there was no person in the run.
+    A missing or outdated file is written; one that `assess` wrote, with the choices of its user, is left unchanged.
 
     Raises:
         HricError: the bag cannot be used.
@@ -122,7 +121,7 @@ def verdict_of(folder: RunFolder) -> dict[str, Any] | None:
 
 
 def _kept(path: Path, name: str, kind: str) -> dict[str, Any] | None:
-    """Return what a file has; None: nothing of this version and of this recording."""
+    """Return the contents of a verdict file; None: missing, unreadable, or of another version or recording."""
     try:
         kept: dict[str, Any] = json.loads(path.read_text()) if path.is_file() else {}
     except ValueError:
@@ -132,7 +131,7 @@ def _kept(path: Path, name: str, kind: str) -> dict[str, Any] | None:
 
 
 def verdict_beside(given: Given) -> dict[str, Any]:
-    """Return the verdict of a bag or a c3d file from verdict.json beside it; one of another recording is replaced."""
+    """Return the verdict of a bag or a c3d file from verdict.json next to it; replace one of another recording."""
     path, recording = given.folder / FILE, given.recording
     kept = _kept(path, given.name, given.kind)
     if kept is not None and (kept["input"]["begin"], kept["input"]["end"]) == (recording.begin, recording.end):
@@ -143,7 +142,7 @@ def verdict_beside(given: Given) -> dict[str, Any]:
 
 
 def conclusions_of(verdict: Verdict) -> list[Conclusion]:
-    """Return the conclusions that a verdict.json has, without their findings."""
+    """Return the conclusions of a verdict.json, without their findings."""
     return [Conclusion(**{**one, "finding": None}) for one in verdict["answers"]]
 
 
@@ -154,7 +153,7 @@ def summary(verdict: Verdict) -> str:
 
 
 def part(verdict: Verdict) -> str:
-    """Return the HTML of the part."""
+    """Return the HTML of the section."""
     axis = Axis(float(verdict["input"]["begin"]), float(verdict["input"]["end"]))
     sides = [curve["side"] for curve in verdict["timelines"]["rula"]]
     limits = f"{verdict['limits']['title']} ({verdict['limits']['edition']})"
@@ -189,7 +188,7 @@ def _conclusions(verdict: Verdict) -> str:
 
 
 def _moment(verdict: Verdict) -> str:
-    """Return the picture of the worst moment, which a click shows in the replay."""
+    """Return the picture of the worst moment; a click on it shows the moment in the replay."""
     scene = verdict["moment"]
     if scene is None:
         return ""
@@ -199,7 +198,7 @@ def _moment(verdict: Verdict) -> str:
 
 
 def _strips(verdict: Verdict, axis: Axis) -> Iterator[str]:
-    """Yield what lies along time."""
+    """Yield the figures over time: findings, RULA and REBA scores, muscle activation."""
     windows = [one for one in verdict["findings"] if one["window"]]
     if windows:
         groups = list(dict.fromkeys(one["group"] for one in windows))
@@ -232,7 +231,7 @@ def _figure(title: str, content: str) -> str:
 
 
 def _key(colours: Iterable[tuple[str, str]]) -> str:
-    """Return the key of a picture; colours: (class of the colour, what it means)."""
+    """Return the legend of a picture; colours: CSS class and meaning of each colour."""
     marks = (
         f'<span><svg viewBox="0 0 9 9"><rect class="{look}" width="9" height="9"/></svg>{escape(word)}</span>'
         for look, word in colours
@@ -246,7 +245,7 @@ def _said(one: Mapping[str, Any]) -> str:
 
 
 def _scores(curve: Mapping[str, Any], row: int, method: str, axis: Axis, known: bool) -> str:
-    """Return the stretches of one level; known: all angles are, so that a low score is within limits."""
+    """Return the bars of constant score level; known: all angles are known, so that a low score is within limits."""
     time, levels = curve["time"], LEVELS[method]
     reached = [next(k for k, highest in enumerate(levels) if score <= highest) for score in curve["score"]]
     bars, first = [], 0
@@ -262,8 +261,8 @@ def _scores(curve: Mapping[str, Any], row: int, method: str, axis: Axis, known: 
 
 
 def _heat(activation: Mapping[str, Any], axis: Axis) -> str:
-    """Return muscles over time as a figure, the most active first, on a scale that ends at the next tenth."""
-    from matplotlib.image import imsave  # slow to load, which a page without muscles need not wait for
+    """Return the heat map of muscle activation, the most active muscle first; the scale ends at the next tenth."""
+    from matplotlib.image import imsave  # slow to import, and only needed with muscles
 
     values = np.array(activation["activation"], dtype=float)
     peaks = np.nan_to_num(values).max(axis=1)
@@ -289,7 +288,7 @@ def _heat(activation: Mapping[str, Any], axis: Axis) -> str:
 
 
 def _tables(verdict: Verdict) -> Iterator[Table]:
-    """Yield findings, figures without a limit, and what is missing."""
+    """Yield the tables of findings, figures without a limit, assumptions and missing signals."""
     findings = verdict["findings"]
     shown = findings[:SHOWN]
     rows = tuple(
