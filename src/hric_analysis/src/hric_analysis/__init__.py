@@ -1,1 +1,1 @@
-"""Metrics of a recorded run."""
+"""Metrics of recorded runs."""

@@ -1,11 +1,10 @@
-"""What two grips did to a body that they carried together: how they shared its weight, and how they squeezed it. No
-ROS.
+"""Load sharing and internal force of two grips that carry a body together. No ROS.
 
-The forces are those on the body, f_a at the grip frame p_a and f_b at p_b; u is the unit vector from p_a to p_b.
-Squeeze is what of both cancels along that line: min(f_a.u, -f_b.u) where both press, the same of the amounts and
-negative where both pull, 0 where one pushes and the other gives way. So the weight of a tilted body, and what
-accelerates it, is not counted. This is the interactive force of two partners in one dimension as Groten et al., RO-MAN
-2009, have it (recalled, unconfirmed), along the line between the hands.
+The forces act on the body: f_a at the grip frame p_a and f_b at p_b; u is the unit vector from p_a to p_b. The squeeze
+is the internal force, the part of both forces that cancels along that line: min(f_a.u, -f_b.u) if both press, minus the
+minimum of the magnitudes if both pull, 0 if one pushes and the other yields. So the weight of a tilted body and its
+inertia do not count. This is the one-dimensional interactive force of two partners of Groten et al., RO-MAN 2009
+(recalled, unconfirmed), along the line between the hands.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -25,35 +24,35 @@ from hric_core.geometry import MassProperties
 from hric_human.participant.settings import HumanSettings
 
 ON_LINE = 1e-3
-"""Farthest distance of a centre of mass from the line between both handles at which it is said to be on it, so that its
+"""Distance of a centre of mass from the line between both handles up to which it counts as on the line, so that its
 motion follows from theirs [m] (project default, unconfirmed)."""
 
 EVEN = 0.02
-"""How far the mean step of samples is from their median at most, where none or few are missing (project default,
+"""Relative difference of mean and median time step up to which at most a few samples are missing [1] (project default,
 unconfirmed)."""
 MIN_SAMPLES = 5
-"""Samples that can be differentiated three times."""
+"""Minimum number of samples, which can be differentiated three times."""
 TAKEN = 0.5
-"""A grip is relaxed when it closes, so what it holds falls a little first: a body is carried from so long after both
-have closed [s] (project default, unconfirmed)."""
+"""Time after both grips have closed from which a body counts as carried: a closing grip is relaxed, so that the body
+falls a little first [s] (project default, unconfirmed)."""
 
 
 @dataclass(frozen=True)
 class Carried:
-    """A body while both hold it, from `TAKEN` on.
+    """Time series of a body while two grips carry it.
 
     Attributes:
-        body: full name.
+        body: full name of the body.
         ends: names of both grips.
         time: robot time, shape (n,) [s].
-        force: of each grip on the body, world frame, shape (2, n, 3) [N].
-        point: where each acts, shape (2, n, 3) [m].
-        squeeze: see above; negative: it is stretched, shape (n,) [N].
-        tilt: of the line between both points out of the horizontal, up towards the second, shape (n,) [rad].
-        weight: None: it is not known [N].
-        share: of the weight that each end carries, shape (2, n) [1]; None: no weight.
-        excess: what both forces have beyond m (a - g), NaN at both ends, shape (n, 3) [N]; None: no weight, or the
-            centre of mass is not on the line between both handles.
+        force: force of each grip on the body in the world frame, shape (2, n, 3) [N].
+        point: point of action of each force, shape (2, n, 3) [m].
+        squeeze: internal force, see the module; negative: the body is stretched, shape (n,) [N].
+        tilt: angle of the line between both points to the horizontal, up towards the second, shape (n,) [rad].
+        weight: weight of the body [N]; None: not known.
+        share: share of the weight at each end, shape (2, n) [1]; None: weight not known.
+        excess: sum of both forces minus m (a - g), NaN at the start and end, shape (n, 3) [N]; None: weight not known,
+            or the centre of mass is not on the line between both handles.
     """
 
     body: str
@@ -69,16 +68,17 @@ class Carried:
 
     @property
     def centre(self) -> FloatArray:
-        """Middle between both points, shape (n, 3) [m]."""
+        """Midpoint between both points, shape (n, 3) [m]."""
         return np.asarray(self.point.mean(axis=0))
 
 
 def masses(plant: Mapping[str, Any]) -> dict[str, MassProperties]:
-    """Of the free bodies of one link in the world of a plant, by "model::link"; none of a world that is not there any
-    more.
+    """Return the mass properties of the free single-link bodies in a plant's world, by "model::link".
+
+    The result is empty if the world file no longer exists.
 
     Args:
-        plant: its parameters.
+        plant: parameters of the plant.
     """
     return {
         f"{model.name}::{name}": link.mass
@@ -90,12 +90,12 @@ def masses(plant: Mapping[str, Any]) -> dict[str, MassProperties]:
 
 
 def carried(grips: Iterable[GripRecord], human: Mapping[str, Any], plant: Mapping[str, Any]) -> list[Carried]:
-    """Each body that two grips carried: both held it at once, and it was not handed over.
+    """Return each body that two grips carried: both held it at the same time, and it was not handed over.
 
     Args:
-        grips: of a run.
-        human: section of the experiment, for the handles.
-        plant: its parameters, for the body's mass and gravity.
+        grips: grips of a run.
+        human: section `human` of the experiment, for the handles.
+        plant: parameters of the plant, for the mass of the body and gravity.
     """
     known, found = None, []
     for a, b in combinations(grips, 2):
@@ -112,7 +112,7 @@ def carried(grips: Iterable[GripRecord], human: Mapping[str, Any], plant: Mappin
 
 
 def hands_over(giver: GripRecord, taker: GripRecord) -> bool:
-    """Whether a giver, who held first, let go before the taker did."""
+    """Return True if the giver closed its grip first and opened it before the taker did."""
     if not (giver.closed.any() and taker.closed.any()):
         return False
     (given, taken), (left, over) = ([float(grip.time[grip.closed][k]) for grip in (giver, taker)] for k in (0, -1))
@@ -120,7 +120,7 @@ def hands_over(giver: GripRecord, taker: GripRecord) -> bool:
 
 
 def _first_run(time: FloatArray, both: npt.NDArray[np.bool_]) -> slice | None:
-    """From `TAKEN` after the first sample in which both hold to the last before one lets go; None: that is sooner."""
+    """Return the samples from `TAKEN` after both grips hold until one lets go; None if these are too few."""
     closed = int(np.argmax(both))
     after = np.flatnonzero(~both[closed:])
     begin = int(np.searchsorted(time, time[closed] + TAKEN))
@@ -153,8 +153,10 @@ def _carried(
 
 
 def _even(time: FloatArray) -> FloatArray:
-    """Times of samples that a fixed number of cycles lies between; as they are where more than a few are missing.
-    Behind an arm with a clock of its own stamps wander by milliseconds, of which two derivatives would make newtons."""
+    """Return evenly spaced times of samples taken at a fixed rate; unchanged if more than a few samples are missing.
+
+    With an arm that has another clock, stamps jitter by milliseconds, which two derivatives would turn into newtons.
+    """
     steps = np.diff(time)
     if abs(float(steps.mean() / np.median(steps)) - 1.0) > EVEN:
         return time
@@ -183,11 +185,12 @@ def _excess(
 
 
 def metrics(one: Carried, begin: float, end: float) -> dict[str, Any] | None:
-    """For metrics.json; None: nobody moved it.
+    """Return the metrics for metrics.json; None: the body was not carried during the human's motion.
 
     Args:
-        one: the body.
-        begin, end: of the human's motion [s].
+        one: carried body.
+        begin: start of the human's motion [s].
+        end: end of the human's motion [s].
     """
     during = (one.time >= begin) & (one.time <= end)
     if during.sum() < MIN_SAMPLES:
@@ -219,7 +222,7 @@ def _spread(share: FloatArray) -> dict[str, float]:
 
 
 def render(found: Mapping[str, Any]) -> str:
-    """As a line of the report; found: of `metrics`."""
+    """Return a line of the report from the result of `metrics`."""
     if found["load_share"] is None:
         shares = "its weight is not known"
     else:

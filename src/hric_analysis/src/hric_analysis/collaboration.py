@@ -1,7 +1,7 @@
-"""Numbers of a run by which controllers are compared: contacts and distance held against their limits, and how far the
-person's hand stayed from where they meant it to be. No ROS.
+"""Metrics for the comparison of controllers: contacts and distance against their limits, and hand error. No ROS.
 
-All of it is an estimate of a model: `hric_assessment.findings.DISCLAIMER`.
+The hand error is the distance of the person's hand from its reference. All values are estimates of a model:
+`hric_assessment.findings.DISCLAIMER`.
 """
 
 import math
@@ -24,22 +24,22 @@ from hric_human.hand.programs import read_program
 from hric_human.participant.settings import HumanSettings
 
 AT_REST = 5e-3
-"""Distance from its last place within which a hand is at rest [m] (project default, unconfirmed)."""
+"""Distance from its final position within which a hand is at rest [m] (project default, unconfirmed)."""
 
 
 def values(given: Given, person: Person | None) -> dict[str, Any] | None:
-    """Return the numbers of a run; None: there was no person.
+    """Return the metrics of a run; None: there was no person.
 
     Args:
-        given: the run, read for the verdict.
-        person: of `human.analyse`.
+        given: run, read for the verdict.
+        person: result of `human.analyse`.
 
     Returns:
-        contact: `share`, the largest by `contacts.counted_share` (0: nothing touched the person), `above` and
-        `not_assessable`: number of findings; separation: `share`, the largest S_p over the distance while the arm
-        moves, and `below`, for how long it was nearer than S_p [s], None: it cannot be said; hand: `error_max`,
-        `error_rms` of the hand's distance from its reference during the motion [m], `late`, how long after the
-        reference's end it comes to rest [s]; None: the person follows no points.
+        contact: `share`, the largest by `contacts.counted_share` (0: no contact), and the numbers of findings `above`
+        and `not_assessable`; separation: `share`, the largest ratio of S_p to the distance while the arm moves, and
+        `below`, the time for which it is closer than S_p [s]; None: unknown; hand: `error_max` and `error_rms` of the
+        distance of the hand from its reference during the motion [m], and `late`, the time from the end of the
+        reference until the hand is at rest [s]; None: the person follows no points.
     """
     if person is None:
         return None
@@ -75,7 +75,7 @@ def _share(apart: Separated) -> float:
 
 
 def below(apart: Separated) -> float:
-    """Return for how long the moving arm was nearer than S_p [s]."""
+    """Return the time for which the moving arm was closer than S_p [s]."""
     return float(sum(one.end - one.begin for one in apart.found.violations(apart.protective)))
 
 
@@ -96,8 +96,10 @@ def _hand(run: Mapping[str, Any], person: Person) -> dict[str, float] | None:
 
 
 def _reference(run: Mapping[str, Any], person: Person) -> tuple[FloatArray, FloatArray, FloatArray, float] | None:
-    """Return times from the motion's begin on, shape (n,) [s], where the hand was and was to be then, in the world,
-    shapes (n, 3) [m], and when it was to be at its last place [s]; None: where it was to be is not known."""
+    """Return times, actual and reference hand positions, and the end of the reference; None: reference not known.
+
+    Times start with the motion, shape (n,) [s]; positions are in the world frame, shape (n, 3) [m].
+    """
     acting = ((run["parameters"].get("robot") or {}).get("participants") or {}).get("human") or {}
     section = run["definition"]["human"]
     reference = ((section.get("control") or {}).get("parameters") or {}).get("reference") or {}

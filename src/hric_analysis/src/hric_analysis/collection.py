@@ -1,10 +1,9 @@
-"""Comparison of what a bag holds with what its sources sent, and of synchronised samples with the instants that they
-are stamped with. No ROS.
+"""Completeness of recorded sensor data, and time skew of synchronised samples. No ROS.
 
-A source publishes how much it sent, by sequence numbers (hric_msgs/SourceCount). What was recorded is counted by the
-source's numbers, too: the frame number, or the time code of a sample, which is taken at number / rate; the driver's own
-numbers do not count. Everything counts within the interval of the experiment, from the first to the last count of the
-source in it.
+A source publishes how many samples it sent, by sequence numbers (hric_msgs/SourceCount). Recorded samples are counted
+by the numbers of the source, too: the frame number, or the time code of a sample, which equals number / rate. The
+sequence numbers of the driver do not count. The count covers the interval of the experiment, from the first to the last
+SourceCount in it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,32 +21,33 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 BOUND = 2e-4
-"""Largest skew that is stated for resampled values of the robot, of NatNet bodies and of LSL streams [s]: INTERFACE.md
-of hric_perception."""
+"""Specified maximum skew of resampled values of the robot, NatNet bodies and LSL streams [s], see INTERFACE.md of
+hric_perception."""
 ROUNDING = 1e-9
-"""An instant at an end of the interval, which is a sum, is in it [s]."""
+"""Tolerance for instants at the ends of the interval, which have rounding errors [s]."""
 WINDOW = 2.0
-"""Skew without a time code is the shift of time that fits best over such windows [s] (project default, unconfirmed)."""
+"""Length of the windows over which a time shift is fitted as skew, without a time code [s] (project default,
+unconfirmed)."""
 MIN_SAMPLES = 11
-"""In a window whose shift of time counts (project default, unconfirmed)."""
+"""Minimum number of samples in a window for its time shift to count (project default, unconfirmed)."""
 MIN_SPEED = {"rad": 0.02, "m": 0.05}
-"""Slower windows have no shift of time (root mean square) [1/s]. Project default, unconfirmed."""
+"""Minimum RMS speed in a window for its time shift to count, by unit [rad/s], [m/s]. Project default, unconfirmed."""
 SECTIONS = 10
-"""Parts of a recording in which stamps must agree on the second of a time code (project default, unconfirmed)."""
+"""Parts of a recording whose stamps must give the same second of a time code (project default, unconfirmed)."""
 LOG_TOPIC = "control_log"
 
 
 def metrics(
     data: Collection | None, log: ControlRecord, robot_time: RobotTime, interval: Sequence[float] | None
 ) -> dict[str, Any]:
-    """The keys `sources` and `sync` of metrics.json.
+    """Return the keys `sources` and `sync` of metrics.json.
 
     Args:
-        data: of the bag; None: there are no sensors, and both keys have None.
-        log: of the robot.
-        robot_time: from stamps to the time of the log.
-        interval: begin and end of the experiment, by stamps [s]; None: not known, all of the bag counts and nothing is
-            known to be sent.
+        data: sensor data of the bag; None: there are no sensors, and both keys are None.
+        log: control log of the robot.
+        robot_time: conversion from stamps to the time of the log.
+        interval: begin and end of the experiment, by stamps [s]; None: not known, so the complete bag counts and the
+            numbers of sent samples are unknown.
     """
     if data is None:
         return {"sources": None, "sync": None}
@@ -64,7 +64,7 @@ def metrics(
 
 
 def _robot(log: ControlRecord, robot_time: RobotTime, begin: float, end: float) -> dict[str, Any]:
-    """The robot numbers its cycles itself: what it sent is the first number to the last one."""
+    """Return the counts of the robot, whose number of sent cycles follows from the first and last cycle number."""
     low, high = (edge if np.isinf(edge) else robot_time(edge) for edge in (begin, end))
     inside = (log.time >= low) & (log.time <= high)
     missing = sum(count for first, count in log.gaps if inside.any() and _within(log, first, inside))
@@ -81,13 +81,13 @@ def _robot(log: ControlRecord, robot_time: RobotTime, begin: float, end: float) 
 
 
 def _within(log: ControlRecord, first: int, inside: BoolArray) -> bool:
-    """Whether the cycle that is missing follows a recorded one in the interval."""
+    """Return True if the missing cycle follows a recorded one in the interval."""
     before = first - log.first_cycle - sum(count for start, count in log.gaps if start < first) - 1
     return bool(0 <= before < len(inside) and inside[before])
 
 
 def source_metrics(came: Numbered, counts: Counts | None, begin: float, end: float) -> dict[str, Any]:
-    """Counts of one source within the interval [s]."""
+    """Return the counts of one source within the interval [s]."""
     inside = (came.stamps >= begin) & (came.stamps <= end)
     numbers = came.numbers[inside]
     steps = np.diff(numbers)
@@ -119,15 +119,15 @@ def source_metrics(came: Numbered, counts: Counts | None, begin: float, end: flo
 
 
 def distinct(numbers: IntArray) -> int:
-    """Return how many different numbers there are, by a sort, which is quick on what is almost in order."""
+    """Return the number of distinct values, by a sort that is fast on nearly sorted arrays."""
     return int(np.count_nonzero(np.diff(np.sort(numbers, kind="stable")))) + bool(len(numbers))
 
 
 def source_sequence(came: Numbered, counts: Counts | None) -> IntArray | None:
-    """Return the source's own number of each sample that has one; None: not known.
+    """Return the source's sequence number of each sample that has one; None: not known.
 
-    A time code within the second begins again every second. Between two samples as many seconds went by as the
-    driver's numbers say, or their stamps where the driver began again; stamps as a whole say in which second it began.
+    A time code within the second restarts every second. The seconds between two samples follow from the numbers of the
+    driver, or from the stamps if the driver restarted; all stamps together give the second of the first sample.
     """
     if not came.source:
         return came.numbers
@@ -148,8 +148,10 @@ def source_sequence(came: Numbered, counts: Counts | None) -> IntArray | None:
 
 
 def sent_between(counts: Counts, begin: float, end: float) -> tuple[int, int, int] | None:
-    """(first number, number after the last, how many) of what was sent between the first and the last message of an
-    interval [s]; None: not known."""
+    """Return (first number, number after the last, count) of the samples sent in an interval [s]; None: not known.
+
+    The samples are those between the first and the last message of the counts in the interval.
+    """
     inside = np.flatnonzero((counts.stamps >= begin) & (counts.stamps <= end))
     if not np.isfinite([begin, end]).all() or len(inside) < 2 or (np.diff(counts.following[inside]) < 0).any():
         return None
@@ -158,7 +160,7 @@ def sent_between(counts: Counts, begin: float, end: float) -> tuple[int, int, in
 
 
 def _stamp_error(came: Numbered, inside: BoolArray) -> dict[str, float] | None:
-    """How far the stamps are from the time codes [s]."""
+    """Return the statistics of the difference between stamps and time codes, modulo one second [s]."""
     assert came.codes is not None
     late = came.stamps[inside] - came.codes[inside]
     return _spread(late - np.rint(late))
@@ -180,7 +182,7 @@ def _spread(errors: FloatArray) -> dict[str, float] | None:
 def stream_metrics(
     stream: Stream, data: Collection, log: ControlRecord, robot_time: RobotTime, begin: float, end: float
 ) -> dict[str, Any]:
-    """Ticks of a synchronised stream, and the skew of each of its sources."""
+    """Return the tick counts of a synchronised stream, and the skew of each of its sources."""
     inside = (stream.stamps >= begin - ROUNDING) & (stream.stamps <= end + ROUNDING)
     stamps, values = stream.stamps[inside], stream.values[inside]
     ticks = np.rint(stamps * stream.rate).astype(np.int64) if stream.rate else np.arange(len(stamps))
@@ -209,7 +211,7 @@ def stream_metrics(
 
 
 def _expected(rate: float, begin: float, end: float, ticks: IntArray) -> int | None:
-    """Ticks in the interval; where there is none, from the first to the last."""
+    """Return the number of expected ticks in the interval; without an interval, from the first to the last tick."""
     if not rate or not len(ticks):
         return None
     if not np.isfinite([begin, end]).all():
@@ -228,7 +230,7 @@ def _skew(
     log: ControlRecord,
     robot_time: RobotTime,
 ) -> dict[str, Any]:
-    """Distance in time from the values to the instants, by a time code, the robot's log, or the truth of the hand."""
+    """Return the skew of the values from their instants, by a time code, the control log, or the true hand motion."""
     names = [stream.names[index].removeprefix(f"{topic}.") for index in own]
     if (code := f"data[{TIME_CODE}]") in names:
         late = stamps - values[:, own[names.index(code)]]
@@ -257,10 +259,10 @@ def _skew(
 def _fitted(
     stamps: FloatArray, apart: FloatArray, speed: FloatArray, valid: BoolArray, min_speed: float
 ) -> dict[str, float] | None:
-    """The shift of time, with an offset, that fits best over each window; noise of the values leaves `uncertainty` open
-    [s].
+    """Return statistics of the time shift that, with an offset, fits best in each window [s].
 
-    Windows at the ends with less than half the samples of the fullest are left out: few samples show their noise only.
+    `uncertainty` is the largest standard deviation of a shift due to noise of the values. Windows with less than half
+    the samples of the fullest, as at the ends, are skipped: few samples show only noise.
     """
     late, open_ = [], []
     usable = np.flatnonzero(valid)
@@ -278,7 +280,7 @@ def _fitted(
 
 
 def render(values: Mapping[str, Any]) -> str:
-    """The lines of the report; values: of `metrics`."""
+    """Return the lines of the report from the result of `metrics`."""
     lines = []
     for topic, one in values["sources"].items():
         word, stamps = one["counts"], one["stamps"]

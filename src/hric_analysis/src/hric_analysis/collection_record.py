@@ -1,4 +1,4 @@
-"""Reads from a bag what each source sent and what of it was recorded, and the synchronised streams. No ROS."""
+"""Sent counts and recorded samples of each source in a bag, and its synchronised streams. No ROS."""
 
 from array import array
 from collections.abc import Callable
@@ -20,24 +20,24 @@ TRUTH_TOPIC = "/hric/human/hand"
 TYPES = (CHUNK, FRAMES, COUNT, SAMPLE, LAYOUT, STATUS)
 DIAGNOSTICS, MISSED = "diagnostic_msgs/msg/DiagnosticArray", "missed deadlines"
 TIME_CODE = "time"
-"""Channel that holds robot time of each sample, of an emulated device."""
+"""Channel of an emulated device with the robot time of each sample."""
 FRAME_COUNTER = 1 << 32
-"""After so many frames their counter begins again [frames]."""
+"""Period of the frame counter [frames]."""
 SIZES = ("frame_size", "value_count", "age_count", "valid_count")
-"""Lengths within a serialised SyncedSample."""
+"""Length fields of a serialised SyncedSample."""
 BLOCK = 1024
 """Number of synchronised samples that are decoded at a time (project default, unconfirmed)."""
 
 
 @dataclass
 class Numbered:
-    """What came of one source, n samples.
+    """Recorded samples (n) of one source.
 
     Attributes:
-        source: as the driver calls it; "": a motion capture.
-        rate: by the driver [Hz]; NaN: not known.
-        stamps: shape (n,) [s].
-        numbers: of the driver, shape (n,).
+        source: name of the source in its driver; "": a motion capture.
+        rate: sample rate reported by the driver [Hz]; NaN: not known.
+        stamps: time stamps, shape (n,) [s].
+        numbers: sequence numbers of the driver, shape (n,).
         codes: time code of each sample, shape (n,) [s]; None: there is none.
     """
 
@@ -50,13 +50,13 @@ class Numbered:
 
 @dataclass
 class Counts:
-    """What a source counted of what it sent, in order.
+    """Messages (n) with the counts of the samples that a source sent, in order.
 
     Attributes:
-        rate: per second of robot time [Hz].
-        stamps: of the last sample sent, shape (n,) [s].
-        following: number of the next one, shape (n,).
-        sent: so far, shape (n,).
+        rate: samples per second of robot time [Hz].
+        stamps: stamp of the last sample sent, shape (n,) [s].
+        following: number of the next sample, shape (n,).
+        sent: number of samples sent so far, shape (n,).
     """
 
     rate: float
@@ -67,17 +67,17 @@ class Counts:
 
 @dataclass
 class Stream:
-    """Synchronised samples.
+    """Synchronised samples (n) of one stream.
 
     Attributes:
-        rate: [Hz]; 0: at the stamps of a reference.
-        names, sources: of the values that a skew is measured by, and the topic of each.
-        topics: all sources, in the order of `valid`.
-        stamps: shape (n,) [s].
-        values: shape (n, values).
-        valid: shape (n, topics).
-        skew: topic -> the largest that the synchroniser reported [s].
-        late: topic -> samples that came after their instants had gone out.
+        rate: sample rate [Hz]; 0: at the stamps of a reference.
+        names, sources: names of the values from which the skew is computed, and the topic of each.
+        topics: topics of all sources, in the order of `valid`.
+        stamps: instants, shape (n,) [s].
+        values: values, shape (n, values).
+        valid: True if a source is valid, shape (n, topics).
+        skew: largest skew that the synchroniser reported, by topic [s].
+        late: number of samples that arrived after their instants were published, by topic.
     """
 
     rate: float
@@ -93,15 +93,14 @@ class Stream:
 
 @dataclass
 class Collection:
-    """All that a bag has of its sources.
+    """Sensor data of a bag.
 
     Attributes:
-        sources: topic -> what came.
-        counts: source -> what it sent.
-        streams: topic -> synchronised samples.
-        truth: where the emulated hand was: (robot time (n,) [s], position (n, 3) [m]), and the frame of it; None: not
-            known.
-        frame: that the motion capture's positions are given in.
+        sources: recorded samples by topic.
+        counts: counts of sent samples by source.
+        streams: synchronised samples by topic.
+        truth: true positions of the emulated hand: robot time (n,) [s], position (n, 3) [m], frame; None: not known.
+        frame: reference frame of the motion capture's positions.
     """
 
     sources: dict[str, Numbered]
@@ -112,7 +111,7 @@ class Collection:
 
 
 def read(bag: Path | Bag) -> Collection | None:
-    """Read a bag with all its parts; None: it has neither samples nor frames nor synchronised samples."""
+    """Read a bag with all its parts; None if it has no samples, no frames and no synchronised samples."""
     with opened(bag) as reader:
         counted = [c for c in reader.connections if c.msgtype in TYPES or c.topic.endswith(TRUTH_TOPIC)]
         if not any(c.msgtype in (CHUNK, FRAMES, SAMPLE) for c in counted):
@@ -156,7 +155,7 @@ def read(bag: Path | Bag) -> Collection | None:
 
 
 class _Chunks:
-    """Samples of one source, of which stamps, numbers and time codes are kept."""
+    """Collector of stamps, numbers and time codes of the samples of one source."""
 
     def __init__(self) -> None:
         self._stamps, self._codes, self._numbers = array("d"), array("d"), array("q")
@@ -177,7 +176,7 @@ class _Chunks:
         codes = np.frombuffer(self._codes)
         return Numbered(
             self._source,
-            self._rate,  # the lowest: it is higher where the run lost time
+            self._rate,  # the lowest: it rises while the run loses time
             np.frombuffer(self._stamps),
             np.frombuffer(self._numbers, np.int64),
             None if np.isnan(codes).all() else codes,
@@ -185,7 +184,7 @@ class _Chunks:
 
 
 class _Frames:
-    """Frames of a motion capture, of which stamps and numbers are kept."""
+    """Collector of stamps and numbers of motion capture frames."""
 
     def __init__(self) -> None:
         self._stamps, self._numbers, self.frame = array("d"), array("q"), ""
@@ -201,7 +200,7 @@ class _Frames:
 
 
 class _Truth:
-    """Path of the emulated hand."""
+    """Collector of the true path of the emulated hand."""
 
     def __init__(self) -> None:
         self._rows, self._frame = array("d"), ""
@@ -213,7 +212,7 @@ class _Truth:
         self._rows.extend((seconds(message.header.stamp), point.x, point.y, point.z))
 
     def path(self) -> tuple[FloatArray, FloatArray, str] | None:
-        """Return it as `Collection.truth` has it."""
+        """Return the path in the form of `Collection.truth`."""
         rows = np.frombuffer(self._rows).reshape(-1, 4)
         if len(rows) < 4:
             return None
@@ -222,7 +221,7 @@ class _Truth:
 
 
 class _Ticks:
-    """Synchronised samples, of which the values are kept that a skew is measured by; and what their source said."""
+    """Collector of one synchronised stream: the values that a skew is computed from, and the synchroniser's status."""
 
     def __init__(self, layout: Any, deserialize: Callable[[bytes], Any]) -> None:
         self._layout, self._deserialize = layout, deserialize
@@ -236,19 +235,19 @@ class _Ticks:
         return len(self._stamps)
 
     def add_status(self, message: Any) -> None:
-        """Take a message of the synchroniser's state."""
+        """Add a status message of the synchroniser."""
         for topic, largest in zip(message.sources, message.skew_max, strict=True):
             self._skew[str(topic)] = max(self._skew.get(str(topic), 0.0), float(largest))
         self._late = dict(zip(map(str, message.sources), map(int, message.late), strict=True))
 
     def add(self, raw: bytes) -> None:
-        """Take a serialised sample; `decode` comes after the last one."""
+        """Add a serialised sample; call `decode` after the last one."""
         if len(self._waiting) == BLOCK or (self._waiting and len(raw) != len(self._waiting[0])):
             self.decode()
         self._waiting.append(raw)
 
     def decode(self) -> None:
-        """Decode the samples that wait: together where their fields are as long as those of the first, else each."""
+        """Decode the pending samples, together if their fields are as long as those of the first, else one by one."""
         waiting, self._waiting = self._waiting, []
         while waiting:
             first = self._deserialize(waiting[0])
@@ -277,7 +276,7 @@ class _Ticks:
 
 
 def _layout_of(sample: Any) -> np.dtype[Any]:
-    """Return the layout of a serialised SyncedSample whose texts and arrays are as long as those of a sample."""
+    """Return the memory layout of serialised SyncedSamples with strings and arrays as long as in this sample."""
     return np.dtype(
         [
             *((name, "<u4") for name in ("seq", "secs", "nsecs", "frame_size")),
@@ -305,7 +304,7 @@ def _counts(messages: list[Any]) -> dict[str, Counts]:
 
 
 def missed_deadlines(bag: Bag) -> int | None:
-    """Cycles that began late until the last diagnostics, of all control loops; None: no loop said so (headless)."""
+    """Return the missed deadlines of all control loops up to the last diagnostics; None: not published (headless)."""
     found: dict[str, int] = {}
     for connection, _, raw in bag.chosen(lambda one: one.msgtype == DIAGNOSTICS):
         for status in bag.deserialize(raw, connection.msgtype).status:

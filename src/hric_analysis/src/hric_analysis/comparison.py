@@ -1,4 +1,4 @@
-"""Two runs of the same motion overlaid on each other: how far apart their joints are, as thesis ch. 4.4 shows it."""
+"""Comparison of two overlaid runs of the same motion: differences of the joints, as in thesis ch. 4.4."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -14,31 +14,31 @@ from hric_core.errors import HricError
 FloatArray = npt.NDArray[np.float64]
 
 STEADY_WINDOW = 0.1
-"""End of the common time over which the steady difference is averaged [s]. Project default, unconfirmed; thesis ch. 4.4
-reads one value at about 3 s."""
+"""Window at the end of the common time over which the steady difference is averaged [s]. Project default, unconfirmed;
+thesis ch. 4.4 reads one value at about 3 s."""
 FIT_RANGE = 0.1
-"""How far apart the setpoints of two runs may lie in truth when their time is fitted; a recorder sees them 10 ms fine
-[s]. Project default, unconfirmed."""
+"""Maximum time shift between two runs in a fit; a recorder resolves the time of a setpoint to 10 ms [s]. Project
+default, unconfirmed."""
 SAME_TARGET = 1e-6
-"""Targets that differ by less are the same [rad]. Project default, unconfirmed: above the resolution of single
+"""Difference up to which two targets are the same [rad]. Project default, unconfirmed: above the resolution of single
 precision."""
 
 
 class ComparisonError(HricError):
-    """Two runs that cannot be overlaid on each other; the message says what does not match."""
+    """Error: two runs cannot be overlaid; the message names what does not match."""
 
 
 @dataclass(frozen=True)
 class Overlay:
-    """Both runs from one setpoint on, on the time steps of run A; n steps, j joints.
+    """Both runs from one setpoint on, at the time steps of run A, with n steps and j joints.
 
     Attributes:
-        start_a, start_b: robot time at which the setpoint came, or of the first cycle if there was none; that of B
-            with the fitted shift [s].
-        target: shape (j,) [rad]; None: no setpoint.
-        time: since then, shape (n,) [s].
-        position_a, position_b: shape (n, j) [rad].
-        command_a, command_b: what was sent, shape (n, j) [unit of the interface].
+        start_a, start_b: robot time of the setpoint, or of the first cycle if there was none; that of B includes the
+            fitted shift [s].
+        target: target positions, shape (j,) [rad]; None: no setpoint.
+        time: time since the start, shape (n,) [s].
+        position_a, position_b: joint positions, shape (n, j) [rad].
+        command_a, command_b: commands sent, shape (n, j) [unit of the interface].
     """
 
     start_a: float
@@ -56,10 +56,10 @@ class Comparison:
     """Two runs overlaid on each other.
 
     Attributes:
-        joint_names: names of run A.
-        effort: for each joint, whether both runs commanded torques.
-        overlays: one per setpoint, or one for the whole run.
-        shift: what was added to the setpoints' time of run B to lay it onto run A [s].
+        joint_names: joint names of run A.
+        effort: True for each joint for which both runs commanded torques.
+        overlays: one overlay per setpoint, or one for the complete run.
+        shift: time shift of run B relative to its setpoints that aligns it with run A [s].
     """
 
     joint_names: tuple[str, ...]
@@ -70,7 +70,7 @@ class Comparison:
 
 @dataclass(frozen=True)
 class _Pair:
-    """A setpoint in both runs: start and end in robot time of each [s]."""
+    """Start and end of a setpoint in both runs, each in its robot time [s], and its target [rad]."""
 
     start_a: float
     end_a: float
@@ -87,16 +87,17 @@ def overlay(
     *,
     fit: bool = False,
 ) -> Comparison:
-    """Lay run B over run A, setpoint over setpoint.
+    """Overlay run B on run A, aligned at each setpoint.
 
     Args:
-        a, b: the runs; their joints belong together by name, or by name without the arm's prefix.
-        orders_a, orders_b: joint order of each controller.
-        fit: shift B by whole cycles of A, at most FIT_RANGE, so that the positions agree best; hides a delay of one
-            run.
+        a: run A.
+        b: run B; joints are matched by name, or by name without the prefix of the arm.
+        orders_a: joint order of each controller of run A.
+        orders_b: joint order of each controller of run B.
+        fit: shift B by whole cycles of A, at most FIT_RANGE, so that the positions agree best; hides a delay of a run.
 
     Raises:
-        ComparisonError: other joints, other setpoints, or no common time.
+        ComparisonError: the runs differ in joints or setpoints, or have no common time.
     """
     order = columns(a.log.joint_names, b.log.joint_names)
     pairs = _pairs(a.log, b.log, moves(a, orders_a), moves(b, orders_b), order)
@@ -108,7 +109,7 @@ def overlay(
 
 
 def columns(names_a: Sequence[str], names_b: Sequence[str]) -> list[int]:
-    """For each joint of A its column in B.
+    """Return the column in B of each joint of A.
 
     Raises:
         ComparisonError: the joints are not the same.
@@ -138,15 +139,15 @@ def _pairs(
 
 
 def _steps(a: ControlRecord, pair: _Pair, shift: float) -> FloatArray:
-    """Time steps of run A that both runs have, since the setpoint [s]."""
+    """Return the time steps of run A within the time that both runs cover, since the setpoint [s]."""
     end = min(pair.end_a - pair.start_a, pair.end_b - pair.start_b - shift)
     since: FloatArray = a.time - pair.start_a
-    # A step that rounding puts a little outside is inside.
+    # A step slightly outside due to rounding counts as inside.
     return since[(since >= -1e-9) & (since <= end + 1e-9)]
 
 
 def _at(time: FloatArray, times: FloatArray, values: FloatArray) -> FloatArray:
-    """Columns of `values` between its steps, linearly; held beyond the ends."""
+    """Interpolate the columns of `values` linearly at `time`; constant beyond the ends."""
     return np.stack([np.interp(time, times, column) for column in values.T], axis=1)
 
 
@@ -161,12 +162,12 @@ def _lay(a: ControlRecord, b: ControlRecord, columns: list[int], pair: _Pair, sh
 
 
 def _fitted_shift(a: ControlRecord, b: ControlRecord, columns: list[int], pairs: list[_Pair]) -> float:
-    """The shift of B by whole cycles that makes the sum of squared position differences least [s]."""
+    """Return the shift of B by whole cycles that minimises the sum of squared position differences [s]."""
     period = float(np.median(np.diff(a.time))) if a.cycles > 1 else 0.0
     if period <= 0.0:
         return 0.0
     count = int(FIT_RANGE / period)
-    shifts = sorted((k * period for k in range(-count, count + 1)), key=abs)  # of equally good ones the smallest
+    shifts = sorted((k * period for k in range(-count, count + 1)), key=abs)  # prefer small shifts
     steps = [_steps(a, pair, FIT_RANGE) for pair in pairs]
     own = [_at(pair.start_a + since, a.time, a.position) for pair, since in zip(pairs, steps, strict=True)]
 
@@ -181,7 +182,7 @@ def _fitted_shift(a: ControlRecord, b: ControlRecord, columns: list[int], pairs:
 
 
 def difference_metrics(compared: Comparison) -> list[dict[str, Any]]:
-    """Per setpoint and joint: peak with its time, steady and root-mean-square difference, A minus B [rad; N m; s]."""
+    """Return peak with its time, steady and RMS difference, A minus B, by setpoint and joint [rad; N m; s]."""
     return [_overlay_metrics(compared, laid) for laid in compared.overlays]
 
 
@@ -213,10 +214,11 @@ def _signal(time: FloatArray, difference: FloatArray) -> dict[str, float]:
 
 
 def settings(a: Mapping[str, Any], b: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """What the two experiments, as they were run, set differently: dotted key, value in A and in B; null: not set.
+    """Return the settings that differ between two experiments: dotted key, value in A and in B; None: not set.
 
     Args:
-        a, b: trees of plain values, such as `definition` of run.yaml.
+        a: tree of plain values, such as `definition` of run.yaml.
+        b: tree of the other run.
     """
     flat_a, flat_b = leaves(a), leaves(b)
     keys = dict.fromkeys([*flat_a, *flat_b])
@@ -226,7 +228,7 @@ def settings(a: Mapping[str, Any], b: Mapping[str, Any]) -> list[dict[str, Any]]
 
 
 def leaves(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Values of a tree by dotted key; prefix: before the keys."""
+    """Return the values of a tree by dotted key, with `prefix` before each key."""
     found: dict[str, Any] = {}
     for key, value in tree.items():
         name = f"{prefix}{key}"

@@ -13,8 +13,8 @@ from hric_bags.parts import Bag
 from hric_bags.records import recording
 
 CONTACT_AREA = 1e-4
-"""Area over which contacts act where neither recording nor user says it: a square centimetre [m^2] (project default,
-unconfirmed; pressures of ISO/TS 15066 were measured with 1.96 cm^2, so it is on the strict side)."""
+"""Contact area if neither the recording nor the user gives it: a square centimetre [m^2] (project default, unconfirmed;
+pressures of ISO/TS 15066 were measured with 1.96 cm^2, so it is on the strict side)."""
 
 
 def given_of(run: Mapping[str, Any], bag: Bag, description: str) -> Given:
@@ -22,22 +22,22 @@ def given_of(run: Mapping[str, Any], bag: Bag, description: str) -> Given:
 
     Args:
         run: contents of run.yaml.
-        bag: its messages, on disk or in memory.
+        bag: bag of the run, on disk or in memory.
         description: URDF of the robot.
     """
     return Given("a run", "run", Path(), recording.read(bag), run, description)
 
 
 def findings(given: Given) -> list[Finding]:
-    """Return the verdict's findings of all contacts, with CONTACT_AREA where none is known."""
+    """Return the verdict's findings of all contacts; CONTACT_AREA replaces an unknown area."""
     return contact_findings(given, Choices(contact_area=CONTACT_AREA))
 
 
 def counted_share(finding: Finding) -> float:
     """Return the share of the limit by which runs are counted and compared [1].
 
-    It is at most 1 only where the finding is within limits (or a warning), and infinite where nothing says how far
-    above it is: a contact that is not permitted at all, or one that is not assessable.
+    It is at most 1 only for a finding within limits or a warning. It is infinite if the excess is unknown: the contact
+    is not permitted at all, or not assessable.
     """
     share = math.inf if finding.share is None else finding.share
     proven = finding.outcome in (Outcome.WITHIN, Outcome.WARNING)

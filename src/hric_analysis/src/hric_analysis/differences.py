@@ -1,4 +1,4 @@
-"""What differs between a run and a reference set-up, and why it matters."""
+"""Differences between a run and a reference set-up, with their reasons."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -8,7 +8,7 @@ from hric_core.parameters import read_yaml
 from hric_run.definition.experiment import config_path
 
 CHATTER = 0.1
-"""Ripple of a torque at rest above which a loop is said to chatter [N m]."""
+"""Peak-to-peak torque at rest above which a loop is reported to chatter [N m]."""
 
 
 @dataclass(frozen=True)
@@ -16,10 +16,10 @@ class Difference:
     """One line of the comparison.
 
     Attributes:
-        what: the aspect.
-        reference: what the reference had.
-        here: what this run had.
-        why: the reason, or the consequence.
+        what: aspect that differs.
+        reference: value of the reference set-up.
+        here: value of this run.
+        why: reason or consequence of the difference.
     """
 
     what: str
@@ -30,12 +30,12 @@ class Difference:
 
 @dataclass(frozen=True)
 class Setup:
-    """What the comparison looks at.
+    """Run and reference set-up that are compared.
 
     Attributes:
         reference: contents of config/references/<name>.yaml.
         robot: `robot` of the experiment as it was run.
-        controller: parameters of the controller that got the setpoint.
+        controller: parameters of the controller of the first setpoint.
         metrics: metrics of the run.
     """
 
@@ -45,26 +45,26 @@ class Setup:
     metrics: Mapping[str, Any]
 
     def description(self, key: str, default: Any) -> Any:
-        """Argument of the robot description."""
+        """Return an argument of the robot description."""
         return (self.robot.get("description") or {}).get(key, default)
 
     def plant(self, key: str, default: Any) -> Any:
-        """Parameter of the plant."""
+        """Return a parameter of the plant."""
         return (self.robot.get("plant") or {}).get(key, default)
 
 
 Check = Callable[[Setup], Difference | None]
-"""Looks at one aspect; None: it does not differ."""
+"""Function that compares one aspect; returns None if it does not differ."""
 
 
 def reference(name: str) -> dict[str, Any]:
-    """A reference set-up."""
+    """Read a reference set-up from config/references."""
     data: dict[str, Any] = read_yaml(config_path("references") / f"{name}.yaml")
     return data
 
 
 def compare(setup: Setup) -> list[dict[str, str]]:
-    """All differences, the set-up's first, then what the run itself showed."""
+    """Return all differences: first those of the set-up, then those observed in the run."""
     found = [check(setup) for check in CHECKS]
     return [asdict(item) for item in found if item is not None]
 
@@ -122,7 +122,7 @@ def _inertials(setup: Setup) -> Difference | None:
 
 
 def _value(what: str, key: str, used: Callable[[Setup], Any], why: str) -> Check:
-    """Compares one value of the run with the reference's at `key`; `why` may name other keys of the reference."""
+    """Return a check of one value of the run against `key` of the reference; `why` may name other reference keys."""
 
     def check(setup: Setup) -> Difference | None:
         there, here = setup.reference[key], used(setup)
@@ -194,7 +194,7 @@ def _clamped(setup: Setup) -> Difference | None:
 
 
 def _above(setup: Setup, key: str, bound: float) -> dict[str, float]:
-    """A metric of the joints in which it is above a bound."""
+    """Return a metric of those joints for which it is above a bound."""
     return {name: joint[key] for name, joint in setup.metrics["joints"].items() if joint.get(key, 0.0) > bound}
 
 

@@ -1,6 +1,6 @@
-"""What a run required of the human in it: grip, torque as share of strength, and how he moved. No ROS.
+"""Effort and motion of the simulated human of a run: grips, torque as share of strength, hand, contacts. No ROS.
 
-All of it is of the simulated human: an estimate of a model, never a measurement of a person.
+All values are estimates of a model, never measurements of a person.
 """
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -22,22 +22,22 @@ from hric_human.control.kinematics import HandChain
 from hric_human.participant.settings import HumanSettings
 
 SETTLED, SETTLING_TIME = 0.05, 3.0
-"""Share of their peaks below which grip force and speed of the hand must have come, and the time for it after the
-motion's end [s] (the demand of this project on a stable guidance)."""
+"""Share of their peaks below which grip force and hand speed must fall, and the time limit for it after the end of the
+motion [s] (requirement of this project on stable guidance)."""
 SAMPLE = "between two people 2.28 s and 7.3 N in one published sample"
-"""Of handovers: the sample in KTH-RPL/handovers_dataset (MIT)."""
+"""Overlap and force of a handover between people for comparison: the sample in KTH-RPL/handovers_dataset (MIT)."""
 SETTLES, UNSTABLE = "settles", "unstable"
 
 
 @dataclass(frozen=True)
 class Person:
-    """What a run has of a human.
+    """Simulated human of a run.
 
     Attributes:
-        record: from the bag.
-        values: the key `human` of metrics.json.
-        impacts: contacts beside what is expected of them.
-        carried: bodies that two grips carried.
+        record: recording from the bag.
+        values: metrics, the key `human` of metrics.json.
+        impacts: contacts with their expected values.
+        carried: bodies that two grips carried together.
     """
 
     record: HumanRecord
@@ -47,13 +47,13 @@ class Person:
 
 
 def analyse(bag: Bag, run: Mapping[str, Any], description: str, record: RunRecord) -> Person | None:
-    """What a run required of the human; None where nobody stood there.
+    """Analyse the simulated human of a run; None: there was none.
 
     Args:
-        bag: of the run.
+        bag: bag of the run.
         run: contents of run.yaml.
         description: URDF of the robot; "": the run folder has none.
-        record: the rest of the bag.
+        record: control log with setpoints, profiles and reflexes.
     """
     definition = run.get("definition") or {}
     section = definition.get("human")
@@ -65,7 +65,7 @@ def analyse(bag: Bag, run: Mapping[str, Any], description: str, record: RunRecor
 
 
 def carried_in(record: HumanRecord, definition: Mapping[str, Any]) -> list[Carried]:
-    """Bodies that two grips carried; definition: of the experiment."""
+    """Return the bodies that two grips carried together; definition: contents of the experiment."""
     plant = (definition.get("robot") or {}).get("plant") or {}
     return carrying.carried(record.grips.values(), definition.get("human") or {}, plant)
 
@@ -73,13 +73,13 @@ def carried_in(record: HumanRecord, definition: Mapping[str, Any]) -> list[Carri
 def metrics(
     record: HumanRecord, section: Mapping[str, Any], met: Sequence[Impact] = (), carried: Sequence[Carried] = ()
 ) -> dict[str, Any]:
-    """For metrics.json.
+    """Return the metrics for metrics.json.
 
     Args:
-        record: from the bag.
+        record: recording of the human from the bag.
         section: `human` of the experiment, for the body.
-        met: his contacts.
-        carried: bodies that two grips carried.
+        met: contacts of the human.
+        carried: bodies that two grips carried together.
     """
     hand = hand_positions(record, section)
     velocity = np.gradient(hand, record.time, axis=0)
@@ -102,7 +102,7 @@ def metrics(
 
 
 def hand_positions(record: HumanRecord, section: Mapping[str, Any]) -> FloatArray:
-    """Of the dominant hand, or of the one that there is, in axes of his root link, shape (n, 3) [m]."""
+    """Return the positions of the dominant or only hand in axes of the root link, shape (n, 3) [m]."""
     body = describe(HumanSettings.of(section, "human").person)
     sides = (body.subject.dominant_hand, "right", "left")
     hand = HandChain(body, next(side for side in sides if f"{side}_hand" in body.segments))
@@ -110,7 +110,7 @@ def hand_positions(record: HumanRecord, section: Mapping[str, Any]) -> FloatArra
 
 
 def moved(events: Sequence[Event], time: FloatArray) -> tuple[float, float]:
-    """Begin and end of the motion; those of the record where nobody said [s]."""
+    """Return begin and end of the motion from its events; default: those of the recording [s]."""
     begins = [event.time for event in events if event.kind == "started"]
     ends = [event.time for event in events if event.kind == "ended"]
     begin = begins[-1] if begins else float(time[0])
@@ -132,7 +132,7 @@ def _grip(grip: GripRecord, events: Sequence[Event]) -> dict[str, Any]:
 
 
 def _handovers(grips: Iterable[GripRecord]) -> list[dict[str, Any]]:
-    """Of each body that two grips held, one after the other: who gave it to whom, and how."""
+    """Return the handovers: giver, taker, overlap, force of the taker, and if the body fell."""
     first = {grip.name: float(grip.time[grip.closed][0]) for grip in grips if grip.closed.any()}
     in_order = sorted((grip for grip in grips if grip.name in first), key=lambda grip: first[grip.name])
     found = []
@@ -178,9 +178,9 @@ def _hand(time: FloatArray, hand: FloatArray, velocity: FloatArray, begin: float
 def _settling(
     record: HumanRecord, velocity: FloatArray, begin: float, end: float, carrying_ends: Collection[str]
 ) -> dict[str, Any] | None:
-    """How force and speed fade after the motion; None: the run ends too early to judge, or nothing was held.
+    """Return the decay of grip forces and hand speed after the motion; None: the run is too short, or no grip closed.
 
-    The force of a grip that carries fades to what it carries at the end: a weight does not go.
+    The force of a grip that carries a body is taken relative to its final value, since the weight remains.
     """
     closed = [grip for grip in record.grips.values() if grip.closed.any()]
     if not closed or record.time[-1] < end + SETTLING_TIME:
@@ -196,14 +196,14 @@ def _settling(
 
 
 def unrest(settling: Mapping[str, Any] | None) -> list[str]:
-    """Why a run is unstable, for `stability.reasons`; settling: of metrics.json."""
+    """Return the reasons why a run is unstable, for `stability.also`; settling: `human.settling` of metrics.json."""
     if settling is None or settling["verdict"] != UNSTABLE:
         return []
     return [f"robot and human do not come to rest within {SETTLING_TIME:g} s after his motion: {_after(settling)}"]
 
 
 def _faded(time: FloatArray, values: FloatArray, begin: float, end: float) -> float | None:
-    """Time after the end from which values stay below their share of the motion's peak; None: they do not [s]."""
+    """Return the time after the end until values stay below SETTLED times the motion's peak [s]; None: never."""
     peak = float(values[(time >= begin) & (time <= end)].max())
     above = time[(time > end) & (values > SETTLED * peak)]
     if not len(above):
@@ -212,7 +212,7 @@ def _faded(time: FloatArray, values: FloatArray, begin: float, end: float) -> fl
 
 
 def render(found: Mapping[str, Any]) -> str:
-    """As text for the report; found: of `metrics`."""
+    """Return the text of the report from the result of `metrics`."""
     lines = [
         f"human {found['subject']} (a model's estimate): at most {100 * found['strength_share_max']:.0f} % of the "
         f"strength of a joint, {100 * found['strength_share_mean']:.0f} % in the mean of the most loaded one"
@@ -252,7 +252,7 @@ def _handover(one: Mapping[str, Any]) -> str:
 
 
 def _contacts(contacts: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Of those who met more often the strongest contact, and the first one that presses."""
+    """Return the lines on contacts: for each pair of bodies the strongest one and the first clamping."""
     lines = []
     for same in together(contacts):
         hardest = strongest(same)
@@ -265,7 +265,7 @@ def _contacts(contacts: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def together(contacts: Sequence[Mapping[str, Any]]) -> list[list[Mapping[str, Any]]]:
-    """Contacts of the same two bodies, in the order in which these came to their first end."""
+    """Group the contacts by pair of bodies, in the order of the first end of a contact."""
     found: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
     for one in contacts:
         found.setdefault((one["link"], one["other"]), []).append(one)
@@ -273,7 +273,7 @@ def together(contacts: Sequence[Mapping[str, Any]]) -> list[list[Mapping[str, An
 
 
 def strongest(same: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
-    """Of several contacts the one that should hit hardest by the closed form, else the one that did."""
+    """Return the contact with the largest peak force by the closed form, or with the largest recorded peak."""
     return max(same, key=lambda one: ((one["transient"] or {}).get("peak", 0.0), one["peak"] or 0.0))
 
 

@@ -1,4 +1,4 @@
-"""How far apart the humans of two runs are: joints and grip forces, each since the start of his motion. No ROS."""
+"""Differences of the humans of two runs: joints and grip forces, aligned at the start of the motion. No ROS."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -11,16 +11,17 @@ from hric_bags.records.human_record import HumanRecord
 
 
 def difference(a: HumanRecord, b: HumanRecord, shift: float = 0.0) -> dict[str, Any]:
-    """Of the joints and grips that both have; B is interpolated on the instants of A.
+    """Compare the joints and grips that both humans have; B is interpolated at the instants of A.
 
     Args:
-        a, b: of two runs.
-        shift: what is added to the times of B [s].
+        a: human of run A.
+        b: human of run B.
+        shift: offset added to the times of B [s].
 
     Returns:
-        `joints` and `grips` by name, each with the size of the difference where it is largest (`peak_difference`) at
-        `peak_time` since the start of his motion, and its `rms_difference` [rad] [N] [s]; of all
-        `joint_difference_max` [rad] and `force_difference_max` [N]. None of what was never there at the same time.
+        `joints` and `grips` by name, each with the largest size of the difference (`peak_difference`), its time since
+        the start of the motion (`peak_time`) and the `rms_difference` [rad] [N] [s]; over all, `joint_difference_max`
+        [rad] and `force_difference_max` [N]. None for signals that have no common time.
     """
     begin_a, begin_b = moved(a.events, a.time)[0], moved(b.events, b.time)[0] + shift
     joints = {
@@ -42,7 +43,7 @@ def difference(a: HumanRecord, b: HumanRecord, shift: float = 0.0) -> dict[str, 
 
 
 def _apart(time: FloatArray, own: FloatArray, times: FloatArray, other: FloatArray) -> dict[str, float] | None:
-    """Of rows of two runs at times since the same instant, shape (n, k) and (m, k)."""
+    """Compare the rows of two runs, shape (n, k) and (m, k), at times since the same instant; None: no overlap."""
     within = (time >= times[0]) & (time <= times[-1])
     if not within.any():
         return None
@@ -62,7 +63,7 @@ def _largest(signals: Mapping[str, Mapping[str, float] | None]) -> float | None:
 
 
 def line(found: Mapping[str, Any]) -> str:
-    """The worst joint and grip, for people."""
+    """Return a line of text with the joint and the grip that differ most."""
     parts = []
     for kind, unit in (("joints", "rad"), ("grips", "N")):
         known = {name: one for name, one in found[kind].items() if one}

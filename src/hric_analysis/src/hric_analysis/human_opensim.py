@@ -1,4 +1,4 @@
-"""The human of a run for OpenSim's own tools: his model, his motion, and what his grips carry as external loads."""
+"""Export of the human of a run for OpenSim's tools: model, motion, and the grip forces as external loads."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -27,14 +27,16 @@ LOADS, LOADS_SETUP = "human_external_loads.mot", "human_external_loads.xml"
 
 
 def write(folder: Path, section: Mapping[str, Any], record: HumanRecord, gravity: tuple[float, ...]) -> None:
-    """Write human.osim and human.mot, and with a grip human_external_loads, replacing those that are there. OpenSim's
-    inverse dynamics of the three is the torque of his joints. Muscles that moved him are in his model.
+    """Write human.osim, human.mot and, with a grip, human_external_loads, overwriting old files.
+
+    OpenSim's inverse dynamics of these files gives the joint torques of the human. The model has muscles if they drove
+    the human.
 
     Args:
-        folder: of the run.
+        folder: run folder.
         section: `human` of the experiment.
-        record: from the bag.
-        gravity: in the world, 3 floats [m/s^2].
+        record: recording of the human from the bag.
+        gravity: gravity in the world, 3 floats [m/s^2].
 
     Raises:
         HricError: the files cannot be written.
@@ -61,7 +63,7 @@ def write(folder: Path, section: Mapping[str, Any], record: HumanRecord, gravity
 
 
 def _standing(urdf: str, root: Pose) -> str:
-    """The description with the world as its root link."""
+    """Return the description with the world as its root link."""
     robot = ElementTree.fromstring(urdf)
     SubElement(robot, "link", name="world")
     joint = SubElement(robot, "joint", name="world_to_human", type="fixed")
@@ -72,7 +74,7 @@ def _standing(urdf: str, root: Pose) -> str:
 
 
 def _write_loads(folder: Path, record: HumanRecord, bodies: Mapping[str, str]) -> None:
-    """Loads of grips on the bodies of the hands that hold."""
+    """Write the loads of the grips on the bodies of the holding hands, and their set-up file."""
     R, grips = base_pose("y")[:3, :3], [record.grips[name] for name in bodies]
     found = [
         loads.load(grip.name, bodies[grip.name], grip.time, R, (grip.force, grip.point, grip.torque), "")

@@ -1,4 +1,4 @@
-"""Metrics of a run: how fast and how exactly each joint reached its setpoint, and what was demanded of it."""
+"""Metrics of a run: settling, overshoot and error of each joint at its setpoints, and peak loads against limits."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,18 +11,18 @@ from hric_bags.reader import ControlRecord, RunRecord, SentSetpoint
 
 FloatArray = npt.NDArray[np.float64]
 RIPPLE_WINDOW = 0.1
-"""The end of the run over which the torque's ripple is taken: at rest a loop that chatters still shows it [s]."""
+"""Window at the end of the run for the torque ripple: at rest only a loop that chatters has one [s]."""
 LIMIT_KINDS = ("position", "velocity", "effort", "effort_rate")
 
 
 @dataclass(frozen=True)
 class Move:
-    """The part of a run that belongs to one setpoint.
+    """Part of a run that belongs to one setpoint.
 
     Attributes:
-        setpoint: as it was sent.
-        target: positions in the joint order of the log, shape (j,) [rad].
-        first, last: index of its first cycle and one past its last.
+        setpoint: setpoint as it was sent.
+        target: target positions in the joint order of the log, shape (j,) [rad].
+        first, last: index of the first cycle, and one past the last.
     """
 
     setpoint: SentSetpoint
@@ -32,11 +32,11 @@ class Move:
 
 
 def moves(record: RunRecord, joints_of: Mapping[str, Sequence[str]]) -> list[Move]:
-    """Setpoints that could be carried out, each with the cycles until the next one.
+    """Return the valid setpoints (finite, for all joints), each with the cycles until the next one.
 
     Args:
-        record: the run.
-        joints_of: joint order of each controller; a controller that is not named has the log's order.
+        record: recording of the run.
+        joints_of: joint order of each controller; default: the order of the log.
     """
     log = record.log
     usable = []
@@ -55,7 +55,7 @@ def moves(record: RunRecord, joints_of: Mapping[str, Sequence[str]]) -> list[Mov
 
 
 def settling_time(time: FloatArray, error: FloatArray, tolerance: float) -> float | None:
-    """Time from the first sample until |error| is in the band and stays there; None if it is outside at the end [s]."""
+    """Return the time from the first sample until |error| stays within the tolerance [s]; None if it never does."""
     outside = np.flatnonzero(np.abs(error) > tolerance)
     if outside.size == 0:
         return 0.0
@@ -65,7 +65,7 @@ def settling_time(time: FloatArray, error: FloatArray, tolerance: float) -> floa
 
 
 def overshoot(position: FloatArray, target: float) -> float:
-    """How far the joint went past the target, in the direction of its move [rad].
+    """Return the overshoot of a joint past the target in the direction of its move [rad].
 
     A joint that starts at its target has no direction: any excursion counts.
     """
@@ -76,7 +76,7 @@ def overshoot(position: FloatArray, target: float) -> float:
 
 
 def move_metrics(log: ControlRecord, move: Move, tolerances: Sequence[float]) -> dict[str, Any]:
-    """Per joint: start, target, settling times, overshoot, final error."""
+    """Return start, target, settling times, overshoot and final error of each joint, and the worst of all joints."""
     part = slice(move.first, move.last)
     time = log.time[part]
     joints: dict[str, dict[str, Any]] = {}
@@ -111,7 +111,7 @@ def _slowest(times: Sequence[float | None]) -> float | None:
 
 
 def rate(values: FloatArray, time: FloatArray) -> FloatArray:
-    """Backward difference per second, first row zero, shape as `values`."""
+    """Return the backward difference per second, first row zero, in the shape of `values`."""
     result = np.zeros_like(values)
     if len(time) > 1:
         result[1:] = np.diff(values, axis=0) / np.diff(time)[:, None]
@@ -121,12 +121,12 @@ def rate(values: FloatArray, time: FloatArray) -> FloatArray:
 def joint_metrics(
     log: ControlRecord, limits: Mapping[str, Mapping[str, float]], counts: Mapping[str, Any] | None
 ) -> dict[str, Any]:
-    """Per joint: peaks of torque, torque rate and speed, their ratios to the limits, and how often each limit acted.
+    """Return peaks of torque, torque rate and speed of each joint, their ratios to the limits, and limited cycles.
 
     Args:
-        log: the control log.
-        limits: per joint any of lower, upper [rad], velocity [rad/s], effort [N m], effort_rate [N m/s].
-        counts: the last limit counts.
+        log: control log.
+        limits: any of lower, upper [rad], velocity [rad/s], effort [N m], effort_rate [N m/s], by joint.
+        counts: last message of the limit counts; None: there was none.
     """
     peaks = {
         "velocity_peak": np.abs(log.velocity).max(axis=0),
@@ -168,11 +168,11 @@ def _counted(counts: Mapping[str, Any] | None, joint: str) -> dict[str, Any]:
 
 
 def path_metrics(record: RunRecord) -> dict[str, Any] | None:
-    """How far the joints were from where each controller led them, at the instants at which it said so.
+    """Compare the joint positions with the profile that each controller published, at the instants of its messages.
 
     Returns:
-        By controller largest_error and rms_error of the worst joint, and of each of `joints` [rad]; None: no controller
-        said where it led them.
+        largest_error and rms_error of the worst joint and of each of `joints` [rad], by controller; None: no controller
+        published a profile.
     """
     log, found = record.log, {}
     for controller, (times, desired, names) in record.profiles.items():
@@ -197,7 +197,7 @@ def _period(log: ControlRecord) -> float:
 
 
 def control_log_metrics(log: ControlRecord) -> dict[str, Any]:
-    """Whether every cycle is there: cycles, gaps, repeats, and the steps of time."""
+    """Return the completeness of the control log: cycles, gaps, repeats, and the shortest and longest time step."""
     steps = np.diff(log.time) if log.cycles > 1 else np.zeros(1)
     return {
         "cycles": log.cycles,
@@ -219,8 +219,10 @@ def compute(
     joints_of: Mapping[str, Sequence[str]],
     tolerances: Sequence[float],
 ) -> dict[str, Any]:
-    """All metrics that follow from the bag and the limits; `limits_touched`: cycles in which each kind of limit acted,
-    summed over the joints."""
+    """Compute all metrics that need only the control log and the limits.
+
+    `limits_touched` is the number of cycles in which each kind of limit acted, summed over the joints.
+    """
     log, counts = record.log, record.limit_counts
     return {
         "control_log": control_log_metrics(log),

@@ -1,4 +1,4 @@
-"""What a run cost the muscles of a simulated human, in numbers: estimates of a model. No ROS."""
+"""Muscle metrics of the simulated human of a run: estimates of a model. No ROS."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -6,13 +6,13 @@ from typing import Any
 from hric_bags.records.muscle_record import MuscleRecord
 
 THRESHOLDS = (0.3, 0.5)
-"""Activations of which the share of time above them is reported [1]: project defaults, unconfirmed."""
+"""Activations for which the share of time above them is reported [1]; project defaults, unconfirmed."""
 NAMED = 3
-"""So many muscles are named in the text of a report."""
+"""Number of muscles that are named in the text of a report."""
 
 
 def metrics(record: MuscleRecord) -> dict[str, Any]:
-    """For metrics.json."""
+    """Return the metrics for metrics.json."""
     own = record.activation[:, record.is_muscle]
     names = record.muscles
     return {
@@ -39,7 +39,7 @@ def metrics(record: MuscleRecord) -> dict[str, Any]:
 
 
 def render(found: Mapping[str, Any]) -> list[str]:
-    """As lines for the report; found: of `metrics`."""
+    """Return the lines of the report from the result of `metrics`."""
     muscles = found["muscles"]
     hardest = sorted(muscles, key=lambda name: -muscles[name]["activation_max"])[:NAMED]
     named = ", ".join(f"{name} {muscles[name]['activation_max']:.2f}" for name in hardest)

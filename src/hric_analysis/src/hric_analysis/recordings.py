@@ -1,4 +1,4 @@
-"""What a report shows of a bag beside the control log: sensors, moving frames and markers, and events. No ROS."""
+"""Contents of a bag for the report, besides the control log: sensors, moving frames and markers, events. No ROS."""
 
 from array import array
 from collections import defaultdict
@@ -18,24 +18,24 @@ from hric_bags.reader import FloatArray, RobotTime, opened, seconds
 SignalKey = tuple[str, str, tuple[str, ...]]
 """Topic, unit, channels."""
 REPLAY_SPACING = 0.009
-"""Frames and markers are taken at most so often, which is finer than the replay shows them [s]."""
+"""Minimum time between recorded poses of a frame or marker, below the time step of the replay [s]."""
 SIGNAL_TYPES = {"geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/PointStamped", "hric_msgs/msg/SampleChunk"}
-"""What becomes a `Signal`."""
+"""Message types that are read as a `Signal`."""
 LEVELS = {4: "warning", 8: "error", 16: "fatal"}
-"""Of rosgraph_msgs/Log."""
+"""Names of the levels of rosgraph_msgs/Log that are events."""
 CONDITIONS = {0: "good", 1: "warning", 2: "error", 3: "stale"}
-"""Of diagnostic_msgs/DiagnosticStatus."""
+"""Names of the levels of diagnostic_msgs/DiagnosticStatus."""
 
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened.
+    """Event of a run.
 
     Attributes:
         time: robot time [s].
-        kind: such as setpoint, warning, error, phase.
-        source: node, topic or part.
-        text: what.
+        kind: kind, such as setpoint, warning, error, phase.
+        source: node, topic or component.
+        text: description.
     """
 
     time: float
@@ -46,14 +46,14 @@ class Event:
 
 @dataclass(frozen=True)
 class Signal:
-    """A topic's numbers.
+    """Channels of a topic that have the same unit.
 
     Attributes:
-        topic: its name.
-        unit: of all values.
+        topic: name of the topic.
+        unit: unit of all values.
         channels: names of the columns.
         time: robot time, shape (n,) [s].
-        values: shape (n, channels).
+        values: values, shape (n, channels).
     """
 
     topic: str
@@ -65,8 +65,15 @@ class Signal:
 
 @dataclass(frozen=True)
 class Moving:
-    """A frame or a marker: kind, name, frame_id in which it is given, robot time (n,) [s], values (n, 7 or 3) as in
-    `scene.Track`."""
+    """Motion of a frame or marker in the frame `frame_id`.
+
+    Attributes:
+        kind: frame or marker.
+        name: name for display.
+        frame_id: reference frame.
+        time: robot time, shape (n,) [s].
+        values: poses of a frame, shape (n, 7), or positions of a marker, shape (n, 3), as in `scene.Track`.
+    """
 
     kind: str
     name: str
@@ -77,13 +84,13 @@ class Moving:
 
 @dataclass
 class Recordings:
-    """All of it.
+    """Contents of a bag for the report.
 
     Attributes:
-        signals, moving, events: as above.
-        statics: frames that stand still: child -> (parent, xyz, quaternion x y z w).
-        layouts, statuses: the last SyncLayout and SyncStatus per topic.
-        samples: per topic of SyncedSample: [samples, ages and validity as lists].
+        signals, moving, events: sensor signals, moving frames and markers, and events.
+        statics: fixed frames: (parent, xyz, quaternion x y z w) by child frame.
+        layouts, statuses: last SyncLayout and last SyncStatus by topic.
+        samples: (ages, validity) of each SyncedSample by topic.
     """
 
     signals: list[Signal] = field(default_factory=list)
@@ -98,11 +105,11 @@ class Recordings:
 
 
 def read(bag: Path | PartsReader, robot_time: RobotTime, *, progress: bool = False) -> Recordings:
-    """Read a bag.
+    """Read signals, motions, events and synchronisation from a bag.
 
     Args:
         bag: the bag, or a reader of it.
-        robot_time: from stamps to robot time.
+        robot_time: conversion from stamps to robot time.
         progress: show a progress bar on the terminal.
     """
     reading = _Reading(robot_time)
@@ -112,11 +119,11 @@ def read(bag: Path | PartsReader, robot_time: RobotTime, *, progress: bool = Fal
 
 
 def signals(bag: Path | Bag, robot_time: RobotTime) -> list[Signal]:
-    """Return the sensors' numbers alone, read in one pass: each further pass decompresses the whole bag again.
+    """Return only the sensor signals, read in one pass: each further pass decompresses the complete bag again.
 
     Args:
         bag: the bag, or a reader of it.
-        robot_time: from stamps to robot time.
+        robot_time: conversion from stamps to robot time.
     """
     reading = _Reading(robot_time)
     with opened(bag) as reader:
@@ -125,7 +132,7 @@ def signals(bag: Path | Bag, robot_time: RobotTime) -> list[Signal]:
 
 
 class _Reading:
-    """Collects while the bag is read."""
+    """Collector of messages while a bag is read."""
 
     def __init__(self, robot_time: RobotTime) -> None:
         self._robot_time = robot_time
@@ -152,13 +159,13 @@ class _Reading:
         self._thinned = {"hric_msgs/msg/MocapData", "geometry_msgs/msg/PoseStamped"}
 
     def take_all(self, reader: Bag, chooses: Callable[[Any], bool], label: str = "") -> None:
-        """Take the messages of the connections that are chosen; label: of a bar on the terminal."""
+        """Process the messages of the chosen connections; `label` names the progress bar, "" shows none."""
         for connection, stamp, raw in reader.chosen(chooses, label):
             kind = connection.msgtype
             self.take(connection.topic, kind, stamp * 1e-9, partial(reader.deserialize, raw, kind))
 
     def wants(self, topic: str, kind: str) -> bool:
-        """Whether messages of a topic are of use; that of all nodes' log comes once more by each node."""
+        """Return True if a topic is read; /rosout_agg is not, since it repeats the messages of /rosout."""
         if kind == "tf2_msgs/msg/TFMessage":
             return topic.endswith("tf_static")
         if kind == "std_msgs/msg/String":
@@ -166,7 +173,14 @@ class _Reading:
         return kind in self._takers and topic != "/rosout_agg"
 
     def take(self, topic: str, kind: str, stamp: float, message: Callable[[], Any]) -> None:
-        """One message; stamp: when it was recorded [s]; message: deserialises it, which takes long."""
+        """Process one message.
+
+        Args:
+            topic: name of the topic.
+            kind: message type.
+            stamp: time of recording [s].
+            message: function that deserialises the message, which is slow.
+        """
         if kind in self._thinned:
             if stamp - self._last.get(topic, -np.inf) < REPLAY_SPACING:
                 return
@@ -177,7 +191,7 @@ class _Reading:
         self._takers[kind](topic, self._robot_time(measured or stamp), found)
 
     def finish(self) -> Recordings:
-        """What was collected."""
+        """Return the collected data, sorted by time."""
         for (topic, unit, channels), (stamps, rows) in self._series.items():
             time, values = np.frombuffer(stamps), np.frombuffer(rows).reshape(len(stamps), -1)
             if (np.diff(time) < 0.0).any():

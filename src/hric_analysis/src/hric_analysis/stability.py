@@ -1,17 +1,19 @@
-"""Whether the control loop of a run was stable.
+"""Stability verdict of the control loop of a run.
 
-Unstable are: a simulation that diverged; an arm that ended its motion for `instability_detected`; a human and a robot that
-do not come to rest after his motion (`human.unrest`); and chatter, which is defined here. A joint's torque tau_k of cycle k is the requested one where the joint is commanded by effort, else the
-measured one. The log is cut into pieces of PIECE cycles; r_k is what is left of tau_k when its least-squares parabola
-over the piece is taken away: motion and gravity go, periods of up to about half a piece remain. Over each stretch of
-STRETCH pieces in a row
-    ripple      = the smallest RMS of r over one of its pieces [N m]: what is over sooner than the stretch does not count,
+A run is unstable if the simulation diverged, if the arm stopped with `instability_detected`, if human and robot do not
+come to rest after the person's motion (`human.unrest`), or if a joint chatters, which is defined here.
+
+The joint torque tau_k of cycle k is the requested torque of an effort-controlled joint, else the measured torque. The
+log is cut into pieces of PIECE cycles. r_k is tau_k minus its least-squares parabola over the piece, which removes
+motion and gravity and leaves periods of up to about half a piece. For each stretch of STRETCH consecutive pieces
+    ripple      = smallest RMS of r over one of its pieces [N m], so that shorter disturbances do not count,
     share       = ripple / effort limit of the joint,
-    c_L         = sum r_k r_(k+L) / sum r_k^2 * PIECE / (PIECE - L), the autocorrelation at a lag of L cycles, both sums
-    over all pieces, periodicity = the largest min(-c_l, c_L) of lags l < L: near 1 for an oscillation with a period of
-    L cycles, near 0 for noise.
-A joint chatters where share >= CHATTER_SHARE and periodicity >= PERIODICITY, or where share >= WILD_SHARE.
-"""  # noqa: E501
+    c_L         = sum r_k r_(k+L) / sum r_k^2 * PIECE / (PIECE - L), the autocorrelation at a lag of L cycles, with both
+                  sums over all pieces,
+    periodicity = largest min(-c_l, c_L) of lags l < L: near 1 for an oscillation with a period of L cycles, near 0 for
+                  noise.
+A joint chatters if share >= CHATTER_SHARE and periodicity >= PERIODICITY, or if share >= WILD_SHARE.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -26,38 +28,39 @@ from hric_control.plants import DivergedError
 
 FloatArray = npt.NDArray[np.float64]
 PIECE = 25
-"""Cycles of a piece [1]; at 1 kHz oscillations above about 60 Hz remain. Default chosen by this project,
+"""Number of cycles of a piece; at 1 kHz oscillations above about 60 Hz remain. Default chosen by this project,
 unconfirmed."""
 STRETCH = 10
-"""Pieces for which chatter must last [1]: 0.25 s at 1 kHz, longer than a contact rings. Default chosen by this project,
-unconfirmed."""
+"""Number of pieces for which chatter must last: 0.25 s at 1 kHz, longer than the oscillation of a contact. Default
+chosen by this project, unconfirmed."""
 LAGS = 12
-"""Longest period that is looked for [cycles]. Default chosen by this project, unconfirmed."""
+"""Longest period of chatter that is searched for [cycles]. Default chosen by this project, unconfirmed."""
 CHATTER_SHARE = 0.02
-"""RMS of periodic ripple divided by the effort limit [1]. Default chosen by this project, unconfirmed: a torque of a
-Panda's wrist that changes its sign each cycle at its rate limit of 1000 N m/s has 0.042; stable loops have at most
-0.001, one that presses with friction on a stiff block 0.006."""
+"""RMS of periodic ripple relative to the effort limit from which a joint chatters [1]. Default chosen by this project,
+unconfirmed: a torque of a Panda's wrist that changes its sign each cycle at the rate limit of 1000 N m/s has 0.042;
+stable loops have at most 0.001, a loop that presses with friction on a stiff block 0.006."""
 PERIODICITY = 0.5
-"""[1]. Default chosen by this project, unconfirmed: chatter has 0.5 to 1, noise less than 0.3."""
+"""Periodicity from which ripple is periodic [1]. Default chosen by this project, unconfirmed: chatter has 0.5 to 1,
+noise less than 0.3."""
 WILD_SHARE = 0.1
-"""RMS of ripple divided by the effort limit that counts without a period, too [1]. Default chosen by this project,
-unconfirmed: noise of a Panda's measured speed (6e-3 rad/s) times a derivative gain of 100 N m s/rad has 0.05."""
+"""RMS of ripple relative to the effort limit from which a joint chatters even without a period [1]. Default chosen by
+this project, unconfirmed: noise of a Panda's measured speed (6e-3 rad/s) times a gain of 100 N m s/rad has 0.05."""
 NO_LIMIT_EFFORT = 100.0
-"""In place of the effort limit where there is none [N m or N]. Default chosen by this project, unconfirmed."""
+"""Effort limit assumed for a joint without one [N m or N]. Default chosen by this project, unconfirmed."""
 _SAME_PERIOD = 0.9
-"""Share of the largest value from which a shorter lag is taken for the period [1]."""
+"""Share of the largest periodicity from which a shorter lag is taken as the period [1]."""
 STABLE, UNSTABLE = "stable", "unstable"
 ARM_ERROR = "instability_detected"
-"""libfranka's name for what the arm found itself."""
+"""libfranka's name of the error with which the arm reports an instability."""
 
 
 @dataclass(frozen=True)
 class Stretches:
-    """Ripple and periodicity of all stretches; n stretches, j joints.
+    """Ripple and periodicity of n stretches and j joints.
 
     Attributes:
-        ripple: shape (n, j) [N m].
-        periodicity: shape (n, j).
+        ripple: RMS ripple, shape (n, j) [N m].
+        periodicity: periodicity, shape (n, j) [1].
         period: lag of the periodicity, shape (n, j) [cycles].
     """
 
@@ -67,10 +70,10 @@ class Stretches:
 
 
 def stretches(torque: FloatArray) -> Stretches:
-    """Ripple of each stretch of the run.
+    """Return ripple and periodicity of each stretch of the run.
 
     Args:
-        torque: of each cycle, shape (n, j) [N m]; at least PIECE * STRETCH cycles.
+        torque: joint torques of each cycle, shape (n, j) [N m]; at least PIECE * STRETCH cycles.
     """
     pieces = len(torque) // PIECE
     parts = torque[: pieces * PIECE].reshape(pieces, PIECE, -1)
@@ -86,16 +89,18 @@ def stretches(torque: FloatArray) -> Stretches:
     periodicity = both.max(axis=0)
     return Stretches(
         ripple, periodicity, (both >= _SAME_PERIOD * periodicity).argmax(axis=0) + 2
-    )  # not a multiple of the period
+    )  # the shortest lag, not a multiple of the period
 
 
 def chatter(log: ControlRecord, limits: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
-    """The joints that chatter, the worst first: ripple [N m], share, periodicity, frequency [Hz] where worst, begin and
-    end [s] of all of it.
+    """Return the joints that chatter, the worst first.
+
+    Each has ripple [N m], share [1], periodicity [1] and frequency [Hz] of its worst stretch, and begin and end of all
+    chatter [s].
 
     Args:
-        log: the control log.
-        limits: per joint, as in run.yaml.
+        log: control log.
+        limits: limits by joint, as in run.yaml.
     """
     if log.cycles < PIECE * STRETCH:
         return {}
@@ -121,12 +126,12 @@ def chatter(log: ControlRecord, limits: Mapping[str, Mapping[str, float]]) -> di
 
 
 def judge(run: Mapping[str, Any], log: ControlRecord, limits: Mapping[str, Mapping[str, float]]) -> dict[str, Any]:
-    """The verdict with its reasons, for metrics.json: see INTERFACE.md.
+    """Return the stability verdict with its reasons for metrics.json, see INTERFACE.md.
 
     Args:
         run: contents of run.yaml.
-        log: the control log.
-        limits: per joint, as in run.yaml.
+        log: control log.
+        limits: limits by joint, as in run.yaml.
     """
     joints = chatter(log, limits)
     reasons = [_text(name, values) for name, values in joints.items()]
@@ -149,8 +154,7 @@ def judge(run: Mapping[str, Any], log: ControlRecord, limits: Mapping[str, Mappi
 
 
 def also(found: Mapping[str, Any], reasons: Sequence[str]) -> dict[str, Any]:
-    """The verdict with further reasons why the run is unstable, after its own; found: of `judge`, whose verdict stays
-    as `loop`."""
+    """Return the result of `judge` with further reasons why the run is unstable; its verdict remains as `loop`."""
     verdict = UNSTABLE if reasons else found["verdict"]
     return {**found, "verdict": verdict, "reasons": [*found["reasons"], *reasons]}
 

@@ -1,4 +1,4 @@
-"""What a supervisor did in a run, for metrics.json and the report."""
+"""Metrics of the supervisor of a run, for metrics.json and the report."""
 
 import math
 from collections import Counter
@@ -11,11 +11,11 @@ from hric_assessment.findings import DISCLAIMER
 from hric_bags.records.safety_record import SLOWED, STOPPED, SafetyRecord
 
 SHOWN = 12
-"""Events in the text; metrics.json has all. Project default, unconfirmed."""
+"""Maximum number of events in the text; metrics.json has all. Project default, unconfirmed."""
 
 
 def metrics(record: SafetyRecord | None) -> dict[str, Any] | None:
-    """For metrics.json; None: no supervisor was there."""
+    """Return the metrics for metrics.json; None: there was no supervisor."""
     if record is None:
         return None
     late = record.latency[np.isfinite(record.latency)]
@@ -52,7 +52,7 @@ def _known(value: float) -> float | None:
 
 
 def said(found: Mapping[str, Any]) -> str:
-    """Whether the arm came nearer than it should, in words; found: of metrics.json."""
+    """Return a sentence that says if the arm moved closer than the protective distance; found: from metrics.json."""
     violations = found["violations"]
     if not violations:
         return "the arm never moved nearer than the protective distance"
@@ -64,7 +64,7 @@ def said(found: Mapping[str, Any]) -> str:
 
 
 def render(found: Mapping[str, Any]) -> str:
-    """As text; found: of metrics.json."""
+    """Return the text of the report; found: `supervisor` of metrics.json."""
     nearest = found["separation_min"]
     distance = "distance not known" if nearest is None else f"smallest distance {nearest:.3f} m"
     lines = [

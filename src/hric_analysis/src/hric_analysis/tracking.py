@@ -1,11 +1,11 @@
-"""How well the end effector followed the marker: lag, error after it, acceleration, frames, stamps. No ROS.
+"""Metrics of marker tracking by the end effector: lag, error after the lag, acceleration, frames, stamps. No ROS.
 
-The follower anchors marker and end effector at the first frame that it takes, and again after a loss (unless it catches
-up), so the error after a lag is
+The tracking controller anchors marker and end effector at the first frame that it uses, and again after a loss (unless
+it catches up), so the error after a lag is
 
     e(t) = p(t) - p_0 - R (m(t - lag) - m(t_0))
 
-within the stretch that began at t_0; p_0 is where the end effector stood then, or was coming to rest.
+within the stretch that began at t_0; p_0 is the position of the end effector then, or the one where it comes to rest.
 The lag is that of the largest normalised cross-correlation of the two displacements.
 """
 
@@ -21,32 +21,31 @@ from hric_analysis.tracking_record import Frames, States, TrackingRecord
 
 FloatArray = npt.NDArray[np.float64]
 THESIS_ROTATION = ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
-"""From a stream with y up into the base (thesis ch. 3.3): what the controllers take where their parameters say nothing
-else."""
+"""Rotation from a motion capture frame with y up to the base (thesis ch. 3.3): the default of the controllers."""
 STEP = 1e-3
-"""Of the common time, and of the lags that are tried [s]."""
+"""Step of the common time axis and of the lags [s]."""
 LONGEST_LAG, COARSE = 1.0, 10
-"""[s]; in steps. Project default, unconfirmed."""
+"""Longest lag [s], and coarse increment of the search [steps]. Project default, unconfirmed."""
 MIN_MOTION = 1e-3
-"""A marker that moves less has no lag (standard deviation) [m]. Project default, unconfirmed."""
+"""Standard deviation of the marker position below which no lag is computed [m]. Project default, unconfirmed."""
 SMOOTHED = 10
-"""The second acceleration is taken over so many cycles, within which the noise of real encoders ends."""
+"""Number of cycles over which the smoothed acceleration is taken, longer than the noise of real encoders."""
 STAMP_VALUES = (("mean", "uncertainty"), ("largest", "largest_uncertainty"))
 STAMP_WINDOW = 2.0
-"""Over which the error of the stamps is taken as constant [s]."""
+"""Window in which the stamp error is taken as constant [s]."""
 
 
 @dataclass(frozen=True)
 class Followed:
-    """Marker and end effector on a common time, n samples.
+    """Marker and end effector on a common time axis with n samples.
 
     Attributes:
         time: robot time, shape (n,) [s].
-        ee: of the end effector in the base, shape (n, 3) [m].
-        marker: in axes of the base, shape (n, 3) [m].
-        exact: whether the marker is the truth, not what the motion capture saw.
-        stretches: (anchor, end) of each stretch in which the marker was followed, as indices.
-        origins: p_0 of each, shape (3,) [m].
+        ee: position of the end effector in the base frame, shape (n, 3) [m].
+        marker: position of the marker in axes of the base, shape (n, 3) [m].
+        exact: True if the marker is the true position, False if it is from the motion capture.
+        stretches: (anchor, end) indices of each stretch in which the marker was followed.
+        origins: p_0 of each stretch, shape (3,) [m].
     """
 
     time: FloatArray
@@ -57,8 +56,7 @@ class Followed:
     origins: tuple[FloatArray, ...]
 
     def desired(self, lag: int) -> FloatArray:
-        """Where the end effector should be at `lag` steps behind the marker, shape (n, 3); NaN where nothing is
-        followed."""
+        """Return the desired position, `lag` steps behind the marker, shape (n, 3) [m]; NaN outside the stretches."""
         found = np.full_like(self.ee, np.nan)
         for (begin, end), origin in zip(self.stretches, self.origins, strict=True):
             if begin + lag < end:
@@ -66,20 +64,21 @@ class Followed:
         return found
 
     def error(self, lag: int) -> FloatArray:
-        """e(t), shape (n, 3); NaN where nothing is followed."""
+        """Return the error e(t) after `lag` steps, shape (n, 3) [m]; NaN outside the stretches."""
         return self.ee - self.desired(lag)
 
 
 def followed(
     record: TrackingRecord, times: FloatArray, ee: FloatArray, R_base_marker: FloatArray, *, catch_up: bool = False
 ) -> Followed | None:
-    """Bring marker and end effector onto a common time, from the first marker on; None where none was valid.
+    """Resample marker and end effector to a common time axis, from the first marker on; None: no valid marker.
 
     Args:
-        record: of the bag.
-        times, ee: of the end effector in the base, shapes (k,), (k, 3) [s, m].
-        R_base_marker: turns positions of the motion capture into the axes of the base, shape (3, 3).
-        catch_up: whether the follower keeps its anchors through a loss.
+        record: recording of the bag.
+        times: times of the end effector positions, shape (k,) [s].
+        ee: positions of the end effector in the base frame, shape (k, 3) [m].
+        R_base_marker: rotation from the motion capture frame to the base, shape (3, 3).
+        catch_up: True if the controller keeps its anchors through a loss.
     """
     frames = record.frames
     anchors = _anchors(frames, record.states, catch_up)
@@ -104,7 +103,7 @@ def followed(
 
 
 def _target(states: States, time: float) -> FloatArray:
-    """Where the end effector was to go when it followed again after `time`: its new origin."""
+    """Return the target of the end effector when it followed again after `time`, which is its new origin."""
     after = [
         k for k in range(int(np.searchsorted(states.time, time)), len(states.time)) if states.tracking[k] == "following"
     ]
@@ -113,7 +112,7 @@ def _target(states: States, time: float) -> FloatArray:
 
 
 def _anchors(frames: Frames, states: States, catch_up: bool) -> list[tuple[float, float]]:
-    """(time of the frame that became the origin, time of the loss) of each stretch [s]."""
+    """Return (time of the frame that became the origin, time of the loss) of each stretch [s]."""
     valid = frames.time[frames.valid]
     if valid.size == 0:
         return []
@@ -131,9 +130,9 @@ def _anchors(frames: Frames, states: States, catch_up: bool) -> list[tuple[float
 
 
 def lag_of(data: Followed) -> tuple[float, float] | None:
-    """(lag [s], normalised cross-correlation there); None where the marker or the end effector hardly moves.
+    """Return (lag [s], normalised cross-correlation at it); None if the marker or the end effector hardly moves.
 
-    The largest is looked for in steps of COARSE lags, then between them, then by a parabola through the three best.
+    The maximum is searched in increments of COARSE steps, then in steps, then by a parabola through the best three.
     """
     count = min(int(LONGEST_LAG / STEP), len(data.time) // 2)
     if count < 1 or _likeness(data, 0) is None:
@@ -151,7 +150,7 @@ def lag_of(data: Followed) -> tuple[float, float] | None:
 
 
 def _likeness(data: Followed, lag: int) -> float | None:
-    """Normalised cross-correlation at a lag; None: of what hardly moves."""
+    """Return the normalised cross-correlation at a lag; None if marker or end effector hardly moves."""
     desired = data.desired(lag)
     both = ~np.isnan(desired[:, 0])
     if np.count_nonzero(both) < 2:
@@ -164,14 +163,16 @@ def _likeness(data: Followed, lag: int) -> float | None:
 
 
 def rms(vectors: FloatArray) -> float:
-    """Root of the mean square of the vectors' lengths, shape (n, 3); rows with NaN are left out."""
+    """Return the root mean square of the lengths of vectors of shape (n, 3); rows with NaN are skipped."""
     lengths = np.sum(vectors**2, axis=1)
     return float(np.sqrt(np.nanmean(lengths)))
 
 
 def acceleration(time: FloatArray, path: FloatArray, cycles: int = 1) -> float:
-    """RMS of the second difference over so many cycles, shape (n, 3) [m] -> [m/s^2]; steps across a gap of the log are
-    left out."""
+    """Return the RMS acceleration [m/s^2] of a path of shape (n, 3) [m] by second differences over `cycles` cycles.
+
+    Differences across a gap of the log are skipped.
+    """
     period = float(np.median(np.diff(time)))
     whole = np.abs(time[2 * cycles :] - time[: -2 * cycles] - 2 * cycles * period) < 0.5 * period
     second = (path[2 * cycles :] - 2 * path[cycles:-cycles] + path[: -2 * cycles]) / (cycles * period) ** 2
@@ -179,7 +180,7 @@ def acceleration(time: FloatArray, path: FloatArray, cycles: int = 1) -> float:
 
 
 def frames_metrics(frames: Frames) -> dict[str, Any]:
-    """How many frames came, how many did not, and how long they took."""
+    """Return the numbers of received, lost, unordered and untracked frames, their rate and latency."""
     steps = np.diff(frames.number)
     known = frames.latency[np.isfinite(frames.latency)]
     span = float(frames.time[-1] - frames.time[0])
@@ -195,11 +196,10 @@ def frames_metrics(frames: Frames) -> dict[str, Any]:
 
 
 def stamp_error(record: TrackingRecord, R_base_marker: FloatArray) -> dict[str, Any] | None:
-    """How late the stamps are against the truth [s]: the shift of time, with an offset, that fits best; None
-    where the truth is not known.
+    """Return the error of the stamps against the true hand motion [s]; None: the true motion is not known.
 
-    Frames carry the position at their exposure, so a frame that is stamped late lies behind the truth: p - m(t) =
-    -error v(t) + constant.
+    The error is the time shift that, with an offset, fits best. Frames have the position at their exposure, so a frame
+    with a late stamp lies behind the true position: p - m(t) = -error v(t) + constant.
     """
     if record.truth is None or len(record.truth[0]) < 4:
         return None
@@ -223,7 +223,7 @@ def stamp_error(record: TrackingRecord, R_base_marker: FloatArray) -> dict[str, 
 
 
 def late_by(speed: FloatArray, apart: FloatArray) -> tuple[float, float]:
-    """(error of the stamps, its standard deviation) [s]."""
+    """Return the error of the stamps and its standard deviation by least squares [s]."""
     v, d = speed - speed.mean(axis=0), apart - apart.mean(axis=0)
     power = float(np.sum(v * v))
     late = -float(np.sum(v * d)) / power
@@ -234,7 +234,7 @@ def late_by(speed: FloatArray, apart: FloatArray) -> tuple[float, float]:
 def metrics(
     data: Followed | None, record: TrackingRecord, times: FloatArray, ee: FloatArray, R_base_marker: FloatArray
 ) -> dict[str, Any]:
-    """The key `tracking` of metrics.json; times, ee: of each cycle, not resampled."""
+    """Return the key `tracking` of metrics.json; `times` and `ee` are those of each cycle, not resampled."""
     last = record.states.last
     result: dict[str, Any] = {
         "controller": record.states.controller,
@@ -274,8 +274,10 @@ def metrics(
 
 
 def _ideal(data: Followed, record: TrackingRecord) -> float | None:
-    """RMS acceleration of the marker itself [m/s^2]; None where the truth is not known. In its own time: another
-    clock would bend its motion."""
+    """Return the RMS acceleration of the marker [m/s^2]; None: the true motion is not known.
+
+    It is computed in the marker's clock: the drift of another clock would distort the motion.
+    """
     if record.truth is None or len(record.truth[0]) < 4:
         return None
     own = record.truth[0] if record.own_time is None else record.own_time
@@ -301,7 +303,7 @@ def _accelerations(
 
 
 def render(values: dict[str, Any]) -> str:
-    """The lines of the report; values: of `metrics`."""
+    """Return the lines of the report from the result of `metrics`."""
     frames, stamps, parts = values["frames"], values["stamp_error"], []
     lag = "not known: too little motion" if values["lag"] is None else f"{1e3 * values['lag']:.1f} ms"
     if values["rms_error"] is None:

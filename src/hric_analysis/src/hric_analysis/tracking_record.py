@@ -1,5 +1,4 @@
-"""Reads from a bag how a marker was followed: frames of the motion capture, states of the controller, and what the hand
-really did."""
+"""Recording of marker tracking in a bag: motion capture frames, controller states and the true hand motion."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,16 +19,16 @@ STATE_TYPE, ROBOT_TYPE = "hric_msgs/msg/MarkerTrackingState", "franka_msgs/msg/F
 
 @dataclass(frozen=True)
 class Frames:
-    """n frames of the motion capture, as they were published.
+    """Motion capture frames (n) as they were published.
 
     Attributes:
         time: middle of the exposure, robot time, shape (n,) [s].
-        number: shape (n,).
-        valid: whether the body was tracked, shape (n,).
-        position: of the body, shape (n, 3), in `frame` [m].
-        latency: from the exposure to the arrival, shape (n,), NaN where not known [s].
-        body: its name.
-        frame: that positions are given in.
+        number: frame numbers, shape (n,).
+        valid: True if the body was tracked, shape (n,).
+        position: position of the body in `frame`, shape (n, 3) [m].
+        latency: time from exposure to arrival, shape (n,) [s]; NaN: not known.
+        body: name of the body.
+        frame: reference frame of the positions.
     """
 
     time: FloatArray
@@ -43,14 +42,14 @@ class Frames:
 
 @dataclass(frozen=True)
 class States:
-    """n states of the controller that follows the marker.
+    """States (n) of the controller that follows the marker.
 
     Attributes:
-        controller: its name.
+        controller: name of the controller.
         time: robot time, shape (n,) [s].
-        target, desired, measured: of the end effector in the base, shape (n, 3) [m].
-        tracking: what it did.
-        last: the last message.
+        target, desired, measured: positions of the end effector in the base frame, shape (n, 3) [m].
+        tracking: tracking state at each time, such as following or lost.
+        last: last message.
     """
 
     controller: str
@@ -64,16 +63,17 @@ class States:
 
 @dataclass(frozen=True)
 class TrackingRecord:
-    """All that a bag has of it.
+    """Recording of marker tracking in one bag.
 
     Attributes:
-        frames, states: as above.
-        truth: of the hand, in the base: (robot time (n,) [s], position (n, 3) [m]); None: not known.
+        frames: motion capture frames.
+        states: controller states.
+        truth: true hand position in the base frame: (robot time (n,) [s], position (n, 3) [m]); None: not known.
         phases: (robot time [s], phase) of the emulated human.
-        p_flange_ee: where the end effector is on the flange, shape (3,) [m].
+        p_flange_ee: position of the end effector in the flange frame, shape (3,) [m].
         base: name of the robot's base frame.
-        own_time: of each position of the truth by its stamp, from the first on, shape (n,) [s]: a real robot's robot
-            time does not keep step with it.
+        own_time: stamp of each true position, from the first on, shape (n,) [s]; it drifts against the robot time of a
+            real robot.
     """
 
     frames: Frames
@@ -86,15 +86,12 @@ class TrackingRecord:
 
 
 def read(bag: Path | Bag, robot_time: RobotTime, body: str) -> TrackingRecord | None:
-    """Read a bag.
+    """Read the marker tracking from a bag; None: no controller followed a marker, or no frame was received.
 
     Args:
         bag: the bag, or a reader of it.
-        robot_time: from stamps to robot time.
-        body: that is followed; "": the first of each frame.
-
-    Returns:
-        None: no controller followed a marker, or no frame came.
+        robot_time: conversion from stamps to robot time.
+        body: name of the body that is followed; "": the first body of each frame.
     """
     found: dict[str, list[tuple[float, Any]]] = {FRAMES: [], TRUTH: [], PHASES: [], STATE_TYPE: [], ROBOT_TYPE: []}
     controller = ""
@@ -139,7 +136,7 @@ def _xyz(point: Any) -> tuple[float, float, float]:
 
 
 def _truth(hand: list[Any], robot_time: RobotTime) -> tuple[tuple[FloatArray, FloatArray], FloatArray]:
-    """((robot time, position), own time) of the hand in order of time, each time once."""
+    """Return ((robot time, position), stamp since the first) of the hand in the order of time, without duplicates."""
     times, order = np.unique(_times(hand, robot_time), return_index=True)
     own = np.array([seconds(message.header.stamp) for message in hand])[order]
     return (times, np.array([_xyz(message.pose.position) for message in hand])[order]), own - own[0]

@@ -1,4 +1,4 @@
-"""From a run folder to how well a marker was followed; forward kinematics of a whole control log. No ROS."""
+"""Analysis of marker tracking in a run, with the forward kinematics of its control log. No ROS."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -21,12 +21,12 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Tracking:
-    """How a run followed a marker.
+    """Marker tracking of a run.
 
     Attributes:
-        record: from the bag.
-        data: marker and end effector on a common time; None: no valid marker came.
-        values: the key `tracking` of metrics.json.
+        record: recording from the bag.
+        data: marker and end effector on a common time axis; None: there was no valid marker.
+        values: metrics, the key `tracking` of metrics.json.
     """
 
     record: TrackingRecord
@@ -35,16 +35,16 @@ class Tracking:
 
 
 def analyse(description: str, bag: Path | Bag, run: Mapping[str, Any], record: RunRecord) -> Tracking | None:
-    """How well the marker was followed; None where no controller followed one.
+    """Analyse the marker tracking of a run; None: no controller followed a marker.
 
     Args:
         description: URDF of the robot; "": the run folder has none.
-        bag: its bag, or a reader of it.
-        run: contents of its run.yaml.
-        record: the rest of the bag.
+        bag: bag of the run, or a reader of it.
+        run: contents of run.yaml.
+        record: control log with setpoints, profiles and reflexes.
 
     Raises:
-        HricError: the description is missing or does not suit.
+        HricError: the description is missing or does not fit.
     """
     body = str((((run.get("definition") or {}).get("mocap")) or {}).get("body") or "")
     found = tracking_record.read(bag, record.robot_time, body)
@@ -65,16 +65,17 @@ def analyse(description: str, bag: Path | Bag, run: Mapping[str, Any], record: R
 
 
 def tip_positions(description: str, log: ControlRecord, base: str, tip: str, p_tip: FloatArray) -> FloatArray:
-    """Positions of a point of the tip of a chain in its base in each cycle, shape (n, 3) [m].
+    """Return the positions of a point of the tip link in the base frame in each cycle, shape (n, 3) [m].
 
     Args:
         description: URDF.
-        log: positions of the joints; those that it does not have stand at 0.
-        base, tip: names of links.
-        p_tip: the point in the tip's frame, shape (3,) [m].
+        log: control log with the joint positions; joints that it lacks are at 0.
+        base: name of the base link.
+        tip: name of the tip link.
+        p_tip: position of the point in the tip frame, shape (3,) [m].
 
     Raises:
-        HricError: no such link, or the tip does not hang on the base.
+        HricError: no such link, or no chain from base to tip.
     """
     R = np.broadcast_to(np.eye(3), (log.cycles, 3, 3))
     p = np.zeros((log.cycles, 3))

@@ -1,4 +1,4 @@
-"""The metrics of a run, each computed when it is first needed; of a bag on disk or in memory."""
+"""Metrics of a run with a bag on disk or in memory, each computed on first access."""
 
 from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
@@ -15,23 +15,23 @@ from hric_bags.records.safety_record import SafetyRecord
 from hric_run.definition.experiment import MetricsSpec
 
 MOTION = ("control_log", "state_sha256", "limits_touched", "path", "setpoints", "joints", "topics")
-"""What follows from the control log, setpoints, states of controllers and limit counts alone."""
+"""Metrics that need only the control log, the setpoints, the controller states and the limit counts."""
 KEYS = (
     "experiment",
     *MOTION,
     *("real_time_factor", "missed_deadlines", "reflexes", "contacts", "stability", "sources", "sync"),
     *("human", "supervisor", "tracking"),
 )
-"""Of every run; one that is compared with a set-up has `reference` and `differences`, too."""
+"""Metrics of every run; a run with a reference set-up also has `reference` and `differences`."""
 
 
 class Values(Mapping[str, Any]):
-    """The contents of metrics.json.
+    """Contents of metrics.json, computed on access.
 
     Args:
         run: contents of run.yaml.
-        bag: of the run.
-        record: the control log and what belongs to it.
+        bag: bag of the run.
+        record: control log with setpoints, profiles and reflexes.
         description: URDF of the robot; "": there is none.
     """
 
@@ -46,17 +46,17 @@ class Values(Mapping[str, Any]):
 
     @cached_property
     def followed(self) -> Tracking | None:
-        """How a marker was followed; None: none was."""
+        """Marker tracking of the run; None: no marker was followed."""
         return tracking_analysis.analyse(self._description, self._bag, self._run, self._record)
 
     @cached_property
     def person(self) -> Person | None:
-        """What the run required of a human; None: nobody was there."""
+        """Human of the run, with metrics of effort and contacts; None: there was none."""
         return human.analyse(self._bag, self._run, self._description, self._record)
 
     @cached_property
     def safety(self) -> SafetyRecord | None:
-        """What a supervisor said and did; None: there was none."""
+        """Decisions and events of the supervisor; None: there was none."""
         return safety_record.read(self._bag, self._record.robot_time)
 
     @cached_property
@@ -120,7 +120,7 @@ class Values(Mapping[str, Any]):
 
 
 def joint_orders(run: Mapping[str, Any]) -> dict[str, list[str]]:
-    """Joint order of each controller of a run that names its joints; run: contents of run.yaml."""
+    """Return the joint order of each controller that has a parameter `joints`; run: contents of run.yaml."""
     found = {}
     for name, values in (run.get("parameters") or {}).items():
         if isinstance(values, Mapping) and isinstance(values.get("joints"), list) and values["joints"]:
