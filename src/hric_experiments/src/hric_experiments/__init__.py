@@ -1,1 +1,1 @@
-"""Commands, live runs and the recorder."""
+"""Command line, live experiments, recorder, and check of the robot model."""

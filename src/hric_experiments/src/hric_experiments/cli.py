@@ -1,4 +1,4 @@
-"""Command line: run, list, report, compare and describe."""
+"""Command line of the package: run, list, report, compare, describe, schema, and the commands of other packages."""
 
 import argparse
 import contextlib
@@ -27,7 +27,7 @@ DESCRIBED = {
     "mocap": "mocap",
     "human_muscles": "human_muscles",
 }
-"""What `describe` prints as YAML, and the function of `parameters` that returns it."""
+"""Choices of `describe` that are printed as YAML, with the function of `parameters` that returns the values."""
 NODES = (
     "natnet_client",
     "emulated_human",
@@ -39,7 +39,7 @@ NODES = (
     "person",
     "supervisor",
 )
-"""Nodes of motion capture and sensors, and the supervisor, whose private parameters it prints."""
+"""Nodes of motion capture, sensors and supervisor whose private parameters `describe` prints."""
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -55,7 +55,7 @@ def run(arguments: Sequence[str]) -> int:
         )
     definition = experiment.load(given.experiment, given.overrides)
     from hric_assessment.verdict.conclusions import unknown_beforehand
-    from hric_report import headless  # slow to load, which a mistake need not wait for
+    from hric_report import headless  # slow to import: errors are reported before
 
     if not given.quiet and (lacking := unknown_beforehand(definition.human)):
         print(lacking, file=sys.stderr)
@@ -117,7 +117,7 @@ def _run_parser() -> argparse.ArgumentParser:
 
 
 def _in_any_order(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> argparse.Namespace:
-    """Options, `experiment` and `overrides` may be mixed: what has := is an override."""
+    """Parse options, `experiment` and `overrides` in any order: a word with := is an override."""
     given = parser.parse_intermixed_args(list(arguments))
     words = [word for word in (given.experiment, *given.overrides) if word is not None]
     for word in words:
@@ -158,7 +158,7 @@ def _run_study(given: argparse.Namespace) -> int:
 
 
 def _study_pages(metrics: Mapping[str, Any], folder: Path) -> None:
-    """One page per form, with its runs overlaid on each other."""
+    """Write one page per form of a study, with its runs overlaid on each other."""
     from hric_report import html as report_html
 
     for form, values in metrics["forms"].items():
@@ -168,7 +168,7 @@ def _study_pages(metrics: Mapping[str, Any], folder: Path) -> None:
 
 
 def list_experiments(arguments: Sequence[str]) -> int:
-    """List the experiments."""
+    """List experiments and studies with their duration and description."""
     argparse.ArgumentParser(
         "rosrun hric_experiments list", description="List the experiments of the workspace."
     ).parse_args(list(arguments))
@@ -183,7 +183,7 @@ def list_experiments(arguments: Sequence[str]) -> int:
 
 
 def report(arguments: Sequence[str]) -> int:
-    """Compute metrics and figures of a run again."""
+    """Compute metrics and figures of a run again, or the verdict of a bag or c3d file."""
     what = (
         "Compute metrics, figures and report of a run again, from its bag. Of a bag or a c3d file without a run "
         "folder: its verdict."
@@ -223,7 +223,7 @@ def report(arguments: Sequence[str]) -> int:
 
 
 def _report_recording(path: Path, html: bool) -> int:
-    """Of a bag or a c3d file."""
+    """Print the verdict of a bag or c3d file and, with html, write its page next to it."""
     from hric_assessment.verdict import opened
     from hric_report.html import recording_page
     from hric_report.html.verdict import summary, verdict_beside
@@ -243,7 +243,7 @@ def _html(folder: RunFolder, *, progress: bool = True) -> None:
 
 
 def compare(arguments: Sequence[str]) -> int:
-    """Compare two runs of the same motion."""
+    """Compare two runs of the same motion, or more of them on a page."""
     given = _compare_parser().parse_args(list(arguments))
     root = runs_root(given.runs)
     runs = [RunFolder.open(name, root) for name in (given.run_a, *given.others)]
@@ -295,7 +295,7 @@ def _compare_parser() -> argparse.ArgumentParser:
 
 
 def _compare(runs: Sequence[RunFolder], names: Sequence[str], folder: Path, given: argparse.Namespace) -> None:
-    """Each run with the first one."""
+    """Compare each run with the first one, and write the page if requested."""
     from hric_report.compare import compare as compare_runs
 
     for other, name in zip(runs[1:], names[1:], strict=True):
@@ -311,7 +311,7 @@ def _compare(runs: Sequence[RunFolder], names: Sequence[str], folder: Path, give
 
 
 def schema(arguments: Sequence[str]) -> int:
-    """Print the JSON schema of experiment files."""
+    """Print the JSON schema of experiment, study or sweep files, or an example."""
     parser = argparse.ArgumentParser(
         "rosrun hric_experiments schema",
         description="Print the JSON schema of experiment files, by which editors complete and check them.",
@@ -335,7 +335,7 @@ def schema(arguments: Sequence[str]) -> int:
 
 
 def describe(arguments: Sequence[str]) -> int:
-    """Print what an experiment puts on the parameter server; launch files read it."""
+    """Print descriptions or parameters of an experiment for the parameter server; launch files read the output."""
     parser = argparse.ArgumentParser(
         "rosrun hric_experiments describe", description="Print what an experiment puts on the parameter server."
     )
@@ -370,7 +370,7 @@ def describe(arguments: Sequence[str]) -> int:
 
 
 def _also(path: Path | None, given: Sequence[str]) -> dict[str, object]:
-    """Parameters of a YAML file and of the command line."""
+    """Return the parameters of a YAML file, overridden by those of the command line."""
     content: object = {} if path is None else read_yaml(path)
     if not isinstance(content, dict):
         raise experiment.ExperimentError(f"{path} must be a mapping of parameters to values")
@@ -378,7 +378,7 @@ def _also(path: Path | None, given: Sequence[str]) -> dict[str, object]:
 
 
 def _of(module: str, name: str = "main") -> Callable[[Sequence[str]], int]:
-    """The command that a module has under a name."""
+    """Return a command that imports a module only when it runs, and calls its function `name`."""
     return lambda arguments: int(getattr(importlib.import_module(module), name)(arguments))
 
 
@@ -404,8 +404,11 @@ COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """First argument: the command; None: those of the process, the program's name being the command's. Returns the exit
-    code; a user's mistake is one line, not a traceback."""
+    """Run the command that the first argument names and return its exit code; a user error is one line, no traceback.
+
+    Args:
+        arguments: command and its arguments; None: those of the process, with the program name as the command.
+    """
     name, *others = arguments or [Path(sys.argv[0]).name, *sys.argv[1:]]
     return run_command(name, lambda: COMMANDS[name](others))
 

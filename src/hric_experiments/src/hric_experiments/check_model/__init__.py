@@ -1,2 +1,1 @@
-"""The robot model against the log of an arm: reads the log, prints, draws, fits friction. What is computed is in
-`franka_hw_interface`."""
+"""Command check_model: compares the robot model with the log of an arm, by functions of `franka_hw_interface`."""

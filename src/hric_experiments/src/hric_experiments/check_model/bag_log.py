@@ -1,4 +1,4 @@
-"""A log from a bag or a run folder: the control log, Franka states (tau_J) or joint states."""
+"""Log of an arm from a bag or a run folder: the control log, Franka states (tau_J) or joint states."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -15,7 +15,7 @@ from hric_core.errors import UnknownNameError
 
 JOINT_TYPE = "sensor_msgs/msg/JointState"
 TYPES = (LOG_TYPE, FRANKA_TYPE, JOINT_TYPE)
-"""Messages that hold position, velocity and torque of joints, the best first."""
+"""Message types with position, velocity and torque of joints, the preferred one first."""
 FIELDS = {
     LOG_TYPE: ("position", "velocity", "effort"),
     FRANKA_TYPE: ("q", "dq", "tau_J"),
@@ -26,16 +26,15 @@ _SEVENTH = re.compile(r"(.*_)?joint7")
 
 
 def read_bag(source: Source, topic: str = "", arm_id: str = "") -> tuple[ArmLog, str]:
-    """The log, and the topic that it is from.
+    """Read the log of an arm from a bag; return it and its topic.
 
     Args:
-        source: the bag.
-        topic: empty: the control log if there is one, else the one with most messages, `*_desired` left out.
-        arm_id: prefix of the joints; empty: that of the only arm; Franka states, which name no joints, are of a Panda
-            then.
+        source: bag or run.
+        topic: topic of the log; empty: the control log, else the one with most messages, `*_desired` last.
+        arm_id: prefix of the joints; empty: that of the only arm, and panda for Franka states, which name no joints.
 
     Raises:
-        HricError: no such topic or joints; lists those that are there.
+        HricError: no such topic or joints; lists those in the bag.
     """
     with recording.open_reader(source) as reader:
         kinds = {name: str(info.msgtype) for name, info in reader.topics.items() if info.msgtype in TYPES}
@@ -68,7 +67,7 @@ def read_bag(source: Source, topic: str = "", arm_id: str = "") -> tuple[ArmLog,
 
 
 def _arms(data: Table, kind: str, arm_id: str) -> list[str]:
-    """Arms of which the data has everything."""
+    """Return the arms for which the data has position, velocity and torque of all joints."""
     if kind == FRANKA_TYPE:
         return [arm_id or "panda"]
     fields = [data.below(field) for field in FIELDS[kind]]
@@ -86,7 +85,7 @@ def _log(data: Table, arm: str, fields: Sequence[str]) -> ArmLog:
     names = _names(arm)
     labels = [str(i) for i in range(JOINTS)] if fields[0] == "q" else names
     arrays = [_matrix(data.below(field), labels) for field in fields]
-    # A message of somebody else on the same topic, such as the gripper's joint states, has nothing of the arm.
+    # Messages of another node on the topic, such as the gripper's joint states, have no values of the arm.
     own = ~np.isnan(np.hstack(arrays)).all(axis=1)
     columns = ("stamp", *(f"{field}.{label}" for field in fields for label in labels))
     row = "cycle" if data.type_name == LOG_TYPE else "message"

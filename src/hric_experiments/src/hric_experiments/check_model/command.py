@@ -1,4 +1,4 @@
-"""Command line: check_model."""
+"""Command line of check_model."""
 
 import argparse
 import functools
@@ -67,7 +67,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_log(add: Callable[..., Any]) -> None:
-    """What is compared: the log, and the arm that made it."""
+    """Add the options that select the log and describe the arm."""
     add(
         "log",
         nargs="?",
@@ -114,7 +114,7 @@ def _add_log(add: Callable[..., Any]) -> None:
 
 
 def _add_results(add: Callable[..., Any]) -> None:
-    """What is computed, and where it goes."""
+    """Add the options for the computation and its output."""
     add(
         "--cutoff",
         type=_positive,
@@ -147,7 +147,7 @@ def _add_results(add: Callable[..., Any]) -> None:
 
 
 def _is_negative(text: str) -> bool:
-    """Whether a word is a negative number: argparse takes -1e-3 for an option, unless a space precedes it."""
+    """Return True for a negative number: argparse takes -1e-3 for an option unless a space precedes it."""
     try:
         return text.startswith("-") and float(text) <= 0.0
     except ValueError:
@@ -172,7 +172,7 @@ def _write(
     fits: list[JointFriction],
     text: str,
 ) -> None:
-    """Report, figures and fitted friction."""
+    """Write report, figures and fitted friction."""
     folder = (given.out or source.folder).expanduser().absolute()
     files.make_folder(folder)
     if fits:
@@ -183,7 +183,7 @@ def _write(
         print(f"friction: {path}")
     files.write_text(folder / "summary.txt", text)
     if not given.no_figures:
-        from hric_experiments.check_model import figures  # slow to load
+        from hric_experiments.check_model import figures  # slow to import
 
         figures.draw_all(folder, check, friction, fits, source.name)
     print(f"{'summary' if given.no_figures else 'figures'}: {folder}")

@@ -1,5 +1,4 @@
-"""A log from a CSV file: time, positions, velocities and torques of seven joints, in any order, by names that are usual
-or given."""
+"""Log of an arm from a CSV file: time, positions, velocities and torques of seven joints, by the column names."""
 
 import csv
 import re
@@ -17,8 +16,8 @@ STEMS = {
     "dq": ("dq", "qd", "qdot", "velocity", "vel", "joint_velocity"),
     "tau": ("tau_j", "tau", "effort", "torque", "joint_torque"),
 }
-"""What comes before the joint's number or name, the best first; capitals do not count, and `field.` of `rostopic echo
--p` may precede it."""
+"""Column names without number or name of the joint, the preferred one first; case is ignored, and `field.` of
+`rostopic echo -p` may precede them."""
 MEANINGS = {
     "t": "time [s]",
     "q": "joint positions [rad]",
@@ -29,10 +28,10 @@ USUAL = "t, q1 to q7, dq1 to dq7, tau1 to tau7"
 
 
 def parse_columns(given: Sequence[str]) -> dict[str, str]:
-    """Names of columns from `KEY=NAME` of the command line, by key.
+    """Parse `KEY=NAME` arguments of the command line; return the names of columns by key.
 
     Raises:
-        LogError: not of that form, or a key that does not exist.
+        LogError: an argument has another form or an unknown key.
     """
     found = {}
     for text in given:
@@ -47,15 +46,15 @@ def parse_columns(given: Sequence[str]) -> dict[str, str]:
 
 
 def read_csv(path: Path, joint_names: Sequence[str], given: Mapping[str, str]) -> ArmLog:
-    """Read a file with a header. Separated by commas, semicolons, tabs or spaces; lines that begin with # are left out.
+    """Read a CSV file with a header, separated by commas, semicolons, tabs or spaces; lines with # are skipped.
 
     Args:
-        path: the file.
-        joint_names: of joints 1 to 7.
-        given: see `parse_columns`.
+        path: CSV file.
+        joint_names: names of joints 1 to 7.
+        given: result of `parse_columns`.
 
     Raises:
-        LogError: it cannot be read, columns are missing, or a cell is not a number.
+        LogError: the file cannot be read, columns are missing, or a cell is not a number.
     """
     try:
         text = path.read_text(encoding="utf-8-sig")
@@ -74,8 +73,7 @@ def read_csv(path: Path, joint_names: Sequence[str], given: Mapping[str, str]) -
 
 
 def _header(lines: list[tuple[int, str]], name: str) -> tuple[str, list[tuple[int, str]]]:
-    """The header and the lines of data: the header is the first line, or a comment right before the numbers, as numpy
-    writes it."""
+    """Return header and data lines; the header is the first line, or the last comment before the data as in numpy."""
     comments = [line for _, line in lines if line.startswith("#")]
     data = [(number, line) for number, line in lines if not line.startswith("#")]
     if data and not _is_data(data[0][1]):
@@ -98,7 +96,7 @@ def _cells(line: str, delimiter: str | None) -> list[str]:
 
 
 def _columns(names: Sequence[str], given: Mapping[str, str], file: str) -> list[str]:
-    """Names of the columns of time, positions, velocities and torques, 22."""
+    """Return the names of the 22 columns of time, positions, velocities and torques."""
     found = [_named(given["t"], names, 1, file) if "t" in given else _time(names, file)]
     for key in STEMS:
         found.append(_named(given[key], names, JOINTS, file) if key in given else _joints(key, names, file))
@@ -137,7 +135,7 @@ def _time(names: Sequence[str], file: str) -> list[str]:
 
 
 def _joints(key: str, names: Sequence[str], file: str) -> list[str]:
-    """The seven columns of a quantity: numbered from 1 or from 0, or ending with the joints' names."""
+    """Return the seven columns of a quantity: numbered from 1 or 0, or ending with the joints' names."""
     for stem in STEMS[key]:
         pattern = re.compile(rf"{stem}s?[._ ]?[\[(]?(?:\w*joint)?_?(\d+)[\])]?")
         numbered = {int(match[1]): name for name in reversed(names) if (match := pattern.fullmatch(_plain(name)))}

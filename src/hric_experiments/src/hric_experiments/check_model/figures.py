@@ -1,4 +1,4 @@
-"""Figures of a check: measured and modelled torque, what is left, and that over the velocity, where friction shows."""
+"""Figures of a model check: measured and modelled torque, their residual, and friction over velocity."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,7 +12,7 @@ from hric_report import drawing
 from hric_report.figure import Curve, Figure, per_joint
 
 POINTS, LINE_POINTS = 6000, 300
-"""Of a curve over time at most; of a friction law."""
+"""Maximum number of points of a curve over time, and number of points of a friction law."""
 
 
 def draw_all(
@@ -21,14 +21,14 @@ def draw_all(
     """Draw all figures into a folder.
 
     Args:
-        folder: where the PNG and SVG files go.
-        check: the log against the model.
-        friction: of the model; None: none.
+        folder: target folder of the PNG and SVG files.
+        check: comparison of log and model.
+        friction: friction of the model; None: none.
         fits: fitted friction; empty: none was fitted.
-        title: name of the log, in the captions.
+        title: name of the log, for the captions.
 
     Returns:
-        The files.
+        The PNG files.
     """
     part = slice(None, None, -(-len(check.time) // POINTS))
     time, unit, names = check.time[part], "torque [N m]", check.joint_names

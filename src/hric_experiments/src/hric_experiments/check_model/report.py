@@ -1,4 +1,4 @@
-"""The result as text."""
+"""Text of the result of a model check."""
 
 from collections.abc import Sequence
 
@@ -15,7 +15,7 @@ EXPECTED = (
 
 
 def render(check: ModelCheck, about: Sequence[str]) -> str:
-    """Residuals per joint and their sum; about: lines above the table."""
+    """Return the table of residuals per joint and their sum, below the lines `about`."""
     residual = check.residual
     cells = [["joint", "|dq| max", "|tau| max", "residual RMS", "residual max"], ["", "rad/s", "N m", "N m", "N m"]]
     largest = [np.abs(values).max(axis=0) for values in (check.velocity, check.measured, residual)]
@@ -28,7 +28,7 @@ def render(check: ModelCheck, about: Sequence[str]) -> str:
 
 
 def render_fit(fits: Sequence[JointFriction]) -> str:
-    """Fitted friction with standard deviations."""
+    """Return the table of fitted friction with standard deviations."""
     cells = [
         ["joint", "phi1", "+-", "phi2", "+-", "phi3", "+-", "breakaway", "residual RMS"],
         ["", "N m", "", "s/rad", "", "rad/s", "", "N m", "N m"],

@@ -1,5 +1,4 @@
-"""What a check compares: the log, the model of the arm that made it, and its friction, by the arguments of the command
-and the run."""
+"""Inputs of a model check from the arguments and the run: the log, the model of its arm, and the friction."""
 
 import argparse
 from collections.abc import Callable, Sequence
@@ -20,20 +19,21 @@ from hric_experiments.check_model import csv_log
 FRICTIONS = ("none", "identified")
 PANDA = "panda"
 CLEARLY = 0.7
-"""Share of the residual that the other model has at most, to be the right one (project default, unconfirmed)."""
+"""Residual of the other model relative to that of this one below which the other is taken as right [1] (project
+default, unconfirmed)."""
 
 
 @dataclass(frozen=True)
 class Source:
-    """A log and what is known of it.
+    """Log of an arm with its origin.
 
     Attributes:
         log: the log.
-        name: of the file or run.
-        folder: where results go by default.
-        urdf: of the robot that ran; empty: not known.
-        friction: that acted, of a simulated run; "identified" of anything else.
-        simulated: values of that friction; None: none, or the published ones.
+        name: name of the file or run.
+        folder: default folder of the results.
+        urdf: description of the robot in the run; empty: not known.
+        friction: friction that acted in a simulated run; "identified" for any other log.
+        simulated: parameters of this friction; None: no friction, or the published values.
     """
 
     log: ArmLog
@@ -45,10 +45,10 @@ class Source:
 
 
 def find(given: argparse.Namespace) -> Source:
-    """The log that is meant: a CSV file, a bag, a run folder or its name.
+    """Find and read the log that the arguments name: a CSV file, a bag, a run folder or its name.
 
     Raises:
-        HricError: it is not there, or holds no such log.
+        HricError: it does not exist, or has no log of an arm.
     """
     path = Path(given.log).expanduser()
     if path.suffix in (".bag", ".active") or path.is_dir() or not (path.is_file() or path.suffix):
@@ -82,10 +82,10 @@ def _from_bag(given: argparse.Namespace) -> Source:
 
 
 def model(given: argparse.Namespace, source: Source) -> tuple[KdlFrankaModel, str, str]:
-    """The model with its payload, its description, and what to call it.
+    """Return the model with its payload, its description, and its name.
 
     Raises:
-        HricError: a description or a payload that cannot be used.
+        HricError: the description or the payload cannot be used.
     """
     arm_id = source.log.joint_names[0].removesuffix("joint1").rstrip("_")
     text, name, gravity_base = _description(given, source, arm_id)
@@ -98,7 +98,7 @@ def model(given: argparse.Namespace, source: Source) -> tuple[KdlFrankaModel, st
 
 
 def _description(given: argparse.Namespace, source: Source, arm_id: str) -> tuple[str, str, Sequence[float] | None]:
-    """URDF, what to call it, and gravity in the base where the URDF does not have its mounting [m/s^2]."""
+    """Return the URDF, its name, and gravity in the base if the URDF lacks the mounting of the run [m/s^2]."""
     own = given.inertials is not None or given.hand is not None
     if given.urdf is not None:
         if own:
@@ -114,7 +114,7 @@ def _description(given: argparse.Namespace, source: Source, arm_id: str) -> tupl
 
 
 def _has_hand(source: Source, arm_id: str) -> bool:
-    """Return True if the run's robot has the hand, or nothing is known of the robot."""
+    """Return True if the robot of the run has the hand, or if the robot is unknown."""
     return not source.urdf or f'"{arm_id}_hand"' in source.urdf
 
 
@@ -123,8 +123,8 @@ class HandTrial:
     """Outcome of a trial of the model with and without the hand.
 
     Attributes:
-        given: arguments of the model to take.
-        lines: what to say of it.
+        given: arguments of the model to use.
+        lines: lines for the report.
     """
 
     given: argparse.Namespace
@@ -132,11 +132,14 @@ class HandTrial:
 
 
 def try_hand(given: argparse.Namespace, source: Source, coarse_rms: Callable[[KdlFrankaModel], float]) -> HandTrial:
-    """Try the model with and without the hand where the arguments do not say which: take the one that fits a log of an
-    unknown arm, and warn where the other one fits better than the run's robot.
+    """Compare the model with and without the hand if the arguments do not select one.
+
+    For an unknown arm the better model is used; for the robot of a run a warning says if the other model fits better.
 
     Args:
-        coarse_rms: gives the residual of a model [N m].
+        given: arguments of the command.
+        source: log with its origin.
+        coarse_rms: function that returns the residual of a model [N m].
     """
     if given.hand is not None or given.urdf is not None:
         return HandTrial(given)
@@ -153,7 +156,7 @@ def try_hand(given: argparse.Namespace, source: Source, coarse_rms: Callable[[Kd
 
 
 def _loaded(made: KdlFrankaModel, load: Sequence[float] | None) -> str:
-    """Give the model its payload. Returns its description."""
+    """Set the payload of the model; return its description, "" without a payload."""
     if load is None:
         return ""
     if len(load) not in (4, 10):
@@ -164,23 +167,23 @@ def _loaded(made: KdlFrankaModel, load: Sequence[float] | None) -> str:
 
 
 def ranges(text: str, joint_names: Sequence[str]) -> tuple[list[float], list[float]]:
-    """Lower and upper end of each joint's range [rad]; text: the description."""
+    """Return the lower and upper position limits of the joints [rad]; text: the description."""
     described = read(text).joints
     joints = [described[name] for name in joint_names]
     return [joint.lower for joint in joints], [joint.upper for joint in joints]
 
 
 def published() -> list[Phi]:
-    """phi1 [N m], phi2 [s/rad], phi3 [rad/s] of joints 1 to 7 of the Panda, as they were published."""
+    """Return the published friction parameters phi1 [N m], phi2 [s/rad], phi3 [rad/s] of the Panda's joints 1 to 7."""
     values = panda_description.friction_parameters(PANDA)
     return sigmoid_parameters(values, list(values))
 
 
 def friction(given: argparse.Namespace, source: Source) -> tuple[list[Phi] | None, list[float], str]:
-    """Sigmoid of each joint (None: none), its breakaway [N m], and what to call this friction.
+    """Return the friction sigmoid of each joint (None: no friction), the breakaway torques [N m], and a name.
 
     Raises:
-        HricError: a file that cannot be used.
+        HricError: the friction file cannot be used.
     """
     chosen = given.friction or source.friction
     if chosen == "none":

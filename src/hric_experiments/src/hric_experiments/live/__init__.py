@@ -1,1 +1,1 @@
-"""The nodes of a live experiment."""
+"""Nodes of a live experiment."""

@@ -1,5 +1,4 @@
-"""The experiment node: waits for controllers and recorder, sends the setpoints in robot time, ends the recording,
-reports."""
+"""Experiment node: waits for controllers and recorder, sends the setpoints, ends the recording, writes the report."""
 
 import contextlib
 import threading
@@ -31,27 +30,26 @@ from hric_run.definition import overrides, parameters
 from hric_run.definition.experiment import Experiment
 
 POLL = 0.01
-"""Between two looks at the clock [s of wall time]."""
+"""Polling period of the clock [s of wall time]."""
 RECORDER_GRACE = 5.0
-"""The recorder looks for new topics twice a second; the experiment waits no longer for its subscriptions [s of wall
-time]."""
+"""Maximum wait for the subscriptions of the recorder, which looks for new topics twice a second [s of wall time]."""
 SENSORS_GRACE = 20.0
-"""The same where every sample is to be recorded [s of wall time]."""
+"""Maximum wait for the subscriptions of the recorder if every sample must be recorded [s of wall time]."""
 
 
 ROBOT_TIMEOUT = 2.0
-"""Longest wait for the list of controllers [s of wall time]; project default, unconfirmed."""
+"""Maximum wait for the list of controllers [s of wall time]; project default, unconfirmed."""
 RECORDER_TIMEOUT = 120.0
-"""Longest wait for the recorder to close its bag [s of wall time]: one of gigabytes on a slow disk."""
+"""Maximum wait for the recorder to close its bag, such as gigabytes on a slow disk [s of wall time]."""
 
 
 class NotReady(FailureError):
-    """The system did not become ready in time."""
+    """Error: the system did not become ready in time."""
 
 
 @dataclass(frozen=True)
 class ExperimentSettings(Settings):
-    """Parameters of the node."""
+    """Parameters of the experiment node."""
 
     experiment: str = text(empty=False, text="experiment to run")
     overrides: str = text("", figures=True, text="overrides of the experiment")
@@ -64,7 +62,7 @@ class ExperimentSettings(Settings):
 
 
 class LiveExperiment:
-    """Runs one experiment against the robot in this node's namespace."""
+    """Live run of one experiment with the robot in this node's namespace."""
 
     def __init__(self) -> None:
         self._settings = settings = ExperimentSettings.read(RosNode("~"))
@@ -83,10 +81,10 @@ class LiveExperiment:
         self._recorder, self._folder = message._connection_header["callerid"], message.data
 
     def run(self) -> str:
-        """The whole experiment. Returns the report, empty when nothing was recorded.
+        """Run the complete experiment; return the report, empty without a recording.
 
         Raises:
-            HricError: not ready in time, the robot went away, or the bag cannot be used.
+            HricError: the system is not ready in time, the robot stops responding, or the bag cannot be used.
         """
         if self._settings.record and (lacking := unknown_beforehand(self.experiment.human)):
             rospy.loginfo("%s", lacking)
@@ -105,7 +103,7 @@ class LiveExperiment:
         return self._report(folder)
 
     def _report(self, folder: RunFolder) -> str:
-        # Loaded here, since at the start the robot waits for the processors that this would take.
+        # Imported here, since an import at the start would take processor time from the robot.
         from hric_report import html as report_html
         from hric_report import run as analysis
 
@@ -151,7 +149,7 @@ class LiveExperiment:
         self._wait(lambda: [] if self._folder else [RECORDING_TOPIC], "no recorder: nothing on {}")
 
     def _wait_subscribed(self) -> None:
-        """The move begins when the recorder receives all that the robot publishes, and the setpoints."""
+        """Wait until the recorder has subscribed to all topics of robot and sensors, and to the setpoints."""
         recorder, robot = self._recorder, rospy.resolve_name("robot")
         others = {*(self._human.nodes() if self._human is not None else []), *self._sensors.nodes()}
         commands = {publisher.resolved_name for publisher in self._publishers.values()}
@@ -188,8 +186,7 @@ class LiveExperiment:
         return [name for name in self.experiment.controllers if name not in running]
 
     def _send(self) -> tuple[list[float], float]:
-        """Send the setpoints at their times and wait for the end. Returns begin and end [s of robot time], and the
-        real-time factor."""
+        """Send the setpoints at their times; return begin and end [s of robot time], and the real-time factor."""
         if self._human is not None:
             self._human.start()
         if self.experiment.human is not None:
@@ -211,7 +208,7 @@ class LiveExperiment:
             raise FailureError(f"the human does not begin: {response.message}")
 
     def _sleep_until(self, when: float) -> None:
-        """Wait until robot time `when`; a paused simulation pauses the experiment, a robot that went away ends it."""
+        """Wait until robot time `when`; a paused simulation pauses the wait, a robot that does not respond ends it."""
         last = (rospy.get_time(), time.monotonic())
         while (now := rospy.get_time()) < when:
             if now != last[0]:
@@ -236,8 +233,8 @@ def _call(service: str, kind: Any, timeout: float) -> Any:
     """Call a service without arguments.
 
     Raises:
-        TimeoutError: no response after `timeout` [s of wall time]; a process that was stopped (SIGSTOP) takes the call
-            and never responds.
+        TimeoutError: no response after `timeout` [s of wall time]; a stopped process (SIGSTOP) accepts the call and
+            never responds.
     """
     result: Future[Any] = Future()
 
@@ -257,7 +254,7 @@ def _call(service: str, kind: Any, timeout: float) -> Any:
 
 
 def run() -> None:
-    """Run the experiment that the parameters name and print the report."""
+    """Run the experiment that the private parameters select, and print the report."""
     report = LiveExperiment().run()
     if report:
         print(f"\n{report}", flush=True)

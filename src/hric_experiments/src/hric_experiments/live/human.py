@@ -1,5 +1,4 @@
-"""The motion capture of a live experiment: waits until it sees the body, then lets the emulated human begin, if there
-is one."""
+"""Motion capture of a live experiment: waits until it tracks the body, then starts the emulated human, if any."""
 
 from typing import Any
 
@@ -14,10 +13,10 @@ from hric_run.definition.parameters import EMULATED_HUMAN, MOCAP_CLIENT
 
 
 class LiveHuman:
-    """What an experiment with a section `mocap` waits for and starts.
+    """Motion capture and emulated human of an experiment with a section `mocap`.
 
     Args:
-        body: of the section.
+        body: name of the tracked body.
     """
 
     def __init__(self, body: str) -> None:
@@ -30,7 +29,7 @@ class LiveHuman:
         self._tracked = any(body.name == self._body and body.tracking_valid for body in message.rigid_bodies)
 
     def missing(self) -> list[str]:
-        """What is not there yet: frames, or the body in them."""
+        """Return what is missing: frames of the motion capture, or the body in them; empty: ready."""
         if self._tracked:
             if self._subscriber is not None:
                 self._subscriber.unregister()
@@ -41,16 +40,16 @@ class LiveHuman:
         return [f"{self._topic} does not track {self._body}; it has {self._bodies}"]
 
     def nodes(self) -> list[str]:
-        """Names of the motion capture's nodes that run."""
+        """Return the names of the running nodes of the motion capture."""
         published = rosgraph.Master(rospy.get_name()).getSystemState()[0]
         own = {rospy.resolve_name(name) for name in (MOCAP_CLIENT, EMULATED_HUMAN)}
         return sorted(own & {node for _, nodes in published for node in nodes})
 
     def start(self) -> None:
-        """Let the emulated human begin, if there is one.
+        """Start the emulated human, if there is one.
 
         Raises:
-            HricError: he refuses.
+            HricError: the service does not respond or refuses.
         """
         service = self._service()
         if not service:
@@ -65,7 +64,7 @@ class LiveHuman:
         rospy.loginfo("%s", response.message)
 
     def _service(self) -> str:
-        """Name of the service that starts him, in this namespace; "": none."""
+        """Return the name of the service that starts the emulated human in this namespace; "": none."""
         name: str = rospy.resolve_name(f"{EMULATED_HUMAN}/start")
         try:
             rosgraph.Master(rospy.get_name()).lookupService(name)

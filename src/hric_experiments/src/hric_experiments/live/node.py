@@ -1,4 +1,4 @@
-"""What the nodes of this package share: how they start, and how they end."""
+"""Start and end of the nodes of this package."""
 
 import os
 import signal
@@ -17,14 +17,14 @@ from hric_core.ros import RosNode
 from hric_core.ros.process import check_words, refuse_unread, shut_down
 
 MASTER_TIMEOUT = 30.0
-"""How long to wait for a master [s]."""
+"""Maximum wait for a ROS master [s]."""
 
 
 _stop = threading.Event()
 
 
 class Interrupted(BaseException):
-    """Ctrl-C or SIGTERM, raised in the main thread wherever it waits or computes."""
+    """Ctrl-C or SIGTERM, raised in the main thread while it waits or computes."""
 
 
 def main(
@@ -33,15 +33,15 @@ def main(
     """Run a node.
 
     Args:
-        name: its default name.
-        text: for --help.
-        work: what it does; may return, raise HricError for a failure that a user can understand, and is left at once on
-            Ctrl-C.
-        known: parameters that it reads.
-        interrupted: exit code after Ctrl-C; 0 for a node that ends in no other way.
+        name: default name of the node.
+        text: description for --help.
+        work: function that does the work; it may return or raise HricError for a user-level failure, and Ctrl-C
+            interrupts it at once.
+        known: parameters that the node reads.
+        interrupted: exit code after Ctrl-C; 0 for a node that only ends this way.
 
     Returns:
-        exit code: 0 done, else that of the HricError.
+        The exit code: 0 if the work is done, else that of the HricError.
     """
     check_words(name, f"{text} Parameters: INTERFACE.md of hric_experiments.", known)
     _on_signals(_interrupt)
@@ -62,10 +62,10 @@ def main(
 
 
 def wait_for_master(timeout: float = MASTER_TIMEOUT) -> None:
-    """Wait until a master responds.
+    """Wait until a ROS master responds.
 
     Raises:
-        FailureError: none does.
+        FailureError: no master responds within `timeout` [s].
     """
     deadline = time.monotonic() + timeout
     while not rosgraph.is_master_online():
@@ -78,7 +78,7 @@ def sleep(seconds: float) -> None:
     """Wait [s of wall time].
 
     Raises:
-        Interrupted: a signal came, now or earlier.
+        Interrupted: a signal was received, now or earlier.
     """
     if not _stop.is_set():
         time.sleep(seconds)
@@ -87,13 +87,13 @@ def sleep(seconds: float) -> None:
 
 
 def interrupted() -> bool:
-    """Whether a signal came: for waits of other threads, in which it cannot be raised."""
+    """Return True if a signal was received; for waits in other threads, in which it cannot be raised."""
     return _stop.is_set()
 
 
 def _interrupt(*_: Any) -> None:
-    # The first signal alone raises: what is being closed is not to be left half done. rospy has places that catch
-    # everything, hence the flag too.
+    # Only the first signal raises, so that closing is not interrupted. rospy catches all exceptions in places, hence
+    # the flag, too.
     first = not _stop.is_set()
     _stop.set()
     if first:

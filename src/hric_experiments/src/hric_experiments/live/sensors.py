@@ -1,5 +1,4 @@
-"""The sources of a live experiment beside the robot: waits until all of them publish, and at the end until the last
-samples have come."""
+"""Sensors of a live experiment: waits until all publish, and at the end until the last samples have arrived."""
 
 import struct
 import threading
@@ -15,23 +14,23 @@ from hric_perception.sent import TOPIC as SENT
 from hric_run.definition.experiment import Experiment
 
 _STAMP = struct.Struct("<xxxxII")
-"""Of the header that each of these messages begins with."""
+"""Format of sequence number and stamp in the header at the start of each message."""
 DRAIN = 1.0
-"""What was measured until the end has come when the stamps are so much later: longer than anything is on its way [s of
+"""Time by which stamps must exceed the end so that all samples before it have arrived, longer than any latency [s of
 robot time] (project default, unconfirmed)."""
 DRAIN_TIMEOUT, POLL = 30.0, 0.05
-"""[s of wall time]"""
+"""Maximum wait for the last samples, and polling period [s of wall time]."""
 
 
 class LiveSensors:
-    """All topics whose samples are counted: motion capture, EMG, force plate, synchronised samples.
+    """Topics whose samples are counted: motion capture, EMG, force plate, synchronised samples.
 
     Args:
-        experiment: whose sections say which.
+        experiment: experiment with the sections of the sensors.
 
     Attributes:
-        topics: of all of them.
-        sampled: whether there is more than a motion capture.
+        topics: names of all topics.
+        sampled: True if there are other sources than motion capture.
     """
 
     def __init__(self, experiment: Experiment) -> None:
@@ -45,19 +44,19 @@ class LiveSensors:
         self._listen()
 
     def missing(self) -> list[str]:
-        """Topics on which nothing has come yet; each is listened to until then only."""
+        """Return messages on topics without data so far; unsubscribe from the others."""
         for topic in [topic for topic in self._subscribers if self._stamp(topic) is not None]:
             self._subscribers.pop(topic).unregister()
         return [f"nothing on {topic}" for topic in self._subscribers]
 
     def nodes(self) -> list[str]:
-        """Names of the nodes that publish them, or counts of what was sent."""
+        """Return the names of the nodes that publish the topics or the counts of sent samples."""
         counted = {*self.topics, rospy.resolve_name(SENT)} if self.topics else set()
         published = rosgraph.Master(rospy.get_name()).getSystemState()[0]
         return sorted({node for topic, nodes in published if topic in counted for node in nodes})
 
     def drain(self, end: float) -> list[str]:
-        """Wait until all that was measured up to a time [s] has come. Returns the topics on which it has not."""
+        """Wait until all samples up to the time `end` [s] have arrived; return the topics that lack some."""
         with self._lock:
             self._stamps.clear()
         self._listen()

@@ -1,4 +1,4 @@
-"""The spawner node: puts the experiment's parameters on the server, loads its controllers and starts them together."""
+"""Spawner node: sets the parameters of an experiment, loads its controllers and starts them together."""
 
 import time
 from dataclasses import dataclass
@@ -18,17 +18,16 @@ from hric_run.definition import overrides, parameters
 from hric_run.definition.experiment import Experiment
 
 READY_TIMEOUT = 60.0
-"""How long the robot may take to offer its manager [s of wall time]."""
+"""Maximum wait for the controller manager of the robot [s of wall time]."""
 MANAGER = "controller_manager"
 
 
 class SpawnError(FailureError):
-    """The controllers could not be started; the robot's log has the reason."""
+    """Error: the controllers could not be started; the robot's log has the reason."""
 
 
 def configure(definition: Experiment) -> None:
-    """Overlay the controllers' parameters on the server with the experiment's; an instance that is not there yet is put
-    there."""
+    """Overlay the controllers' parameters on the parameter server with the experiment's; add missing controllers."""
     configured = parameters.controllers(definition)
     for name in definition.controllers:
         present = rospy.get_param(name, None)
@@ -37,7 +36,7 @@ def configure(definition: Experiment) -> None:
 
 
 def start(definition: Experiment, timeout: float = READY_TIMEOUT) -> None:
-    """Load what is not loaded and start all in one switch.
+    """Load the controllers that are not loaded and start all of them in one switch.
 
     Raises:
         SpawnError: the manager does not respond, or refuses.
@@ -55,7 +54,7 @@ def start(definition: Experiment, timeout: float = READY_TIMEOUT) -> None:
 
 
 def _set_load(definition: Experiment) -> None:
-    """Set the payload of the experiment, which an arm takes only while nothing moves it."""
+    """Set the payload of the experiment, which an arm accepts only while no controller moves it."""
     request = parameters.load_request(definition.robot)
     if request is None:
         return
@@ -68,7 +67,7 @@ def _set_load(definition: Experiment) -> None:
 
 
 def load_others(definition: Experiment) -> None:
-    """Load the other configured instances, so that a switch to one of them takes one call.
+    """Load the other configured controllers, so that a switch to one of them takes one call.
 
     Raises:
         SpawnError: the manager refuses.
@@ -102,14 +101,14 @@ def _call(service: str, service_type: type, **request: Any) -> Any:
 
 @dataclass(frozen=True)
 class SpawnerSettings(Settings):
-    """Parameters of the node."""
+    """Parameters of the spawner node."""
 
     experiment: str = text("", default_text="none", text="whose controllers are started")
     overrides: str = text("", figures=True, text="overrides of the experiment")
 
 
 def run() -> None:
-    """Read the private parameters experiment and overrides, start the controllers, stay until the shutdown."""
+    """Start the controllers of the experiment in the private parameters, then wait for the shutdown."""
     settings = SpawnerSettings.read(RosNode("~"))
     definition = experiments.load(settings.experiment or experiments.NONE, overrides.separate(settings.overrides))
     configure(definition)

@@ -1,5 +1,4 @@
-"""Subscriptions on the ROS graph: what a recorder must be connected to before a move begins, or before another recorder
-follows it."""
+"""Subscriptions in the ROS graph that a recorder needs before a motion starts or before another recorder takes over."""
 
 import http.client
 import re
@@ -11,25 +10,27 @@ import rosgraph
 import rospy
 
 NODE_TIMEOUT = 1.0
-"""Longest wait for the connections of a node [s]."""
+"""Maximum wait for the list of connections of a node [s]."""
 
 
 def subscribed(node: str, topics: set[str]) -> bool:
-    """Whether the master knows `node` as a subscriber of each topic."""
+    """Return True if the master lists `node` as a subscriber of each topic."""
     return topics <= _topics_of(node, subscribers=True)
 
 
 def unrecorded(recorder: str, robot: str) -> set[str]:
-    """Topics of the robot node that are to be recorded and to which the recorder has not subscribed yet: it looks for
-    new ones twice a second.
+    """Return the topics of the robot node to which the recorder still has to subscribe.
+
+    The recorder looks for new topics twice a second.
 
     Args:
-        recorder, robot: absolute names of the two nodes.
+        recorder: absolute name of the recorder node.
+        robot: absolute name of the robot node.
     """
     chosen = {rospy.resolve_name(str(topic)) for topic in rospy.get_param(f"{recorder}/topics", [])}
     excluded = str(rospy.get_param(f"{recorder}/exclude", ""))
     published = _topics_of(robot, subscribers=False)
-    # As the recorder takes the expression: it must fit the whole name.
+    # As in the recorder, the expression must match the complete name.
     published = (
         published & chosen
         if chosen
@@ -39,9 +40,9 @@ def unrecorded(recorder: str, robot: str) -> set[str]:
 
 
 def unconnected(new: str, old: str) -> set[str]:
-    """Topics that some node sends to the listener `old` and not to the listener `new`.
+    """Return the topics that some node sends to the subscriber `old`, but not to the subscriber `new`.
 
-    By the connections of the publishers: what one of them sends from now on reaches the listeners that it names.
+    The connections of the publishers decide: later messages of a publisher reach the subscribers that it lists.
     """
     publishers = rosgraph.Master(rospy.get_name()).getSystemState()[0]
     missing: set[str] = set()
@@ -52,7 +53,7 @@ def unconnected(new: str, old: str) -> set[str]:
 
 
 def recorder_node(recorder: str) -> str:
-    """Name of the node that writes the bag of a recorder node."""
+    """Return the name of the node that writes the bag of a recorder node."""
     return f"{recorder}_bag"
 
 
@@ -62,8 +63,10 @@ def _topics_of(node: str, subscribers: bool) -> set[str]:
 
 
 def _connections(node: str) -> set[tuple[str, str]]:
-    """(topic, listener) of each connection that a publisher has; the master alone knows only who requests one. Empty:
-    it does not respond."""
+    """Return (topic, subscriber) of each connection of a publisher; empty: it does not respond.
+
+    The master knows only the requested connections.
+    """
     try:
         address = rosgraph.Master(rospy.get_name()).lookupNode(node)
         response: Any = xmlrpc.client.ServerProxy(address, transport=_Transport()).getBusInfo(rospy.get_name())

@@ -1,1 +1,1 @@
-"""Recording a live run into a run folder."""
+"""Recorder of a live run into a run folder."""

@@ -1,5 +1,4 @@
-"""The recorder node: records into run folders on request, splits bags, guards the disk, and closes what is open at
-shutdown."""
+"""Recorder node: records into run folders, splits bags, monitors the disk, and closes open bags at shutdown."""
 
 import contextlib
 import queue
@@ -36,23 +35,22 @@ START_SERVICE, STOP_SERVICE, SPLIT_SERVICE = (
     f"hric/experiment/{what}_recording" for what in ("start", "stop", "split")
 )
 FAILURE_PARAM = "hric/experiment/failure"
-"""Parameter in which scripts/bringup says which node ended the run by its end, and how."""
+"""Parameter in which scripts/bringup reports the node whose exit ended the run, and how it exited."""
 SHUTDOWN_TIMEOUT = 100.0
-"""How long closing the bag may take after Ctrl-C [s]; scripts/bringup waits for it and says so."""
+"""Maximum time to close the bag after Ctrl-C [s]; scripts/bringup waits for it."""
 OPEN_TIMEOUT = 20.0
-"""How long the recorder may take to open its bag and to subscribe to what counts [s]."""
+"""Maximum time for the recorder to open its bag, and to subscribe to the required topics [s]."""
 RETRY = 30.0
-"""After a split that did not work the next is tried so much later [s]."""
+"""Time after a failed split until the next attempt [s]."""
 FREE_RUN = "bringup"
-"""Name of a run that is no experiment."""
+"""Name of a run without experiment."""
 
 
 class Recorder:
-    """Recordings one after the other, from the start of the node, a trigger or the start service to the stop service or
-    the shutdown.
+    """Sequence of recordings that start with the node, a trigger or a service, and end by a service or at shutdown.
 
-    All work is done in the thread that calls `work`, services and triggers only request it: the children of a thread
-    end with it. Parameters are read from the node's private namespace.
+    All work is done in the thread that calls `work`, since child processes end with the thread that started them;
+    services and triggers only request it. Parameters are read from the node's private namespace.
     """
 
     def __init__(self) -> None:
@@ -63,7 +61,7 @@ class Recorder:
         self._free = self._definition.name == experiments.NONE
         self._root = runs_root(settings.runs or None)
         if rospy.has_param(FAILURE_PARAM):
-            rospy.delete_param(FAILURE_PARAM)  # that of a bring-up before, on a master that stayed
+            rospy.delete_param(FAILURE_PARAM)  # left by an earlier bring-up on the same master
         self._topics = [rospy.resolve_name(topic) for topic in settings.topics]
         self._node_name = live_topics.recorder_node(rospy.get_name().rpartition("/")[2])
         self._recording: Recording | None = None
@@ -80,14 +78,15 @@ class Recorder:
         self._subscriber = rospy.Subscriber(TRIGGER_TOPIC, Empty, self._on_trigger, queue_size=1)
 
     def begin(self) -> Path:
-        """Make a run folder, start the recorder, wait until it has subscribed to what is published now, and publish
-        the folder on `hric/experiment/recording`.
+        """Start a recording in a new run folder, and publish the folder on `hric/experiment/recording`.
+
+        Waits until the recorder has subscribed to the selected topics or, by default, to the control log.
 
         Returns:
-            the run folder.
+            The run folder.
 
         Raises:
-            HricError: a recording goes on already, the disk is full, or the recorder does not come up.
+            HricError: a recording is running already, the disk is full, or the recorder does not start.
         """
         if self._recording is not None:
             raise RecordError(
@@ -117,10 +116,10 @@ class Recorder:
         return folder.path
 
     def _write_head(self, folder: RunFolder, name: str) -> None:
-        """run.yaml and the description of the robot, of a run with this name."""
+        """Write run.yaml and the robot description of a run with this name."""
         namespace = rospy.get_namespace()
         tree = rospy.get_param(namespace.rstrip("/") or "/", {}) or {}
-        # The description that is nearest to this node; empty: there is none.
+        # The description nearest to the namespace of this node; empty: there is none.
         urdf = str(rospy.get_param(rospy.search_param("robot_description") or "robot_description", ""))
         own = {"subject": self._settings.subject, "notes": provenance.neutral(self._settings.notes)}
         own = {key: value for key, value in own.items() if value}
@@ -143,7 +142,7 @@ class Recorder:
         return live_topics.unconnected(rospy.resolve_name(self._listener(new)), rospy.resolve_name(self._listener(old)))
 
     def _wait_subscribed(self) -> None:
-        """Wait for the topics given, or else the robot's control log: the recording counts as begun with them."""
+        """Wait until the recorder has subscribed to the selected topics, by default to the robot's control log."""
         expected = set(self._topics) or {rospy.resolve_name("control_log")}
         deadline, name = time.monotonic() + OPEN_TIMEOUT, rospy.resolve_name(self._node_name)
         while not _shutting_down() and not live_topics.subscribed(name, expected):
@@ -157,7 +156,7 @@ class Recorder:
         """Record until the shutdown request.
 
         Raises:
-            HricError: the recording that begins with the node does not, or the recorder ended by itself.
+            HricError: the recording at the start of the node failed, or the recorder process exited.
         """
         if self._settings.start == NOW:
             self.begin()
@@ -172,7 +171,7 @@ class Recorder:
             self._do_requests()
 
     def _do_requests(self) -> None:
-        """Do what a service or a trigger requests; wait a moment for it."""
+        """Execute the next request of a service or trigger; wait up to 50 ms for one."""
         try:
             work, result = self._requests.get(timeout=0.05)
         except queue.Empty:
@@ -268,7 +267,12 @@ class Recorder:
         self._request(self._on_start)
 
     def stop(self, status: str, timeout: float = recorder_process.STOP_TIMEOUT, **notes: object) -> Path:
-        """Close the bag and note how the run ended. Returns the bag, or its first part, also when it was closed before.
+        """Close the bag and write the outcome to run.yaml; return the bag or its first part, also if closed before.
+
+        Args:
+            status: status of the run.
+            timeout: maximum time to close the bag [s].
+            notes: further entries of run.yaml, such as the reason or the error.
 
         Raises:
             HricError: there was no recording, or the bag could not be closed.
@@ -278,7 +282,7 @@ class Recorder:
             if self._last is None:
                 raise RecordError(f"nothing is being recorded; valid: {START_SERVICE}")
             return self._last
-        with contextlib.suppress(rospy.ROSException):  # closed already, on a shutdown request of the master
+        with contextlib.suppress(rospy.ROSException):  # already closed by a shutdown request of the master
             self._publisher.publish(String(""))
         try:
             path = self._last = recording.stop(timeout)
@@ -287,12 +291,12 @@ class Recorder:
             recording.fail(f"{notes['error']}; {error}" if "error" in notes else str(error))
             raise
         recording.finish(status, **notes)
-        self._recording = None  # not before: after an interrupt what is still open is closed again
+        self._recording = None  # only now, so that an interrupt before this closes the recording again
         rospy.loginfo("recorded %s%s", path, f" and {recording.parts - 1} more" if recording.parts > 1 else "")
         return path
 
     def close(self) -> None:
-        """At shutdown: an experiment that is still being recorded was interrupted, or failed with a node."""
+        """Close an open recording at shutdown; an experiment then counts as interrupted, or as failed with a node."""
         if self._recording is None:
             return
         if failure := _failure():
@@ -302,7 +306,7 @@ class Recorder:
 
 
 def _failure() -> str:
-    """Return why the run has failed; empty: robot, nodes and master run, or were shut down."""
+    """Return the reason why the run failed; empty: robot, nodes and master are running or were shut down."""
     try:
         return next(filter(None, (str(rospy.get_param(name, "")) for name in _failure_params())), "")
     except (OSError, rosgraph.MasterException):
@@ -310,7 +314,7 @@ def _failure() -> str:
 
 
 def _failure_params() -> tuple[str, str]:
-    """Where the robot writes why it failed, and scripts/bringup which node ended by itself."""
+    """Return the names of the parameters with the failure of the robot and with the node that exited by itself."""
     return f"{rospy.resolve_name('robot')}/failure", rospy.resolve_name(FAILURE_PARAM)
 
 
@@ -319,7 +323,7 @@ def _shutting_down() -> bool:
 
 
 def run() -> None:
-    """Record until the shutdown; the bag is closed whatever happens."""
+    """Record until the shutdown; the bag is closed in any case."""
     recorder = Recorder()
     try:
         recorder.work()
@@ -328,12 +332,12 @@ def run() -> None:
 
 
 PERIOD = 1.0
-"""[s of wall time]."""
+"""Period of the diagnostics [s of wall time]."""
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
 
 class RecorderDiagnostics:
-    """Publishes the status of this node."""
+    """Publisher of the diagnostics of this node."""
 
     def __init__(self) -> None:
         self._publisher = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=10)
@@ -341,7 +345,7 @@ class RecorderDiagnostics:
         self._due = 0.0
 
     def report(self, level: int, text: str, values: Mapping[str, str], now: bool = False) -> None:
-        """Publish when a second has passed, or now."""
+        """Publish the status, at most once per PERIOD unless `now` is set."""
         if not now and time.monotonic() < self._due:
             return
         self._due = time.monotonic() + PERIOD

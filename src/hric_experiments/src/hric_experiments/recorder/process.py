@@ -1,4 +1,4 @@
-"""The program `bag_recorder` as a child process: started, watched, and ended so that its bag is whole."""
+"""Child process `bag_recorder`: start, monitoring, and an end that leaves a complete bag."""
 
 import os
 import signal
@@ -11,19 +11,19 @@ from hric_core.errors import FailureError
 from hric_core.processes import describe_exit, start_dependent
 
 STOP_TIMEOUT = 10.0
-"""How long the recorder may take to write what it holds and the index [s]."""
+"""Maximum time for the recorder to write its buffer and the index [s]."""
 _POLL = 0.02
 
 
 class RecordError(FailureError):
-    """The recording cannot start, ended by itself, or did not end in time."""
+    """Error: the recording cannot start, ended by itself, or did not end in time."""
 
 
 def find_recorder() -> str:
-    """Path of the program that records.
+    """Return the path of the program `bag_recorder`.
 
     Raises:
-        RecordError: it is not built.
+        RecordError: it has not been built.
     """
     import roslib.packages
 
@@ -34,58 +34,62 @@ def find_recorder() -> str:
 
 
 def arguments(bag: Path, topics: Sequence[str], exclude: str, node_name: str) -> list[str]:
-    """Command line of the recorder.
+    """Return the command-line arguments of the recorder.
 
     Args:
         bag: final path of the bag.
-        topics: what to record; empty: everything, also what appears later.
+        topics: topics to record; empty: all, including topics that appear later.
         exclude: regular expression of topics to leave out; empty: none.
-        node_name: its ROS name, below the namespace of the environment.
+        node_name: ROS name of the recorder, below the namespace of the environment.
     """
     return [str(bag), *(["--exclude", exclude] if exclude else []), *topics, f"__name:={node_name}"]
 
 
 class RecorderProcess:
-    """One recording.
+    """Recorder process that writes one bag.
 
-    A Ctrl-C on the terminal does not reach the child before its turn; should this process be killed, or the thread end
-    that made this object, the system ends it.
+    Ctrl-C on the terminal does not reach the child, which `stop` ends. The system ends it if this process is killed or
+    the thread that created this object ends.
 
     Args:
         bag: final path of the bag.
         command: program and arguments.
 
     Attributes:
-        bag: path of the bag when it is whole; a closed one may be renamed.
+        bag: path of the complete bag; changed if the closed bag is renamed.
         pid: process id of the child.
     """
 
     def __init__(self, bag: Path, command: Sequence[str]) -> None:
         self.bag = bag
-        # On stdout there is one line per topic; errors come on stderr.
+        # stdout has one line per topic; errors are on stderr.
         self._child = start_dependent(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
         self.pid = self._child.pid
 
     @property
     def active(self) -> Path:
-        """Where the bag is while it is being written."""
+        """Path of the bag while it is being written."""
         return self.bag.with_name(self.bag.name + ".active")
 
     @property
     def running(self) -> bool:
-        """Whether the child lives."""
+        """True if the child process is running."""
         return self._child.poll() is None
 
     @property
     def exit_text(self) -> str:
-        """Description of how the child ended, for messages."""
+        """Description of the child's exit, for messages."""
         return describe_exit(f"bag_recorder (pid {self.pid})", self._child.returncode or 0)
 
     def wait_open(self, timeout: float, give_up: Callable[[], bool] = lambda: False) -> None:
         """Wait until the bag is being written.
 
+        Args:
+            timeout: maximum waiting time [s].
+            give_up: function that returns True to end the wait early.
+
         Raises:
-            RecordError: the child ended, or it takes longer than `timeout` [s].
+            RecordError: the child exited, or the timeout has passed.
         """
         deadline = time.monotonic() + timeout
         while not self.active.exists() and not give_up():
@@ -96,15 +100,15 @@ class RecorderProcess:
             time.sleep(_POLL)
 
     def interrupt(self) -> None:
-        """Request the child to end; `stop` waits for it."""
+        """Interrupt the child; `stop` waits for its end."""
         if self.running:
             os.kill(self._child.pid, signal.SIGINT)
 
     def stop(self, timeout: float = STOP_TIMEOUT) -> Path:
-        """End the recording and wait until the bag has its final name; a second call returns the same.
+        """End the recording, wait until the bag has its final name, and return its path; may be called again.
 
         Raises:
-            RecordError: the bag is not whole after `timeout` [s].
+            RecordError: the bag is not complete after `timeout` [s].
         """
         deadline = time.monotonic() + timeout
         self.interrupt()

@@ -1,5 +1,4 @@
-"""One recording: a run folder, the parts of its bag, each written by a `bag_recorder` of its own, and the room on the
-disk."""
+"""Recording into a run folder, with a bag in parts, one `bag_recorder` per part, and the free disk space."""
 
 import contextlib
 import os
@@ -13,26 +12,26 @@ from hric_core.errors import FailureError, HricError
 from hric_experiments.recorder.process import STOP_TIMEOUT, RecorderProcess, RecordError
 
 SPLIT_TIMEOUT = 20.0
-"""How long the recorder of the next part may take to subscribe to all that the one before it receives [s]."""
+"""Maximum time for the recorder of the next part to subscribe to all topics of the previous one [s]."""
 OVERLAP = 0.2
-"""Both record for so long when both receive all: what was under way to the first one only arrives meanwhile; project
-default, unconfirmed [s]."""
+"""Time for which both recorders run once both have subscribed, so that messages on their way to the first one alone
+still arrive [s]; project default, unconfirmed."""
 _POLL = 0.05
 Start = Callable[[Path, int], RecorderProcess]
-"""Starts the recorder of a part: its bag, the number of the part."""
+"""Function that starts the recorder of a part, from its bag and the number of the part."""
 Missing = Callable[[int, int], set[str]]
-"""Topics that the recorder of the second part receives and that of the first does not."""
+"""Function of two part numbers (new, old); returns the topics that only the recorder of the old part receives."""
 
 
 class DiskFullError(FailureError):
-    """Too little room to record."""
+    """Error: too little free disk space to record."""
 
 
 def free_space(path: Path) -> float:
-    """Room on the disk of `path`, or of the nearest folder above it that exists [MB].
+    """Return the free space on the disk of `path`, or of its nearest existing parent folder [MB].
 
     Raises:
-        DiskFullError: it cannot be found out.
+        DiskFullError: the free space cannot be determined.
     """
     while not path.exists() and path != path.parent:
         path = path.parent
@@ -44,11 +43,11 @@ def free_space(path: Path) -> float:
 
 
 def check_space(path: Path, limit: float) -> None:
-    """Refuse a recording that would be ended at once.
+    """Check that there is enough free space to start a recording.
 
     Args:
-        path: where it is to go.
-        limit: room that must be there [MB].
+        path: target folder.
+        limit: required free space [MB].
 
     Raises:
         DiskFullError: there is less.
@@ -63,15 +62,15 @@ def check_space(path: Path, limit: float) -> None:
 
 
 class Recording:
-    """A bag in one or more parts. Not thread-safe.
+    """Recording of a bag in one or more parts; not thread-safe.
 
-    The bag of one part has the name of the run folder; with the first split it becomes `..._0.bag`, and `..._1.bag`
-    follows. Where two parts meet they overlap: what one recorder received is not lost.
+    The bag of one part has the name of the run folder; at the first split it becomes `..._0.bag`, and `..._1.bag`
+    follows. Successive parts overlap, so that no message is lost.
 
     Args:
-        folder: where to.
-        start: starts the recorder of a part.
-        missing: what the recorder of one part receives and that of another does not yet.
+        folder: run folder.
+        start: function that starts the recorder of a part.
+        missing: function that returns the topics to which the recorder of a new part has not subscribed yet.
     """
 
     def __init__(self, folder: RunFolder, start: Start, missing: Missing) -> None:
@@ -82,22 +81,22 @@ class Recording:
 
     @property
     def bag(self) -> Path:
-        """The bag, or its first part."""
+        """Path of the bag, or of its first part."""
         return self._parts[0].bag
 
     @property
     def part(self) -> RecorderProcess:
-        """The part that is being written."""
+        """Recorder of the part that is being written."""
         return self._parts[-1]
 
     @property
     def parts(self) -> int:
-        """How many there are."""
+        """Number of parts."""
         return len(self._parts)
 
     @property
     def part_size(self) -> int:
-        """Of the part that is being written [B]."""
+        """Size of the part that is being written [B]."""
         try:
             return self.part.active.stat().st_size
         except FileNotFoundError:
@@ -105,21 +104,21 @@ class Recording:
 
     @property
     def part_age(self) -> float:
-        """Since the part that is being written began [s of wall time]."""
+        """Age of the part that is being written [s of wall time]."""
         return time.monotonic() - self._part_began
 
     def split(self, timeout: float = SPLIT_TIMEOUT, give_up: Callable[[], bool] = lambda: False) -> Path:
-        """Begin the next part; when its recorder receives all that the one before it does, close that one.
+        """Start the next part, and close the previous one once the new recorder has subscribed to all its topics.
 
         Args:
-            timeout: how long that may take [s].
-            give_up: whether the wait is to end now, because of a shutdown.
+            timeout: maximum time for this [s].
+            give_up: function that returns True to end the wait early, at shutdown.
 
         Returns:
-            the closed part.
+            The closed part.
 
         Raises:
-            RecordError: it takes longer; the recording goes on in the part that it had.
+            RecordError: the timeout has passed; the recording continues in the previous part.
         """
         old, began = self.part, time.monotonic()
         new = self._start(self._name(self.parts), self.parts)
@@ -138,7 +137,7 @@ class Recording:
         return old.bag
 
     def stop(self, timeout: float = STOP_TIMEOUT) -> Path:
-        """Close what is open. Returns the bag, or its first part.
+        """Close all parts; return the bag, or its first part.
 
         Raises:
             RecordError: a bag could not be closed.
@@ -152,18 +151,18 @@ class Recording:
             except RecordError:
                 if part is self._parts[0] or part.bag.exists() or part.active.exists():
                     raise
-                self._parts.remove(part)  # ended before it had begun
+                self._parts.remove(part)  # ended before its bag was opened
                 self._note()
         if self.parts > 1:
             self._name_first()
         return self.bag
 
     def finish(self, status: str, **notes: object) -> None:
-        """Note in run.yaml how the run ended."""
+        """Write status, end time and further notes to run.yaml."""
         self.folder.update(status=status, finished=iso_now(), **notes)
 
     def fail(self, error: str) -> None:
-        """Note that the run failed; where there is no room for that, whoever reads it next notes that it is over."""
+        """Write to run.yaml that the run failed; if the disk is full, the next reader of the run notes its end."""
         with contextlib.suppress(HricError):
             self.finish(FAILED, error=error)
 
@@ -188,7 +187,7 @@ class Recording:
         return self.folder.path / f"{self.folder.bag_path.stem}_{number}.bag"
 
     def _name_first(self) -> None:
-        """Give the first part its number; at every moment the bag that run.yaml names is there."""
+        """Rename the first part to its numbered name, so that the bag named in run.yaml exists at any moment."""
         first, named = self._parts[0], self._name(0)
         if first.bag == named or not first.bag.exists():
             return

@@ -1,4 +1,4 @@
-"""Parameters of a recorder: notes of a person about a run, and when recording begins, is split and ends."""
+"""Parameters of a recorder: notes about the run, and start, split and end of the recording."""
 
 import re
 from dataclasses import dataclass
@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from hric_core.parameters import Settings, choice, listing, number, text
 
 SUBJECT = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
-"""A code, so that no name of a person gets into a run folder; project default, unconfirmed."""
+"""Pattern of the code of a subject, so that run folders have no personal names; project default, unconfirmed."""
 LONGEST_NOTE = 2000
-"""Project default, unconfirmed [characters]."""
+"""Maximum length of a note [characters]; project default, unconfirmed."""
 MIN_FREE = 1024.0
-"""Below this a recording is ended: what the recorder holds in memory must find room, and the report [MB]."""
+"""Free disk space below which a recording is ended, so that the recorder's buffer and the report still fit [MB]."""
 NONE = ("", "none")
-"""Say that nothing is given."""
+"""Values of a parameter that mean it is not set."""
 NOW, ON_TRIGGER, ON_REQUEST = "now", "on_trigger", "on_request"
 
 
