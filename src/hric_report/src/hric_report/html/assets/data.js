@@ -1,5 +1,5 @@
 "use strict";
-// What the page holds, and where its numbers are: report.data is the description, report.read(place) a typed array in it.
+// Data of the page: report.data is its description, report.read(place) returns one of its arrays as a typed array.
 const report = { data: JSON.parse(document.getElementById("data").textContent) };
 {
   const KINDS = { f8: Float64Array, f4: Float32Array, u4: Uint32Array };
@@ -9,7 +9,7 @@ const report = { data: JSON.parse(document.getElementById("data").textContent) }
   report.read = (place) => new KINDS[place.kind](bytes.buffer, place.offset, place.count);
 }
 
-// Number of values of a rising array that are not above `value`.
+// Return the number of values of an increasing array that are not above `value`.
 report.countUntil = (times, value) => {
   let low = 0, high = times.length;
   while (low < high) {

@@ -1,8 +1,8 @@
 "use strict";
-// The page: one time for plots, replay and events; light and dark; printing.
+// Page: common time of plots, replay and events; light and dark theme; printing.
 {
   const find = (id) => document.getElementById(id);
-  const PAPER = 680; // width of a plot that is printed, within A4 and letter [CSS pixels]
+  const PAPER = 680; // width of a printed plot, within A4 and letter [CSS pixels]
   const THEMES = ["auto", "light", "dark"], dark = matchMedia("(prefers-color-scheme: dark)");
   let theme = "auto", playing = false, before = 0;
 
@@ -22,7 +22,7 @@
     for (const strip of strips) strip.moveCursor();
   };
 
-  // What lies along time in the verdict: a line at the time of the replay, and a click that sets it.
+  // Strips over time in the verdict: a line at the time of the replay, and a click that sets it.
   const strips = [...document.querySelectorAll("svg.strip")].map((svg) => {
     const { left, width, begin, end } = Object.fromEntries(Object.entries(svg.dataset).map(([key, value]) => [key, Number(value)]));
     const line = svg.querySelector(".now");

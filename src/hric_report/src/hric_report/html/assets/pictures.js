@@ -1,5 +1,5 @@
 "use strict";
-// From an SVG to a PNG that says how many dots an inch has, so that it is as wide on paper as it was made for.
+// Conversion of an SVG to a PNG with its resolution, so that it has the intended width on paper.
 {
   const METRES_PER_INCH = 0.0254, SIGNATURE_AND_HEADER = 33;
 
@@ -12,7 +12,7 @@
     return (sum ^ 0xffffffff) >>> 0;
   };
 
-  // The chunk pHYs of the PNG format: dots per metre in both directions.
+  // Return the PNG chunk pHYs: dots per metre in both directions.
   const resolution = (dotsPerInch) => {
     const bytes = new Uint8Array(21), view = new DataView(bytes.buffer), dots = Math.round(dotsPerInch / METRES_PER_INCH);
     view.setUint32(0, 9);
@@ -24,7 +24,7 @@
     return bytes;
   };
 
-  // PNG of an SVG; width, height [mm].
+  // Return the PNG of an SVG; width, height [mm].
   report.rasterise = async (drawing, width, height, dotsPerInch) => {
     const image = new Image(), address = URL.createObjectURL(drawing), scale = dotsPerInch / 25.4;
     image.src = address;

@@ -1,9 +1,9 @@
 "use strict";
-// The 3D view: camera, lights, ground, and drawing when something changed.
+// 3D view: camera, lights, ground, and drawing after changes.
 {
   const NEAR = 0.02, FAR = 60;
 
-  // A camera about a point, z up: drag turns, shift-drag or the right button moves, the wheel goes closer.
+  // Camera that orbits a point, z up: drag rotates, shift-drag or the right button pans, the wheel zooms.
   class Orbit {
     constructor(camera, canvas, changed) {
       Object.assign(this, { camera, target: new THREE.Vector3(), distance: 2.5, azimuth: 0.9, elevation: 0.35 });
@@ -56,7 +56,7 @@
       this.home();
     }
 
-    // The whole view: all that the robots reach in the run.
+    // Reset the view so that it shows all positions of the robots in the run.
     home() {
       const box = new THREE.Box3();
       for (let k = 0; k <= 8; k++) {
@@ -99,12 +99,12 @@
       if (this.grid) this.scene.remove(this.grid);
       this.grid = new THREE.GridHelper(4, 16, report.colour("ground"), report.colour("ground")).rotateX(Math.PI / 2);
       this.scene.add(this.grid);
-      const roles = [...new Set(this.robots.map(({ role }) => role))]; // a human has that of his robot
+      const roles = [...new Set(this.robots.map(({ role }) => role))]; // a human has the role of the run's robot
       for (const robot of this.robots) robot.paint(roles.length > 1, roles.indexOf(robot.role));
       this.ask();
     }
 
-    // Draw with the next picture of the screen.
+    // Request a drawing at the next screen refresh.
     ask() {
       if (this.asked) return;
       this.asked = true;
@@ -124,7 +124,7 @@
     }
   }
 
-  // A browser without WebGL still shows the rest.
+  // Return the replay; null without WebGL, in which case the page shows everything else.
   report.makeReplay = (canvas) => {
     const context = report.data.scene.robots.length ? canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true }) : null;
     if (context) return new Replay(canvas, context);

@@ -1,9 +1,9 @@
 "use strict";
-// The robots: links as groups that joints move, and markers and frames that move by themselves. z is up.
+// Robots: links as groups that are moved by joints, and markers and frames with their own motion. z is up.
 {
-  const LOST = 0.25; // a marker that was not seen for so long is not drawn [s]
-  const TRAIL = 8, TRAIL_POINTS = 3000; // how long a trail is [s], and how many points that of a run has at most
-  const PER_NEWTON = 0.002, THICK = 0.02; // length of the arrow of a plate's force [m/N]; of a plate, below its surface [m]
+  const LOST = 0.25; // time without data after which a marker is not drawn [s]
+  const TRAIL = 8, TRAIL_POINTS = 3000; // length of a trail [s], and maximum number of its points in a run
+  const PER_NEWTON = 0.002, THICK = 0.02; // arrow length of a plate's force [m/N]; thickness of a plate [m]
   const geometries = new Map();
 
   const meshGeometry = (number) => {
@@ -22,7 +22,7 @@
     if (visual.box) return new THREE.BoxGeometry(...visual.box);
     if (visual.sphere) return new THREE.SphereGeometry(visual.sphere[0], 32, 16);
     const [radius, length] = visual.cylinder;
-    return new THREE.CylinderGeometry(radius, radius, length, 32).rotateX(Math.PI / 2); // URDF: along z
+    return new THREE.CylinderGeometry(radius, radius, length, 32).rotateX(Math.PI / 2); // URDF: axis along z
   };
 
   const place = (object, { xyz, quaternion }) => {
@@ -31,7 +31,7 @@
     return object;
   };
 
-  // Index of the last instant at or before t, and how far t is towards the next one.
+  // Return the index of the last instant at or before t, the share of the step to the next one, and the step [s].
   const between = (times, t) => {
     const k = Math.min(Math.max(report.countUntil(times, t) - 1, 0), Math.max(times.length - 2, 0));
     const step = k + 1 < times.length ? times[k + 1] - times[k] : 0;
@@ -56,7 +56,7 @@
     }
   }
 
-  // Where something was in the last seconds; points: x, y, z of each instant, NaN where it was not seen.
+  // Trail of the last seconds; points: x, y, z of each instant, NaN: not visible.
   class Trail {
     constructor(time, points, role) {
       Object.assign(this, { time, role });
@@ -72,9 +72,9 @@
     }
   }
 
-  const UP = new THREE.Vector3(0, 1, 0), SHAFT = 0.005, HEAD = [0.013, 0.035]; // of an arrow: radius; radius and length [m]
+  const UP = new THREE.Vector3(0, 1, 0), SHAFT = 0.005, HEAD = [0.013, 0.035]; // arrow: radius of the shaft; radius and length of the head [m]
 
-  // A force: an arrow that begins where it acts, or ends there. It is seen through what it acts on.
+  // Force: an arrow that starts or ends at the point of action, visible through bodies.
   class Arrow {
     constructor(spec) {
       Object.assign(this, spec, { time: report.read(spec.time), force: report.read(spec.force), point: spec.point && report.read(spec.point) });
@@ -99,7 +99,7 @@
     }
   }
 
-  // The surface of a force plate, and what presses on it.
+  // Surface of a force plate, and the force on it.
   class Plate {
     constructor(spec) {
       this.object = place(new THREE.Group(), spec);
@@ -117,7 +117,7 @@
 
   const BUNDLE = 0.0035; // radius of a line [m]
 
-  // Lines through points of links, coloured by values; seen through the body.
+  // Lines through points of links, coloured by values, visible through the body.
   class Lines {
     constructor(spec, links) {
       Object.assign(this, { scale: spec.scale, title: spec.title, time: report.read(spec.time), values: report.read(spec.values) });
@@ -131,7 +131,7 @@
       this.object.name = spec.title;
     }
 
-    // Joints are where they are at that time already.
+    // Show the lines at time t; the joints must have been posed for it.
     show(t) {
       const [k, f] = between(this.time, t), n = this.lines.length, next = Math.min(k + 1, this.time.length - 1);
       this.lines.forEach(({ material, parts, points }, i) => {
@@ -140,7 +140,7 @@
         const at = points.map(([link, xyz]) => link.localToWorld(xyz.clone()));
         parts.forEach((part, j) => {
           const way = at[j + 1].clone().sub(at[j]);
-          part.renderOrder = value; // the largest is on top
+          part.renderOrder = value; // the largest value is on top
           part.scale.y = Math.max(way.length(), 1e-6);
           part.position.copy(at[j]);
           part.quaternion.setFromUnitVectors(UP, way.normalize());
@@ -185,7 +185,7 @@
       this.trails = [...this.trailOfTip(spec.tip, scene), ...this.trailsOfTracks()];
     }
 
-    // Of the end effector, in the world.
+    // Return the trail of the end effector in the world.
     trailOfTip(tip, scene) {
       const link = tip && this.links.get(tip.link);
       if (!link) return [];
@@ -201,7 +201,7 @@
       return [trail];
     }
 
-    // Of each body that moves, in its own frame.
+    // Return the trail of each moving body, in the frame of its track.
     trailsOfTracks() {
       return this.tracks.filter((track) => track.trail).map((track) => {
         const points = new Float32Array(3 * track.time.length);
@@ -226,7 +226,7 @@
       return group.add(axes);
     }
 
-    // Joints between two instants are interpolated.
+    // Set the pose at time t; joints are interpolated between instants.
     pose(t) {
       const [k, f] = between(this.time, t), n = this.columns, next = Math.min(k + 1, this.time.length - 1);
       for (const joint of this.joints) {
@@ -247,7 +247,7 @@
       }
     }
 
-    // Robots of several runs are told apart by colour; the first is as it is, the others can be seen through.
+    // Colour the robots of several runs by run; all but the first are translucent.
     paint(several, behind) {
       for (const link of this.links.values()) link.children.filter((o) => o.isMesh && !this.tracks.some((track) => track.object === o)).forEach((mesh) => {
         if (!several) return;
