@@ -13,11 +13,11 @@ namespace
 {
 
 constexpr std::size_t MAX_WAITING = std::size_t{ 1 }
-                                    << 30;   // what may wait until the disk takes it [B]; project default, unconfirmed
-constexpr uint32_t CHUNK_SIZE = 768 * 1024;  // before compression [B]; rosbag's own
-// Of a killed recording the chunk that is open is lost, so none stays open for longer. Closing one costs two seeks.
+                                    << 30;   // maximum size of the queue in memory [B]; project default, unconfirmed
+constexpr uint32_t CHUNK_SIZE = 768 * 1024;  // before compression [B]; default of rosbag
+// Maximum age of an open chunk, which is lost if the recorder is killed. Closing a chunk costs two seeks.
 constexpr std::chrono::milliseconds CHUNK_TIME{ 400 };
-// Between looks at what waits: many messages are written for one awakening.
+// Polling period of the queue, so that one wake-up writes many messages.
 constexpr std::chrono::milliseconds PERIOD{ 20 };
 
 std::string active(const std::string& path)
@@ -25,7 +25,7 @@ std::string active(const std::string& path)
   return path + ".active";
 }
 
-// To ROS, 0 means that there is no time yet, and bags refuse it.
+// Returns a valid stamp: in ROS, 0 means that there is no time yet, and bags refuse it.
 ros::Time stamp(const ros::Time& received)
 {
   return received < ros::TIME_MIN ? ros::TIME_MIN : received;
@@ -140,7 +140,7 @@ void BagWriter::write(const Message& message)
 void BagWriter::endChunk()
 {
   if (fresh_)
-    bag_.setChunkThreshold(CHUNK_SIZE);  // which closes the chunk that is open
+    bag_.setChunkThreshold(CHUNK_SIZE);  // this closes the open chunk
   fresh_ = false;
 }
 

@@ -1,4 +1,4 @@
-// Messages on their way into a bag, in a thread of their own: a disk that stalls holds nobody who sends.
+// Writes messages into a bag in a separate thread, so that a stalled disk does not block the subscribers.
 #pragma once
 
 #include <condition_variable>
@@ -28,17 +28,17 @@ public:
   explicit BagWriter(const std::string& path);
   ~BagWriter();
 
-  // Never waits for the disk.
+  // Queues a message; never waits for the disk.
   void put(Message message);
 
-  // Writes what was put, closes the bag and gives it its name. Throws rosbag::BagException, also for what failed
-  // before.
+  // Writes the queued messages, closes the bag and renames it to its final path. Throws rosbag::BagException, also
+  // for earlier failures.
   void finish();
 
-  // Whether the disk refused something: nothing more is written.
+  // Returns true if writing failed; nothing more is written then.
   bool failed() const;
 
-  // Messages that found no room in memory.
+  // Returns the number of messages that were dropped because the queue was full.
   uint64_t dropped() const;
 
 private:

@@ -1,4 +1,4 @@
-// The program's own bind() comes before that of the C library.
+// This bind() of the program overrides that of the C library.
 #include <hric_core/loopback.h>
 
 extern "C" int bind(int fd, const sockaddr* address, socklen_t size) noexcept

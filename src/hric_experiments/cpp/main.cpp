@@ -1,4 +1,4 @@
-// The program bag_recorder: one bag of what is published, started and watched by the node recorder.
+// Program bag_recorder: records topics into one bag; started and monitored by the node recorder.
 #include <csignal>
 #include <cstring>
 #include <iostream>
@@ -19,10 +19,10 @@ constexpr char HELP[] =
     "Usage: rosrun hric_experiments bag_recorder BAG [--exclude EXPRESSION] [TOPIC...]\n"
     "Without topics: all, but for those whose whole name EXPRESSION fits. Run folders, splitting and free space are "
     "the node recorder's.\n";
-// Between looks at what has come: receipt was stamped before, and many messages are taken for one awakening.
+// Polling period of the messages, which have their receipt stamps already; one wake-up takes many of them.
 const ros::WallDuration PERIOD(0.01);
 
-// A master that died must not hold this process in a call to it: roscpp would try again for ever.
+// Limits calls to a dead master, which roscpp would repeat for ever.
 const ros::WallDuration MASTER_TIMEOUT(1.0);
 
 constexpr int INTERRUPTED = 130;
@@ -34,7 +34,7 @@ void end(int)
   ending = 1;
 }
 
-// roscpp would wait for the master by itself, but hear no signal meanwhile.
+// Waits for the master; roscpp would also wait, but without reacting to signals.
 bool waitForMaster()
 {
   for (bool reported = false; !ending; ros::WallDuration(0.1).sleep())
@@ -94,7 +94,7 @@ int main(int argc, char** argv)
   }
   catch (const rosbag::BagException& error)
   {
-    std::cerr << "bag_recorder: " << error.what() << std::endl;  // the node has ended: nothing is logged any more
+    std::cerr << "bag_recorder: " << error.what() << std::endl;  // the node has shut down, so ROS does not log this
     return 1;
   }
 }

@@ -1,4 +1,4 @@
-// The command line of the recorder.
+// Command line of the recorder.
 #pragma once
 
 #include <optional>
@@ -12,8 +12,8 @@ namespace hric_experiments
 struct Options
 {
   std::string bag;                    // final path
-  std::vector<std::string> topics;    // empty: all, also those that appear later
-  std::optional<std::regex> exclude;  // of all, those whose whole name it fits are left out
+  std::vector<std::string> topics;    // empty: all, including topics that appear later
+  std::optional<std::regex> exclude;  // topics whose full name matches are left out of all
 };
 
 // Throws std::invalid_argument with one line for the user.

@@ -10,8 +10,8 @@ namespace hric_experiments
 namespace
 {
 
-const ros::WallDuration LOOK_PERIOD(0.5);  // between looks at the master's topics
-// A paced run waits for what reports its progress here (hric_core.robot_time.progress).
+const ros::WallDuration LOOK_PERIOD(0.5);  // period of the search for new topics at the master
+// A paced run waits for the nodes that report their progress here (hric_core.robot_time.progress).
 constexpr char PROGRESS_TOPIC[] = "hric/progress";
 const ros::WallDuration PROGRESS_PERIOD(0.05);
 
@@ -32,7 +32,7 @@ void Recorder::take()
     lookForTopics();
     next_look_ = ros::WallTime::now() + LOOK_PERIOD;
   }
-  const ros::Time reached = ros::Time::now();  // of /clock: what was sent before is here, or on its way
+  const ros::Time reached = ros::Time::now();  // of /clock: earlier messages have arrived or are in the queue
   queue_.callAvailable();
   if (ros::Time::isSimTime() && ros::WallTime::now() >= next_report_)
   {
@@ -69,7 +69,7 @@ void Recorder::subscribe(const std::string& topic)
   using Event = ros::MessageEvent<const topic_tools::ShapeShifter>;
   ros::SubscribeOptions options;
   options.topic = topic;
-  options.queue_size = 0;  // any number: what is sent while this process does not get to run must not be lost
+  options.queue_size = 0;  // unlimited: messages sent while this process is not scheduled must not be lost
   options.md5sum = ros::message_traits::md5sum<topic_tools::ShapeShifter>();
   options.datatype = ros::message_traits::datatype<topic_tools::ShapeShifter>();
   options.helper = boost::make_shared<ros::SubscriptionCallbackHelperT<const Event&>>(

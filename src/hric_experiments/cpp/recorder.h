@@ -1,4 +1,4 @@
-// Hears topics of any type and hands what comes to the writer.
+// Subscribes to topics of any type and passes the messages to the writer.
 #pragma once
 
 #include <map>
@@ -18,17 +18,17 @@ class Recorder
 public:
   Recorder(const Options& options, BagWriter& writer);
 
-  // Takes what has come since the last call.
+  // Passes on the messages received since the last call.
   void take();
 
-  // Says that the run need not wait for the recording any more.
+  // Reports that the run does not have to wait for the recording any more.
   ~Recorder()
   {
     report(ros::Time());
   }
 
 private:
-  void report(const ros::Time& reached);  // 0: it records no more
+  void report(const ros::Time& reached);  // 0: the recording has ended
   void lookForTopics();
   bool chosen(const std::string& topic) const;
   void subscribe(const std::string& topic);
