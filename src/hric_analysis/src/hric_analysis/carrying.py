@@ -31,7 +31,7 @@ EVEN = 0.02
 """Relative difference of mean and median time step up to which at most a few samples are missing [1] (project default,
 unconfirmed)."""
 MIN_SAMPLES = 5
-"""Minimum number of samples, which can be differentiated three times."""
+"""Minimum number of samples, enough to differentiate three times."""
 TAKEN = 0.5
 """Time after both grips have closed from which a body counts as carried: a closing grip is relaxed, so that the body
 falls a little first [s] (project default, unconfirmed)."""
@@ -120,7 +120,7 @@ def hands_over(giver: GripRecord, taker: GripRecord) -> bool:
 
 
 def _first_run(time: FloatArray, both: npt.NDArray[np.bool_]) -> slice | None:
-    """Return the samples from `TAKEN` after both grips hold until one lets go; None if these are too few."""
+    """Return the range of samples from `TAKEN` after both grips hold until one opens; None if these are too few."""
     closed = int(np.argmax(both))
     after = np.flatnonzero(~both[closed:])
     begin = int(np.searchsorted(time, time[closed] + TAKEN))

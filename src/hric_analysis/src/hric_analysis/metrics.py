@@ -219,7 +219,7 @@ def compute(
     joints_of: Mapping[str, Sequence[str]],
     tolerances: Sequence[float],
 ) -> dict[str, Any]:
-    """Compute all metrics that need only the control log and the limits.
+    """Compute all metrics that need only the recording of the run and the limits.
 
     `limits_touched` is the number of cycles in which each kind of limit acted, summed over the joints.
     """

@@ -16,7 +16,7 @@ from hric_bags.parts import Bag, PartsReader
 from hric_bags.reader import FloatArray, RobotTime, opened, seconds
 
 SignalKey = tuple[str, str, tuple[str, ...]]
-"""Topic, unit, channels."""
+"""Key of a signal: topic, unit and channels."""
 REPLAY_SPACING = 0.009
 """Minimum time between recorded poses of a frame or marker, below the time step of the replay [s]."""
 SIGNAL_TYPES = {"geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/PointStamped", "hric_msgs/msg/SampleChunk"}
