@@ -221,7 +221,7 @@ def _setpoints(moves: Sequence[Mapping[str, Any]]) -> list[Finding]:
 
 
 def _recorded(sources: Mapping[str, Mapping[str, Any]]) -> list[Finding]:
-    """Return the samples that were sent and are missing in the bag; nothing if fewer than two sources count samples."""
+    """Return the number of sent samples missing in the bag; empty if fewer than two sources count their samples."""
     counted = {topic: one for topic, one in sources.items() if one["sent"] is not None}
     unknown = len(sources) - len(counted)
     if len(counted) < 2:

@@ -30,7 +30,7 @@ def analyse(
     step: Callable[[str], object] = str,
     known: Messages | None = None,
 ) -> dict[str, Any]:
-    """Write metrics.json, summary.txt and the figures of a run, overwriting old ones; return the metrics.
+    """Write metrics.json, summary.txt and the figures of a run, overwriting old files; return the metrics.
 
     A run on the OpenSim plant also gets files that OpenSim can replay.
 

@@ -30,7 +30,7 @@ class RunData:
         values: contents of metrics.json.
         record: control log with setpoints, profiles and reflexes.
         followed: marker tracking; None: no marker was followed.
-        found: sensor signals, moving bodies, events and synchronisation from the bag.
+        found: sensor signals, moving frames and markers, events and synchronisation data from the bag.
         description: URDF of the robot; "": the run folder has none.
         person: simulated human; None: there was none.
         objects: objects around robot and person.

@@ -3,7 +3,7 @@
 {
   const LOST = 0.25; // time without data after which a marker is not drawn [s]
   const TRAIL = 8, TRAIL_POINTS = 3000; // length of a trail [s], and maximum number of its points in a run
-  const PER_NEWTON = 0.002, THICK = 0.02; // arrow length of a plate's force [m/N]; thickness of a plate [m]
+  const PER_NEWTON = 0.002, THICK = 0.02; // arrow length of a plate's force [m/N]; thickness of a plate below its surface [m]
   const geometries = new Map();
 
   const meshGeometry = (number) => {
