@@ -1,1 +1,1 @@
-"""Reading runs and bags without ROS: parts, run folders, health, export."""
+"""Bags and run folders without ROS: parts, records, health, export."""

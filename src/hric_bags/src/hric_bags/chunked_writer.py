@@ -1,4 +1,4 @@
-"""rosbags' writer of a bag with small compressed chunks, of which damage costs one, that ROS's own tools read, too."""
+"""Bag writer of rosbags with small compressed chunks for ROS tools; damage costs one chunk."""
 
 from functools import partial
 from pathlib import Path
@@ -10,19 +10,17 @@ from rosbags.rosbag1 import Writer
 from rosbags.rosbag1.reader import RecordType
 
 CHUNK_SIZE = 64 * 1024
-"""Chunks are closed before they are larger, before compression, but for one of a single message [B]; project default,
-unconfirmed."""
+"""Largest chunk before compression, unless it has a single message [B]; project default, unconfirmed."""
 CHUNK_TIME = 1_000_000_000
-"""And before the times of their messages are further apart [ns]; project default, unconfirmed."""
+"""Longest time between the messages of a chunk [ns]; project default, unconfirmed."""
 _HEAD = Struct("<II3sBI5sII5sIII")
-"""Record of a message in front of its data: length of the header; size, name and value of `op`, `conn` and `time` (two
-numbers); length of the data."""
+"""Message record up to its data: header length; size, name and value of `op`, `conn`, `time`; data length."""
 _NAMES = (_HEAD.size - 8, 4, b"op=", RecordType.MSGDATA, 9, b"conn="), (13, b"time=")
-"""Values of the header that are the same for all messages."""
+"""Header values that are the same for all messages."""
 
 
 class ChunkedWriter(Writer):
-    """Writer of a bag; path: must not exist."""
+    """Writer of a bag in LZ4 chunks; path: must not exist."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
@@ -32,11 +30,11 @@ class ChunkedWriter(Writer):
         self.chunk_threshold = CHUNK_SIZE
 
     def write(self, connection: Connection, timestamp: int, data: bytes | memoryview) -> None:
-        """Add a message of a connection of this bag, as the base class does, in a third of its time.
+        """Add a message to this bag, like the base class but three times as fast.
 
         Args:
             connection: as `add_connection` returned it.
-            timestamp: time of its recording [ns].
+            timestamp: recording time [ns].
             data: serialised message.
         """
         chunk = self.chunks[-1]

@@ -1,4 +1,4 @@
-"""Files that are either whole or absent: written under another name in the same folder, then renamed."""
+"""Files that are either complete or absent: written under another name in the same folder, then renamed."""
 
 import contextlib
 import errno
@@ -11,15 +11,15 @@ from typing import Any
 from hric_core.errors import FailureError
 
 MEGABYTE = 1e6
-"""[B]"""
+"""One megabyte [B]."""
 
 
 class FileError(FailureError):
-    """A file that cannot be written: the disk is full or broken, or does not permit it."""
+    """Error for a file that cannot be written: the disk is full or broken, or does not permit it."""
 
 
 def cannot_write(path: Path, error: OSError) -> FileError:
-    """Return the error for a file that the system refused to write; of a full disk it says what is free."""
+    """Return the error for a file that the system refused to write; for a full disk, with the free space."""
     free = ""
     if error.errno == errno.ENOSPC:
         with contextlib.suppress(OSError):
@@ -29,7 +29,7 @@ def cannot_write(path: Path, error: OSError) -> FileError:
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder and those above it, if missing. Raises FileError: the system refuses it."""
+    """Make a folder and its missing parents. Raises FileError if the system refuses."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -38,10 +38,10 @@ def make_folder(folder: Path) -> None:
 
 @contextlib.contextmanager
 def atomic(path: Path) -> Iterator[Path]:
-    """Yield a path to write to, moved to `path` when the block ends without an error; it has the same ending.
+    """Yield a path with the same extension to write to, renamed to `path` if the block ends without an error.
 
     Raises:
-        FileError: the system refuses it; nothing is left then.
+        FileError: the system refuses; no file is left then.
     """
     temporary = path.with_name(f".{os.getpid()}.{path.name}")
     try:
@@ -63,19 +63,19 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_json(path: Path, data: Any) -> None:
-    """Write JSON; refuses NaN, which JSON does not have."""
+    """Write JSON; NaN is refused, because JSON does not have it."""
     write_text(path, json.dumps(data, indent=2, allow_nan=False) + "\n")
 
 
 def write_yaml(path: Path, data: Any) -> None:
-    """Write YAML in the order of the keys."""
+    """Write YAML, keys in their order."""
     import yaml
 
     write_text(path, yaml.dump(data, Dumper=yaml.CSafeDumper, sort_keys=False, allow_unicode=True, width=140))
 
 
 def point_link(link: Path, target: str) -> None:
-    """Let a symbolic link point to `target` (relative to the link's folder)."""
+    """Make a symbolic link point to `target` (relative to the link's folder)."""
     temporary = link.with_name(f".{link.name}.{os.getpid()}.tmp")
     temporary.unlink(missing_ok=True)
     temporary.symlink_to(target)

@@ -1,4 +1,4 @@
-"""Names files that people take for a bag of ROS 1, and says what to do with them."""
+"""Recognition of files that are mistaken for a ROS 1 bag, with advice for each."""
 
 from pathlib import Path
 
@@ -13,14 +13,14 @@ _FIRST: tuple[tuple[bytes, str], ...] = (
     (b"BZh", "compressed by bzip2; `bunzip2` it first"),
     (b"PK\x03\x04", "a zip archive; `unzip` it first"),
 )
-"""First bytes of a file -> what it is, and what to do."""
+"""First bytes of a file -> its format and advice."""
 _PAGE = (b"<!doctype", b"<html", b"<?xml")
 _HEAD = 4096
-"""Read of a file [B]."""
+"""Bytes that are read of a file [B]."""
 
 
 def describe(path: Path) -> str:
-    """Return in one line what a file or folder is that is no bag of ROS 1, and what to do; "": it is not known."""
+    """Return a line on what a file or folder is, if it is no ROS 1 bag, and what to do; "": it is not known."""
     try:
         if path.is_dir():
             folder = (path / "metadata.yaml").is_file() or any(path.glob("*.db3"))
@@ -42,7 +42,7 @@ def describe(path: Path) -> str:
 
 
 def _mcap(head: bytes) -> str:
-    """Return what an MCAP file is, by the profile in its header: a string after the record's kind and length."""
+    """Return the kind of an MCAP file by the profile in its header, a string after the record's kind and length."""
     size = int.from_bytes(head[len(_MCAP) + 9 : len(_MCAP) + 13], "little")
     profile = head[len(_MCAP) + 13 :][: min(size, 16)].decode("utf-8", "replace")
     if profile == "ros1":

@@ -1,5 +1,4 @@
-"""A bag in parts, as the recorder leaves it after a split, read as one: in order of time, and what two parts both hold
-comes once."""
+"""Reader of a bag that the recorder split into parts: in order of time, without repeated messages."""
 
 import re
 from collections.abc import Callable, Collection, Generator, Iterator, Sequence
@@ -19,56 +18,56 @@ from hric_bags.indexed import BagError, IndexedReader, damaged
 from hric_core.errors import HricError
 
 MARGIN = 2_000_000_000
-"""Two recorders note the same message at times that are less apart than this [ns]."""
+"""Largest difference between the times at which two recorders note the same message [ns]."""
 _NUMBERED = re.compile(r"(.+)_(\d+)\.bag")
 Stream = tuple[str, str]
-"""Topic and the node that sent it."""
+"""Topic and name of the publishing node."""
 Messages = dict[Stream, list[tuple[int, bytes]]]
-"""(time [ns], serialised message) in order, of each stream."""
+"""(time [ns], serialised message) in order, by stream."""
 
 
 class Bag(Protocol):
-    """What of a bag an analysis reads, from its files (`PartsReader`) or from memory (`hric_bags.memory`)."""
+    """Interface of a bag for analyses: files (`PartsReader`) or memory (`hric_bags.memory`)."""
 
     bag: Path
     connections: list[Any]
 
     @property
     def topics(self) -> Any:
-        """By name, each with `msgcount`."""
+        """Topics by name, each with `msgcount`."""
 
     @property
     def message_count(self) -> int:
-        """Of all topics."""
+        """Number of messages on all topics."""
 
     @property
     def start_time(self) -> int:
-        """Of the first message [ns]."""
+        """Recording time of the first message [ns]."""
 
     @property
     def end_time(self) -> int:
-        """Of the last message [ns]."""
+        """Recording time of the last message [ns]."""
 
     @property
     def duration(self) -> int:
-        """From the one to the other [ns]."""
+        """Time from the first to the last message [ns]."""
 
     def deserialize(self, raw: bytes, kind: str) -> Any:
-        """A message."""
+        """Return a deserialised message."""
 
     def messages(self, connections: Collection[Any] = ()) -> Iterator[tuple[Any, int, bytes]]:
-        """(connection, time of recording [ns], serialised message), of some connections or of all."""
+        """Iterate over (connection, recording time [ns], serialised message) of some or all connections."""
 
     def chosen(self, chooses: Callable[[Any], bool], progress: str = "") -> Iterator[tuple[Any, int, bytes]]:
-        """The same of the connections that are chosen."""
+        """Iterate over the messages of the connections that `chooses` accepts."""
 
 
 class PartsError(HricError):
-    """A part of a bag is missing or was not closed."""
+    """Error for a part of a bag that is missing or was not closed."""
 
 
 def parts(bag: Path) -> list[Path]:
-    """All parts of a bag, in order; a bag that is not in parts is its only one.
+    """Return all parts of a bag in order; a bag that was not split is its only part.
 
     Args:
         bag: the bag, or its first part, `..._0.bag`.
@@ -99,8 +98,10 @@ def parts(bag: Path) -> list[Path]:
 
 @lru_cache(maxsize=16)
 def typestore_of(definitions: frozenset[tuple[str, str, str]]) -> Typestore:
-    """What reads messages of these types, definitions and checksums. To make it takes longer than to read most of the
-    messages of a bag, and a process reads many bags with the same ones."""
+    """Return the typestore of some message types, given as (type, definition, checksum).
+
+    It is cached: making it takes longer than reading most messages of a bag, and a process reads many similar bags.
+    """
     types: dict[str, Any] = {}
     for kind, text, _ in sorted(definitions):
         types.update(get_types_from_msg(text, kind))
@@ -113,19 +114,19 @@ def typestore_of(definitions: frozenset[tuple[str, str, str]]) -> Typestore:
 
 
 class PartsReader(AnyReader):
-    """Reads a bag with all its parts, as `AnyReader` reads one.
+    """Reader of a bag with all its parts, with the interface of `AnyReader`.
 
-    Where two parts meet both recorders ran for a moment, and what is latched was sent to the second one again: of the
-    later part that is left out.
+    Where two parts overlap, both recorders ran for a moment, and latched messages were sent to the second recorder
+    again. These repetitions are left out of the later part.
 
     Args:
-        bag: the bag, or its first part.
+        bag: path of the bag, or of its first part.
 
     Attributes:
-        bag: as given.
+        bag: path passed in.
 
     Raises:
-        PartsError, BagError, OSError: it cannot be read.
+        PartsError, BagError, OSError: the bag cannot be read.
     """
 
     def __init__(self, bag: Path) -> None:
@@ -149,14 +150,14 @@ class PartsReader(AnyReader):
 
     @cached_property
     def typestore(self) -> Typestore:
-        """What reads the messages; made when the first of them is read."""
+        """Definitions of the message types, made when the first message is read."""
         try:
             return typestore_of(frozenset((c.msgtype, c.msgdef.data, c.digest) for c in self.connections))
         except (TypesysError, BagError) as error:
             raise damaged(self.bag, error) from error
 
     def deserialize(self, rawdata: bytes, typ: str) -> Any:
-        """Return a message. Raises BagError: it cannot be read."""
+        """Return a deserialised message. Raises BagError if the message is damaged."""
         try:
             return self.typestore.deserialize_ros1(rawdata, typ)
         except HricError:
@@ -170,7 +171,7 @@ class PartsReader(AnyReader):
         start: int | None = None,
         stop: int | None = None,
     ) -> Generator[Any, None, None]:
-        """Yield messages as AnyReader does, each once. Raises AnyReaderError where the bag is damaged."""
+        """Yield messages as AnyReader does, each once. Raises AnyReaderError if the bag is damaged."""
         try:
             yield from self._messages(connections, start, stop)
         except ReaderError as error:
@@ -194,8 +195,10 @@ class PartsReader(AnyReader):
     def chosen(
         self, chooses: Callable[[Connection], bool], progress: str = ""
     ) -> Iterator[tuple[Connection, int, bytes]]:
-        """(connection, time of recording [ns], serialised message) of some connections; progress: label of a bar on the
-        terminal, "" for none."""
+        """Yield (connection, recording time [ns], serialised message) of the connections that `chooses` accepts.
+
+        `progress` labels a progress bar on the terminal; "": no bar.
+        """
         connections = [connection for connection in self.connections if chooses(connection)]
         if connections:  # without any `messages` takes all
             yield from tqdm(
@@ -208,7 +211,7 @@ class PartsReader(AnyReader):
             )
 
     def _seams(self) -> list[dict[Stream, int]]:
-        """Of each part, how many of the first messages of a stream the part before it has, too."""
+        """Return, for each part, how many first messages of each stream the part before it has, too."""
         if self._repeated is None:
             self._repeated = [{}] + [
                 _seam(before, after) for before, after in zip(self.readers, self.readers[1:], strict=False)
@@ -244,14 +247,15 @@ def _gather(
 
 
 def overlap(before: Sequence[tuple[int, bytes]], after: Sequence[tuple[int, bytes]], *, latched: bool = False) -> int:
-    """How many of the first messages of a part are the last ones of the part before it.
+    """Return how many of the first messages of a part are the last ones of the part before it.
 
-    Several counts may fit a stream that repeats one message: then the one that fits the times best, or of a latched one
-    the largest.
+    Several counts may fit a stream that repeats one message: then the count is used that fits the times best, or for a
+    latched stream the largest.
 
     Args:
-        before, after: (time [ns], serialised message) of one stream in the two parts, in order.
-        latched: whether the last one was sent again to the later recorder.
+        before: (time [ns], serialised message) of one stream in the first part, in order.
+        after: the same of the second part.
+        latched: True if the last message was sent again to the later recorder.
     """
     old, new = [raw for _, raw in before], [raw for _, raw in after]
     fitting = [count for count in range(min(len(old), len(new)) + 1) if old[len(old) - count :] == new[:count]]

@@ -1,4 +1,4 @@
-"""Reads what a report needs from a bag, without ROS: the control log, limit counts, setpoints and profile."""
+"""Reader of what a report needs from a bag, without ROS: control log, limit counts, setpoints and profile."""
 
 import hashlib
 import re
@@ -25,27 +25,26 @@ FRANKA_TYPE = "franka_msgs/msg/FrankaState"
 TYPES = (LOG_TYPE, COUNTS_TYPE, COMMAND_TYPE, STATE_TYPE, FRANKA_TYPE)
 _CONTROLLER_COMMAND = re.compile(r"/[^/]+/command$")
 SAME_CLOCK = 1e-6
-"""Robot time and the stamps' time are the same clock when they drift apart by less than this, which is what rounding
-does [s]."""
+"""Largest drift between robot time and stamps that is only rounding, so that both are one clock [s]."""
 RobotTime = Callable[[float], float]
-"""Stamp -> robot time [s]."""
+"""Function from a stamp to robot time [s]."""
 ARRAYS = ("position", "velocity", "effort", "command_raw", "command")
 
 
 @dataclass(frozen=True)
 class ControlRecord:
-    """The control log of a run, stitched together: n cycles of j joints, each cycle once.
+    """Control log of a run in one piece: n cycles of j joints, each cycle once.
 
     Attributes:
-        joint_names: order of the columns.
-        interfaces: what the command of each joint meant at the end, e.g. "effort".
+        joint_names: joints in the order of the columns.
+        interfaces: kind of command of each joint at the end, e.g. "effort".
         time: robot time of each cycle, shape (n,) [s].
         position, velocity, effort: shape (n, j) [rad, rad/s, N m].
-        command_raw, command: what was requested and what was sent, shape (n, j) [unit of the interface].
+        command_raw, command: requested and sent command, shape (n, j) [unit of the interface].
         first_cycle: index of the first recorded cycle, counted from the start of the run.
-        gaps: cycles missing after the first, as (first missing, how many).
-        repeats: cycles that came twice, as (first repeated, how many).
-        by_effort: whether the command was an effort, shape (n, j); None: as in `interfaces` throughout.
+        gaps: missing cycles after the first one, as (first missing, how many).
+        repeats: cycles recorded twice, as (first repeated, how many).
+        by_effort: True where the command was an effort, shape (n, j); None: as in `interfaces` throughout.
     """
 
     joint_names: tuple[str, ...]
@@ -63,8 +62,7 @@ class ControlRecord:
 
     @property
     def torque(self) -> FloatArray:
-        """Requested torque where the joint was commanded by effort in that cycle, else that measured, shape (n, j) [N
-        m]."""
+        """Requested torque in cycles that commanded the joint by effort, else measured torque, shape (n, j) [N m]."""
         by_effort = [kind == "effort" for kind in self.interfaces] if self.by_effort is None else self.by_effort
         return np.where(by_effort, self.command_raw, self.effort)
 
@@ -74,7 +72,7 @@ class ControlRecord:
         return len(self.time)
 
     def state_sha256(self) -> str:
-        """Hash of the bits of position, velocity and command: equal for two runs that are bit-identical."""
+        """Return a hash of the bits of position, velocity and command, equal for bit-identical runs."""
         digest = hashlib.sha256()
         for values in (self.position, self.velocity, self.command):
             digest.update(np.ascontiguousarray(values, dtype="<f8").tobytes())
@@ -83,11 +81,11 @@ class ControlRecord:
 
 @dataclass(frozen=True)
 class SentSetpoint:
-    """A setpoint as recorded.
+    """Setpoint as recorded.
 
     Attributes:
-        time: robot time at which it was recorded [s].
-        controller: name of the controller's namespace.
+        time: robot time of the recording [s].
+        controller: namespace of the controller.
         positions: shape (j,) [rad].
     """
 
@@ -98,18 +96,17 @@ class SentSetpoint:
 
 @dataclass
 class RunRecord:
-    """All that a report takes from a bag.
+    """Everything that a report takes from a bag.
 
     Attributes:
         log: the control log.
         setpoints: setpoints in order of time.
-        profiles: per controller, what it led the joints along: (time (n,) [s], desired position (n, j) [rad], joint
-            names).
+        profiles: desired motion of each controller: (time (n,) [s], desired position (n, j) [rad], joint names).
         limit_counts: last limit counts, by field name; None if there were none.
         topics: message count per topic.
-        duration: from the first to the last message [s].
-        reflexes: (robot time [s], names of the errors) whenever a Franka arm came into an error.
-        robot_time: from stamps to robot time.
+        duration: time from the first to the last message [s].
+        reflexes: (robot time [s], names of the errors) of each time a Franka arm entered an error.
+        robot_time: function from stamps to robot time.
     """
 
     log: ControlRecord
@@ -124,7 +121,7 @@ class RunRecord:
 
 @contextmanager
 def opened(bag: Path | Bag) -> Iterator[Bag]:
-    """A reader of a bag with all its parts; one that is open already stays so.
+    """Yield a reader of a bag with all its parts; a reader passed in stays open.
 
     Raises:
         BagError: the bag is missing or damaged.
@@ -154,8 +151,10 @@ def _check_file(path: Path) -> None:
 
 
 class Messages:
-    """What a report needs of a run's messages, taken in the order of the bag: as rosbags reads them, or as ROS had them
-    when they were written."""
+    """Collector of the messages that a report needs, in the order of the bag.
+
+    They may be messages as rosbags reads them, or as ROS had them when they were written.
+    """
 
     def __init__(self) -> None:
         self._log = _JoinedLog()
@@ -166,13 +165,13 @@ class Messages:
         self._reflexes: list[tuple[float, tuple[str, ...]]] = []
 
     def add(self, topic: str, kind: str, time: int, message: Any) -> None:
-        """Take a message if it is one of TYPES.
+        """Add a message if it is one of TYPES.
 
         Args:
             topic: absolute topic name.
-            kind: its type, e.g. "hric_msgs/msg/ControlLog".
-            time: at which it was recorded [ns].
-            message: as sent.
+            kind: message type, e.g. "hric_msgs/msg/ControlLog".
+            time: recording time [ns].
+            message: message as sent.
         """
         if kind == LOG_TYPE:
             self._log.add(message)
@@ -193,7 +192,7 @@ class Messages:
             self._errors[topic] = errors
 
     def record(self, bag: Bag) -> RunRecord:
-        """All of them, with what their bag says of itself.
+        """Return the record of all messages, with topics and duration of their bag.
 
         Raises:
             BagError: there is no control log.
@@ -219,10 +218,10 @@ def read(bag: Path | Bag, known: Messages | None = None) -> RunRecord:
 
     Args:
         bag: the bag, or a reader of it.
-        known: its messages, from whoever has just written them; else they are read.
+        known: messages collected while the bag was written; None: they are read.
 
     Raises:
-        BagError: it is missing, damaged, or has no control log.
+        BagError: the bag is missing, damaged, or has no control log.
     """
     with opened(bag) as reader:
         if known is None:
@@ -233,7 +232,7 @@ def read(bag: Path | Bag, known: Messages | None = None) -> RunRecord:
 
 
 def stitch(messages: Iterable[Any]) -> ControlRecord:
-    """Join control log messages to arrays; every cycle is kept once, in order, and gaps and repeats are noted."""
+    """Join control log messages to arrays: every cycle once, in order; gaps and repeats are noted."""
     joined = _JoinedLog()
     for message in messages:
         joined.add(message)
@@ -241,7 +240,7 @@ def stitch(messages: Iterable[Any]) -> ControlRecord:
 
 
 class _JoinedLog:
-    """Control log messages joined to arrays as they come, of which the messages take twice the memory.
+    """Control log messages joined to arrays as they arrive, because messages take twice the memory.
 
     Attributes:
         clock: (stamp, robot time) of the first cycle of each message [s].
@@ -256,7 +255,7 @@ class _JoinedLog:
         self._last: Any = None
 
     def add(self, message: Any) -> None:
-        """Take a message. Raises BagError: its joints are others than those of the messages before."""
+        """Add a message. Raises BagError if its joints differ from those of the messages before."""
         start, count, joints = int(message.first_cycle), int(message.n_cycles), len(message.joint_names)
         if self._last is None:
             self._first = self._expected = start
@@ -286,7 +285,7 @@ class _JoinedLog:
         self._cycles, self._expected, self._last = end, max(self._expected, start + count), message
 
     def record(self) -> ControlRecord:
-        """Return the cycles so far. Raises BagError: there is none."""
+        """Return the cycles so far. Raises BagError if there are none."""
         if self._last is None:
             raise BagError("the control log is empty")
         return ControlRecord(
@@ -300,15 +299,17 @@ class _JoinedLog:
 
 
 def seconds(stamp: Any) -> float:
-    """A stamp as rosbags reads it, or as ROS has it, which rounds otherwise by itself [s]."""
+    """Return a stamp of rosbags or of ROS [s]; the conversion of ROS itself would round differently."""
     if hasattr(stamp, "secs"):
         return float(stamp.secs) + 1e-9 * float(stamp.nsecs)
     return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
 
 
 def robot_time_of(clock: Sequence[tuple[float, float]]) -> RobotTime:
-    """Return what leads from stamps to robot time, by pairs of both [s]. They differ by a constant, except on a robot
-    whose clock does not keep step with that of this machine."""
+    """Return the function from stamps to robot time, given pairs of both [s].
+
+    They differ by a constant, except on a robot whose clock drifts against that of this machine.
+    """
     stamps, times = map(np.array, zip(*sorted(clock), strict=True))
     offsets = stamps - times
     if np.ptp(offsets) < SAME_CLOCK:

@@ -1,5 +1,4 @@
-"""Run folders: runs/<experiment>_<date>/ with run.yaml, the bag, metrics.json and figures; runs/latest points to the
-newest that has a recording."""
+"""Run folders runs/<experiment>_<date>/: run.yaml, bag, metrics.json, figures; runs/latest is the newest recording."""
 
 import fcntl
 import os
@@ -16,27 +15,27 @@ from hric_core.errors import HricError, failing
 RUNNING, COMPLETED, INTERRUPTED, FAILED = "running", "completed", "interrupted", "failed"
 STAMP = "%Y%m%d-%H%M%S"
 GONE = "the process that made this run ended without closing it: it was killed, or the machine stopped"
-"""Reason of a run that was still `running` when nobody wrote it any more."""
+"""Reason for a run with status `running` whose process has died."""
 
 
 class RunFolderError(HricError):
-    """A run folder that is not there, is not one, or cannot be written."""
+    """Error for a run folder that does not exist, is not one, or cannot be written."""
 
 
 def runs_root(given: str | None = None) -> Path:
-    """Folder of all runs: the one given, else $HRIC_RUNS, else runs/ of the workspace."""
+    """Return the folder of all runs: `given`, else $HRIC_RUNS, else runs/ of the workspace."""
     if given or os.environ.get("HRIC_RUNS"):
         return Path(given or os.environ["HRIC_RUNS"]).expanduser().absolute()
     return workspace() / "runs"
 
 
 def workspace() -> Path:
-    """The workspace's folder: $HRIC_WS, else that in which this source lies."""
+    """Return the workspace folder: $HRIC_WS, else the one that contains this source."""
     return Path(os.environ.get("HRIC_WS") or Path(__file__).resolve().parents[4])
 
 
 def iso_now() -> str:
-    """Return the UTC time of day, for people and for sorting."""
+    """Return the UTC time as readable text that sorts by time."""
     return _iso(datetime.now(UTC))
 
 
@@ -47,8 +46,8 @@ def _iso(when: datetime) -> str:
 class RunFolder:
     """One run on disk.
 
-    Who makes a run holds a lock on its folder until run.yaml says how the run ended; the system frees the lock when
-    that process dies. So whoever reads `running` without a lock knows that it died, and notes it.
+    The process that makes a run locks the folder until run.yaml says how the run ended; the system frees the lock when
+    that process dies. A reader that finds `running` without a lock therefore knows that it died, and notes it.
 
     Attributes:
         path: the folder.
@@ -57,19 +56,19 @@ class RunFolder:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._release: Callable[[], object] | None = None
-        """Frees the lock; None: this object did not make the run, or the run has ended."""
+        """Function that frees the lock; None: this object did not make the run, or the run has ended."""
 
     @classmethod
     def create(cls, root: Path, experiment: str, now: datetime | None = None) -> "RunFolder":
-        """Make a new folder.
+        """Make a new run folder.
 
         Args:
             root: folder of all runs, made if missing.
             experiment: name of the experiment.
-            now: local time for the name.
+            now: local time for the name; default: the present.
 
         Raises:
-            RunFolderError: it cannot be written.
+            RunFolderError: the folder cannot be made.
         """
         name = f"{experiment}_{(now or datetime.now()).strftime(STAMP)}"
         try:
@@ -85,10 +84,10 @@ class RunFolder:
 
     @classmethod
     def open(cls, path: str | Path, root: Path | None = None) -> "RunFolder":
-        """An existing run, by its path or by its name in the folder of all runs ("latest" too).
+        """Return an existing run, by its path or by its name in the folder of all runs ("latest" too).
 
         Raises:
-            RunFolderError: no run there; names the newest that exist.
+            RunFolderError: there is no run; the message names the newest ones.
         """
         for candidate in (Path(path).expanduser(), (root or runs_root()) / path):
             if (candidate / "run.yaml").is_file():
@@ -104,26 +103,26 @@ class RunFolder:
         )
 
     def become_latest(self) -> None:
-        """Let `latest` point to this run, from the beginning of its recording on."""
+        """Point `latest` to this run, from the start of its recording on."""
         files.point_link(self.path.parent / "latest", self.path.name)
 
     @property
     def bag_path(self) -> Path:
-        """Where the bag is or will be."""
+        """Path of the bag, recorded or not yet."""
         return self.path / f"{self.path.name}.bag"
 
     @property
     def metrics_path(self) -> Path:
-        """Where the metrics are or will be."""
+        """Path of the metrics, written or not yet."""
         return self.path / "metrics.json"
 
     @property
     def urdf_path(self) -> Path:
-        """Where the robot's description is or will be."""
+        """Path of the robot's URDF, written or not yet."""
         return self.path / "robot.urdf"
 
     def description(self) -> str:
-        """URDF of the robot; "": the folder has none. Raises RunFolderError where it cannot be read."""
+        """Return the robot's URDF, "" if the folder has none. Raises RunFolderError if it cannot be read."""
         try:
             return self.urdf_path.read_text() if self.urdf_path.is_file() else ""
         except OSError as error:
@@ -137,10 +136,10 @@ class RunFolder:
             self._release = None
 
     def read(self, gone: str = "") -> dict[str, Any]:
-        """Return the contents of run.yaml. A run that is `running` though its process died becomes `interrupted`.
+        """Return the contents of run.yaml. A `running` run whose process has died becomes `interrupted`.
 
         Args:
-            gone: reason to note then, where more is known than that.
+            gone: reason to note in that case, if it is known better.
         """
         data = self._contents()
         if data.get("status") == RUNNING and self._release is None and (lock := _lock(self.path)) is not None:
@@ -172,7 +171,7 @@ class RunFolder:
 
     @contextmanager
     def filled(self) -> Iterator[None]:
-        """While the run is made: what goes wrong is a failure, no mistake of the user, and run.yaml says so."""
+        """Guard the making of a run: an error in the block is a failure, no user mistake, and noted in run.yaml."""
         try:
             with failing():
                 yield
@@ -183,7 +182,7 @@ class RunFolder:
 
 
 def _lock(folder: Path) -> int | None:
-    """Lock a run folder for its only writer. Returns what to close; None: somebody has it, or the disk has no locks."""
+    """Lock a run folder for its only writer; return the descriptor, None if it is locked or the disk has no locks."""
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)

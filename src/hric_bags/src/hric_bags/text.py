@@ -1,4 +1,4 @@
-"""Text for terminals and text files: aligned tables, and which step of a long computation is under way."""
+"""Text for terminals and text files: aligned tables, and the progress of a long computation."""
 
 import re
 import shutil
@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 
 def rows(cells: Sequence[Sequence[str]], head: int = 1) -> list[str]:
-    """Aligned lines: the first column to the left, the others to the right; a rule below the lines of the head."""
+    """Return aligned lines: first column left, others right, a rule below the lines of the head."""
     widths = [max(len(row[i]) for row in cells) for i in range(len(cells[0]))]
     lines = []
     for row in cells:
@@ -18,13 +18,12 @@ def rows(cells: Sequence[Sequence[str]], head: int = 1) -> list[str]:
 
 
 def show(report: str) -> None:
-    """Print a report; on a terminal, tables that are wider than it are folded."""
+    """Print a report; on a terminal, wider tables are folded."""
     print(fitted(report, shutil.get_terminal_size().columns) if sys.stdout.isatty() else report)
 
 
 def fitted(report: str, width: int) -> str:
-    """Fold the tables of `rows` that are wider than a width [characters]: below each other, each part with the first
-    column."""
+    """Fold tables of `rows` wider than a width [characters] into parts that repeat the first column."""
     blocks = re.split(r"(\n\s*\n)", report)
     return "".join(
         _folded(block, width) if re.search(rf"^-{{{width + 1},}}$", block, re.M) else block for block in blocks
@@ -32,7 +31,7 @@ def fitted(report: str, width: int) -> str:
 
 
 def _folded(block: str, width: int) -> str:
-    """One table, with or without lines before it."""
+    """Fold one table, with or without lines before it."""
     lines = block.split("\n")
     rule = next(i for i, line in enumerate(lines) if len(line) > width and not line.strip("-"))
     heads = [(_spans([*lines[rule - head : rule], *lines[rule + 1 :]], len(lines[rule])), head) for head in (1, 2)]
@@ -48,7 +47,7 @@ def _folded(block: str, width: int) -> str:
 
 
 def _spans(lines: Sequence[str], width: int) -> list[tuple[int, int]]:
-    """Begin and end of each column of a table, between which no line has anything."""
+    """Return begin and end of each column of a table; between the columns all lines are blank."""
     columns = zip(*(line.ljust(width)[:width] for line in lines), strict=True)
     filled = "".join("x" if "".join(column).strip() else " " for column in columns)
     return [match.span() for match in re.finditer(r"x+(?: x+)*", filled)]
@@ -59,7 +58,9 @@ def _part(line: str, spans: Sequence[tuple[int, int]]) -> str:
 
 
 class Steps:
-    """Call it with what begins, for stderr: on a terminal one line that changes, elsewhere a line each.
+    """Progress of a computation on stderr: one changing line on a terminal, else one line per step.
+
+    Call it with the name of each step that begins.
 
     Args:
         total: number of steps.
@@ -69,11 +70,11 @@ class Steps:
         self._total, self._begun, self._began = total, 0, time.monotonic()
 
     def __call__(self, what: str) -> None:
-        """The next step begins."""
+        """Show that the next step begins."""
         self._begun += 1
         line = f"report, step {self._begun} of {self._total} ({time.monotonic() - self._began:.0f} s): {what}"
         print(f"\r{line}\033[K" if sys.stderr.isatty() else f"{line}\n", end="", file=sys.stderr, flush=True)
 
     def close(self) -> None:
-        """No step follows: the terminal's line is free again."""
+        """Clear the line on the terminal after the last step."""
         print("\r\033[K" * sys.stderr.isatty(), end="", file=sys.stderr, flush=True)

@@ -1,1 +1,1 @@
-"""Bags as NumPy, CSV, Parquet, OpenSim's formats, and as a bag with one message per sample; needs no ROS."""
+"""Export of bags to NumPy, CSV, Parquet, c3d, OpenSim's formats, and bags with one message per sample. No ROS."""

@@ -1,10 +1,10 @@
-"""An export without the person: what is known to be harmless is passed on, everything else is left out.
+"""Export without the person: what is known to be harmless is passed on, everything else is left out.
 
 Each key of run.yaml and metrics.json, each message type and each field with text has a class in config/privacy.yaml:
-public, pseudonym or private; what is not listed is private. Of a subject, mass and height are coarsened.
+public, pseudonym or private; what is not listed is private. Mass and height of a subject are coarsened.
 
-Signals stay: where markers are, and how large torques and activations are, has the size and strength of a body for who
-computes them. `STAYS` says so in each export.
+Signals stay: size and strength of a body can be computed from marker positions, torques and activations. `STAYS` says
+so in each export.
 """
 
 import re
@@ -24,49 +24,49 @@ from hric_bags.parts import PartsReader
 from hric_core.parameters import package_yaml
 
 NAME = "recording"
-"""Of files that are else called after the run or the bag."""
+"""Name of files that are otherwise named after the run or the bag."""
 STEPS = {"mass": 10.0, "height": 0.1}
-"""To whole multiples of what a measure of the body is rounded [kg], [m]."""
+"""Steps to which measures of the body are rounded [kg], [m]."""
 KEPT = ("parts", "posture")
-"""Of a subject, as they are."""
+"""Keys of a subject that stay as they are."""
 SUBJECT = "subject"
 PEOPLE = ("human", "person")
 """Sections in which a number may be a measure of a body."""
 BODY = ("calibration", "muscles")
-"""Keys that have such measures there, where they are a file or a list of numbers."""
+"""Keys in these sections that hold such measures, if they are a file or a list of numbers."""
 STRENGTH = ("strength", "clipped", "at_strength", "share_max", "share_mean")
-"""Begins of keys that have the strength of joints, or give it together with the torque beside it."""
+"""Prefixes of keys with the strength of joints, or from which it follows together with the torque."""
 REDUCED = ("mass", "ratio")
-"""Keys of a blow's closed form, which give the mass of the person's arm."""
+"""Keys of the closed-form impact that give the mass of the person's arm."""
 HASHES = ("commit", "state_sha256")
 """Keys whose value may be a hexadecimal number."""
 OLDEST_DATE = 10**17
-"""Later times are dates, earlier ones those of a clock that begins with the run [ns]: a day in 1973."""
+"""Smallest time that is a date, a day in 1973; smaller times count from the start of the run [ns]."""
 FIRST_DATED_SECOND = OLDEST_DATE // 1_000_000_000
-"""The same of the seconds of a stamp [s]."""
+"""Seconds of the smallest stamp that is a date [s]."""
 DATED = (1e9, 4e9)
-"""Numbers that are taken for times since 1970 [s]: from 2001 to 2096; also in ms, us and ns."""
+"""Range of numbers that are taken for times since 1970, from 2001 to 2096 [s]; also in ms, us and ns."""
 LONGEST = 60
-"""Characters of a text that is passed on; project default, unconfirmed."""
+"""Longest text that is passed on [characters]; project default, unconfirmed."""
 TEMPLATES = 4
-"""Tried at most for the messages of one size on a topic; project default, unconfirmed."""
+"""Largest number of templates for messages of one size on a topic; project default, unconfirmed."""
 STAYS = (
     "The signals themselves are as recorded: positions of markers, angles, torques, EMG and activations have the size "
     "and the strength of a body for who computes them."
 )
 _ANONYMOUS_NODE = re.compile(r"_\d+_\d{13}")
-"""End of a node's name that has its process and the date of its start."""
+"""End of a node's name with its process number and start date."""
 _TOKENS = re.compile(r"[A-Za-z]+\d*|\d+")
 _PLAIN = re.compile(r"[A-Za-z0-9_ .:/^*()%\[\]-]*")
 _VERSION = re.compile(r"\d{1,3}(\.\d{1,3}){0,3}")
 _NUMERIC = re.compile(r"[-+0-9.eE, \[\]]+")
 _LEFT_OUT = object()
-"""In place of a value that is private."""
+"""Placeholder for a private value."""
 
 
 @dataclass(frozen=True)
 class Privacy:
-    """Classes of keys, words and messages; see config/privacy.yaml."""
+    """Privacy classes of keys, words and messages; see config/privacy.yaml."""
 
     public: frozenset[str]
     private: frozenset[str]
@@ -78,18 +78,18 @@ class Privacy:
 
 @cache
 def privacy() -> Privacy:
-    """Return the classes."""
+    """Return the privacy classes."""
     return Privacy(**{key: frozenset(str(words).split()) for key, words in package_yaml(__file__, "privacy").items()})
 
 
 class Anonymiser:
-    """Takes the person out of what is exported.
+    """Removal of the person from exported files and messages.
 
     Args:
         run: contents of run.yaml.
         metrics: contents of metrics.json.
         names: further words that name the person.
-        begin: time of the bag's first recording [ns].
+        begin: recording time of the first message in the bag [ns].
     """
 
     def __init__(self, run: Mapping[str, Any], metrics: Mapping[str, Any], names: Sequence[str], begin: int) -> None:
@@ -101,20 +101,20 @@ class Anonymiser:
         self._run, self._metrics = run, metrics
         self._done: dict[str, None] = {}
         self._templates: dict[tuple[str, str, int], list[Template | None]] = {}
-        """Templates by topic, type and size of its messages [B]; None: messages that are decoded each time."""
+        """Templates by topic, type and size of messages [B]; None: messages that are decoded each time."""
 
     def _note(self, what: str) -> None:
         self._done.setdefault(what)
 
     @property
     def done(self) -> list[str]:
-        """What was dropped or coarsened so far, a line each."""
+        """Lines that say what was dropped or coarsened so far."""
         return [*self._done, STAYS]
 
     # -- what all share ------------------------------------------------------------------------------------------------
 
     def name(self, text: str) -> str:
-        """Return a name with each part that has other words than the public ones numbered, the same everywhere."""
+        """Return a name in which each part with words that are not public is numbered, the same everywhere."""
         if (known := self._known.get(text)) is None:
             parts = (part if part in "/:" else self._part(part) for part in re.split(r"([/:])", text) if part)
             known = self._known[text] = "".join(parts)
@@ -128,7 +128,7 @@ class Anonymiser:
         return self._pseudonyms.setdefault(text, f"name_{len(self._pseudonyms) + 1}")
 
     def is_public(self, text: str) -> bool:
-        """Return whether a text has nothing but public words, and digits that make no date."""
+        """Return True if a text has only public words, and digits that make no date."""
         tokens = _TOKENS.findall(text)
         numbers = sum(token.isdigit() for token in tokens)
         return (
@@ -144,7 +144,7 @@ class Anonymiser:
         return digits <= 2 if not word else word in self._public and digits <= (1 if len(word) == 1 else 2)
 
     def time(self, nanoseconds: int) -> int:
-        """A time that is a date, since the first recording [ns]; another one as it is."""
+        """Return a date as time since the first recording [ns]; any other time unchanged."""
         if nanoseconds < OLDEST_DATE:
             return nanoseconds
         self._note("dates of recordings and stamps: counted from the first of them")
@@ -158,17 +158,16 @@ class Anonymiser:
 
     @property
     def run(self) -> dict[str, Any]:
-        """Return what may be passed on of run.yaml."""
+        """Contents of run.yaml that may be passed on."""
         return dict(self._cleaned(self._run, ()))
 
     @property
     def metrics(self) -> dict[str, Any]:
-        """Return what may be passed on of metrics.json."""
+        """Contents of metrics.json that may be passed on."""
         return dict(self._cleaned(self._metrics, ()))
 
     def urdf(self, text: str) -> str:
-        """Return a description with the names that the anonymised messages have, to read frames from; it is not passed
-        on."""
+        """Return a URDF with the names of the anonymised messages, to read frames from; it is not passed on."""
         return re.sub(r'\b(name|link|joint)="([^"]*)"', lambda found: f'{found[1]}="{self.name(found[2])}"', text)
 
     def _cleaned(self, value: Any, path: tuple[str, ...]) -> Any:
@@ -204,7 +203,7 @@ class Anonymiser:
         return made
 
     def _refusal(self, key: str, value: Any, path: tuple[str, ...]) -> str:
-        """Return why a key is left out; empty: it stays."""
+        """Return the reason to leave a key out; empty: it stays."""
         of_person = any(name in path for name in PEOPLE)
         if key in privacy().private:
             return "dates of the run, notes, texts, paths and what only a body has: dropped"
@@ -233,7 +232,7 @@ class Anonymiser:
         return _LEFT_OUT
 
     def _argument(self, argument: Any) -> Any:
-        """Return an override, where it is of nobody and its value is a number or a public word."""
+        """Return an override if it concerns nobody and its value is a number or a public word."""
         key, _, value = str(argument).partition(":=")
         public = self.is_public(key) and (self.is_public(value) or bool(_NUMERIC.fullmatch(value)))
         dated = any(_is_date(float(number)) for number in re.findall(r"\d+(?:\.\d+)?", value))
@@ -257,14 +256,14 @@ class Anonymiser:
     # -- messages ------------------------------------------------------------------------------------------------------
 
     def hides(self, kind: str) -> bool:
-        """Return whether messages of a type are left out."""
+        """Return True if messages of a type are left out."""
         hides = kind not in privacy().types and kind.partition("/")[0] not in privacy().packages
         if hides:
             self._note("messages of other types than the known ones (texts, pictures, descriptions): topics dropped")
         return hides
 
     def serialised(self, bag: PartsReader, connection: Connection, raw: bytes) -> bytes:
-        """Take the person out of a serialised message. Raises BagError: it cannot be read."""
+        """Remove the person from a serialised message. Raises BagError if it cannot be read."""
         kind = connection.msgtype
         templates = self._templates.setdefault((connection.topic, kind, len(raw)), [])
         for template in templates:
@@ -281,7 +280,7 @@ class Anonymiser:
         return cleaned
 
     def message(self, message: Any) -> Any:
-        """Take the person out of a message as rosbags reads it; returns it, changed in place."""
+        """Remove the person from a message as rosbags reads it, in place, and return it."""
         message_type: Any = type(message)
         for field in _fields(message_type):
             setattr(message, field, self._value(field, getattr(message, field)))
@@ -328,7 +327,7 @@ def _fields(kind: type) -> tuple[str, ...]:
 
 
 def _is_date(value: float) -> bool:
-    """Return whether a number reads as a time since 1970, or as a day like 20260314."""
+    """Return True if a number reads as a time since 1970, or as a day like 20260314."""
     if any(DATED[0] * unit < value < DATED[1] * unit for unit in (1.0, 1e3, 1e6, 1e9)):
         return True
     try:
@@ -338,7 +337,7 @@ def _is_date(value: float) -> bool:
 
 
 def _names(value: Any) -> set[str]:
-    """Words that name the subject, wherever `subject` is a key."""
+    """Return the words that name the subject, wherever `subject` is a key."""
     if isinstance(value, Mapping):
         words: set[str] = set().union(*(_names(item) for item in value.values()))
         subject = value.get(SUBJECT)

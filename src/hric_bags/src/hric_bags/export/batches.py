@@ -1,5 +1,4 @@
-"""Batched messages as tables with a row per sample: control logs, chunks of samples; and synchronised samples with the
-names of their layout."""
+"""Tables of control logs and sample chunks, one row per sample, and of synchronised samples with their names."""
 
 import itertools
 from collections.abc import Sequence
@@ -21,14 +20,14 @@ _LOG_UNITS = {"position": "rad", "velocity": "rad/s", "effort": "N m"}
 def table_of(
     topic: str, type_name: str, messages: Sequence[Any], timing: Timing, clock: str, prismatic: frozenset[str]
 ) -> Table:
-    """Table of a batched topic; type_name: one of BATCHED."""
+    """Return the table of a batched topic; type_name: one of BATCHED."""
     if type_name == CONTROL_LOG:
         return control_log(topic, messages, clock, prismatic)
     return chunks(topic, messages, timing, clock)
 
 
 def control_log(topic: str, messages: Sequence[Any], clock: str, prismatic: frozenset[str]) -> Table:
-    """A row per cycle, each cycle once."""
+    """Return a table of a control log with one row per cycle, each cycle once."""
     log = bag_reader.stitch(messages)
     columns = [Column("cycle", "", _cycles(log))]
     for field in bag_reader.ARRAYS:
@@ -51,7 +50,7 @@ def _cycles(log: bag_reader.ControlRecord) -> Any:
 
 
 def chunks(topic: str, messages: Sequence[Any], timing: Timing, clock: str) -> Table:
-    """A row per sample; a sample's time is that of its chunk's first plus its place over the rate."""
+    """Return a table with one row per sample, at the time of its chunk plus its index over the rate."""
     times, stamps, numbers = [], [], []
     values: dict[str, list[FloatArray]] = {name: [] for message in messages for name in message.channels}
     for message in messages:
@@ -87,7 +86,7 @@ def chunks(topic: str, messages: Sequence[Any], timing: Timing, clock: str) -> T
 
 
 def _chunk_units(messages: Sequence[Any]) -> dict[str, str]:
-    """Unit of each channel: one for all, or one per channel, separated by spaces."""
+    """Return the unit of each channel; messages have one for all, or one per channel separated by spaces."""
     found: dict[str, str] = {}
     for message in messages:
         words = [word.replace(".", " ") for word in str(message.unit).replace("N m", "N.m").split()]
@@ -97,7 +96,7 @@ def _chunk_units(messages: Sequence[Any]) -> dict[str, str]:
 
 
 def named(table: Table, layout: Any) -> Table:
-    """A table of synchronised samples with the names and units of its layout."""
+    """Return a table of synchronised samples with the names and units of its layout."""
     names, sources = [str(name) for name in layout.names], list(dict.fromkeys(map(str, layout.sources)))
     columns = []
     for column in table.columns:

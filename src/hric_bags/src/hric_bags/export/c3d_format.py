@@ -1,4 +1,4 @@
-"""A trial as a c3d file, through ezc3d."""
+"""Trial as a c3d file, written by ezc3d."""
 
 import textwrap
 from collections.abc import Iterator
@@ -11,16 +11,16 @@ import numpy as np
 from hric_bags.export.c3d_trial import C3dTrial
 
 MAX_FRAMES = 65535
-"""The header counts frames with 16 bits; a longer trial becomes several files."""
+"""Largest number of frames of a file, a 16-bit count in the header; longer trials become several files."""
 MM = 1000.0
 WIDTH = 120
-"""Of a line of text in a parameter, which holds 255 letters at most."""
+"""Width of a line of text in a parameter, which holds 255 letters at most."""
 INTEGER = 2
-"""ezc3d's type of whole numbers."""
+"""Code of integers in ezc3d."""
 
 
 def parts(trial: C3dTrial) -> Iterator[C3dTrial]:
-    """The trial in pieces that a file can hold, each with its own start."""
+    """Yield the trial in pieces that fit into a file, each with its own start."""
     for first in range(0, len(trial.positions), MAX_FRAMES):
         last = min(first + MAX_FRAMES, len(trial.positions))
         offset, samples = first / trial.rate, slice(first * trial.per_frame, last * trial.per_frame)
@@ -41,9 +41,9 @@ def write(trial: C3dTrial, path: Path, started: str = "") -> None:
     """Write one file.
 
     Args:
-        trial: at most MAX_FRAMES frames.
-        path: where to.
-        started: when the run began, for people.
+        trial: trial of at most MAX_FRAMES frames.
+        path: file to write.
+        started: start of the run, as text.
     """
     import ezc3d  # not before somebody wants such a file
 

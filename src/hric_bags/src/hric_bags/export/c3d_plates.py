@@ -1,4 +1,4 @@
-"""Force plates as c3d files have them: corners, origin, signals, calibration."""
+"""Force plates as c3d files describe them: corners, origin, signals, calibration."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -11,11 +11,11 @@ from hric_bags.export.table import FloatArray, Table
 from hric_perception.plate.geometry import PLATE_SIZE
 
 FLIP = np.diag([1.0, -1.0, -1.0])
-"""From axes of a plate with z up to those of a c3d file, z down, and back."""
+"""Rotation between the axes of a plate, z up, and those of a c3d file, z down; it is its own inverse."""
 QUADRANTS = np.array([[1, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0]])
-"""Of the corners, in the axes of the file's plate (c3d.org, FORCE_PLATFORM:CORNERS)."""
+"""Signs of the corners in the axes of the file's plate (c3d.org, FORCE_PLATFORM:CORNERS)."""
 N_MM = np.array([1.0, 1.0, 1.0, 1e3, 1e3, 1e3])
-"""N and N m as N and N mm."""
+"""Factors from N and N m to N and N mm."""
 
 
 @dataclass(frozen=True)
@@ -23,9 +23,9 @@ class PlateSettings:
     """Settings of a plate in a run (keys of `force_plate` in an experiment file).
 
     Attributes:
-        size: of the surface along x and y [m].
-        height: of the surface over the origin of the moments [m].
-        invert: the device measures the reaction, not the load.
+        size: size of the surface along x and y [m].
+        height: height of the surface above the origin of the moments [m].
+        invert: True if the device measures the reaction, not the load.
         calibration: (Fx .. Mz) = calibration @ signals, shape (6, 6) [N/V, N m/V]; None: the device sends forces.
     """
 
@@ -35,23 +35,23 @@ class PlateSettings:
     calibration: FloatArray | None = None
 
     def over(self, surface: float) -> "PlateSettings":
-        """The same with another height, where one is given."""
+        """Return the settings with another height [m]; 0: unchanged."""
         return replace(self, height=surface) if surface else self
 
 
 @dataclass(frozen=True)
 class C3dPlate:
-    """A plate of a c3d file.
+    """Force plate of a c3d file.
 
     Attributes:
-        name: of it.
+        name: name of the plate.
         kind: type, 2 or 4.
-        corners: in OpenSim's ground, shape (4, 3) [m].
-        origin: from the origin of the moments to the middle of the surface, in the file's axes of the plate, shape (3,)
-            [m].
+        corners: corners of the surface in OpenSim's ground, shape (4, 3) [m].
+        origin: vector from the origin of the moments to the middle of the surface, in the file's axes of the plate,
+            shape (3,) [m].
         calibration: shape (6, 6) [N/V, N mm/V]; the identity for type 2.
-        units: of its six channels.
-        axes: how its pose was found, for people.
+        units: units of the six channels.
+        axes: text on how the pose was determined.
     """
 
     name: str
@@ -64,7 +64,7 @@ class C3dPlate:
 
 
 def plate_settings(run: Mapping[str, Any]) -> dict[str, PlateSettings]:
-    """Of the plates in run.yaml, by name."""
+    """Return the settings of the plates in run.yaml, by name."""
     section = (run.get("definition") or {}).get("force_plate") or {}
     if not section:
         return {}
@@ -80,15 +80,15 @@ def plate_settings(run: Mapping[str, Any]) -> dict[str, PlateSettings]:
 
 
 def plate_of(table: Table, frames: Frames, settings: PlateSettings, wrench: FloatArray) -> tuple[C3dPlate, FloatArray]:
-    """(the plate, its signals, shape (n, 6)).
+    """Return the plate and its signals, shape (n, 6).
 
-    A c3d file has what the plate does to the body on it, in axes with z down: BTK, OpenSim and ezc3d take its channels
-    so, without a change of sign.
+    A c3d file holds the load of the plate on the body, in axes with z down: BTK, OpenSim and ezc3d read its channels
+    this way, without a change of sign.
 
     Args:
-        table: of the samples.
-        frames: where the plate's frame is: at the middle of the surface, z up.
-        settings: see there.
+        table: samples of the plate.
+        frames: frames of the run; that of the plate is at the middle of the surface, z up.
+        settings: settings of the plate.
         wrench: samples as the device sends them, shape (n, 6) [N, N m].
     """
     from hric_bags.export.opensim_formats import plate_name
@@ -110,7 +110,7 @@ def plate_of(table: Table, frames: Frames, settings: PlateSettings, wrench: Floa
 
 
 def _at_surface(height: float) -> FloatArray:
-    """M' = M + F x p with p = (0, 0, height), as a matrix on (F, M)."""
+    """Return M' = M + F x p with p = (0, 0, height) as a matrix on (F, M)."""
     matrix = np.eye(6)
     matrix[3, 1], matrix[4, 0] = height, -height
     return matrix

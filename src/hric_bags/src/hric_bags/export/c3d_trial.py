@@ -1,5 +1,4 @@
-"""What a c3d file holds of a run: markers, force plates and EMG on one grid of time, in the axes of OpenSim's
-ground."""
+"""Trial for a c3d file: markers, force plates and EMG on one time grid, in the axes of OpenSim's ground."""
 
 import itertools
 import math
@@ -16,20 +15,20 @@ from hric_bags.export.opensim_text import GROUND, marker_name
 from hric_bags.export.table import ExportError, FloatArray, Table
 
 FRAME_RATE = 100.0
-"""Of the frames of a run without motion capture [Hz] (default chosen by this project, unconfirmed)."""
+"""Frame rate of a run without motion capture [Hz] (default chosen by this project, unconfirmed)."""
 TRIGGER_TYPE, PHASE_TYPE = "std_msgs/msg/Empty", "std_msgs/msg/String"
 TRIGGER, PHASE = "/trigger", "/phase"
-"""How topics of events end."""
+"""Endings of the topics of events."""
 TIME_CODE = "time"
-"""Channel of an emulated device that has the time of each sample; it says nothing that the file's own time does not."""
+"""Channel of an emulated device with the time of each sample, which the file has anyway."""
 
 
 @dataclass(frozen=True)
 class Channel:
-    """An analog channel.
+    """Analog channel.
 
     Attributes:
-        label, unit: of it.
+        label, unit: label and unit of the channel.
         values: at the times of the analog samples, shape (frames * per_frame,).
     """
 
@@ -40,18 +39,18 @@ class Channel:
 
 @dataclass(frozen=True)
 class C3dTrial:
-    """All of it; frame k is at start + k / rate.
+    """Contents of a c3d file; frame k is at start + k / rate.
 
     Attributes:
         start: time of the first frame, on the clock of the tables [s].
-        rate: of the frames [Hz].
-        per_frame: analog samples of a frame; 0: there are none.
-        labels: of the markers.
+        rate: frame rate [Hz].
+        per_frame: analog samples per frame; 0: there are none.
+        labels: labels of the markers.
         positions: shape (frames, markers, 3) [m]; NaN: not seen.
-        channels: those of the plates first, six each, then EMG.
-        plates: in the order of their channels.
-        events: (seconds since the first frame, what happened).
-        notes: name -> a sentence: how the file was made.
+        channels: channels of the plates, six each, then EMG.
+        plates: force plates in the order of their channels.
+        events: (seconds since the first frame, event).
+        notes: name -> sentence on how the file was made.
     """
 
     start: float
@@ -66,16 +65,16 @@ class C3dTrial:
 
 
 def collect(tables: Mapping[str, Table], frames: Frames, run: Mapping[str, Any], surface: float = 0.0) -> C3dTrial:
-    """The trial of a run, over the time that all of its sources have.
+    """Return the trial of a run, over the time that all of its sources have.
 
     Args:
-        tables: of the bag, by topic.
-        frames: where frames are.
+        tables: tables of the bag, by topic.
+        frames: frames of the run.
         run: contents of run.yaml; may be empty.
         surface: height of the plates' surface over their electrical origin [m]; 0: as in the run.
 
     Raises:
-        ExportError: there is nothing, more than one motion capture, or no time that all sources have.
+        ExportError: there is no source, more than one motion capture, or no time that all sources have.
     """
     captures, plates, emg = _sources(tables)
     markers = opensim_formats.markers_of(captures[0], frames) if captures else None
@@ -107,7 +106,7 @@ def collect(tables: Mapping[str, Table], frames: Frames, run: Mapping[str, Any],
 
 
 def _sources(tables: Mapping[str, Table]) -> tuple[list[Table], list[Table], list[Table]]:
-    """Motion captures (one at most), force plates and EMG. Raises ExportError where there is none of them."""
+    """Return motion captures (one at most), force plates and EMG. Raises ExportError if there is none of them."""
     captures = [table for table in tables.values() if opensim_formats.is_capture(table)]
     plates = [table for table in tables.values() if opensim_formats.is_plate(table)]
     others = [table for table in tables.values() if table.type_name == batches.CHUNK and table not in plates]
@@ -124,11 +123,11 @@ def _sources(tables: Mapping[str, Table]) -> tuple[list[Table], list[Table], lis
 
 
 class _Grid:
-    """The times of frames and samples.
+    """Times of frames and samples.
 
     Attributes:
         start, rate, per_frame: see C3dTrial.
-        count: of frames.
+        count: number of frames.
         analog: times of the analog samples, shape (count * per_frame,) [s].
     """
 
@@ -154,8 +153,7 @@ class _Grid:
         self.analog = self.start + np.arange(self.count * self.per_frame) / (self.rate * max(1, self.per_frame))
 
     def positions(self, markers: opensim_formats.Markers | None) -> FloatArray:
-        """Of each frame that of the recorded one that is nearest, at most half a period away; shape (frames, markers,
-        3) [m]."""
+        """Return positions [m] of the nearest recorded frames (half a period at most), shape (frames, markers, 3)."""
         if markers is None:
             return np.empty((self.count, 0, 3))
         index = np.rint((markers.time - self.start) * self.rate).astype(int)
@@ -167,7 +165,7 @@ class _Grid:
 
 
 def _numbers(markers: opensim_formats.Markers) -> FloatArray:
-    """Of the frames; empty: not known."""
+    """Return the frame numbers; empty: not known."""
     column = markers.table.column("frame_number")
     return np.empty(0) if column is None else np.asarray(column.values, dtype=float)[markers.rows]
 
@@ -182,7 +180,7 @@ def _emg(table: Table, source: resampling.Sampled, times: FloatArray, taken: Seq
 
 
 def _differ(labels: Sequence[str], taken: Sequence[str] = ()) -> list[str]:
-    """The same labels, those that are there already with a number."""
+    """Return the labels, with a number after those that are there already."""
     found: list[str] = []
     for label in labels:
         names = itertools.chain([label], (f"{label}_{number}" for number in itertools.count(2)))
@@ -191,7 +189,7 @@ def _differ(labels: Sequence[str], taken: Sequence[str] = ()) -> list[str]:
 
 
 def _events(tables: Mapping[str, Table], start: float, duration: float) -> tuple[tuple[float, str], ...]:
-    """Triggers, and what the emulated human does, within the file."""
+    """Return triggers and phases of the emulated human within the file."""
     found = []
     for table in tables.values():
         if table.type_name == TRIGGER_TYPE and table.topic.endswith(TRIGGER):
@@ -232,7 +230,7 @@ def _notes(
 
 
 def describe(trial: C3dTrial) -> str:
-    """One line on what is in the file and how it was made."""
+    """Return one line on the contents of the file and how it was made."""
     analog = f"; {trial.notes['RESAMPLING']}" if trial.channels else ""
     plates = "".join(f", plate {plate.name} of type {plate.kind}" for plate in trial.plates)
     emg = len(trial.channels) - 6 * len(trial.plates)

@@ -1,4 +1,4 @@
-"""Command lines: export, inverse_kinematics, inverse_dynamics."""
+"""Command lines of export, inverse_kinematics and inverse_dynamics."""
 
 import argparse
 import sys
@@ -79,7 +79,7 @@ def inverse_dynamics(arguments: Sequence[str]) -> int:
 
 
 def _parser(command: str, output: str, description: str) -> argparse.ArgumentParser:
-    """What the commands share: run, folder of the runs, folder of the results."""
+    """Return a parser of the common arguments: run, folder of the runs, folder of the results."""
     parser = argparse.ArgumentParser(
         f"rosrun hric_experiments {command}", description=f"{description} Needs no ROS master."
     )

@@ -1,4 +1,4 @@
-"""One export: which formats, into which folder; what is there already is left alone."""
+"""One export: which formats, into which folder; existing files are left alone."""
 
 import json
 import time
@@ -33,14 +33,14 @@ NEEDED: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class Request:
-    """What to write.
+    """Settings of an export.
 
     Attributes:
-        formats: some of FORMATS.
-        topics: names; empty: all.
-        load_body: body of a model that the plates' loads act on; empty: they are in no set-up file.
-        surface: height of the plates' surface over their electrical origin [m].
-        anonymise: further words that name the person, who is taken out; None: nothing is.
+        formats: formats, some of FORMATS.
+        topics: topic names; empty: all.
+        load_body: body of a model on which the plates' loads act; empty: they are in no set-up file.
+        surface: height of the plates' surface above their electrical origin [m].
+        anonymise: further words that name the person, who is removed; None: nothing is removed.
     """
 
     formats: Sequence[str]
@@ -62,15 +62,14 @@ class Request:
 
 @dataclass
 class Result:
-    """What was done.
+    """Outcome of an export.
 
     Attributes:
-        files: per format, those that are there now.
-        seconds: per format, what writing took, without reading the bag (but for "bag") [s]; absent: it was there
-            already.
-        reading: what reading the bag into tables took [s].
+        files: existing files of each format.
+        seconds: time to write each format, without reading the bag (but for "bag") [s]; absent: it existed already.
+        reading: time to read the bag into tables [s].
         notes: lines on how a format was made, or why there was nothing to write.
-        failures: per format that could not be written, why: one line.
+        failures: reason for each format that could not be written: one line.
     """
 
     files: dict[str, list[Path]] = field(default_factory=dict)
@@ -81,14 +80,14 @@ class Result:
 
 
 ABOUT = "about"
-"""Folder of what an anonymised export says of the run, and of itself."""
+"""Folder of the texts on the run and on the export in an anonymised export."""
 
 
 def default_folder(source: Source, request: Request) -> Path:
-    """Where an export goes.
+    """Return the default folder of an export.
 
     Raises:
-        ExportError: to be anonymised is a bag by itself, whose name may say who and when.
+        ExportError: a bag without run is to be anonymised, whose name may say who and when.
     """
     if request.anonymise is None:
         return source.output
@@ -102,14 +101,14 @@ def default_folder(source: Source, request: Request) -> Path:
 def export(
     source: Source, request: Request, folder: Path | None = None, *, again: bool = False, progress: bool = False
 ) -> Result:
-    """Write the formats that are not there yet; one that cannot be written does not keep the others from it.
+    """Write the formats that do not exist yet; one that cannot be written does not stop the others.
 
     Args:
         source: see `recording.find`.
-        request: what to write.
-        folder: where to; default: see `default_folder`.
-        again: write also what is there.
-        progress: whether to draw bars.
+        request: formats and settings.
+        folder: output folder; default: see `default_folder`.
+        again: True: write also what exists.
+        progress: True to draw progress bars.
 
     Raises:
         HricError: the bag is damaged, or has no such topic.
@@ -166,7 +165,7 @@ def _json(path: Path) -> dict[str, Any]:
 
 
 def _write_about(output: Output, anonymiser: Anonymiser, source: Source) -> None:
-    """What is left of run.yaml and metrics.json, and what was done."""
+    """Write the remaining parts of run.yaml and metrics.json, and the list of what was done."""
     path = output.folder / ABOUT / "anonymised.txt"  # of formats that were there already, too
     before = [] if output.done(ABOUT) is None else path.read_text().splitlines()
     if source.folder is not None:
@@ -183,7 +182,7 @@ def _write_about(output: Output, anonymiser: Anonymiser, source: Source) -> None
 
 @dataclass(frozen=True)
 class _Job:
-    """What writing a format takes; notes: gets what a user must know."""
+    """Writer of the formats of one export; notes: list of messages for the user."""
 
     source: Source
     request: Request
@@ -194,7 +193,7 @@ class _Job:
     anonymiser: Anonymiser | None
 
     def write(self, kind: str) -> bool:
-        """Write a format; false: there is nothing to write."""
+        """Write a format; return False if there is nothing to write."""
         match kind:
             case "bag":
                 self.output.write(kind, f"{self._stem}_samples.bag", self._write_bag)
@@ -237,7 +236,7 @@ class _Job:
 
     @property
     def _stem(self) -> str:
-        """Of files that are called after the bag."""
+        """Stem of files that are named after the bag."""
         return self.source.bag.stem if self.anonymiser is None else anonymous.NAME
 
     def _write_bag(self, path: Path) -> None:

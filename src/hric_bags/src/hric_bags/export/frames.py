@@ -1,5 +1,4 @@
-"""From the frames of messages to OpenSim's ground, in which the converted robot is: y up, x as in the robot's root
-link."""
+"""Transforms from message frames to OpenSim's ground of the converted robot: y up, x as in the robot's root link."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -14,16 +13,16 @@ from hric_core.urdf import read
 
 STATIC = "tf2_msgs/msg/TFMessage"
 MOCAP = "mocap"
-"""Frame of a motion capture that is not mapped to the robot's base; its axes are those of the stream."""
+"""Frame of a motion capture that is not mapped to the robot's base; it has the axes of the stream."""
 
 
 @dataclass
 class Frames:
-    """Where frames are that do not move, as far as it is known.
+    """Frames that do not move, as far as they are known.
 
     Attributes:
-        root: link that is fixed in OpenSim's ground; empty: not known.
-        parents: frame -> (its parent, its pose in it, shape (4, 4)).
+        root: link fixed in OpenSim's ground; empty: not known.
+        parents: frame -> (parent, pose in the parent, shape (4, 4)).
         mocap_up: axis of the stream that points up, "y" or "z".
     """
 
@@ -32,7 +31,7 @@ class Frames:
     mocap_up: str = "y"
 
     def in_ground(self, frame: str) -> tuple[FloatArray, str]:
-        """Pose of a frame in OpenSim's ground, shape (4, 4), and how it was found, for people."""
+        """Return the pose of a frame in OpenSim's ground, shape (4, 4), and a text on its origin."""
         frame = frame.lstrip("/")
         turned = homogeneous(R_YUP_ZUP)
         T_root_frame = self._in_root(frame)
@@ -53,7 +52,7 @@ class Frames:
         return None if common is None else inverse(root_ancestors[common]) @ ancestors[common]
 
     def _ancestors(self, frame: str) -> dict[str, FloatArray]:
-        """Frames above, itself first, each with the pose of `frame` in it."""
+        """Return the frame and all frames above it, each with the pose of `frame` in it."""
         found = {frame: np.eye(4)}
         name, T = frame, np.eye(4)
         while name in self.parents and self.parents[name][0] not in found:
@@ -64,12 +63,11 @@ class Frames:
 
 
 def of_run(urdf: str, tables: Mapping[str, Table], run: Mapping[str, Any]) -> Frames:
-    """Frames of a run: fixed joints of its description, static transforms of its bag, and settings of its motion
-    capture.
+    """Return the frames of a run, from its URDF, the static transforms of its bag, and its motion capture settings.
 
     Args:
-        urdf: description; may be empty.
-        tables: of the bag, by topic; the one of /tf_static counts.
+        urdf: URDF of the robot; may be empty.
+        tables: tables of the bag by topic; that of /tf_static is used.
         run: contents of run.yaml; may be empty.
     """
     known = (run.get("parameters") or {}).get("natnet_client") or {}

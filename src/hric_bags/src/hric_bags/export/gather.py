@@ -1,4 +1,4 @@
-"""Gathers messages of any type into a table: nested fields become columns with dotted names."""
+"""Conversion of messages of any type to a table; nested fields become columns with dotted names."""
 
 from array import array
 from collections.abc import Callable, Mapping, Sequence
@@ -12,13 +12,13 @@ from hric_bags.export import units
 from hric_bags.export.table import Column, Table
 
 NAMES = ("name", "names", "joint_names", "channels", "link_names", "labelled_marker_names")
-"""Fields that name the elements of the arrays beside them, where they have as many."""
+"""Fields that name the elements of the other arrays of a message, if these have as many."""
 LABELS = ("name", "child_frame_id")
 """Fields that name an element of an array of messages."""
 TIMES = ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")
 HEADER = "std_msgs/msg/Header"
 FIRST_SECOND = 1_000_000_000
-"""Before this time of the bag a stamp of 0 is one; later it means that there is none [ns]."""
+"""Recording time before which a stamp of 0 is valid; later it means that there is none [ns]."""
 SINGLE = (float, int, str)
 """Python types of single values."""
 Fields = Mapping[str, Sequence[str]]
@@ -31,9 +31,9 @@ class Gatherer:
     """Rows of one topic.
 
     Args:
-        topic, type_name: of the messages.
-        fields: of all types that they contain.
-        prismatic: joints whose values are metres.
+        topic, type_name: name and message type of the topic.
+        fields: fields of all types that the messages contain.
+        prismatic: joints whose values are in metres.
     """
 
     def __init__(self, topic: str, type_name: str, fields: Fields, prismatic: frozenset[str] = frozenset()) -> None:
@@ -46,7 +46,7 @@ class Gatherer:
         """(path, labels of its elements) -> unit, rows, values, type; of single values without labels and type."""
 
     def add(self, recorded: int, message: Any) -> None:
-        """A message; recorded: when [ns]."""
+        """Add a message; recorded: recording time [ns]."""
         stamped = getattr(getattr(message, "header", None), "__msgtype__", "") == HEADER
         stamp = _nanoseconds(message.header.stamp) if stamped else 0
         self._stamps.append(stamp if stamp or (stamped and recorded < FIRST_SECOND) else recorded)
@@ -67,7 +67,7 @@ class Gatherer:
             self._put(prefix + field, getattr(message, field), unit if own is None else own, names)
 
     def _plan(self, kind: str) -> tuple[str, list[tuple[str, str | None]]]:
-        """Of a message type: the field that names others' elements, and all fields with the units that are theirs."""
+        """Return the field of a message type that names others' elements, and all fields with their own units."""
         fields = self._fields[kind]
         naming = next((field for field in NAMES if field in fields), "")
         return naming, [(field, units.UNITS.get((kind, field))) for field in fields if (kind, field) != (HEADER, "seq")]
@@ -99,7 +99,7 @@ class Gatherer:
             cell[2].append(value)
 
     def table(self, timing: Timing, clock: str) -> Table:
-        """All that was added; timing, clock: see `Table`."""
+        """Return the table of all messages; timing: function from stamps to times; clock: see `Table`."""
         count = len(self._stamps)
         found: dict[str, Column] = {}
         for (path, labels), (unit, rows, values, kind) in self._cells.items():
@@ -114,7 +114,7 @@ class Gatherer:
 
 
 def _merged(before: Column | None, column: Column, rows: npt.NDArray[np.int64], count: int) -> Column:
-    """Values of some rows put among those of the others."""
+    """Return a column with the values of some rows put among those of the others."""
     if before is None and len(rows) == count:
         return column
     text = column.values.dtype.kind == "U"

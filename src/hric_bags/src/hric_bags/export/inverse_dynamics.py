@@ -1,5 +1,4 @@
-"""OpenSim's inverse dynamics of the converted robot along a run's motion, compared with the torque that the run
-logged."""
+"""Inverse dynamics of the converted robot by OpenSim along a run, compared with the torque in the log."""
 
 import os
 from collections.abc import Mapping
@@ -21,26 +20,25 @@ from hric_control.plants import rotor_inertia
 from hric_core.trial.opensim_text import read_storage
 
 MARGIN = 0.05
-"""Left out at both ends, where the tool's splines have nothing beyond; project default, unconfirmed [s]."""
+"""Time left out at both ends, where the tool's splines have no data beyond [s]; project default, unconfirmed."""
 EFFORT_AGE = 0.5
-"""The effort that a simulated robot logs is that of the cycle before the sample: on average this many periods older
-than the position [1]."""
+"""Mean age, in periods, of a simulated robot's logged effort (of the cycle before) against the position [1]."""
 FORCE_ENDINGS = {"rad": "_moment", "m": "_force"}
-"""What the tool appends to a coordinate's name, by the unit of the coordinate."""
+"""Ending that the tool appends to a coordinate's name, by the unit of the coordinate."""
 
 
 @dataclass(frozen=True)
 class Dynamics:
-    """What came of it: n instants of j joints.
+    """Result of the inverse dynamics: n instants of j joints.
 
     Attributes:
-        joint_names: order of the columns.
+        joint_names: joints in the order of the columns.
         time: robot time, shape (n,) [s].
-        torque: that the motion needs, shape (n, j) [N m].
-        logged: the measured effort of the control log, shape (n, j) [N m].
-        rotor_inertia: that was added, shape (j,) [kg m^2].
-        file: .sto file with both.
-        model: the robot.
+        torque: torque that the motion needs, shape (n, j) [N m].
+        logged: measured effort of the control log, shape (n, j) [N m].
+        rotor_inertia: rotor inertia that was added, shape (j,) [kg m^2].
+        file: .sto file with both torques.
+        model: OpenSim model of the robot.
     """
 
     joint_names: tuple[str, ...]
@@ -53,7 +51,7 @@ class Dynamics:
 
     @property
     def error(self) -> FloatArray:
-        """torque - logged, shape (n, j) [N m]."""
+        """Difference torque - logged, shape (n, j) [N m]."""
         return self.torque - self.logged
 
 
@@ -62,18 +60,18 @@ def solve(
 ) -> Dynamics:
     """Export the coordinates, convert the robot, run the tool.
 
-    tau = M(q) ddq + C(q, dq) + g(q) + friction and damping of the description + B ddq. The effort of the log is that on
-    the link's side of the rotors, so B is zero unless the log holds efforts of motors.
+    tau = M(q) ddq + C(q, dq) + g(q) + friction and damping of the URDF + B ddq. The logged effort is on the link's side
+    of the rotors, so B is zero unless the log holds efforts of motors.
 
     Args:
         source: a run with its description.
-        topic: of the control log; empty: the only one.
+        topic: topic of the control log; empty: the only one.
         lowpass: cut-off of the tool's filter of the coordinates [Hz]; negative: none.
         rotor: rotor inertia B of all joints [kg m^2].
-        output: folder; default: inverse_dynamics in the run folder.
+        output: output folder; default: inverse_dynamics in the run folder.
 
     Raises:
-        HricError: no control log or no description, the robot cannot be converted, or the tool fails.
+        HricError: there is no control log or no URDF, the robot cannot be converted, or the tool fails.
     """
     if not source.urdf:
         raise SolveError(
@@ -147,7 +145,7 @@ def _compared(
 
 
 def render(dynamics: Dynamics) -> str:
-    """The result as text."""
+    """Return the result as text."""
     error = dynamics.error
     cells = [["joint", "|tau| max", "error max", "error rms", "rotor inertia"], ["", "N m", "N m", "N m", "kg m^2"]]
     for j, name in enumerate(dynamics.joint_names):

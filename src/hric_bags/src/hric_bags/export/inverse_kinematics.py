@@ -1,5 +1,4 @@
-"""OpenSim's inverse kinematics of a free body with the markers of the motion capture, compared with the stream's own
-poses."""
+"""Inverse kinematics of a free body by OpenSim from motion capture markers, compared with the poses of the stream."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,25 +17,25 @@ from hric_core.trial.opensim_text import read_storage
 
 MIN_MARKERS = 3
 ACCURACY = 1e-9
-"""Of the tool's optimiser; its default, 1e-5, leaves some hundredths of a degree [1]."""
+"""Accuracy of the tool's optimiser [1]; its default, 1e-5, leaves some hundredths of a degree."""
 COORDINATES = ("rx", "ry", "rz", "tx", "ty", "tz")
 
 
 @dataclass(frozen=True)
 class Solution:
-    """What came of it.
+    """Result of the inverse kinematics.
 
     Attributes:
-        body: its name in the stream.
+        body: name of the body in the stream.
         motion: .mot file: rotations, body-fixed x-y-z [deg], and translations [m] in OpenSim's ground.
         model: the free body with its markers.
-        frames: that were solved.
-        partial: frames in which fewer than MIN_MARKERS were seen: their pose is one of many, near that of the frame
-            before.
-        markers: of the body.
+        frames: number of frames solved.
+        partial: number of frames with fewer than MIN_MARKERS visible markers: their pose is one of many, near that of
+            the frame before.
+        markers: number of markers of the body.
         residual: root mean square distance between markers and model [m].
-        position_error, angle_error: to the stream's own pose, per other frame in which the body was tracked, shape (k,)
-            [m], [rad].
+        position_error, angle_error: differences from the pose in the stream in all other frames with a tracked body,
+            shape (k,) [m], [rad].
     """
 
     body: str
@@ -55,12 +54,12 @@ def solve(source: Source, topic: str = "", body: str = "", output: Path | None =
 
     Args:
         source: run or bag.
-        topic: of the motion capture; empty: the only one.
-        body: whose markers; empty: the first with MIN_MARKERS.
-        output: folder; default: inverse_kinematics in the run folder.
+        topic: topic of the motion capture; empty: the only one.
+        body: name of the body; empty: the first with MIN_MARKERS.
+        output: output folder; default: inverse_kinematics in the run folder.
 
     Raises:
-        HricError: no such topic or body, too few markers, or the tool fails.
+        HricError: there is no such topic or body, there are too few markers, or the tool fails.
     """
     tables = recording.read(source, types=(MOCAP_TYPE, frames.STATIC))
     captures = {name: table for name, table in tables.items() if opensim_formats.is_capture(table)}
@@ -78,7 +77,7 @@ def solve(source: Source, topic: str = "", body: str = "", output: Path | None =
 
 
 def _body(table: Table, markers: Markers, requested: str) -> tuple[str, list[str]]:
-    """The body, and the stream's names of its markers."""
+    """Return the body, and the names of its markers in the stream."""
     of_body: dict[str, list[str]] = {}
     for name in markers.positions:
         of_body.setdefault(name.partition("/")[0], []).append(name)
@@ -95,7 +94,7 @@ def _body(table: Table, markers: Markers, requested: str) -> tuple[str, list[str
 
 
 def _stream_poses(table: Table, markers: Markers, body: str) -> FloatArray:
-    """Poses of the body in the ground as the stream has them, shape (n, 4, 4); NaN: not tracked."""
+    """Return the poses of the body in the ground from the stream, shape (n, 4, 4); NaN: not tracked."""
     cells = table.below(f"{RIGID_BODIES}.{body}")
     valid = (cells["tracking_valid"] == 1)[markers.rows]
     T = np.full((len(valid), 4, 4), np.nan)
@@ -112,8 +111,7 @@ def _stream_poses(table: Table, markers: Markers, body: str) -> FloatArray:
 
 
 def _in_body(poses: FloatArray, markers: Markers, names: list[str]) -> dict[str, FloatArray]:
-    """Where the markers are on the body: the mean over all frames in which it is tracked and they are seen, shape (3,)
-    each [m]."""
+    """Return each marker's mean position on the body, over frames that show both, shape (3,) each [m]."""
     points = {}
     for name in names:
         relative = np.einsum("nji,nj->ni", poses[:, :3, :3], markers.positions[name] - poses[:, :3, 3])
@@ -200,7 +198,7 @@ def _compared(
 
 
 def render(solution: Solution) -> str:
-    """The result as text."""
+    """Return the result as text."""
     if not len(solution.position_error):
         return (
             f"{solution.body}: {solution.frames} frames; in none were {MIN_MARKERS} markers seen while it was "

@@ -1,4 +1,4 @@
-"""What acts on a body from outside, for OpenSim's own tools: force plates below it, and what its hands hold."""
+"""External loads on a body for OpenSim's own tools: force plates, and objects in its hands."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -15,15 +15,15 @@ GRIP = "hric_msgs/msg/HumanGrip"
 
 
 class Load(NamedTuple):
-    """A force on a body over time.
+    """Force on a body over time.
 
     Attributes:
-        name: of its columns.
-        body: of a model, on which it acts; empty: not known.
+        name: prefix of its columns.
+        body: body of a model on which it acts; empty: not known.
         time: shape (n,) [s].
         columns: `<name>_force_v[xyz]` [N], `<name>_force_p[xyz]` [m] and `<name>_torque_[xyz]` [N m] in ground axes,
             the torque about the point; shape (n,) each.
-        axes: how the ground was found, for people.
+        axes: text on how the ground was determined.
     """
 
     name: str
@@ -36,12 +36,15 @@ class Load(NamedTuple):
 def load(
     name: str, body: str, time: FloatArray, R: FloatArray, vectors: tuple[FloatArray, FloatArray, FloatArray], axes: str
 ) -> Load:
-    """A force of given vectors.
+    """Return a load from its vectors.
 
     Args:
-        name, body, time, axes: see Load.
-        R: from their axes to those of the ground, shape (3, 3).
-        vectors: force [N], point from the ground's origin [m] and torque about it [N m], shape (n, 3) each.
+        name: see Load.
+        body: see Load.
+        time: see Load.
+        R: rotation from the axes of the vectors to those of the ground, shape (3, 3).
+        vectors: force [N], point from the ground's origin [m] and torque about that point [N m], shape (n, 3) each.
+        axes: see Load.
     """
     columns = {
         f"{name}_{what}{axis}": values @ R[k]
@@ -52,18 +55,18 @@ def load(
 
 
 def of_plate(table: Table, frames: Frames, body: str = "", surface: float = 0.0) -> Load:
-    """What a plate does to the body that presses it.
+    """Return the load of a plate on the body that presses it.
 
-    The channels are what acts on the plate, in its frame at the middle of the surface with z along the normal, the
+    The channels are the load on the plate, in its frame at the middle of the surface with z along the normal, the
     moments about its electrical origin:
 
         px = (pz Fx - My) / Fz,  py = (Mx + pz Fy) / Fz,  Tz = Mz - px Fy + py Fx
 
     Args:
-        table: see `is_plate`.
-        frames: where the plate is.
-        body: on which it acts.
-        surface: height pz of the surface over that origin [m].
+        table: samples of the plate, see `is_plate`.
+        frames: frames of the run, with that of the plate.
+        body: body on which the load acts.
+        surface: height pz of the surface above that origin [m].
     """
     time, rows = np.unique(table.time, return_index=True)
     values = {
@@ -83,8 +86,7 @@ def of_plate(table: Table, frames: Frames, body: str = "", surface: float = 0.0)
 
 
 def of_grips(table: Table, frames: Frames) -> list[Load]:
-    """What each grip does to the hand that holds. Grips of the robot's own links are left out: they are on no body of
-    the human's model."""
+    """Return the load of each grip on the holding hand; grips by robot links are left out."""
     if table.type_name != GRIP:
         return []
     T, axes = frames.in_ground(table.frame)
@@ -106,12 +108,12 @@ def of_grips(table: Table, frames: Frames) -> list[Load]:
 
 
 def write(loads: Sequence[Load], path: Path, source: str = "") -> None:
-    """A .mot file with all loads at the times of the fastest; the others between their samples.
+    """Write a .mot file with all loads at the times of the fastest; the others are interpolated.
 
     Args:
-        loads: with names that differ.
-        path: where to.
-        source: topics, for its header.
+        loads: loads with different names.
+        path: file to write.
+        source: topics, for the file header.
     """
     time = max((one.time for one in loads), key=len)
     columns = {name: np.interp(time, one.time, values) for one in loads for name, values in one.columns.items()}
@@ -140,10 +142,10 @@ FORCE_XML = """      <ExternalForce name="{load}">
 
 
 def setup(bodies: Mapping[str, str], data: str) -> str:
-    """The set-up file that applies loads to bodies of a model.
+    """Return the set-up file that applies loads to bodies of a model.
 
     Args:
-        bodies: name of each load, as in the columns of the file, and the body that it acts on.
+        bodies: name of each load, as in the columns of the file -> body on which it acts.
         data: name of that file.
     """
     return LOADS_XML.format(

@@ -1,5 +1,4 @@
-"""What OpenSim's own tools need of a run on OpenSim: the model, and its states over time; both from the run folder
-alone."""
+"""Model and states of a run on OpenSim for OpenSim's own tools, made from the run folder alone."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,13 +14,13 @@ from hric_bags.run_folder import RunFolder
 
 MODEL, STATES = "model.osim", "states.sto"
 FRICTIONS = {"none": "none", "coulomb": "coulomb", "identified": "sigmoid"}
-"""The plant's word for a friction law -> the converter's."""
+"""Friction law of the plant -> name of the law in the converter."""
 
 
 def write(folder: RunFolder, run: Mapping[str, Any], log: ControlRecord) -> None:
-    """Write model.osim (with Geometry/) and states.sto, replacing those that are there.
+    """Write model.osim (with Geometry/) and states.sto, replacing existing files.
 
-    The states are those of the control log; joints that it does not have stand where the model has them by default.
+    The states are those of the control log; joints that it does not have keep the default of the model.
 
     Raises:
         HricError: the description cannot be converted, or the files cannot be written.
@@ -33,7 +32,7 @@ def write(folder: RunFolder, run: Mapping[str, Any], log: ControlRecord) -> None
 
 
 def options(run: Mapping[str, Any]) -> urdf_to_osim.Options:
-    """How the model of a run is converted: with the friction that acted; run: contents of run.yaml."""
+    """Return the conversion options of a run's model, with the friction that acted; run: contents of run.yaml."""
     plant = ((run.get("parameters") or {}).get("robot") or {}).get("plant") or {}
     law = FRICTIONS[plant.get("friction", "none")]
     parameters = plant.get("friction_parameters") or {} if law == "sigmoid" else {}

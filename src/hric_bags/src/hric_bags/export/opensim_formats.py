@@ -1,4 +1,4 @@
-"""Tables as files of OpenSim: markers, coordinates, other signals, external loads; all in the axes of its ground."""
+"""Tables as OpenSim files: markers in the axes of its ground, joint coordinates, other signals."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -13,10 +13,9 @@ from hric_bags.export.table import ExportError, FloatArray, IntArray, Table
 
 MOCAP_TYPE, JOINTS_TYPE = "hric_msgs/msg/MocapData", "sensor_msgs/msg/JointState"
 CHANNELS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
-"""Of a force plate, as hric_perception.plate names them; that module needs ROS's messages, export does not."""
+"""Channels of a force plate, named as in hric_perception.plate, which needs ROS's messages; export does not."""
 THRESHOLD = 20.0
-"""Smallest force along the plate's normal for which there is a centre of pressure [N], that of
-hric_perception.plate."""
+"""Smallest normal force with a centre of pressure [N], as in hric_perception.plate."""
 SIGNALS = (*batches.BATCHED, batches.SYNCED, JOINTS_TYPE, "geometry_msgs/msg/WrenchStamped")
 """Message types that are written as .sto."""
 MARKERS, RIGID_BODIES = "labelled_markers", "rigid_bodies"
@@ -24,15 +23,15 @@ MARKERS, RIGID_BODIES = "labelled_markers", "rigid_bodies"
 
 @dataclass(frozen=True)
 class Markers:
-    """Markers of a motion capture in OpenSim's ground.
+    """Marker positions of a motion capture in OpenSim's ground.
 
     Attributes:
         time: shape (n,) [s], rising.
         positions: name as in the stream ("body/marker") -> shape (n, 3) [m]; NaN: not seen.
-        axes: where the axes come from, for people.
-        table: what they were taken from.
+        axes: text on the origin of the axes.
+        table: source table.
         T_ground_frame: pose of the stream's frame in the ground, shape (4, 4).
-        rows: of the table, shape (n,).
+        rows: rows of the table, shape (n,).
     """
 
     time: FloatArray
@@ -44,12 +43,12 @@ class Markers:
 
 
 def is_capture(table: Table) -> bool:
-    """Whether a table is of a motion capture."""
+    """Return True if a table holds motion capture."""
     return table.type_name == MOCAP_TYPE
 
 
 def markers_of(table: Table, frames: Frames) -> Markers:
-    """Labelled markers, or, where there are none, the rigid bodies' origins.
+    """Return the labelled markers or, if there are none, the origins of the rigid bodies.
 
     Raises:
         ExportError: there is neither.
@@ -78,19 +77,19 @@ def _prefixes(columns: Iterable[str], suffix: str) -> list[str]:
 
 
 def write_markers(markers: Markers, path: Path, name: str) -> None:
-    """A .trc file."""
+    """Write a .trc file."""
     write_trc(
         path, markers.time, {marker_name(marker): p for marker, p in markers.positions.items()}, name, markers.axes
     )
 
 
 def is_joints(table: Table) -> bool:
-    """Whether a table has the positions of a robot's joints."""
+    """Return True if a table has the positions of a robot's joints."""
     return table.type_name in (batches.CONTROL_LOG, JOINTS_TYPE) and bool(table.below("position"))
 
 
 def write_coordinates(table: Table, path: Path) -> None:
-    """A .mot file of joint positions, labelled as the coordinates of the converted robot; rotations in degrees."""
+    """Write a .mot file of joint positions, labelled as the converted robot's coordinates; rotations in degrees."""
     time, rows = np.unique(table.time, return_index=True)
     columns = {}
     for joint, values in table.below("position").items():
@@ -105,12 +104,12 @@ def write_coordinates(table: Table, path: Path) -> None:
 
 
 def is_signal(table: Table) -> bool:
-    """Whether a table is written as .sto."""
+    """Return True if a table is written as .sto."""
     return table.type_name in SIGNALS and len(table.time) > 1
 
 
 def write_signals(table: Table, path: Path) -> None:
-    """A .sto file of all numbers of a table, in their own units and axes."""
+    """Write a .sto file of all numbers of a table, in their own units and axes."""
     time, rows = np.unique(table.time, return_index=True)
     numbers = {
         name: column
@@ -128,11 +127,11 @@ def write_signals(table: Table, path: Path) -> None:
 
 
 def is_plate(table: Table) -> bool:
-    """Whether a table is a force plate's samples."""
+    """Return True if a table holds the samples of a force plate."""
     return table.type_name == batches.CHUNK and all(table.column(name) is not None for name in CHANNELS)
 
 
 def plate_name(table: Table) -> str:
-    """Identifier of a plate, from its topic `.../<id>/samples`."""
+    """Return the identifier of a plate from its topic `.../<id>/samples`."""
     parts = table.topic.strip("/").split("/")
     return parts[-2] if parts[-1] == "samples" and len(parts) > 1 else parts[-1]

@@ -1,5 +1,7 @@
-"""The text formats of OpenSim: .trc for markers, .mot and .sto for everything else; written as its own readers want
-them. They are read by `hric_core.trial.opensim_text`."""
+"""Writers of OpenSim's text formats: .trc for markers, .mot and .sto for everything else.
+
+They are written as OpenSim's own readers want them, and read by `hric_core.trial.opensim_text`.
+"""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -13,14 +15,14 @@ GROUND = "right-handed, y up"
 
 
 def write_trc(path: Path, time: FloatArray, markers: Mapping[str, FloatArray], name: str, axes: str = GROUND) -> None:
-    """Write marker positions.
+    """Write marker positions as .trc.
 
     Args:
-        path: where to.
+        path: file to write.
         time: shape (n,) [s].
         markers: name -> positions, shape (n, 3) [m]; NaN: not seen, written as an empty cell.
-        name: of the final file, written into it.
-        axes: written on the first line.
+        name: final file name, written into the file.
+        axes: axes, written on the first line.
     """
     rate = f"{_rate(time):.6g}"
     keys = [
@@ -57,12 +59,12 @@ def write_storage(
     """Write a .mot or .sto file.
 
     Args:
-        path: where to.
+        path: file to write.
         time: shape (n,) [s].
         columns: label -> values, shape (n,); labels without white space.
-        name: of the contents.
-        degrees: whether rotations are in degrees.
-        about: what else is in the header; no values that span lines.
+        name: name of the contents.
+        degrees: True if rotations are in degrees.
+        about: further entries of the header; no values that span lines.
     """
     matrix = np.column_stack([time, *columns.values()]).tolist()
     head = [
@@ -80,12 +82,12 @@ def write_storage(
 
 
 def label(text: str) -> str:
-    """A column label: no white space."""
+    """Return a column label without white space."""
     return "_".join(text.split())
 
 
 def marker_name(text: str) -> str:
-    """A marker's name as OpenSim takes it: no path in it."""
+    """Return a marker's name as OpenSim takes it, without a path."""
     return "_".join(text.replace("/", " ").replace("\\", " ").replace("*", " ").replace("+", " ").split())
 
 

@@ -1,5 +1,4 @@
-"""The folder of an export: files that are whole or absent, and a list of those that are done, so that an interrupted
-export goes on."""
+"""Folder of an export: complete files and a list of them, so that an interrupted export can resume."""
 
 import hashlib
 import json
@@ -12,25 +11,25 @@ from hric_bags.export.table import ExportError
 
 LIST = "export.json"
 VERSION = 1
-"""Of the files' contents: those of another version do not count as done."""
+"""Version of the files' contents; files of another version do not count as done."""
 
 
 class Output:
     """The folder of one export.
 
     Args:
-        folder: made if missing.
-        bags: parts of what is exported; files of another bag, or of this one before it changed, do not count as done.
-        request: what the caller set besides the formats; files made on another request do not count either.
-        again: nothing counts as done.
-        words: of an anonymised export, those that name the person; None: it is not one. Its list has no names, but a
-            hash of them.
+        folder: folder of the export, made if missing.
+        bags: parts of the exported bag; files of another bag, or of this one before it changed, do not count as done.
+        request: settings of the caller besides the formats; files made with others do not count either.
+        again: True: nothing counts as done.
+        words: words that name the person in an anonymised export; None: not anonymised. Its list has a hash in place of
+            names.
 
     Attributes:
         folder: see above.
 
     Raises:
-        ExportError: of this export and the one in the folder only one is anonymised.
+        ExportError: one of this export and the one in the folder is anonymised, the other is not.
     """
 
     def __init__(
@@ -57,19 +56,19 @@ class Output:
             self._formats = kept.get("formats") or {}
 
     def done(self, kind: str) -> list[Path] | None:
-        """Files of a format that is finished; None: it is not."""
+        """Return the files of a finished format; None: it is not finished."""
         entry = self._formats.get(kind) or {}
         paths = [self.folder / name for name in entry.get("files", ())]
         return paths if entry.get("finished") and all(path.is_file() for path in paths) else None
 
     def write(self, kind: str, name: str, writer: Callable[[Path], object], *, again: bool = False) -> None:
-        """Write one file of a format, unless it is there already, and note it.
+        """Write one file of a format, unless it exists already, and note it.
 
         Args:
             kind: the format.
-            name: of the file.
-            writer: is called with the path to write to.
-            again: also where it is there.
+            name: file name.
+            writer: function that writes to the path passed to it.
+            again: True: write the file also if it exists.
 
         Raises:
             FileError: the disk refuses.

@@ -1,4 +1,4 @@
-"""A table as NumPy, CSV and Parquet; each file with its topic, frame, axes, rate and units."""
+"""Tables as NumPy, CSV and Parquet files, each with its topic, frame, axes, rate and units."""
 
 import json
 import zipfile
@@ -13,7 +13,7 @@ from hric_bags.export.table import ABOUT, Table
 
 
 def write_npz(table: Table, path: Path) -> None:
-    """Arrays `time`, `stamp` and one per column, and `about`: JSON text."""
+    """Write arrays `time`, `stamp` and one per column, and `about` as JSON text."""
     arrays = {ABOUT: np.array(table.about_text()), **{name: column.values for name, column in table.named().items()}}
     # Not by numpy.savez: there a column cannot be called "file".
     with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as archive:
@@ -23,7 +23,7 @@ def write_npz(table: Table, path: Path) -> None:
 
 
 def write_csv(table: Table, path: Path) -> None:
-    """Lines that begin with # describe the columns; `pandas.read_csv(path, comment="#")` reads it."""
+    """Write CSV below lines with # that describe the columns; `pandas.read_csv(path, comment="#")` reads it."""
     about = table.about()
     units = about.pop("units")
     lines = [f"# {key}: {json.dumps(value)}" for key, value in about.items()]
@@ -34,7 +34,7 @@ def write_csv(table: Table, path: Path) -> None:
 
 
 def write_parquet(table: Table, path: Path) -> None:
-    """Units stand in the metadata of the fields, the rest in that of the schema under "hric"."""
+    """Write Parquet with units in the metadata of the fields, the rest in that of the schema under "hric"."""
     pyarrow.parquet.write_table(_arrow(table), path)
 
 
@@ -49,4 +49,4 @@ def _arrow(table: Table) -> pa.Table:
 
 
 WRITERS = {"npz": write_npz, "csv": write_csv, "parquet": write_parquet}
-"""Format, which is also the files' ending -> its writer."""
+"""Format, which is also the file extension -> its writer."""

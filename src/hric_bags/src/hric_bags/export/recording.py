@@ -1,4 +1,4 @@
-"""Reads a bag into tables, by the rosbags library alone."""
+"""Reader of a bag into tables, by the rosbags library alone."""
 
 import contextlib
 from collections.abc import Collection, Iterator, Mapping
@@ -25,13 +25,13 @@ RUN_CLOCK, BAG_CLOCK = "the start of the run", "the first recording of the bag"
 
 @dataclass(frozen=True)
 class Source:
-    """What is to be exported.
+    """Bag to be exported, with its run if there is one.
 
     Attributes:
-        bags: the parts of the bag, one or more; where two meet they overlap.
-        folder: the run folder; None: a bag by itself.
-        run: contents of run.yaml; empty for a bag by itself.
-        urdf: the robot's description; empty: not known.
+        bags: parts of the bag; adjacent parts overlap.
+        folder: run folder; None: a bag without run.
+        run: contents of run.yaml; empty for a bag without run.
+        urdf: URDF of the robot; empty: not known.
     """
 
     bags: tuple[Path, ...]
@@ -41,7 +41,7 @@ class Source:
 
     @property
     def bag(self) -> Path:
-        """The bag, or its first part."""
+        """Path of the bag, or of its first part."""
         return self.bags[0]
 
     @property
@@ -51,14 +51,14 @@ class Source:
 
 
 def find(given: str, root: Path | None = None) -> Source:
-    """The bag of a run, or one by itself.
+    """Return the bag of a run, or a bag without run.
 
     Args:
         given: a bag, a run folder, or its name ("latest" too).
         root: folder of all runs.
 
     Raises:
-        HricError: there is none, or the recording did not end.
+        HricError: there is no such bag, or its recording did not end.
     """
     bags, folder = examine.find(given, root)
     for bag in bags:
@@ -73,10 +73,10 @@ def find(given: str, root: Path | None = None) -> Source:
 
 @contextlib.contextmanager
 def open_reader(source: Source) -> Iterator[PartsReader]:
-    """A reader, open.
+    """Yield an open reader of the bag.
 
     Raises:
-        ExportError: the bag is damaged.
+        ExportError: the system refuses to read the bag.
     """
     try:
         with PartsReader(source.bag) as reader:
@@ -93,14 +93,14 @@ def read(
     types: Collection[str] = (),
     anonymous: Anonymiser | None = None,
 ) -> dict[str, Table]:
-    """Tables of the topics.
+    """Return the tables of the topics.
 
     Args:
-        source: the bag.
-        topics: names; empty: all.
-        progress: whether to draw a bar.
-        types: message types, e.g. "hric_msgs/msg/MocapData", to which to keep; empty: all.
-        anonymous: takes the person out; None: nothing is.
+        source: bag to be read.
+        topics: topic names; empty: all.
+        progress: True to draw a progress bar.
+        types: message types to read, e.g. "hric_msgs/msg/MocapData"; empty: all.
+        anonymous: removes the person; None: nothing is removed.
 
     Raises:
         HricError: the bag is damaged, or has no such topic.
@@ -117,7 +117,7 @@ def read(
 
 
 class _Gathering:
-    """One pass over the messages; of a control log also for the clock alone."""
+    """One pass over the messages; control logs are also read for the clock alone."""
 
     def __init__(
         self,
@@ -136,7 +136,7 @@ class _Gathering:
         self._layout: Any = None
 
     def takes(self, connection: Connection) -> bool:
-        """Whether messages of a connection are read."""
+        """Return True if messages of a connection are read."""
         if self._anonymous is not None and self._anonymous.hides(connection.msgtype):
             return False
         return connection.msgtype == batches.CONTROL_LOG or self._is_requested(connection)
@@ -147,7 +147,7 @@ class _Gathering:
         )
 
     def add(self, connection: Connection, stamp: int, raw: bytes) -> None:
-        """Take a serialised message; stamp: time of its recording [ns]."""
+        """Add a serialised message; stamp: recording time [ns]."""
         topic, kind, anonymous = connection.topic, connection.msgtype, self._anonymous
         if anonymous is not None:
             topic, stamp = anonymous.name(topic), anonymous.time(stamp)
@@ -171,7 +171,7 @@ class _Gathering:
         self._gatherers[topic].add(stamp, message)
 
     def tables(self, begin: int) -> dict[str, Table]:
-        """By topic; begin: time of the bag's first message [ns]."""
+        """Return the tables by topic; begin: time of the bag's first message [ns]."""
         timing, clock = self._timing(begin)
         tables = [gatherer.table(timing, clock) for gatherer in self._gatherers.values()]
         tables += [

@@ -1,4 +1,4 @@
-"""Samples that were taken at their own times, at the times of a grid."""
+"""Resampling of samples with their own times to an even time grid."""
 
 from collections.abc import Sequence
 
@@ -7,25 +7,24 @@ import numpy as np
 from hric_bags.export.table import FloatArray, Table
 
 ALMOST = 1e-3
-"""A share of a period that does not count."""
+"""Share of a period that is negligible [1]."""
 SAME = 1e-6
-"""Samples so near to the times of the grid are taken as they are [s]."""
+"""Largest distance from the times of the grid at which samples are used as they are [s]."""
 GAP = 3.0
-"""Samples further apart than so many periods have others lost between them; a straight line bridges them."""
+"""Distance between samples, in periods, beyond which others were lost; a straight line bridges it."""
 DRIFT = 0.1
-"""A whole number of frames per second is assumed as long as the times stay within this share of a period of it (default
-chosen by this project)."""
+"""Largest drift, in periods, at which the frame rate counts as a whole number (default chosen by this project)."""
 
 
 class Sampled:
     """Samples of a topic.
 
     Args:
-        table: with rising times, two at least.
+        table: table with rising times, two at least.
 
     Attributes:
         time: shape (n,) [s], rising.
-        rate: [Hz].
+        rate: sampling rate [Hz].
     """
 
     def __init__(self, table: Table) -> None:
@@ -37,8 +36,7 @@ class Sampled:
         self.gaps = int(np.sum(np.diff(self.time) * self.rate > GAP))
 
     def values(self, names: Sequence[str], times: FloatArray) -> FloatArray:
-        """Columns at times, shape (len(times), len(names)): as they are where the times are those of the samples, else
-        by cubic splines."""
+        """Return columns at some times, shape (times, names): as recorded if the times match, else by cubic splines."""
         columns = {column.name: column.values for column in self._table.columns}
         data = np.column_stack([np.asarray(columns[name], dtype=float)[self._rows] for name in names])
         nearest = self._nearest(times)
@@ -47,7 +45,7 @@ class Sampled:
         return np.column_stack([self._spline(column, times) for column in data.T])
 
     def how(self, times: FloatArray) -> str:
-        """What `values` does, for people."""
+        """Return a text on how `values` gets its result."""
         same = len(times) and np.abs(self.time[self._nearest(times)] - times).max() < SAME
         how = "as recorded" if same else f"from {self.rate:g} Hz by cubic splines"
         return f"{self._table.topic} {how}" + (f", straight lines over {self.gaps} gaps" if self.gaps else "")
@@ -80,11 +78,11 @@ class Sampled:
 
 
 def frame_grid(time: FloatArray, numbers: FloatArray) -> tuple[float, float]:
-    """(rate [Hz], time of one of the frames [s]) of the even grid on which frames were taken.
+    """Return (rate [Hz], time of one of the frames [s]) of the even grid on which frames were taken.
 
     Args:
-        time: of the frames, shape (n,), rising [s].
-        numbers: their numbers, shape (n,); empty, or not rising: their times alone count.
+        time: times of the frames, shape (n,), rising [s].
+        numbers: frame numbers, shape (n,); empty, or not rising: only the times count.
     """
     if len(time) < 2:
         return 1.0, float(time[0])

@@ -1,4 +1,4 @@
-"""What the commands that run OpenSim's tools share."""
+"""Functions shared by the commands that run OpenSim's tools."""
 
 import contextlib
 import os
@@ -15,19 +15,19 @@ from hric_core.errors import HricError, failing
 
 
 class SolveError(HricError):
-    """A tool of OpenSim that failed, or data that it cannot take."""
+    """Error for a tool of OpenSim that failed, or data that it cannot take."""
 
 
 def only(tables: Mapping[str, Table], topic: str, what: str) -> Table:
-    """The one table of a topic.
+    """Return the only table of a topic.
 
     Args:
-        tables: those of the right type, by topic.
-        topic: "": there is one table.
-        what: the type is, for people.
+        tables: tables of the right type, by topic.
+        topic: topic name; "": there is one table.
+        what: name of the type in the error message.
 
     Raises:
-        SolveError: there is none, or a choice.
+        SolveError: there is none, or more than one.
     """
     found = [table for name, table in tables.items() if topic in ("", name)]
     if len(found) != 1:
@@ -37,10 +37,10 @@ def only(tables: Mapping[str, Table], topic: str, what: str) -> Table:
 
 
 def exported(source: Source, kind: str, topic: str) -> Path:
-    """The exported file of a topic, written now if it is not there yet.
+    """Return the exported file of a topic, written now if it does not exist.
 
     Raises:
-        ExportError: it cannot be written.
+        ExportError: the file cannot be written.
     """
     name = topic.strip("/").replace("/", ".")
     result = export(source, Request((kind,)))
@@ -51,10 +51,10 @@ def exported(source: Source, kind: str, topic: str) -> Path:
 
 
 def output_folder(source: Source, name: str, given: Path | None) -> Path:
-    """Folder of the results, made if missing.
+    """Return the folder of the results, made if missing.
 
     Raises:
-        FileError: it cannot be made.
+        FileError: the folder cannot be made.
     """
     folder = (given or (source.output.parent if source.folder is not None else source.output) / name).absolute()
     files.make_folder(folder)
@@ -63,7 +63,7 @@ def output_folder(source: Source, name: str, given: Path | None) -> Path:
 
 @contextlib.contextmanager
 def output_to(log: Path) -> Iterator[None]:
-    """What OpenSim prints goes to a file: its tools write to the process's own outputs."""
+    """Redirect OpenSim's output to a file: its tools write to the process's own stdout and stderr."""
     sys.stdout.flush()
     kept = [os.dup(number) for number in (1, 2)]
     try:
@@ -79,7 +79,7 @@ def output_to(log: Path) -> Iterator[None]:
 
 
 def load_model(path: Path) -> Any:
-    """A model from its file, ready for a tool; what OpenSim prints on the way is dropped."""
+    """Return a model from its file, ready for a tool; OpenSim's output is dropped."""
     import opensim
 
     with output_to(Path(os.devnull)):
@@ -89,10 +89,10 @@ def load_model(path: Path) -> Any:
 
 
 def run_tool(tool: Any, motion: Path, name: str) -> None:
-    """Run a tool of OpenSim that is to write `motion`.
+    """Run a tool of OpenSim that has to write `motion`.
 
     Raises:
-        SolveError: it fails.
+        SolveError: the tool fails.
     """
     log = motion.with_suffix(".log")
     motion.unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""One topic as a table: a row per sample, a column per value."""
+"""One topic as a table: one row per sample, one column per value."""
 
 import json
 from dataclasses import dataclass
@@ -14,16 +14,16 @@ IntArray = npt.NDArray[np.int64]
 
 
 class ExportError(HricError):
-    """Something that cannot be exported; the message says what is there."""
+    """Error for something that cannot be exported; the message says what is available."""
 
 
 @dataclass(frozen=True)
 class Column:
-    """One value of a topic.
+    """One value of a topic over time.
 
     Attributes:
-        name: path of the field, labels of joints, channels and bodies in it, e.g. "position.panda_joint1".
-        unit: empty: text, or not known.
+        name: path of the field with labels of joints, channels and bodies, e.g. "position.panda_joint1".
+        unit: unit of the values; empty: text, or not known.
         values: numbers, booleans or text, shape (n,); NaN where a sample has no such number, "" for text.
     """
 
@@ -34,17 +34,17 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """n samples of a topic.
+    """Table of n samples of a topic.
 
     Attributes:
-        topic: absolute name.
-        type_name: of the message, as rosbags writes it, e.g. "sensor_msgs/msg/JointState".
+        topic: absolute topic name.
+        type_name: message type as rosbags writes it, e.g. "sensor_msgs/msg/JointState".
         frame: frame_id of the messages' headers; empty: none.
-        time: when each was measured, shape (n,) [s], on the clock that `clock` names.
-        stamp: the same as in the bag, shape (n,) [ns].
+        time: times of measurement, shape (n,) [s], on the clock that `clock` names.
+        stamp: the same times as in the bag, shape (n,) [ns].
         columns: in the order of the message definition.
-        clock: what `time` counts from.
-        notes: what a reader should know, a sentence each.
+        clock: event at which `time` is 0.
+        notes: remarks for the reader, a sentence each.
     """
 
     topic: str
@@ -64,12 +64,11 @@ class Table:
 
     @property
     def name(self) -> str:
-        """Of its file: the topic with "." for "/"."""
+        """File name without extension: the topic with "." for "/"."""
         return self.topic.strip("/").replace("/", ".")
 
     def named(self) -> dict[str, Column]:
-        """Time, stamp and all columns by the names that they have in a file: one that is taken gets "field." before
-        it."""
+        """Return time, stamp and all columns by their names in a file; a taken name gets "field." before it."""
         found = {"time": Column("time", "s", self.time), "stamp": Column("stamp", "ns", self.stamp)}
         for column in self.columns:
             name = column.name
@@ -79,16 +78,16 @@ class Table:
         return found
 
     def column(self, name: str) -> Column | None:
-        """A column by its name."""
+        """Return a column by its name; None: there is none."""
         return next((column for column in self.columns if column.name == name), None)
 
     def below(self, path: str) -> dict[str, FloatArray]:
-        """Numbers of the fields below a path, by what follows it; path without the last dot."""
+        """Return the values of the fields below a path, by the rest of their names; path: without the last dot."""
         start = f"{path}."
         return {column.name[len(start) :]: column.values for column in self.columns if column.name.startswith(start)}
 
     def about(self) -> dict[str, Any]:
-        """What a file says of itself: topic, type, frame, axes, rate, clock, units by column, notes."""
+        """Return the description in a file: topic, type, frame, axes, rate, clock, units by column, notes."""
         return {
             "topic": self.topic,
             "type": self.type_name,
@@ -101,10 +100,10 @@ class Table:
         }
 
     def about_text(self) -> str:
-        """The same as JSON on one line."""
+        """Return the description as JSON on one line."""
         return json.dumps(self.about())
 
 
 ABOUT = "about"
-"""Name of a .npz file's description of itself."""
+"""Name of the description in a .npz file."""
 AXES = "right-handed, those of the frame; z up where the frame is the robot's base or world (REP 103)"

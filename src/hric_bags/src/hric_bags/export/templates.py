@@ -1,4 +1,4 @@
-"""Anonymises messages without decoding them, where they have the texts and lengths of one that was decoded."""
+"""Anonymisation of messages without decoding, if they have the texts and lengths of one that was decoded."""
 
 import re
 from collections.abc import Callable
@@ -17,20 +17,23 @@ NO_DATE = {
     "int64": rb".{7}[\0\x80-\xff]",
     "uint64": rb".{7}\0",
 }
-"""Patterns of single numbers that are surely no dates, by their highest bytes: neither from 1e9 to 4e9 [s] nor 2**56
-[ns] and later. Numbers of other types never are, nor are those in arrays but of float64."""
+"""Patterns of single numbers that are certainly no dates, by their highest bytes.
+
+Dates are numbers from 1e9 to 4e9 [s], or 2**56 [ns] and later. Numbers of other types are never dates, nor are those in
+arrays other than float64.
+"""
 _STAMP, _LENGTH = Struct("<iI"), Struct("<I")
 
 
 class Template:
-    """Common part of messages of one type that differ in numbers and stamps alone.
+    """Common part of messages of one type that differ only in numbers and stamps.
 
     Args:
-        store: definitions of the types.
-        kind: type of the messages.
-        message: one of them, as it was recorded.
-        text: field and its text -> the text that is passed on.
-        exact: true for the fields whose numbers must be those of the message.
+        store: definitions of the message types.
+        kind: message type.
+        message: one of the messages, as recorded.
+        text: function from a field and its text to the text that is passed on.
+        exact: function that returns True for fields whose numbers must be those of the message.
     """
 
     def __init__(
@@ -45,17 +48,17 @@ class Template:
         self._size = 0
         self._parts: list[bytes] = []
         self._edits: list[tuple[int, int, bytes]] = []
-        """(begin, end, what is put there) in a message; of a stamp nothing, it is counted."""
+        """(begin, end, replacement) in a message; a stamp has none, because its new value is computed."""
         self._walk("", Nodetype.NAME, kind, message)
         self._pattern = re.compile(b"".join(self._parts), re.DOTALL)
 
     def cleaned(self, raw: bytes, time: Callable[[int], int], first_second: int) -> bytes | None:
-        """Return a serialised message without texts and dates; None: it is another one, or has further dates.
+        """Return a serialised message without texts and dates; None: it does not match, or has further dates.
 
         Args:
-            raw: the message.
-            time: date [ns] -> what is passed on.
-            first_second: of the stamps that are dates [s].
+            raw: serialised message.
+            time: function from a date [ns] to the time that is passed on.
+            first_second: smallest stamp that is a date [s].
         """
         if self._pattern.fullmatch(raw) is None:
             return None

@@ -1,5 +1,7 @@
-"""A bag with one message per sample, for viewers that draw a value per message: control logs and chunks of samples
-taken apart, the rest copied."""
+"""Bag with one message per sample, for viewers that draw one value per message.
+
+Control logs and chunks of samples are split, the rest is copied.
+"""
 
 import re
 from collections.abc import Iterator
@@ -20,7 +22,7 @@ from hric_bags.parts import PartsReader
 from hric_bags.reader import ARRAYS
 
 Fields = dict[str, npt.NDArray[Any]]
-"""Field of a message -> its values, a row for each sample."""
+"""Field of a message -> its values, one row per sample."""
 
 
 def write(
@@ -31,20 +33,20 @@ def write(
     progress: bool = False,
     anonymous: Anonymiser | None = None,
 ) -> int:
-    """Copy a bag; every message keeps its topic and type, and a sample is at its own time.
+    """Copy a bag with its topics and types, each sample at its own time.
 
     Args:
-        source: to be read.
-        target: must not exist.
-        topics: to which to keep; empty: all.
-        progress: whether to draw a bar.
-        anonymous: takes the person out; None: nothing is.
+        source: bag to be read.
+        target: path of the new bag; must not exist.
+        topics: topics to be copied; empty: all.
+        progress: True to draw a progress bar.
+        anonymous: removes the person; None: nothing is removed.
 
     Returns:
         Number of messages written.
 
     Raises:
-        ExportError: the bag is damaged.
+        ExportError: the bag cannot be read.
     """
     count = 0
     with open_reader(source) as reader, ChunkedWriter(target) as writer:
@@ -63,7 +65,7 @@ def write(
 
 
 def _key(connection: Any) -> tuple[Any, ...]:
-    """Equal for the connections of one publisher in the parts of a bag."""
+    """Return a key that is equal for the connections of one publisher in all parts of a bag."""
     return connection.topic, connection.msgtype, connection.digest, connection.ext.callerid, connection.ext.latching
 
 
@@ -105,7 +107,7 @@ def _parts(
 
 
 def _cycles(message: Any) -> tuple[IntArray, Fields]:
-    """Return the time of each cycle since the first [ns], and what differs between the cycles."""
+    """Return the time of each cycle since the first [ns], and the fields that differ between cycles."""
     n = int(message.n_cycles)
     rows = {name: getattr(message, name).reshape(n, -1) for name in ("time", *ARRAYS)}
     numbers = {"first_cycle": message.first_cycle + np.arange(n, dtype="<u8"), "n_cycles": np.ones(n, "<u4")}
@@ -113,7 +115,7 @@ def _cycles(message: Any) -> tuple[IntArray, Fields]:
 
 
 def _samples(message: Any) -> tuple[IntArray, Fields]:
-    """Return the time of each sample since the first [ns], and what differs between the samples."""
+    """Return the time of each sample since the first [ns], and the fields that differ between samples."""
     width = max(len(message.channels), 1)
     n = len(message.data) // width
     step = 1e9 / message.rate if message.rate > 0 else 0.0
@@ -125,13 +127,13 @@ def _samples(message: Any) -> tuple[IntArray, Fields]:
 
 
 def _serialised(reader: PartsReader, kind: str, message: Any, values: Fields) -> Iterator[bytes]:
-    """Yield messages that differ in some fields: one is serialised with marks in these, which are then written over.
+    """Yield messages that differ in some fields: one is serialised with marks, which are then overwritten.
 
     Args:
-        reader: of the bag.
-        kind: type of the messages.
-        message: one of them.
-        values: of the fields, and of those of the stamp, with a row for each message and the type that ROS has.
+        reader: reader of the bag.
+        kind: message type.
+        message: one of the messages.
+        values: values of the fields and of the stamp, one row per message, in the types of ROS.
     """
     marks = _marks(tuple((name, rows.shape[1:], rows.dtype) for name, rows in values.items()))
     given = {name: mark if mark.ndim else int(mark) for name, mark in marks.items()}
@@ -148,6 +150,6 @@ def _serialised(reader: PartsReader, kind: str, message: Any, values: Fields) ->
 
 @cache
 def _marks(fields: tuple[tuple[str, tuple[int, ...], np.dtype[Any]], ...]) -> Fields:
-    """Return a mark for each field, by its name, shape and type."""
+    """Return a mark for each field, given name, shape and type."""
     random = np.random.default_rng(0)
     return {name: random.integers(1 << 30, 1 << 31, shape).astype(kind) for name, shape, kind in fields}

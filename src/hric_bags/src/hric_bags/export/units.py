@@ -1,4 +1,4 @@
-"""Units of the fields of messages: REP 103 and the comments of the message definitions."""
+"""Units of message fields, from REP 103 and the comments of the message definitions."""
 
 import re
 from collections.abc import Iterable
@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from hric_perception.sync import paths as sync_units
 
 RADIAN_TO_METRE = {"rad": "m", "rad/s": "m/s", "rad/s^2": "m/s^2", "N m": "N", "N m/s": "N/s"}
-"""Unit of a revolute joint -> of a prismatic one."""
+"""Unit for a revolute joint -> unit for a prismatic one."""
 _OWN: dict[str, dict[str, str]] = {
     "geometry_msgs/Pose2D": {"x y": "m", "theta": "rad"},
     "geometry_msgs/Accel": {"linear": "m/s^2", "angular": "rad/s^2"},
@@ -46,18 +46,17 @@ _ALL = {
     **sync_units.UNITS,
 }
 UNITS = {(kind.replace("/", "/msg/"), field): unit for (kind, field), unit in _ALL.items()}
-"""(message type as rosbags writes it, field) -> unit of all that is below the field: those that the synchroniser knows,
-and more."""
+"""Units by (message type of rosbags, field), for all below the field: those of the synchroniser, and more."""
 COMMAND_UNITS = {"effort": "N m", "velocity": "rad/s", "position": "rad"}
-"""Meaning of a command of the control log -> unit."""
+"""Kind of command in the control log -> unit."""
 _PRISMATIC = re.compile(r"<joint\s+(?=[^>]*\btype=\"prismatic\")[^>]*\bname=\"([^\"]+)\"")
 
 
 def prismatic_joints(urdf: str) -> frozenset[str]:
-    """Names of the joints of a description that slide."""
+    """Return the names of the prismatic joints of a URDF."""
     return frozenset(_PRISMATIC.findall(urdf))
 
 
 def of_joint(unit: str, joint: str, prismatic: Iterable[str]) -> str:
-    """Unit of a joint's value, given that of a revolute joint."""
+    """Return the unit of a joint's value, given the unit for a revolute joint."""
     return RADIAN_TO_METRE.get(unit, unit) if joint in prismatic else unit

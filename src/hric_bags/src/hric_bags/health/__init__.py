@@ -1,2 +1,1 @@
-"""Whether a bag is whole and its streams are: rates, gaps, order, clock, and what a killed recorder left; needs no
-ROS."""
+"""Health of bags: damage, rates, gaps, order, clock, and remains of a killed recorder; needs no ROS."""

@@ -1,5 +1,4 @@
-"""Reads what a bag holds in the order of the file, also of one that is damaged or whose recorder was killed; by the
-format's public description, version 2.0."""
+"""Scan of a bag in file order, also of a damaged or unfinished one, by the public format description, version 2.0."""
 
 import os
 import struct
@@ -36,17 +35,18 @@ _TIME, _POSITION, _ENTRY, _COUNT = (struct.Struct(layout) for layout in ("<II", 
 
 
 class NotABagError(HricError):
-    """A file that is no bag of version 2.0."""
+    """Error for a file that is no bag of version 2.0."""
 
 
 @dataclass(frozen=True)
 class Connection:
-    """Who published what: the fields of a connection record.
+    """Publisher and topic of messages: the fields of a connection record.
 
     Attributes:
-        topic, type_name, md5sum, definition: of the topic; type_name as ROS 1 writes it, e.g. "std_msgs/String".
+        topic, type_name, md5sum, definition: name and type of the topic; type_name as ROS 1 writes it, e.g.
+            "std_msgs/String".
         caller: name of the publishing node, may be empty.
-        latching: whether late subscribers receive the last message again.
+        latching: True if late subscribers receive the last message again.
     """
 
     topic: str
@@ -59,7 +59,7 @@ class Connection:
 
 @dataclass
 class _Chunk:
-    """A chunk, and what the bag says of it elsewhere: entries of its index, and its summary in the index at the end."""
+    """Chunk with the entries of its index and its summary in the index at the end."""
 
     record: Record
     index: list[Record]
@@ -67,14 +67,14 @@ class _Chunk:
 
 
 class BagScan:
-    """One pass over the file; `messages` does it, the attributes are filled meanwhile.
+    """One pass over the file by `messages`, which fills the attributes.
 
     Attributes:
-        path: of the bag.
-        connections: by their number.
-        chunks: chunks that are closed.
-        damage: what is wrong with the file, a sentence each.
-        doubtful: which messages may have wrong values, since the checksum of their chunk is wrong, a sentence each.
+        path: path of the bag.
+        connections: connections by number.
+        chunks: number of closed chunks.
+        damage: damage of the file, a sentence each.
+        doubtful: messages that may have wrong values because the checksum of their chunk is wrong, a sentence each.
     """
 
     def __init__(self, path: Path) -> None:
@@ -88,7 +88,7 @@ class BagScan:
         """Yield (number of the connection, time of recording [ns], serialised message) in the order of the file.
 
         Raises:
-            NotABagError: the file is empty or something else.
+            NotABagError: the file is empty or of another format.
         """
         with self.path.open("rb") as file:
             view = FileView(file, os.fstat(file.fileno()).st_size)
@@ -96,7 +96,7 @@ class BagScan:
                 yield from self._messages(view, chunk)
 
     def _chunks(self, view: FileView) -> list[_Chunk]:
-        """Read all but the chunks' data."""
+        """Read everything except the data of the chunks."""
         kinds = (BAG_HEADER, INDEX, CHUNK, CHUNK_INFO, CONNECTION)
         records = list(file_records.walk(view, len(MAGIC), kinds))
         self._check_begin(view, records)
@@ -131,7 +131,7 @@ class BagScan:
             raise NotABagError(f"{self.path} is encrypted ({name.decode(errors='replace')}); decrypt it first")
 
     def _check_index(self, view: FileView, records: list[Record], complete: bool) -> None:
-        """Compare the index at the end with what the head says of it, and note stretches that are no records."""
+        """Compare the index at the end with the counts of the head, and note stretches that are no records."""
         head = next((record.fields for record in records if record.kind == BAG_HEADER), {})
         begin = _POSITION.unpack(head.get(b"index_pos", bytes(8)))[0]
         counts = Counter(record.kind for record in records if record.offset >= begin)
@@ -154,7 +154,7 @@ class BagScan:
             self.damage.append("it has no index, or a damaged one: readers cannot open it, or miss something")
 
     def _messages(self, view: FileView, chunk: _Chunk) -> Iterator[tuple[int, int, bytes]]:
-        """Yield the messages of a chunk, and note what is wrong with it."""
+        """Yield the messages of a chunk, and note its damage."""
         record = chunk.record
         stated = record.fields[b"compression"].decode(errors="replace")
         unpacked = unpack(view[record.start : record.end], stated)
@@ -186,7 +186,7 @@ class BagScan:
             self._judge(chunk, unpacked, times, counts, lost or bool(entries) or (bool(times) and not indexed))
 
     def _judge(self, chunk: _Chunk, unpacked: Unpacked, times: list[int], counts: Counter[int], differs: bool) -> None:
-        """Note the damage of a chunk that was read: its times [ns] and counts of messages by connection."""
+        """Note the damage of a chunk that was read; times [ns] and counts by connection: messages read."""
         offset, fields = chunk.record.offset, chunk.record.fields
         stated = fields[b"compression"].decode(errors="replace"), LENGTH.unpack(fields[b"size"])[0]
         differs |= stated != (unpacked.compression, len(unpacked.data)) or not chunk.record.exact
@@ -205,7 +205,7 @@ class BagScan:
             )
 
     def _is_readable(self, number: int, data: bytes) -> bool:
-        """Return false for a message that is not as its type says; true also where the type is not known."""
+        """Return False for a message that does not match its type; True also if the type is not known."""
         known = self.connections.get(number)
         store = None if known is None else _store(known)
         if known is None or store is None:
@@ -217,7 +217,7 @@ class BagScan:
         return True
 
     def _connection(self, fields: Fields, data: bytes, *, confirmed: bool) -> None:
-        """Take a copy of a connection record, unless a better one is known; confirmed: by a checksum."""
+        """Store a connection record, unless a better copy is known; confirmed: by a checksum."""
         inner = fields_of(data)
         if inner is None:
             return
@@ -241,13 +241,13 @@ class BagScan:
 
 
 def _is_sound(connection: Connection, topic: str) -> bool:
-    """Return true if the checksum of a connection is that of its definition, and its topic the one given."""
+    """Return True if a connection's checksum matches its definition, and its topic is `topic`."""
     return _store(connection) is not None and connection.topic == topic
 
 
 @lru_cache
 def _store(connection: Connection) -> Typestore | None:
-    """Return what reads messages of a connection; None: its definition is damaged."""
+    """Return the typestore that reads messages of a connection; None: its definition is damaged."""
     store, name = get_typestore(Stores.EMPTY), connection.type_name.replace("/", "/msg/")
     try:
         store.register(get_types_from_msg(connection.definition, name))
@@ -257,7 +257,7 @@ def _store(connection: Connection) -> Typestore | None:
 
 
 def _entries(view: FileView, index: list[Record]) -> dict[int | None, tuple[int, bytes]]:
-    """Return what the index of a chunk has: offset in the chunk -> (number of the connection, time)."""
+    """Return the entries of a chunk's index: offset in the chunk -> (number of the connection, time)."""
     entries: dict[int | None, tuple[int, bytes]] = {}
     for record in index:
         number = LENGTH.unpack(record.fields[b"conn"])[0]
@@ -266,7 +266,7 @@ def _entries(view: FileView, index: list[Record]) -> dict[int | None, tuple[int,
 
 
 def _unpacked(layout: struct.Struct, view: FileView, record: Record) -> Iterator[tuple[Any, ...]]:
-    """Yield the whole entries of a record, which may be cut off."""
+    """Yield the complete entries of a record, which may be cut off."""
     return layout.iter_unpack(view[record.start : record.end - (record.end - record.start) % layout.size])
 
 

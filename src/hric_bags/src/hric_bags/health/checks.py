@@ -1,4 +1,4 @@
-"""Judges what was found in a bag: damage, and problems of its streams."""
+"""Checks of a bag for damage and for problems of its streams."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -9,31 +9,27 @@ from hric_bags.health.bag_records import BagScan
 from hric_bags.health.streams import Stream
 
 GAP_FACTOR = 3.0
-"""A regular stream has a gap where two stamps are further apart than this many of its periods; project default,
-unconfirmed [1]."""
+"""Distance between stamps of a regular stream that is a gap, in periods [1]; project default, unconfirmed."""
 MIN_GAP = 0.02
-"""And at least by this beyond a period; project default, unconfirmed [s]."""
+"""Shortest gap beyond a period [s]; project default, unconfirmed."""
 REGULAR_SHARE = 0.8
-"""A stream is regular where this share of its periods is within half of the median; project default, unconfirmed
-[1]."""
+"""Share of periods within half of the median that makes a stream regular [1]; project default, unconfirmed."""
 MIN_MESSAGES = 20
-"""Below this number a stream is taken for events; project default, unconfirmed [1]."""
+"""Fewest messages of a regular stream; shorter ones count as events [1]; project default, unconfirmed."""
 LATE, EARLY = 1.0, 0.1
-"""A stamp is wrong that is older than the recording by more than LATE, or younger by more than EARLY; project default,
-unconfirmed [s]."""
+"""Limits for a stamp that is older (LATE) or younger (EARLY) than its recording [s]; project defaults, unconfirmed."""
 JUMP = 1.0
-"""The clock went back where a message was recorded this much before the one before it; project default, unconfirmed
-[s]."""
+"""Step back between two recording times that is a jump of the clock [s]; project default, unconfirmed."""
 DAMAGED, PROBLEM, NOTE = "damaged", "problem", "note"
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that a report lists.
+    """One finding of the report.
 
     Attributes:
-        level: DAMAGED: readers fail, or miss something; PROBLEM: a stream is not as it should be; NOTE: worth knowing.
-        topic: empty: the whole bag.
+        level: DAMAGED: readers fail, or miss something; PROBLEM: a stream is faulty; NOTE: information.
+        topic: topic concerned; empty: the complete bag.
         text: what, where, how much.
     """
 
@@ -46,8 +42,7 @@ class Finding:
 
 
 def is_regular(stream: Stream) -> bool:
-    """Whether messages come evenly, by their header stamps; false of events, and of what is latched or has no
-    header."""
+    """Return True if header stamps come evenly; False for events, latched topics and topics without header."""
     if stream.judged is None or len(stream.judged) < MIN_MESSAGES:
         return False
     periods = np.diff(np.unique(stream.judged) * 1e-9)
@@ -56,12 +51,12 @@ def is_regular(stream: Stream) -> bool:
 
 
 def of_file(scan: BagScan) -> list[Finding]:
-    """Return the damage of the file; scan: after its pass."""
+    """Return the damage of the file; scan: a scan whose messages were read."""
     return [Finding(DAMAGED, "", text) for text in scan.damage]
 
 
 def of_streams(streams: list[Stream]) -> list[Finding]:
-    """Problems of the streams of a bag."""
+    """Return the problems of the streams of a bag."""
     offset = _clock_offset(streams)
     found = []
     if abs(offset) > LATE:
@@ -81,7 +76,7 @@ def _numbers(stream: Stream) -> Iterator[str]:
 
 
 def _gaps(stream: Stream) -> Iterator[str]:
-    """Gaps of a stream without running number, by its stamps."""
+    """Yield the gaps of a stream without running number, by its stamps."""
     if stream.counts or stream.judged is None or len(stream.judged) < MIN_MESSAGES:
         return
     stamps = np.unique(stream.judged) * 1e-9
@@ -100,13 +95,12 @@ def _gaps(stream: Stream) -> Iterator[str]:
 
 
 def longest_period(period: float) -> float:
-    """The longest time between two stamps that is no gap [s]; period: of the stream [s]."""
+    """Return the longest time between two stamps that is no gap [s]; period: of the stream [s]."""
     return max(GAP_FACTOR * period, period + MIN_GAP)
 
 
 def _order(stream: Stream) -> Iterator[str]:
-    """Stamps that go back, of each publisher for itself: nobody puts the messages of several nodes on one topic into an
-    order."""
+    """Yield stamps that go back, per publisher: messages of several nodes on one topic have no common order."""
     if stream.judged is None:
         return
     its = "" if len(stream.publishers) == 1 else "its "
@@ -139,8 +133,7 @@ def _clock(stream: Stream, offset: float) -> Iterator[str]:
 
 
 def _clock_offset(streams: list[Stream]) -> float:
-    """How far the clock of the recording is from that of the stamps: the median of all topics [s]; 0 where they are the
-    same."""
+    """Return the median offset of the recording clock from the stamps of all topics [s]; 0: the same clock."""
     medians = [
         float(np.median((stream.recorded - stream.judged) * 1e-9))
         for stream in streams

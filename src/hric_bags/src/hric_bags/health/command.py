@@ -1,4 +1,4 @@
-"""Command line: health."""
+"""Command line of `health`."""
 
 import argparse
 import sys
@@ -14,7 +14,7 @@ from hric_bags.run_folder import RunFolder, runs_root
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Examine a bag; returns 0 (healthy), 3 (readable, with problems) or 4 (damaged)."""
+    """Examine a bag; return 0 (healthy), 3 (readable, with problems) or 4 (damaged)."""
     parser = argparse.ArgumentParser(
         "rosrun hric_experiments health",
         description="Examine a bag, or each part of one and where they meet: rates, gaps, order, clock, and damage. "

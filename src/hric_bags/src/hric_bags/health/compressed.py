@@ -1,4 +1,4 @@
-"""Decompresses the chunk of a bag, as far as it can be read."""
+"""Decompression of the chunk of a bag, as far as it can be read."""
 
 import bz2
 from dataclasses import dataclass
@@ -11,24 +11,24 @@ from hric_bags.health.file_records import LENGTH
 LARGEST_CHUNK = 1 << 30
 """Largest chunk that is decompressed [B]; project default, unconfirmed."""
 _LZ4, _BZ2 = b"\x04\x22\x4d\x18", b"BZh"
-"""With what compressed data begin."""
+"""First bytes of compressed data."""
 _LARGEST_BLOCK = 4 << 20
 """Largest block of the LZ4 frame format [B]."""
 _WINDOW = 1 << 16
-"""Window of an LZ4 frame: distance by which a block refers to those before it [B]."""
+"""Window of an LZ4 frame: how far back a block may refer to the blocks before it [B]."""
 _ENDS = (RuntimeError, OSError, ValueError, EOFError)
-"""Raised by the libraries at damaged data."""
+"""Errors that the libraries raise for damaged data."""
 
 
 @dataclass(frozen=True)
 class Unpacked:
-    """What was decompressed.
+    """Decompressed data of a chunk.
 
     Attributes:
-        data: as much as can be read.
-        compression: "none", "lz4" or "bz2", by what the data are.
-        whole: true if that is all, and no checksum contradicts.
-        verified: true if a checksum confirms it.
+        data: readable bytes.
+        compression: "none", "lz4" or "bz2", as the data show.
+        whole: True if the data are complete and no checksum contradicts.
+        verified: True if a checksum confirms the data.
     """
 
     data: bytes
@@ -38,7 +38,7 @@ class Unpacked:
 
 
 def unpack(packed: bytes, stated: str) -> Unpacked:
-    """Decompress a chunk; stated: compression by its header, which counts where the data do not show theirs."""
+    """Decompress a chunk; stated: compression in its header, used if the data do not show theirs."""
     if packed.startswith(_LZ4) or (stated == "lz4" and not packed.startswith(_BZ2)):
         data, whole = _expand(lz4.frame.LZ4FrameDecompressor(), packed)
         if whole:
@@ -59,7 +59,7 @@ def _expand(expander: lz4.frame.LZ4FrameDecompressor | bz2.BZ2Decompressor, pack
 
 
 def _blocks(packed: bytes) -> bytes:
-    """Decompress an LZ4 frame block by block, without regard to its checksums, until a block cannot be read."""
+    """Decompress an LZ4 frame block by block up to the first unreadable one, without regard to checksums."""
     flags = packed[4] if len(packed) > 4 else 0
     position, data = 7 + 8 * bool(flags & 0x08) + 4 * bool(flags & 0x01), bytearray()
     while len(head := packed[position : position + 4]) == 4 and (size := LENGTH.unpack(head)[0]):

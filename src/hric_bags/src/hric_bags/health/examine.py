@@ -1,4 +1,4 @@
-"""From a run folder or a bag to its findings and a report."""
+"""Examination of a run folder or a bag, with findings and a report."""
 
 import math
 import re
@@ -19,20 +19,20 @@ from hric_bags.run_folder import RunFolder, runs_root
 from hric_core.errors import HricError
 
 HEALTHY, PROBLEMS, DAMAGED = 0, 3, 4
-"""Exit codes of the health command, beside those of `hric_core.errors`."""
+"""Exit codes of the health command, in addition to those of `hric_core.errors`."""
 
 
 class HealthError(HricError):
-    """Something that is neither a run folder nor a bag."""
+    """Error for something that is neither a run folder nor a bag."""
 
 
 @dataclass(frozen=True)
 class Health:
-    """What is known of a bag.
+    """Topics and findings of a bag.
 
     Attributes:
-        path: of the bag.
-        size: of the file [B].
+        path: path of the bag.
+        size: file size [B].
         streams: its topics.
         findings: damage first.
     """
@@ -44,25 +44,25 @@ class Health:
 
     @property
     def code(self) -> int:
-        """HEALTHY, PROBLEMS or DAMAGED: the worst of the findings; notes do not count."""
+        """Exit code of the worst finding: HEALTHY, PROBLEMS or DAMAGED; notes do not count."""
         return code_of(self.findings)
 
 
 def code_of(findings: list[Finding]) -> int:
-    """Exit code of what was found."""
+    """Return the exit code of some findings."""
     levels = {finding.level for finding in findings}
     return DAMAGED if checks.DAMAGED in levels else PROBLEMS if checks.PROBLEM in levels else HEALTHY
 
 
 def find(given: str, root: Path | None = None) -> tuple[list[Path], RunFolder | None]:
-    """The bag that is meant, in one part or more, each finished or not, and its run folder.
+    """Return the parts of a bag, each finished or not, and its run folder.
 
     Args:
         given: a bag, a run folder, or its name ("latest" too).
         root: folder of all runs.
 
     Raises:
-        HricError: there is none.
+        HricError: there is no such bag or run.
     """
     path = Path(given).expanduser()
     if path.is_file():
@@ -77,7 +77,7 @@ def find(given: str, root: Path | None = None) -> tuple[list[Path], RunFolder | 
 
 
 def _parts(path: Path) -> list[Path]:
-    """All parts of a bag whose first one is given, finished or not; else the bag alone."""
+    """Return all parts of a bag from its first part on, finished or not; else the bag alone."""
     numbered = re.fullmatch(r"(.+_)0\.bag(\.active)?", path.name)
     found, names = [path], numbered[1] if numbered is not None else ""
     while names and (
@@ -98,12 +98,12 @@ def examine(path: Path, *, progress: bool = False, doubtful: Sequence[str] = ())
     """Read a bag from its first byte to its last.
 
     Args:
-        path: of the bag.
-        progress: whether to draw a bar.
-        doubtful: what is known of its values from elsewhere, a sentence each.
+        path: path of the bag.
+        progress: True to draw a progress bar.
+        doubtful: doubts about its values that are known already, a sentence each.
 
     Raises:
-        HricError: it is no bag, or cannot be read.
+        HricError: the file is no bag, or cannot be read.
     """
     scan = BagScan(path)
     gatherer = StreamGatherer()
@@ -133,7 +133,7 @@ def examine(path: Path, *, progress: bool = False, doubtful: Sequence[str] = ())
 
 
 def render(health: Health) -> str:
-    """The report as text."""
+    """Return the report as text."""
     cells = [["topic", "messages", "rate", "period", "from", "to"], ["", "", "Hz", "s", "s", "s"]]
     begin = min((float(stream.recorded.min()) for stream in health.streams if len(stream.recorded)), default=0.0)
     for stream in health.streams:
@@ -168,7 +168,7 @@ def render(health: Health) -> str:
 
 
 def to_dict(health: Health) -> dict[str, Any]:
-    """The same for a program: JSON without NaN."""
+    """Return the report as data for a program: JSON without NaN."""
     topics = {
         stream.topic: {
             "type": stream.type_name,

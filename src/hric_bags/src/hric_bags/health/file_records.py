@@ -1,5 +1,8 @@
-"""Finds the records of a bag, or of one of its chunks, one after the other and past damage: by the lengths that they
-state, and where one of those leads to no record by the structure of the next one. Format: ROS bag, version 2.0."""
+"""Search for the records of a bag, or of one of its chunks, one after the other and past damage.
+
+Records are found by the lengths that they state; where a length leads to no record, by the structure of the next one.
+Format: ROS bag, version 2.0.
+"""
 
 import re
 import struct
@@ -9,7 +12,7 @@ from typing import BinaryIO, Protocol
 
 LENGTH = struct.Struct("<I")
 MESSAGE, BAG_HEADER, INDEX, CHUNK, CHUNK_INFO, CONNECTION = range(2, 8)
-"""Kinds of records: INDEX has where the messages of a connection are in a chunk, CHUNK_INFO where a chunk is."""
+"""Kinds of records: INDEX locates the messages of a connection in a chunk, CHUNK_INFO locates a chunk."""
 _REQUIRED: dict[int, dict[bytes, int]] = {
     MESSAGE: {b"conn": 4, b"time": 8},
     BAG_HEADER: {b"index_pos": 8, b"conn_count": 4, b"chunk_count": 4},
@@ -18,15 +21,15 @@ _REQUIRED: dict[int, dict[bytes, int]] = {
     CHUNK_INFO: {b"ver": 4, b"chunk_pos": 8, b"start_time": 8, b"end_time": 8, b"count": 4},
     CONNECTION: {b"conn": 4, b"topic": 0},
 }
-"""Fields of each kind and their sizes [B]; 0: any."""
+"""Required fields of each kind and their sizes [B]; 0: any."""
 _ENTRY = {INDEX: 12, CHUNK_INFO: 8}
-"""Size of what such a record counts [B]."""
+"""Size of one counted entry of such a record [B]."""
 _LARGEST_HEADER = 1 << 20
-"""Headers are some hundred bytes; one beyond this is no header [B]."""
+"""Largest header [B]; real ones have some hundred bytes."""
 _LOOK_BACK = 512
-"""From the field `op` back to the begin of its header at most [B]; project default: topics have shorter names."""
+"""Longest way from the field `op` back to the begin of its header [B]; project default: topics are shorter."""
 _BLOCK = 1 << 20
-"""Read at a time while the next record is searched [B]."""
+"""Bytes read at a time while the next record is searched [B]."""
 Fields = dict[bytes, bytes]
 
 
@@ -59,15 +62,15 @@ class FileView:
 
 @dataclass(slots=True)
 class Record:
-    """One record, or bytes that are none.
+    """One record, or bytes that are no record.
 
     Attributes:
-        kind: one of those above; 0: no record.
-        fields: its header.
-        offset, start, end: where it, its data, and what follows it begin [B].
-        certain: whether its end is certain: another record or nothing follows it.
-        exact: whether its end is where its length says.
-        open: true for a chunk that was not closed: its length is not there, or beyond the end.
+        kind: kind of the record; 0: no record.
+        fields: fields of its header.
+        offset, start, end: first byte of the record, of its data, and after it [B].
+        certain: True if its end is certain: another record or nothing follows it.
+        exact: True if its end is where its length says.
+        open: True for a chunk that was not closed: its length is missing, or beyond the end.
     """
 
     kind: int
@@ -81,15 +84,15 @@ class Record:
 
 
 def walk(view: View, begin: int, kinds: tuple[int, ...]) -> Iterator[Record]:
-    """Yield the records from an offset to the end, and the stretches between them that are none.
+    """Yield the records from an offset to the end, and the stretches between them that are no records.
 
-    Where the length of a record leads to no record, a chunk ends where the next one is found, another record there or
-    where its length says, whichever comes first.
+    Where the length of a chunk leads to no record, it ends at the next record found; other records end there or at
+    their stated length, whichever comes first.
 
     Args:
         view: the file, or a chunk.
-        begin: where the first record is [B].
-        kinds: kinds that there can be.
+        begin: offset of the first record [B].
+        kinds: kinds of records that may occur.
     """
     size, record = len(view), _record(view, begin, kinds)
     while begin < size:
@@ -118,7 +121,7 @@ def _find_end(view: View, record: Record, kinds: tuple[int, ...]) -> None:
 
 
 def _search(view: View, start: int, kinds: tuple[int, ...]) -> int:
-    """Return the offset of the next record that another record or the end follows; the size of all: there is none."""
+    """Return the offset of the next record before another record or the end; without one, the size of the view."""
     pattern = re.compile(b"\x04\x00\x00\x00op=[" + re.escape(bytes(kinds)) + b"]")
     for block in range(start, len(view), _BLOCK):
         for match in pattern.finditer(view[block : block + _BLOCK + 8]):
@@ -139,7 +142,7 @@ def _is_followed(view: View, end: int, kinds: tuple[int, ...]) -> bool:
 
 
 def _record(view: View, offset: int, kinds: tuple[int, ...]) -> Record | None:
-    """Return the record at an offset; its data may end beyond the view. None: there is no record."""
+    """Return the record at an offset, whose data may end beyond the view; None: there is no record."""
     head = view[offset : offset + 4]
     length = LENGTH.unpack(head)[0] if len(head) == 4 else 0
     if not 0 < length <= _LARGEST_HEADER:
@@ -163,7 +166,7 @@ def _record(view: View, offset: int, kinds: tuple[int, ...]) -> Record | None:
 
 
 def fields_of(header: bytes) -> Fields | None:
-    """Return the name=value pairs of a header; None: it is none."""
+    """Return the name=value pairs of a header; None: the bytes are no header."""
     fields: Fields = {}
     position, end = 0, len(header)
     while position + 4 <= end:

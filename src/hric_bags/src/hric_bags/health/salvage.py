@@ -1,4 +1,4 @@
-"""Writes what can be read of a damaged bag into a whole one; nothing of the damaged one is deleted."""
+"""Salvage of a damaged bag: its readable messages are copied to a new bag, and the damaged bag is not deleted."""
 
 import contextlib
 import os
@@ -14,18 +14,18 @@ ACTIVE, DAMAGED = ".active", ".damaged"
 
 
 class SalvageError(HricError):
-    """A bag that cannot be salvaged now."""
+    """Error for a bag that cannot be salvaged now."""
 
 
 @dataclass(frozen=True)
 class Salvaged:
-    """A whole bag made of a damaged one.
+    """Complete bag made from a damaged one.
 
     Attributes:
-        bag: the whole one.
-        original: where the damaged one is now.
-        messages: how many the whole one has.
-        doubtful: which of them may have wrong values, a sentence each.
+        bag: path of the complete bag.
+        original: present path of the damaged bag.
+        messages: number of messages in the complete bag.
+        doubtful: messages that may have wrong values, a sentence each.
     """
 
     bag: Path
@@ -35,12 +35,12 @@ class Salvaged:
 
 
 def salvage(path: Path) -> Salvaged:
-    """Make a whole bag of a damaged one, with the recorder's name for a bag that is whole.
+    """Copy the readable messages of a damaged bag to a new bag with the recorder's name for a complete one.
 
-    `x.bag.active` becomes `x.bag` and stays beside it; a damaged `x.bag` is kept as `x.bag.damaged`.
+    From `x.bag.active` it makes `x.bag`, and both stay; a damaged `x.bag` is renamed to `x.bag.damaged`.
 
     Raises:
-        SalvageError: a process still writes it, there is a bag of that name already, or the disk refuses.
+        SalvageError: a process still writes the bag, the new name is taken, or the disk refuses.
     """
     if in_use(path):
         raise SalvageError(f"{path.name} is being written by a recorder; end the recording first")
@@ -94,7 +94,7 @@ def _add(writer: ChunkedWriter, known: Connection) -> Any:
 
 
 def in_use(path: Path) -> bool:
-    """Return true if a process of this user on this machine has the file open for writing."""
+    """Return True if a process of this user on this machine has the file open for writing."""
     target = path.resolve()
     for process in Path("/proc").glob("[0-9]*"):
         with contextlib.suppress(OSError):  # ended meanwhile, or another user's

@@ -1,5 +1,4 @@
-"""Judges where two parts of a recording meet: their order, and whether a stream goes on without a gap from the one to
-the other."""
+"""Checks where two parts of a recording meet: their order, and gaps of a stream between them."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -15,12 +14,12 @@ from hric_bags.health.streams import Stream
 
 @dataclass(frozen=True)
 class Seam:
-    """Where a part ends and the next one begins.
+    """Transition between two parts of a recording.
 
     Attributes:
         before, after: names of the two bags.
-        overlap: how long both recorded; negative: between them neither did [s]. NaN: one of them is empty.
-        findings: what is wrong there.
+        overlap: time that both recorded [s]; negative: gap between them. NaN: one of them is empty.
+        findings: problems of the transition.
     """
 
     before: str
@@ -29,7 +28,7 @@ class Seam:
     findings: list[Finding]
 
     def render(self, quiet: bool = False) -> str:
-        """The seam as text; quiet: its findings only."""
+        """Return the seam as text; quiet: its findings only."""
         relation = (
             f"recorded together for {self.overlap:.3f} s" if self.overlap >= 0.0 else f"are {-self.overlap:.3f} s apart"
         )
@@ -38,7 +37,7 @@ class Seam:
 
 
 def of_parts(parts: Sequence[tuple[Path, Sequence[Stream]]]) -> list[Seam]:
-    """All seams of a recording; of each part, in their order, its bag and its topics."""
+    """Return all seams of a recording; parts: bag and topics of each part, in order."""
     return [_seam(before[0].name, before[1], after[0].name, after[1]) for before, after in pairwise(parts)]
 
 
@@ -66,7 +65,7 @@ def _seam(before: str, old: Sequence[Stream], after: str, new: Sequence[Stream])
 
 
 def _problems(before: Stream, after: Stream) -> Iterator[str]:
-    """Missing numbers or a gap of one topic between two parts."""
+    """Yield missing numbers or a gap of one topic between two parts."""
     if before.latched:
         return
     if before.counts and after.first > before.next:

@@ -1,4 +1,4 @@
-"""Each topic of a bag: counts, stamps, running numbers; gathered message by message."""
+"""Counts, stamps and running numbers of each topic of a bag, gathered message by message."""
 
 import re
 import struct
@@ -24,28 +24,26 @@ COUNTED: dict[str, tuple[str, Callable[[Any], tuple[int, int]]]] = {
     "hric_msgs/MocapData": ("frames", lambda message: (int(message.frame_number), 1)),
     "hric_msgs/SyncedSample": ("samples", lambda message: (int(message.header.seq), 1)),
 }
-"""Message types with a running number: what it counts, and (first number, how many) of a message."""
+"""Message types with a running number: what it counts, and function to (first number, how many) of a message."""
 _WRAP = 1 << 32
-"""A counter of 32 bits goes on at 0; of those with 64 no gap is half as long."""
+"""Number of values of a 32-bit counter, which goes on at 0; no gap of a 64-bit counter is half as long."""
 
 
 @dataclass
 class Stream:
-    """One topic.
+    """Times, publishers and running numbers of the messages of one topic.
 
     Attributes:
-        topic, type_name: as in the bag.
-        latched: whether a publisher of it latches.
-        recorded: times of recording in the order of the file, shape (n,) [ns].
+        topic, type_name: name and message type as in the bag.
+        latched: True if a publisher latches the topic.
+        recorded: recording times in the order of the file, shape (n,) [ns].
         stamps: header stamps, shape (n,) [ns]; None: the type has no header.
-        publishers: callerids of the nodes that published it, in the order of their first messages; "": the bag names
-            none.
-        published_by: index into `publishers` of each message, shape (n,).
-        counts: what its running number counts; "": it has none.
+        publishers: callerids of the publishing nodes in the order of their first messages; "": the bag names none.
+        published_by: publisher of each message as an index into `publishers`, shape (n,).
+        counts: unit of its running number, e.g. "samples"; "": it has none.
         missing: running numbers that are not in the bag, as (first, how many).
-        repeated: from where it went back: what came twice, or a source that began again, likewise.
-        first, next: running number with which it begins, and the one that would follow its last message; 0: it has
-            none.
+        repeated: running numbers at which the count went back (repeats or a restarted source), as (first, how many).
+        first, next: first running number, and the one that would follow the last message; 0: it has none.
     """
 
     topic: str
@@ -63,13 +61,12 @@ class Stream:
 
     @property
     def judged(self) -> IntArray | None:
-        """Header stamps that must be in order and without gaps: not those of a latched topic, shape (n,) [ns]."""
+        """Header stamps that must be in order and without gaps, shape (n,) [ns]; None: latched, or no header."""
         return None if self.latched else self.stamps
 
     @property
     def period(self) -> float:
-        """Median time between header stamps, or between recordings where there are none [s]; NaN: fewer than two
-        messages."""
+        """Median time between header stamps, or recordings without header [s]; NaN: fewer than two messages."""
         times = np.sort(self.recorded if self.stamps is None else self.stamps)
         return float(np.median(np.diff(times))) * 1e-9 if len(times) > 1 else float("nan")
 
@@ -110,14 +107,14 @@ class _Gathered:
 
 
 class StreamGatherer:
-    """Gathers streams from serialised messages."""
+    """Collector of streams from serialised messages."""
 
     def __init__(self) -> None:
         self._topics: dict[str, _Gathered] = {}
         self._readers: dict[str, Callable[[bytes], tuple[int, int]]] = {}
 
     def add(self, connection: Connection, time: int, raw: bytes) -> None:
-        """A message; time: of its recording [ns]."""
+        """Add a serialised message; time: recording time [ns]."""
         gathered = self._topics.get(connection.topic)
         if gathered is None:
             gathered = self._topics[connection.topic] = _Gathered(connection)
@@ -144,7 +141,7 @@ class StreamGatherer:
         return found
 
     def streams(self) -> list[Stream]:
-        """All topics, by name."""
+        """Return all topics, sorted by name."""
         return [self._topics[topic].stream() for topic in sorted(self._topics)]
 
 

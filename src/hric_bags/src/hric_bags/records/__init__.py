@@ -1,1 +1,1 @@
-"""What a bag has of a person, of contacts and of objects, as arrays."""
+"""Records of persons, contacts and objects in a bag, as arrays."""

@@ -1,5 +1,4 @@
-"""Contact forces of a run, from the topics of gazebo_msgs/ContactsState in its bag, and which of them may be assessed.
-No ROS."""
+"""Contact forces of a run from gazebo_msgs/ContactsState in its bag, and which of them may be assessed. No ROS."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -20,19 +19,19 @@ REMEDY = (
 
 
 class RigidForceError(HricError):
-    """A force that no sensor would read was to be assessed."""
+    """Error for the assessment of a force that no sensor would read."""
 
 
 @dataclass
 class PairForce:
-    """What two bodies did to each other in a run.
+    """Contact of two bodies in a run.
 
     Attributes:
         body_a, body_b: "model::link" names, in alphabetical order.
-        kind: "penalty", "rigid", or "unknown", of a bag from before it was published; of several, the one that may not
-            be assessed.
-        peak_force: largest; of penalty contact of all steps, else of those instants that were recorded [N].
-        time: robot time of its message [s].
+        kind: "penalty", "rigid", or "unknown" (bags of before it was published); of several kinds, one that may not be
+            assessed.
+        peak_force: largest force; for penalty contact of all steps, else of the recorded instants [N].
+        time: robot time of the message with the largest force [s].
         first, last: robot time of the first and the last message with this pair [s].
     """
 
@@ -46,7 +45,7 @@ class PairForce:
 
 
 def read(bag: Path | Bag, robot_time: Callable[[float], float]) -> list[PairForce]:
-    """All pairs of a bag with all its parts; empty: nothing touched, or the bag has no such topic."""
+    """Return all pairs of a bag with all its parts; empty: nothing touched, or the bag has no such topic."""
     pairs: dict[tuple[str, str], PairForce] = {}
     with opened(bag) as reader:
         contacts = [c for c in reader.connections if c.msgtype == CONTACTS_TYPE]
@@ -57,7 +56,7 @@ def read(bag: Path | Bag, robot_time: Callable[[float], float]) -> list[PairForc
 
 
 def add_to(pairs: dict[tuple[str, str], PairForce], message: Any, time: float) -> None:
-    """Take a message of a time [s]; pairs: what was found so far, by both bodies."""
+    """Add a message of a time [s]; pairs: contacts so far, by both bodies."""
     for state in message.states:
         _add(pairs, state, time)
 
@@ -76,10 +75,10 @@ def _add(pairs: dict[tuple[str, str], PairForce], state: Any, time: float) -> No
 
 
 def assessable(pairs: Iterable[PairForce]) -> list[PairForce]:
-    """The same pairs, for whoever compares their forces with what a person may bear.
+    """Return the pairs for a comparison of their forces with limits for persons.
 
     Raises:
-        RigidForceError: one of them is not of penalty contact; names it and the remedy.
+        RigidForceError: a pair has no penalty contact; the message names the pair and the remedy.
     """
     found = list(pairs)
     for pair in found:
@@ -96,12 +95,12 @@ def assessable(pairs: Iterable[PairForce]) -> list[PairForce]:
 
 
 def metrics(pairs: Sequence[PairForce]) -> list[dict[str, Any]] | None:
-    """For metrics.json; None: nothing touched."""
+    """Return the pairs for metrics.json; None: nothing touched."""
     return [asdict(pair) for pair in pairs] or None
 
 
 def cells(found: Sequence[Mapping[str, Any]]) -> list[tuple[str, ...]]:
-    """A row of text per pair of metrics.json."""
+    """Return a row of text for each pair of metrics.json."""
     return [
         (
             f"{p['body_a']}, {p['body_b']}",
@@ -116,11 +115,11 @@ def cells(found: Sequence[Mapping[str, Any]]) -> list[tuple[str, ...]]:
 
 
 HEAD = ("contact between", "kind", "peak force [N]", "told at [s]", "first [s]", "last [s]")
-"""Of `cells`."""
+"""Head of the table of `cells`."""
 
 
 def note(found: Sequence[Mapping[str, Any]]) -> str:
-    """What a reader must know of these forces; empty: all may be assessed."""
+    """Return a warning about forces that may not be assessed; empty: all may be assessed."""
     rigid = any(pair["kind"] != PENALTY for pair in found)
     return (
         "Forces that are not of penalty contact read two to six times the elastic transient: not to be "

@@ -1,4 +1,4 @@
-"""What a simulated person did in a run, from the topics in its bag; each has a namespace of their own. No ROS."""
+"""Record of a simulated person in a run, from the topics in the person's own namespace in a bag. No ROS."""
 
 from array import array
 from collections.abc import Callable, Iterable
@@ -25,7 +25,7 @@ from hric_bags.records.rows import Rows, Thinning, seven, times, xyz
 GRIP_TYPE, TORQUE_TYPE = "hric_msgs/msg/HumanGrip", "hric_msgs/msg/JointTorque"
 EVENT_TYPE = "hric_msgs/msg/HumanEvent"
 REAL = "/hric/person/"
-"""In topics of a real person before the cameras, which are none of the simulated human."""
+"""Part of the topics of a real person in front of the cameras, which are none of the simulated human."""
 
 
 @dataclass(frozen=True)
@@ -33,12 +33,12 @@ class GripRecord:
     """One grip over time.
 
     Attributes:
-        name, held, holder: of it and of both bodies.
+        name, held, holder: names of the grip and of both bodies.
         time: robot time, shape (n,) [s].
-        closed: whether it held and has said where, which it does from its first step on, shape (n,).
-        force, torque: on the holder, world frame, shape (n, 3) [N], [N m].
-        point: where they act, world frame, shape (n, 3) [m].
-        slipped: since it was closed, shape (n,) [m].
+        closed: True where the grip holds and its point is known, which it is from its first step on, shape (n,).
+        force, torque: wrench on the holder, world frame, shape (n, 3) [N], [N m].
+        point: point where the wrench acts, world frame, shape (n, 3) [m].
+        slipped: distance slipped since the grip closed, shape (n,) [m].
     """
 
     name: str
@@ -54,7 +54,7 @@ class GripRecord:
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened. Attributes: see hric_msgs/HumanEvent; time: robot time [s]."""
+    """Event of a simulated person. Attributes: see hric_msgs/HumanEvent; time: robot time [s]."""
 
     time: float
     kind: str
@@ -65,24 +65,24 @@ class Event:
 
 @dataclass(frozen=True)
 class HumanRecord:
-    """One person in one run. What the bag does not have is empty.
+    """One person in one run; what the bag does not have is empty.
 
     Attributes:
-        joints: names.
+        joints: joint names.
         time: robot time, shape (n,) [s].
-        position: of the joints, shape (n, j) [rad].
-        torque_time: of the rows of `torque`, shape (m,) [s].
-        torque: shape (m, j) [N m].
-        share: of the joint's strength, shape (m, j) [1].
-        clipped: how often each joint was limited to its strength.
-        grips: by name.
-        contacts: with a force, by link.
-        events: in order of time.
-        meetings: contacts with their begin and peak, in the order in which they ended.
-        muscles: None: the joints have none.
-        root: where a walking person was; None: where they were spawned, all the time.
-        name: namespace.
-        stream: which messages of the contacts were recorded; None: the bag has no such topic.
+        position: joint positions, shape (n, j) [rad].
+        torque_time: times of the rows of `torque`, shape (m,) [s].
+        torque: joint torques, shape (m, j) [N m].
+        share: torque as a share of the joint's strength, shape (m, j) [1].
+        clipped: number of times each joint was limited to its strength.
+        grips: grips by name.
+        contacts: contacts with a force, by link.
+        events: events in order of time.
+        meetings: contacts with begin and peak, in the order in which they ended.
+        muscles: muscle data; None: the joints have no muscles.
+        root: root pose of a walking person; None: the person stays at the spawn pose.
+        name: namespace of the person.
+        stream: recorded contact messages; None: the bag has no such topic.
     """
 
     joints: tuple[str, ...]
@@ -103,7 +103,7 @@ class HumanRecord:
 
 
 def read(bag: Path | Bag, robot_time: Callable[[float], float]) -> HumanRecord | None:
-    """Read the first person of a bag, with motion and torques; None: there is nobody who has both."""
+    """Read the first person of a bag, with motion and torques; None: nobody has both."""
     with opened(bag) as reader:
         names = human_names(reader.connections)
         if not names:
@@ -124,8 +124,10 @@ def read(bag: Path | Bag, robot_time: Callable[[float], float]) -> HumanRecord |
 
 
 def human_names(connections: Iterable[Any]) -> list[str]:
-    """Return the namespaces of the persons of a bag of whom torques, grips or contacts were recorded, simulated ones
-    first; of contacts whose topic has another name than `contacts` that topic."""
+    """Return the namespaces of persons with recorded torques, grips or contacts, simulated persons first.
+
+    A contact topic with another name than `contacts` counts as a namespace.
+    """
     names = set[str]()
     for connection in connections:
         name, _, end = connection.topic.rpartition("/")
@@ -137,17 +139,17 @@ def human_names(connections: Iterable[Any]) -> list[str]:
 
 
 def _is_real(name: str) -> bool:
-    """True for the namespace of a real person, whose motion is read elsewhere."""
+    """Return True for the namespace of a real person, whose motion is read elsewhere."""
     return REAL in f"{name}/"
 
 
 class HumanMessages:
-    """Takes messages of one person as they come, and keeps their numbers alone: an hour of them fits into memory.
+    """Collector of the messages of one person; only numbers are stored, so that an hour fits into memory.
 
     Args:
         name: namespace of the person.
-        rate: highest rate of what is kept of joint states, torques, root and each grip [Hz]; None: all. All else is
-            kept.
+        rate: highest rate of stored joint states, torques, root poses and each grip [Hz]; None: all. Everything else is
+            stored.
     """
 
     def __init__(self, name: str, rate: float | None = None) -> None:
@@ -164,30 +166,30 @@ class HumanMessages:
         self._contacts: RegionMessages | None = None
 
     def wants(self, connection: Any) -> bool:
-        """True if a connection belongs to this person."""
+        """Return True if a connection belongs to this person."""
         return self.takes(connection.topic, connection.msgtype)
 
     def takes(self, topic: str, kind: str) -> bool:
-        """True if a topic belongs to this person."""
+        """Return True if a topic belongs to this person."""
         return topic in (self._states, self._torques, self._roots) or (
             topic in self._others and kind in (GRIP_TYPE, EVENT_TYPE, CONTACTS_TYPE)
         )
 
     def note(self, connection: Any, raw: bytes) -> None:
-        """Count a message, also one that is not `due`; raw: serialised."""
+        """Count a message, also one that is not `due`; raw: serialised message."""
         if connection.msgtype == CONTACTS_TYPE:
             self._contacts = self._contacts or RegionMessages()
             self._contacts.note(raw)
 
     def due(self, connection: Any, raw: bytes) -> bool:
-        """True if a message is needed at this rate; raw: serialised."""
+        """Return True if a message is needed at this rate; raw: serialised message."""
         if self._thin is None or connection.msgtype in (EVENT_TYPE, CONTACTS_TYPE):
             return True
         name = _second_text(raw) if connection.msgtype == GRIP_TYPE else b""
         return self._thin.due((connection.topic, name), raw)
 
     def add(self, topic: str, kind: str, message: Any) -> None:
-        """Take one."""
+        """Add a message."""
         stamp = seconds(message.header.stamp)
         if topic == self._states:
             self._position.add(stamp, message)
@@ -204,7 +206,7 @@ class HumanMessages:
             self._contacts.add(stamp, message)
 
     def record(self, robot_time: Callable[[float], float]) -> HumanRecord:
-        """Return all that was taken."""
+        """Return the record of all messages."""
         position, torque, contacts = self._position, self._torque, self._contacts or RegionMessages()
         time, q = position.columns(robot_time)
         torque_time, tau, share = torque.columns(robot_time)
@@ -232,13 +234,13 @@ class HumanMessages:
 
 
 def _second_text(raw: bytes) -> bytes:
-    """Of a serialised message that begins with a header and a text, that text."""
+    """Return the text after the header of a serialised message."""
     begin = 20 + int.from_bytes(raw[12:16], "little")
     return bytes(raw[begin : begin + int.from_bytes(raw[begin - 4 : begin], "little")])
 
 
 class _Grips:
-    """Of one grip; first: its first message."""
+    """Messages of one grip; first: its first message."""
 
     def __init__(self, first: Any) -> None:
         self._first, self._stamps, self._rows = first, array("d"), array("d")

@@ -1,6 +1,6 @@
-"""What the muscles of a simulated human did in a run, from the topics in its bag. No ROS.
+"""Muscle data of a simulated human in a run, from the topics in its bag. No ROS.
 
-All of it is an estimate of a model.
+All of them are estimates of a model.
 """
 
 from collections.abc import Callable, Iterable
@@ -13,23 +13,23 @@ import numpy.typing as npt
 from hric_bags.reader import FloatArray, seconds
 
 TOPICS = ("activation", "muscle_force", "joint_reactions")
-"""Below the human's name."""
+"""Topics below the human's namespace."""
 
 
 @dataclass(frozen=True)
 class MuscleRecord:
-    """Of one run.
+    """Muscle data of one run.
 
     Attributes:
-        names: of k muscles, and of ideal actuators of joints without any.
-        is_muscle: of each, whether it is one.
+        names: names of k muscles and of the ideal actuators of joints without muscles.
+        is_muscle: True for a muscle, shape (k,).
         time: robot time, shape (n,) [s].
-        activation: shape (n, k) [1].
-        limited: by name, how often all was required of it.
-        force: largest of each muscle, by name [N].
+        activation: activations, shape (n, k) [1].
+        limited: number of times a muscle was required to give more than it can, by name.
+        force: largest force of each muscle, by name [N].
         outside: share of the time in which the posture was outside the range of muscle paths [1].
-        contact_time: of the rows of `contact`, shape (m,) [s].
-        contact: size of the contact force, by joint centre, shape (m,) [N].
+        contact_time: times of the rows of `contact`, shape (m,) [s].
+        contact: magnitude of the joint contact force, by joint centre, shape (m,) [N].
     """
 
     names: tuple[str, ...]
@@ -44,15 +44,15 @@ class MuscleRecord:
 
     @property
     def muscles(self) -> tuple[str, ...]:
-        """Names of muscles alone."""
+        """Names of the muscles alone."""
         return tuple(name for name, own in zip(self.names, self.is_muscle, strict=True) if own)
 
 
 class MuscleMessages:
-    """Takes messages as they come.
+    """Collector of muscle messages.
 
     Args:
-        humans: what their topics begin with.
+        humans: namespaces of the humans.
     """
 
     def __init__(self, humans: Iterable[str]) -> None:
@@ -60,15 +60,15 @@ class MuscleMessages:
         self._rows: dict[str, list[tuple[float, Any]]] = {topic: [] for topic in TOPICS}
 
     def wants(self, connection: Any) -> bool:
-        """Whether a connection is one of his muscles."""
+        """Return True if a connection is a muscle topic of these humans."""
         return connection.topic in self._topics
 
     def add(self, topic: str, message: Any) -> None:
-        """Take one."""
+        """Add a message."""
         self._rows[self._topics[topic]].append((seconds(message.header.stamp), message))
 
     def record(self, robot_time: Callable[[float], float]) -> MuscleRecord | None:
-        """All that was taken; None: his joints have no muscles."""
+        """Return the record of all messages; None: the joints have no muscles."""
         activations, forces, reactions = (self._rows[topic] for topic in TOPICS)
         if not activations or not forces:
             return None

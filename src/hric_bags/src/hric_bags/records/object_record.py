@@ -1,4 +1,4 @@
-"""Where the objects of a world were in a run. No ROS."""
+"""Poses of the objects of a world over a run. No ROS."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -20,13 +20,13 @@ STATES_TYPE = "gazebo_msgs/msg/ModelStates"
 
 @dataclass(frozen=True)
 class ObjectRecord:
-    """An object over time.
+    """Pose of an object over time.
 
     Attributes:
-        name: of its model.
-        description: URDF.
+        name: name of its model.
+        description: URDF of the object.
         time: robot time, shape (n,) [s].
-        pose: of its root link in the world: position and quaternion x y z w, shape (n, 7) [m].
+        pose: pose of its root link in the world: position and quaternion x y z w, shape (n, 7) [m].
     """
 
     name: str
@@ -36,10 +36,10 @@ class ObjectRecord:
 
 
 def models(plant: Mapping[str, Any]) -> list[Model]:
-    """The objects of the world of a plant; none of a world that is not there any more.
+    """Return the objects of a plant's world; empty if that world does not exist any more.
 
     Args:
-        plant: its parameters.
+        plant: parameters of the plant.
     """
     try:
         objects = load_world(str(plant.get("world") or ""), WindowlessConfig().contact_stiffness)
@@ -49,13 +49,12 @@ def models(plant: Mapping[str, Any]) -> list[Model]:
 
 
 def read(bag: Path | Bag, plant: Mapping[str, Any], robot_time: Callable[[float], float]) -> list[ObjectRecord]:
-    """What the bag has of the objects of a world, planes left out. The messages have no stamp: live, their times are
-    those at which they came.
+    """Return the recorded objects of a world, planes left out; in live runs the times are those of recording.
 
     Args:
-        bag: of the run.
-        plant: its parameters.
-        robot_time: of a stamp [s].
+        bag: bag of the run.
+        plant: parameters of the plant.
+        robot_time: function from a stamp to robot time [s].
     """
     known = {model.name: model for model in models(plant) if not model.planes}
     found: dict[str, list[list[float]]] = {name: [] for name in known}

@@ -1,4 +1,4 @@
-"""Joint states of two bodies on one topic, by the bytes of all messages. No ROS."""
+"""Detection of joint states of two bodies on one topic, by the bytes of all messages. No ROS."""
 
 from array import array
 from collections import deque
@@ -13,23 +13,24 @@ from hric_human.body.subject import PARTS
 
 BoolArray = np.ndarray[Any, np.dtype[np.bool_]]
 WINDOW = 200
-"""Messages in a row that are looked at together (project default)."""
+"""Number of successive messages that are examined together (project default)."""
 BLOCK = 5 * WINDOW
-"""Messages of which copies are kept until they are looked at (project default)."""
+"""Number of messages that are copied before they are examined (project default)."""
 FASTEST_JOINT = 150.0
-"""Fastest joint of a person [rad/s]: the shoulder of a baseball pitcher turns at about 7000 deg/s, 122 rad/s
-(unconfirmed)."""
+"""Fastest joint of a person [rad/s]; a baseball pitcher's shoulder: about 7000 deg/s, 122 rad/s (unconfirmed)."""
 FASTEST_AXIS = 20.0
-"""Fastest joint of an arm [rad/s]: above 12.6 rad/s (720 deg/s) of wrists of small industrial arms (unconfirmed)."""
+"""Fastest joint of an arm [rad/s], above 12.6 rad/s (720 deg/s) of small industrial wrists (unconfirmed)."""
 STEP = 1e-3
-"""Shortest time between two poses [s]: two stamps that are equal are no reason for an infinite speed."""
+"""Shortest time between two poses [s], so that two equal stamps do not give an infinite speed."""
 SWITCHES, BACK = 3, 0.25
-"""Jumps away and back that one source may make within WINDOW messages, and the share of the jump [1] within which it is
-back (project defaults, unconfirmed)."""
+"""Limits of jumps away and back of one source within WINDOW messages (project defaults, unconfirmed).
+
+SWITCHES: number of such jumps; BACK: share of the jump within which the joint is back [1].
+"""
 MANY_PAIRS = 20
-"""Pairs of stamps in a row from which on they are no jitter (project default, unconfirmed)."""
+"""Number of successive pairs of stamps that is no jitter any more (project default, unconfirmed)."""
 ARM_JOINTS = 4
-"""Fewest joints of an arm; a gripper beside it on one topic has fewer (project default, unconfirmed)."""
+"""Fewest joints of an arm; a gripper on the same topic has fewer (project default, unconfirmed)."""
 JOINTS = frozenset(joint.name for joint in joints(PARTS["whole_body"]))
 """Names of the joints of a body of `hric_human`."""
 PERSONS = "two persons in one namespace cannot be told apart; valid: a namespace for each, such as hric/human2"
@@ -49,7 +50,7 @@ def check_names(topic: str, names: Iterable[str]) -> None:
 
 
 class JointStates:
-    """Joint states of one topic as they come.
+    """Joint states of one topic, checked as they arrive.
 
     Args:
         topic: absolute name.
@@ -62,10 +63,10 @@ class JointStates:
         self._changes: deque[int] = deque(maxlen=SWITCHES + 1)
 
     def note(self, connection: Any, raw: bytes) -> None:
-        """Take one serialised message.
+        """Add one serialised message.
 
         Raises:
-            BagError: the messages are those of two bodies, or a name is there twice.
+            BagError: the messages come from two bodies, or a name occurs twice.
         """
         begin = 16 + _integer(raw, 12)
         if raw[begin : begin + len(self._last)] != self._last or not self._last:
@@ -77,12 +78,12 @@ class JointStates:
         self._count += 1
 
     def end(self) -> None:
-        """Look at the last messages; raises as `note`."""
+        """Check the last messages; raises as `note`."""
         for body in self._bodies.values():
             self._check(body)
 
     def _change(self, block: bytes) -> None:
-        """Go on with messages of other names; block: serialised names."""
+        """Switch to messages with other names; block: serialised names."""
         if self._last:
             self._changes.append(self._count)
         self._last = block
@@ -121,7 +122,7 @@ class _Body:
         self._numbers, self._stamps, self._positions = array("q"), array("d"), array("d")
 
     def add(self, raw: bytes, at: int) -> bool:
-        """Take a message whose positions begin at a byte; return True if it is time to look at what came."""
+        """Add a message whose positions begin at a byte; return True if it is time for a check."""
         if _integer(raw, at) == len(self.names):  # else they are refused, or left out, where they are read
             self._numbers.append(_integer(raw, 0))
             self._stamps.append(_integer(raw, 4) + 1e-9 * _integer(raw, 8))
@@ -129,8 +130,7 @@ class _Body:
         return len(self._stamps) >= BLOCK
 
     def mixed(self) -> str:
-        """Return why the messages are those of two publishers in turns, and keep the last WINDOW of them; empty: they
-        are not."""
+        """Return why the messages are of two publishers in turns, "" if not; keep the last WINDOW of them."""
         numbers, stamps = np.array(self._numbers), np.array(self._stamps)
         positions = np.array(self._positions).reshape(len(stamps), len(self.names))
         for values, width in ((self._numbers, 1), (self._stamps, 1), (self._positions, positions.shape[-1])):
@@ -149,8 +149,7 @@ class _Body:
 
 
 def _away_and_back(stamps: FloatArray, positions: FloatArray, fastest: float) -> BoolArray:
-    """Return which poses are farther from the one before than the fastest joint [rad/s] moves, and the next one is back
-    there, shape (n - 2,)."""
+    """Return which poses jump faster than `fastest` [rad/s] and are back in the next message, shape (n - 2,)."""
     if len(stamps) < 3 or not positions.size:
         return np.zeros(0, dtype=bool)
     steps = np.maximum(np.diff(stamps)[:-1], STEP)
@@ -172,7 +171,7 @@ def _integer(raw: bytes, at: int) -> int:
 
 
 def _names(raw: bytes, begin: int) -> bytes:
-    """Return the serialised names of a message; begin: of them [byte]."""
+    """Return the serialised names of a message; begin: their first byte."""
     at = begin + 4
     for _ in range(_integer(raw, begin)):
         at += 4 + _integer(raw, at)

@@ -1,5 +1,7 @@
-"""What a bag has for whoever judges it: arm, person, contacts, in one pass and thinned, so that an hour of it fits into
-memory. No ROS."""
+"""Everything in a bag for an assessment: arm, person, contacts, in one pass. No ROS.
+
+Streams are thinned, so that an hour fits into memory.
+"""
 
 import math
 from array import array
@@ -31,21 +33,23 @@ from hric_bags.records.safety_record import EVENT_TYPE, STATE_TYPE, SafetyMessag
 from hric_core.geometry import Pose
 
 RATE = 100.0
-"""Of what is kept of streams, at most [Hz]; project default."""
+"""Highest rate of a stored stream [Hz]; project default."""
 SAMPLES = 150_000
-"""Of a stream, at most: a recording of an hour is kept at a lower rate; project default."""
+"""Largest number of stored samples of a stream; an hour is stored at a lower rate; project default."""
 STATES_TYPE, TRACKING_TYPE = "sensor_msgs/msg/JointState", "hric_msgs/msg/PersonTracking"
 ACTIVATION_TYPE, STATIC_TYPE = "hric_msgs/msg/MuscleActivation", "tf2_msgs/msg/TFMessage"
 REACTIONS_TYPE = "hric_msgs/msg/JointReactions"
 TEXT_TYPE = "std_msgs/msg/String"
 _THINNED = (STATES_TYPE, TRACKING_TYPE, ACTIVATION_TYPE, TORQUE_TYPE, REACTIONS_TYPE, STATE_TYPE)
 NAMES = {TORQUE_TYPE: "name", ACTIVATION_TYPE: "name", REACTIONS_TYPE: "joint_names", LOG_TYPE: "joint_names"}
-"""Fields of the names of joints and muscles; those of joint states are looked at in all messages."""
+"""Fields with the names of joints and muscles; joint states are checked in all messages."""
 ONE_PUBLISHER = (LOG_TYPE, TORQUE_TYPE, TRACKING_TYPE, ACTIVATION_TYPE)
-"""Kinds of messages that one node alone may publish on a topic."""
+"""Message types that only one node may publish on a topic."""
 SLACK = 1.0
-"""Time for which a bag may begin before, and end after, the samples of arm and persons [s]: recorders are started first
-and stopped last (project default)."""
+"""Longest time by which a bag may begin before, and end after, the samples of arm and persons [s].
+
+Recorders are started first and stopped last (project default).
+"""
 
 
 @dataclass(frozen=True)
@@ -53,8 +57,8 @@ class Columns:
     """Named values over time.
 
     Attributes:
-        topic: they come from.
-        names: of the columns.
+        topic: source topic.
+        names: names of the columns.
         time: robot time, shape (n,) [s].
         values: shape (n, k); NaN where a message does not have one.
     """
@@ -67,15 +71,15 @@ class Columns:
 
 @dataclass(frozen=True)
 class Tracked:
-    """Where the root link of a real person was.
+    """Root link of a real person over time.
 
     Attributes:
-        topic: it comes from.
-        frame: in which the pose is.
+        topic: source topic.
+        frame: frame of the pose.
         time: robot time, shape (n,) [s].
-        pose: position and quaternion x y z w, NaN while it is lost, shape (n, 7) [m].
-        residual: of the markers, shape (n,) [m].
-        calibrated: whether the body was fitted to him.
+        pose: position and quaternion x y z w, NaN while the person is lost, shape (n, 7) [m].
+        residual: residual of the markers, shape (n,) [m].
+        calibrated: True if the body was fitted to the person.
     """
 
     topic: str
@@ -88,24 +92,25 @@ class Tracked:
 
 @dataclass(frozen=True)
 class Recording:
-    """One bag, at RATE and with SAMPLES of a stream at most.
+    """One bag, with at most RATE and SAMPLES of a stream.
 
     Attributes:
-        topics: message counts.
-        kinds: of messages.
+        topics: message counts by topic.
+        kinds: message types.
         begin, end: robot time of the first and the last sample of arm or persons, or of a message of any topic that is
             more than SLACK beyond them [s].
-        robot_time: from stamps.
-        log: of the arm; None: the bag has none.
+        robot_time: function from stamps to robot time.
+        log: control log of the arm; None: the bag has none.
         humans: simulated persons by namespace.
-        pairs: bodies that touched, of /sim/contacts; None: the bag has no such topic.
+        pairs: pairs of bodies that touched, from /sim/contacts; None: the bag has no such topic.
         people: joint states of bodies of `hric_human`, by topic.
         tracked: roots of real persons, by topic.
-        activation: of muscles, by topic.
-        contact: size of the contact forces between bones [N], by topic, from beside the activation.
-        shares: of the strength of joints of real persons, by topic.
+        activation: muscle activations, by topic.
+        contact: magnitude of the contact forces between bones [N], by topic; only with an activation in the same
+            namespace.
+        shares: shares of joint strength of real persons, by topic.
         description: URDF of the robot; "": none in the bag.
-        safety: what a supervisor decided; None: none was there.
+        safety: decisions of a supervisor; None: there was no supervisor.
         static: poses of child frames in their parents, by (parent, child).
     """
 
@@ -128,7 +133,7 @@ class Recording:
 
 
 def read(bag: Path | Bag) -> Recording:
-    """All of it, in one pass.
+    """Return everything in a bag, read in one pass.
 
     Raises:
         BagError: the bag is missing or damaged, or two persons share a namespace.
@@ -144,7 +149,7 @@ def read(bag: Path | Bag) -> Recording:
 
 
 class _Taken:
-    """Messages as they come."""
+    """Collector of messages of one pass."""
 
     def __init__(self, reader: Bag, rate: float) -> None:
         self._humans = [HumanMessages(name, rate) for name in human_names(reader.connections)]
@@ -178,7 +183,7 @@ class _Taken:
             self._topics[connection.topic].note(connection, raw)
 
     def due(self, connection: Any, raw: bytes) -> bool:
-        """True if a message is to be read."""
+        """Return True if a message has to be read."""
         if connection.topic in self._topics:
             return self._topics[connection.topic].due(connection, raw)
         if self._people.get(connection.topic, self) is None:
@@ -237,10 +242,10 @@ class _Taken:
             raise BagError(f"two control logs, {' and '.join(logs)}; valid: the bag of one arm")
 
     def recording(self, reader: Bag) -> Recording:
-        """Return all that was taken.
+        """Return the recording of all messages.
 
         Raises:
-            BagError: two control logs, or two publishers of one.
+            BagError: there are two control logs, or two publishers of one.
         """
         self._check_publishers(reader)
         topics = {topic: info.msgcount for topic, info in reader.topics.items()}
@@ -282,7 +287,7 @@ class _Taken:
 
 
 class _Named:
-    """Values with names, which may differ between messages."""
+    """Named values; the names may differ between messages."""
 
     def __init__(self) -> None:
         self._names: dict[str, int] = {}
@@ -301,7 +306,7 @@ class _Named:
         rows.frombytes(np.asarray(values, dtype=float).tobytes())
 
     def columns(self, topic: str, robot_time: RobotTime) -> Columns:
-        """Of all messages."""
+        """Return the columns of all messages."""
         stamps = [stamp for _, own, _ in self._parts for stamp in own]
         values, row = np.full((len(stamps), len(self._names)), np.nan), 0
         for names, own, rows in self._parts:
@@ -316,7 +321,7 @@ def _columns(streams: dict[str, _Named], robot_time: RobotTime) -> dict[str, Col
 
 
 class _Roots:
-    """Of one tracked person."""
+    """Messages of one tracked person."""
 
     def __init__(self) -> None:
         self._stamps, self._rows = array("d"), array("d")
@@ -328,7 +333,7 @@ class _Roots:
         self._last = message
 
     def tracked(self, topic: str, robot_time: RobotTime) -> Tracked:
-        """Over time."""
+        """Return the root link over time."""
         rows = np.array(self._rows).reshape(-1, 8)
         time = times(self._stamps, robot_time)
         frame = str(self._last.header.frame_id).strip("/")
@@ -336,7 +341,7 @@ class _Roots:
 
 
 class _ThinLog:
-    """Cycles of the control log at a rate at most [Hz]; what came twice once."""
+    """Cycles of the control log at a limited rate [Hz]; repeated cycles are stored once."""
 
     def __init__(self, rate: float) -> None:
         self._rate, self._slot, self._last = rate, -math.inf, -math.inf
@@ -367,11 +372,11 @@ class _ThinLog:
 
     @property
     def robot_time(self) -> RobotTime | None:
-        """From stamps; None: no log."""
+        """Function from stamps to robot time; None: there is no log."""
         return robot_time_of(self._clock) if self._clock else None
 
     def record(self) -> ControlRecord | None:
-        """What was kept; None: nothing."""
+        """Return the stored cycles; None: there are none."""
         if self._message is None:
             return None
         n, names = len(self._time), tuple(self._message.joint_names)

@@ -1,4 +1,4 @@
-"""Contacts of a person with their courses, from hric_msgs/RegionContacts in a bag. No ROS."""
+"""Contacts of a person over time, from hric_msgs/RegionContacts in a bag. No ROS."""
 
 import math
 from array import array
@@ -20,12 +20,12 @@ class ContactRecord:
     """Force on one link over time.
 
     Attributes:
-        link: of the human.
-        regions: of ISO/TS 15066 that it belongs to.
+        link: link of the human.
+        regions: regions of ISO/TS 15066 that the link belongs to.
         time: robot time, shape (n,) [s].
-        force: the largest that touches at an instant, or the peak of what has ended since the one before; 0: nothing
-            touches, or only without a force that would mean something; shape (n,) [N].
-        point: where it acts, world frame, shape (n, 3) [m].
+        force: largest force of all contacts at an instant, or the peak of one that has ended since the instant before;
+            0: no contact, or only contacts without a meaningful force; shape (n,) [N].
+        point: point where it acts, world frame, shape (n, 3) [m].
         normal: unit vector along which it acts on the link, world frame, shape (n, 3).
     """
 
@@ -39,15 +39,15 @@ class ContactRecord:
 
 @dataclass(frozen=True)
 class Course:
-    """A contact over time, at the instants of its messages; values as recorded, NaN included.
+    """Time series of a contact at the instants of its messages; values as recorded, NaN included.
 
     Attributes:
         time: robot time, shape (n,) [s].
-        force: shape (n,) [N].
-        reached: largest force since the begin, of all cycles, shape (n,) [N].
-        reached_time: robot time of that, shape (n,) [s].
+        force: contact force, shape (n,) [N].
+        reached: largest force of all cycles since the begin, shape (n,) [N].
+        reached_time: robot time of the largest force, shape (n,) [s].
         since_begin: duration of the contact by the message, shape (n,) [s].
-        point, normal: as of ContactRecord, shape (n, 3).
+        point, normal: as in ContactRecord, shape (n, 3).
     """
 
     time: FloatArray
@@ -61,21 +61,21 @@ class Course:
 
 @dataclass(frozen=True)
 class RegionForce:
-    """One contact of a region, from when the bodies met until they parted or the recording ended.
+    """One contact of a region, from the first touch until the bodies parted or the recording ended.
 
     Attributes:
-        regions: of ISO/TS 15066 that the link belongs to.
-        link, other: of the person, and what touched it.
-        kind: "penalty", or "rigid": without a force.
-        begin: robot time [s].
-        duration: as the last message says [s].
-        peak, peak_time, impulse: of the normal force; None: rigid [N], [s], [N s].
-        point, normal: where they met, and the unit vector along which the force then acted on the person, world frame,
-            3 floats each [m]; None: not known.
-        speed: along the normal at which they met [m/s]; None: rigid, or not known.
-        course: one row for each message that has the contact.
-        dominant: True if the messages say that it is on the side of the dominant hand; None: they differ.
-        area: smallest area of contact in its messages [m^2], as recorded; None: some message does not say it.
+        regions: regions of ISO/TS 15066 that the link belongs to.
+        link, other: link of the person, and the body that touched it.
+        kind: "penalty", or "rigid", which has no force.
+        begin: robot time of the begin [s].
+        duration: duration in the last message [s].
+        peak, peak_time, impulse: peak of the normal force, its time, and the impulse; None: rigid [N], [s], [N s].
+        point, normal: point of the first touch, and unit vector along which the force then acted on the person, world
+            frame, 3 floats each [m]; None: not known.
+        speed: approach speed along the normal at the first touch [m/s]; None: rigid, or not known.
+        course: time series with one row for each message that has the contact.
+        dominant: True if the messages place it on the side of the dominant hand; None: they differ.
+        area: smallest contact area in its messages [m^2], as recorded; None: some message does not have it.
         ended: True if a message says that the bodies parted.
         interrupted: True if there are messages between two of it at another instant, without the contact and its end.
     """
@@ -100,17 +100,17 @@ class RegionForce:
 
     @property
     def end(self) -> float:
-        """Robot time [s]."""
+        """Robot time of the end [s]."""
         return self.begin + self.duration
 
 
 @dataclass(frozen=True)
 class ContactStream:
-    """Which messages of a contact topic were recorded.
+    """Recorded messages of a contact topic.
 
     Attributes:
         time: robot time of each message, shape (n,) [s].
-        silent: number of messages that say that nothing touches and nothing ended.
+        silent: number of messages without a present or ended contact.
         lost: begin and end of each stretch in which sequence numbers are missing, robot time [s].
     """
 
@@ -121,7 +121,7 @@ class ContactStream:
 
 @dataclass
 class _Contact:
-    """Messages of one contact: the last of them, the number of its instant, and the rows of its course."""
+    """Messages of one contact: the last one, the number of its instant, and the rows of its time series."""
 
     last: Any
     rows: "array[float]" = field(default_factory=lambda: array("d"))
@@ -135,7 +135,7 @@ class _Contact:
 
 
 class RegionMessages:
-    """Collects the messages of one topic in their order."""
+    """Collector of the messages of one topic in their order."""
 
     def __init__(self) -> None:
         self._stamps = array("d")
@@ -146,20 +146,20 @@ class RegionMessages:
         self._instant = 0
 
     def note(self, raw: bytes) -> None:
-        """Count a message, read or not; raw: serialised."""
+        """Count a message, read or not; raw: serialised message."""
         number, seconds, nanoseconds = (int.from_bytes(raw[k : k + 4], "little") for k in (0, 4, 8))
         self._numbers.append(number)
         self._all_stamps.append(seconds + 1e-9 * nanoseconds)
         self._silent += raw[-8:] == bytes(8) and len(raw) == 24 + int.from_bytes(raw[12:16], "little")
 
     def stream(self, robot_time: Callable[[float], float]) -> ContactStream:
-        """Return which messages were recorded."""
+        """Return the stream of recorded messages."""
         time, numbers = times(self._all_stamps, robot_time), np.array(self._numbers)
         lost = np.flatnonzero(np.diff(numbers) > 1)
         return ContactStream(time, self._silent, tuple((float(time[k]), float(time[k + 1])) for k in lost))
 
     def add(self, stamp: float, message: Any) -> None:
-        """Take one message; stamp: of its header [s]."""
+        """Add a message; stamp: stamp of its header [s]."""
         index = len(self._stamps)
         if not index or stamp != self._stamps[-1] or not (message.touching or message.ended):
             self._instant += 1  # a source may send a message for each link
@@ -194,8 +194,7 @@ class RegionMessages:
             rows.extend((index, stamp, force, *xyz(one.point), *xyz(one.normal)))
 
     def by_link(self, robot_time: Callable[[float], float]) -> dict[str, ContactRecord]:
-        """Forces at the times of the messages, and at the one after it each contact's peak, which may lie between
-        two."""
+        """Return forces at the times of the messages; a peak between two messages counts at the later one."""
         time = times(self._stamps, robot_time)
         found, n = dict[str, ContactRecord](), len(time)
         for link, (regions, values) in self._links.items():
@@ -210,7 +209,7 @@ class RegionMessages:
         return found
 
     def meetings(self, robot_time: Callable[[float], float]) -> list[RegionForce]:
-        """Return each contact, in the order in which they ended; those that did not end last."""
+        """Return all contacts in the order in which they ended; those that did not end come last."""
         open_contacts = [contact for contact in self._contacts.values() if not contact.ended]
         return [self._meeting(contact, robot_time) for contact in (*self._order, *open_contacts)]
 

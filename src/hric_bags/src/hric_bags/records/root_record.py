@@ -1,4 +1,4 @@
-"""Where the root link of a body was in the world over a run. No ROS."""
+"""Pose of the root link of a body in the world over a run. No ROS."""
 
 from dataclasses import dataclass
 
@@ -10,12 +10,12 @@ from hric_core.geometry import Pose
 
 @dataclass(frozen=True)
 class RootRecord:
-    """Of one body.
+    """Pose of one root link over time.
 
     Attributes:
         time: robot time, rising, shape (n,) [s].
         pose: position and unit quaternion x y z w, shape (n, 7) [m].
-        fixed: True if the body does not move, so that one pose is all.
+        fixed: True if the body does not move, so that one pose is enough.
     """
 
     time: FloatArray
@@ -28,8 +28,10 @@ class RootRecord:
         return cls(np.zeros(1), np.array([[*T_world_root.position, *T_world_root.orientation]]), fixed=True)
 
     def at(self, time: FloatArray) -> FloatArray:
-        """Position and unit quaternion on straight lines between the samples, held before the first and after the last,
-        shape (n, 7) [m]; time: shape (n,) [s]."""
+        """Return interpolated positions and unit quaternions, shape (n, 7) [m]; time: shape (n,) [s].
+
+        Interpolation is linear; the first and the last sample are held outside.
+        """
         q = self.pose[:, 3:]
         flips = np.cumprod(np.where(np.sum(q[1:] * q[:-1], axis=1) < 0.0, -1.0, 1.0))
         smooth = np.vstack([q[:1], q[1:] * flips[:, None]])  # the same rotations, and a smooth curve
@@ -40,7 +42,7 @@ class RootRecord:
         return found
 
     def transforms(self, time: FloatArray) -> FloatArray:
-        """T_world_root, shape (n, 4, 4); time: shape (n,) [s]."""
+        """Return T_world_root, shape (n, 4, 4); time: shape (n,) [s]."""
         pose = self.at(time)
         x, y, z, w = pose[:, 3:].T
         T = np.tile(np.eye(4), (len(pose), 1, 1))

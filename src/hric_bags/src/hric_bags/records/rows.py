@@ -1,4 +1,4 @@
-"""Numbers of messages as they come, kept without the messages, and as arrays at the end. No ROS."""
+"""Arrays of numbers from messages, collected without storing the messages. No ROS."""
 
 from array import array
 from collections.abc import Callable, Iterable
@@ -11,17 +11,17 @@ from hric_core.geometry import Vector
 
 
 def times(stamps: Iterable[float], robot_time: Callable[[float], float]) -> FloatArray:
-    """Robot times of stamps, shape (n,) [s]."""
+    """Return the robot times of stamps, shape (n,) [s]."""
     return np.array([robot_time(stamp) for stamp in stamps])
 
 
 def xyz(v: Any) -> Vector:
-    """Of a point or a vector."""
+    """Return the components of a point or a vector."""
     return v.x, v.y, v.z
 
 
 def seven(pose: Any) -> tuple[float, ...]:
-    """Position and quaternion x y z w of a geometry_msgs/Pose."""
+    """Return position and quaternion x y z w of a geometry_msgs/Pose."""
     q = pose.orientation
     return (*xyz(pose.position), q.x, q.y, q.z, q.w)
 
@@ -32,19 +32,19 @@ def stamp_of(raw: bytes) -> int:
 
 
 class Thinning:
-    """Leaves out messages whose stamps are too close to that of the one before.
+    """Filter of messages whose stamps are too close to that of the last one kept.
 
-    The times at which they were recorded do not count: those of a busy machine come in bursts.
+    Recording times do not count: those of a busy machine come in bursts.
 
     Args:
-        rate: highest of what is kept of a stream [Hz].
+        rate: highest rate of a stream [Hz].
     """
 
     def __init__(self, rate: float) -> None:
         self.period, self._last = round(0.99e9 / rate), dict[Any, int]()
 
     def due(self, stream: Any, raw: bytes) -> bool:
-        """True if a message is kept; raw: serialised, with a header at its begin."""
+        """Return True if a message is kept; raw: serialised message that begins with a header."""
         stamp = stamp_of(raw)
         if stream in self._last and abs(stamp - self._last[stream]) < self.period:
             return False
@@ -56,10 +56,10 @@ class Rows:
     """Rows of arrays of one length.
 
     Args:
-        fields: of the messages.
+        fields: fields of the messages.
 
     Attributes:
-        last: message; None: there was none.
+        last: last message; None: there was none.
     """
 
     def __init__(self, *fields: str) -> None:
@@ -68,7 +68,7 @@ class Rows:
         self.last: Any = None
 
     def add(self, stamp: float, message: Any) -> None:
-        """Take one; stamp: of its header [s]. A message of other joints, or without a value for each, is left out."""
+        """Add a message unless it has other joints or lacks values; stamp: header stamp [s]."""
         rows = {name: np.asarray(getattr(message, name), dtype=float) for name in self._values}
         names = message.name if self.last is None else self.last.name
         if list(message.name) != list(names) or any(len(row) != len(names) for row in rows.values()):
@@ -79,7 +79,7 @@ class Rows:
         self.last = message
 
     def columns(self, robot_time: Callable[[float], float]) -> list[FloatArray]:
-        """Times, and the values of each field, shape (n, j)."""
+        """Return the times and the values of each field, shape (n, j)."""
         n = len(self._stamps)
         width = 0 if self.last is None else -1
         return [times(self._stamps, robot_time), *(np.array(v).reshape(n, width) for v in self._values.values())]

@@ -1,4 +1,4 @@
-"""What a supervisor of a collaboration decided in a run, and what it noticed. No ROS."""
+"""Decisions and events of the supervisor of a collaboration in a run. No ROS."""
 
 from array import array
 from collections.abc import Callable
@@ -15,16 +15,16 @@ STATE_TYPE, EVENT_TYPE = "hric_msgs/msg/SafetyState", "hric_msgs/msg/SafetyEvent
 TYPES = (STATE_TYPE, EVENT_TYPE)
 FREE, SLOWED, STOPPED = "free", "slowed", "stopped"
 STATES = (FREE, SLOWED, STOPPED)
-"""Of the supervisor; a code in `SafetyRecord.state` is an index here."""
+"""States of the supervisor; a code in `SafetyRecord.state` is an index here."""
 
 
 class SafetyEvent(NamedTuple):
-    """Something that it noticed or did.
+    """Event that the supervisor noticed or caused.
 
     Attributes:
         time: robot time [s].
-        kind, text: as hric_msgs/SafetyEvent has them.
-        separation, margin: distance then, and that less the protective one [m]; NaN where not known.
+        kind, text: as in hric_msgs/SafetyEvent.
+        separation, margin: distance at that time, and that minus the protective distance [m]; NaN where not known.
     """
 
     time: float
@@ -36,20 +36,20 @@ class SafetyEvent(NamedTuple):
 
 @dataclass(frozen=True)
 class SafetyRecord:
-    """Of n decisions.
+    """Record of n decisions of a supervisor.
 
     Attributes:
-        mode: of the supervisor.
+        mode: mode of the supervisor.
         time: robot time, shape (n,) [s].
         state: index in STATES, shape (n,) ints.
-        fault: whether nothing could be decided, shape (n,) bools.
-        violation: whether the arm moved nearer than it should, shape (n,) bools.
-        scale: that was requested, shape (n,) [1].
-        separation, protective: smallest distance, and S_p of the part with the smallest margin, shape (n,) [m]; NaN
-            with a fault.
-        margin: of that part, shape (n,) [m].
-        latency: from a pose to the cycle that took its request up, shape (n,) [s]; NaN where none did.
-        events: in the order of time.
+        fault: True where nothing could be decided, shape (n,) bools.
+        violation: True where the arm moved closer than permitted, shape (n,) bools.
+        scale: requested speed scale, shape (n,) [1].
+        separation, protective: smallest distance, and S_p of the body part with the smallest margin, shape (n,) [m];
+            NaN with a fault.
+        margin: margin of that body part, shape (n,) [m].
+        latency: time from a pose to the cycle that applied its request, shape (n,) [s]; NaN where none did.
+        events: events in the order of time.
     """
 
     mode: str
@@ -65,19 +65,19 @@ class SafetyRecord:
     events: tuple[SafetyEvent, ...]
 
     def share(self, state: str) -> float:
-        """Of the time between the first decision and the last, in which the supervisor was in a state [1]."""
+        """Return the share of a state in the time from the first to the last decision [1]."""
         if len(self.time) < 2:
             return float(np.mean(self.state == STATES.index(state)))
         period = np.diff(self.time)
         return float(period[self.state[:-1] == STATES.index(state)].sum() / period.sum())
 
     def stretches(self, state: str) -> list[tuple[float, float]]:
-        """Begin and end of each stretch of time in a state [s]; the last one ends with the record."""
+        """Return begin and end of each stretch of time in a state [s]; the last one ends with the record."""
         return self._stretches(self.state == STATES.index(state))
 
     @property
     def violations(self) -> list[tuple[float, float]]:
-        """Begin and end of each stretch of time in which the arm moved nearer than it should [s]."""
+        """Begin and end of each stretch of time in which the arm moved closer than permitted [s]."""
         return self._stretches(self.violation)
 
     def _stretches(self, chosen: np.ndarray) -> list[tuple[float, float]]:
@@ -87,13 +87,13 @@ class SafetyRecord:
 
 
 class SafetyMessages:
-    """Takes messages as they come."""
+    """Collector of the messages of a supervisor."""
 
     def __init__(self) -> None:
         self._mode, self._rows, self._events = "", array("d"), list[tuple[float, Any]]()
 
     def add(self, kind: str, message: Any) -> None:
-        """One of TYPES."""
+        """Add a message of one of TYPES."""
         stamp = seconds(message.header.stamp)
         if kind == EVENT_TYPE:
             self._events.append((stamp, message))
@@ -104,10 +104,10 @@ class SafetyMessages:
         self._rows.extend((stamp, code, bool(message.fault), message.violation, *numbers))
 
     def record(self, robot_time: Callable[[float], float]) -> SafetyRecord | None:
-        """Of all that came; None: no decision did.
+        """Return the record of all messages; None: there was no decision.
 
         Args:
-            robot_time: of a stamp [s].
+            robot_time: function from a stamp to robot time [s].
         """
         if not self._rows:
             return None
@@ -135,7 +135,7 @@ class SafetyMessages:
 
 
 def read(bag: Path | Bag, robot_time: Callable[[float], float]) -> SafetyRecord | None:
-    """Of a bag with all its parts; None: no supervisor was there.
+    """Return the record of a bag with all its parts; None: there was no supervisor.
 
     Raises:
         BagError: the bag is missing or damaged.

@@ -1,5 +1,7 @@
-"""The real person before the cameras of a run, after it: the frames and the force on his hand that the bag has, through
-what the node `person` of hric_perception does live. No ROS."""
+"""Muscle load of a real person after a run, from the motion capture frames and hand forces in its bag. No ROS.
+
+It uses the code by which the node `person` of hric_perception does the same live.
+"""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -22,12 +24,12 @@ FRAMES = "hric_msgs/msg/MocapData"
 
 @dataclass(frozen=True)
 class Tracked:
-    """What came of it.
+    """Muscle load of a tracked person.
 
     Attributes:
-        found: the load at all instants.
-        body: his.
-        notes: for people: how he was tracked, and what is not known.
+        found: load at all instants.
+        body: body of the person.
+        notes: sentences on how the person was tracked, and what is not known.
     """
 
     found: PersonLoad
@@ -42,17 +44,17 @@ def tracked(
     anatomy: Anatomy,
     strength: float = 1.0,
 ) -> Tracked:
-    """The load of his muscles over a run.
+    """Return the muscle load of the person over a run.
 
     Args:
-        reader: of the bag.
-        robot_time: from stamps [s].
-        settings: who he is, and what measures the force on his hand.
-        anatomy: of his muscles.
-        strength: factor of theirs.
+        reader: reader of the bag.
+        robot_time: function from stamps to robot time [s].
+        settings: settings with the person's body and what measures the force on the hand.
+        anatomy: anatomy of the person's muscles.
+        strength: strength factor of the muscles [1].
 
     Raises:
-        HricError: the bag has no frames, or none that show him; his calibration cannot be read.
+        HricError: the bag has no frames, or none that show the person; or the calibration cannot be read.
     """
     body, calibrated = settings.known()
     live, tracker = LiveLoad(body, anatomy, settings.side, strength), PersonTracker(body, settings.worn)
@@ -80,7 +82,7 @@ def tracked(
 def _messages(
     reader: Bag, robot_time: Callable[[float], float], chosen: Callable[[Any], bool]
 ) -> Iterator[tuple[float, Any]]:
-    """Times [s] and messages of topics."""
+    """Yield times [s] and messages of the chosen topics."""
     for connection, _, raw in reader.chosen(chosen):
         message = reader.deserialize(raw, connection.msgtype)
         yield robot_time(seconds(message.header.stamp)), message
