@@ -1,4 +1,4 @@
-"""Writes the messages of a headless run into a ROS bag, stamped with robot time."""
+"""Writer of the messages of a headless run into a ROS bag, stamped with robot time."""
 
 import contextlib
 from collections.abc import Iterator
@@ -15,10 +15,10 @@ from hric_core.robot_time.stamps import to_time
 
 
 class BagWriter:
-    """A bag under `<name>.bag.active` until it is whole, as `rosbag record` does it.
+    """Bag that is named `<name>.bag.active` until it is complete, as with `rosbag record`.
 
-    Use it as a context: a clean end, and the user's Ctrl-C, close the bag and give it its name; after any other error
-    it is closed and keeps `.active`, so that nobody takes it for a whole one.
+    Use it as a context: a clean end, and Ctrl-C of the user, close the bag and give it its final name. After any other
+    error it is closed and keeps `.active`, so that nobody takes it for a complete bag.
 
     Attributes:
         path: final name of the bag.
@@ -63,7 +63,7 @@ class BagWriter:
         return made
 
     def close(self, *, whole: bool = True) -> None:
-        """Write the index; with `whole` the bag gets its final name. Raises FileError: the disk refuses it."""
+        """Write the index; `whole` gives the bag its final name. Raises FileError if the disk refuses."""
         with self._errors():
             self._writer.close()
             if whole and self._active.exists():

@@ -1,4 +1,4 @@
-"""What ran: versions, revision and arguments, without names of the machine, its user or his folders."""
+"""Provenance of a run: versions, revision and arguments, without the names of machine, user and folders."""
 
 import contextlib
 import math
@@ -56,11 +56,12 @@ NOT_RECORDED = ("robot_description", "roslaunch", "run_id", "rosdistro", "rosver
 def head(
     folder: run_folder.RunFolder, definition: Experiment, overrides: Sequence[str], tree: Mapping[str, Any], **own: Any
 ) -> dict[str, Any]:
-    """Contents of run.yaml when a run begins.
+    """Return the contents of run.yaml at the start of a run.
 
     Args:
-        folder: of the run.
-        definition, overrides: what is run, and its overrides.
+        folder: run folder.
+        definition: experiment of the run.
+        overrides: its overrides.
         tree: all parameters.
         own: further keys of live or of headless runs.
     """
@@ -82,12 +83,12 @@ def head(
 
 @cache
 def _code() -> dict[str, Any]:
-    """Versions and revision as they were when the first run of this process began: what has been loaded since."""
+    """Return versions and revision at the first run of this process: those of the code that was loaded."""
     return {"versions": versions(), "revision": revision()}
 
 
 def versions() -> dict[str, str]:
-    """Versions of what a result depends on; a package that is not installed is left out."""
+    """Return the versions of the software that a result depends on; packages that are not installed are left out."""
     import rospkg
 
     result, pack = {"python": platform.python_version()}, rospkg.RosPack()
@@ -101,7 +102,7 @@ def versions() -> dict[str, str]:
 
 
 def revision(folder: Path | None = None) -> dict[str, Any] | None:
-    """Git commit of the workspace and whether files differ from it; None when it is not under git."""
+    """Return the git commit of the workspace and whether files differ from it; None without git."""
     folder = folder or package_path()
     if (commit := _git(folder, "rev-parse", "HEAD")) is None:
         return None
@@ -119,7 +120,7 @@ def _git(folder: Path, *arguments: str) -> str | None:
 
 
 def platform_info() -> dict[str, Any]:
-    """Kind of machine, without its name."""
+    """Return the kind of machine, without its name."""
     return {
         "system": platform.system(),
         "machine": platform.machine(),
@@ -129,8 +130,10 @@ def platform_info() -> dict[str, Any]:
 
 
 def neutral(value: Any) -> Any:
-    """The same data with the workspace's folder written as $HRIC_WS and the home folder as ~; of a recorded trial the
-    file's name alone."""
+    """Return the data with $HRIC_WS for the workspace folder and ~ for the home folder.
+
+    A path of a recorded trial becomes the name of its file.
+    """
     if isinstance(value, str):
         for folder, name in _folders():
             value = value.replace(folder, name)
@@ -149,7 +152,7 @@ def _folders() -> list[tuple[str, str]]:
 
 
 def _without_folder(values: Mapping[str, Any]) -> dict[str, Any]:
-    """A program that replays a trial, without the folder of its file."""
+    """Return the settings of a program; one that replays a trial has the file's name in place of its path."""
     path = values.get("path")
     return (
         {**values, "path": Path(path).name}
@@ -159,8 +162,10 @@ def _without_folder(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def parameters(tree: Mapping[str, Any]) -> dict[str, Any]:
-    """A parameter tree without descriptions, bookkeeping of ROS and names of the machine; of a recorded trial the
-    file's name alone."""
+    """Return a parameter tree without URDFs, bookkeeping of ROS and names of the machine.
+
+    A path of a recorded trial becomes the name of its file.
+    """
     kept = _without_folder({key: value for key, value in tree.items() if key not in NOT_RECORDED})
     return {key: parameters(value) if isinstance(value, Mapping) else neutral(value) for key, value in kept.items()}
 
@@ -171,12 +176,12 @@ FIELDS = ("lower", "upper", "velocity", "effort", "effort_rate")
 def joint_limits(
     urdf_xml: str, node: Node | None, joint_names: Sequence[str] | None = None
 ) -> dict[str, dict[str, float]]:
-    """Limits per joint, from the description and the `joint_limits` parameters of the robot.
+    """Return the limits per joint, from the URDF and the `joint_limits` parameters of the robot.
 
     Args:
-        urdf_xml: robot description.
-        node: the robot's namespace; None: the description alone.
-        joint_names: which joints; None: all that move by themselves.
+        urdf_xml: URDF of the robot.
+        node: the robot's namespace; None: the URDF alone.
+        joint_names: joints; None: all that move independently.
 
     Returns:
         Per joint any of lower, upper [rad], velocity [rad/s], effort [N m], effort_rate [N m/s].

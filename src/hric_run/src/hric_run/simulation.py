@@ -1,4 +1,4 @@
-"""One experiment in this process, without a ROS master and as fast as the machine allows: run, look, reset, again."""
+"""Simulation of an experiment in this process, without a ROS master and as fast as the machine allows."""
 
 import contextlib
 import copy
@@ -45,29 +45,29 @@ Message = tuple[str, Any, float]
 
 
 class Simulation:
-    """Robot, manager and controllers of an experiment on a `LocalNode`.
+    """Robot, controller manager and controllers of an experiment on a `LocalNode`.
 
         with Simulation("pd_step", kp=200) as simulation:
             simulation.run()
             overshoot = simulation.signals.position.max(axis=0)   # (7,) [rad]
 
     The same experiment with the same seed gives the same bits, in a new process or after a thousand runs in this one:
-    `reset` builds robot and controllers again, from parts that are read only once.
+    `reset` builds robot and controllers again, from inputs that are read only once.
 
     Args:
-        name: of the experiment, path of a YAML file, or the experiment itself.
-        seed: of everything random.
-        overrides: as on the command line, `kp=200`; of a dotted key `**{"robot.plant.friction": "identified"}`.
+        name: name of the experiment, path of a YAML file, or the experiment itself.
+        seed: seed of all random numbers.
+        overrides: overrides as on the command line, `kp=200`; a dotted key as `**{"robot.plant.friction": "none"}`.
 
     Attributes:
         definition: the experiment.
         seed: as given.
         node: the robot's namespace, to publish, subscribe, and call services.
-        app: robot and manager.
+        app: robot and controller manager.
         tree: all parameters.
-        limits: per joint, see `provenance.joint_limits`.
-        early: what was published before the first cycle.
-        supervisor: of the section `supervisor`; None: there is none.
+        limits: limits per joint, see `provenance.joint_limits`.
+        early: messages published before the first cycle.
+        supervisor: supervisor of the section `supervisor`; None: there is none.
 
     Raises:
         HricError: the experiment cannot run.
@@ -116,10 +116,10 @@ class Simulation:
         return self.supervisor
 
     def _prepare(self) -> tuple[dict[str, dict[str, float]], list[Message]]:
-        """Load and start the controllers, so that all that can be refused is before anything is written.
+        """Load and start the controllers, so that any refusal comes before anything is written.
 
         Returns:
-            limits per joint, and what was published.
+            Limits per joint, and the messages published meanwhile.
         """
         app, node, definition = self.app, self.node, self.definition
         names = app.hw.get(JointStateInterface).names
@@ -156,14 +156,14 @@ class Simulation:
         return float(self.app.cycles * self.app.hw.period)
 
     def run(self, duration: float | None = None, *, progress: bool = False) -> None:
-        """Go on.
+        """Continue the simulation.
 
         Args:
             duration: robot time [s]; None: to the end of the experiment.
-            progress: show on a terminal how far it is.
+            progress: True to show the progress on a terminal.
 
         Raises:
-            KeyboardInterrupt: Ctrl-C or SIGTERM, after a whole cycle; `signals` has all until then.
+            KeyboardInterrupt: Ctrl-C or SIGTERM, after a complete cycle; `signals` has all cycles until then.
             HricError: the robot failed, or a controller was stopped by an error.
         """
         left = self.definition.duration - self.time if duration is None else duration
@@ -182,11 +182,11 @@ class Simulation:
             raise FailureError(f"experiment {self.definition.name}: {'; '.join(failed)}")
 
     def reset(self, *, seed: int | None = None, **overrides: Any) -> None:
-        """Begin again.
+        """Start again from the beginning.
 
         Args:
-            seed: None: as before.
-            overrides: more of them; those of before stay.
+            seed: new seed; None: as before.
+            overrides: further overrides; earlier ones stay.
 
         Raises:
             HricError: the experiment cannot run; the simulation is then closed.
@@ -200,10 +200,10 @@ class Simulation:
 
     @property
     def signals(self) -> ControlRecord:
-        """Every cycle so far: time, position, velocity, effort, commands.
+        """Time, position, velocity, effort and commands of every cycle so far.
 
         Raises:
-            HricError: there is none yet, or the robot keeps no log.
+            HricError: there is no cycle yet, or the robot has no log.
         """
         return stitch(self._log)
 
@@ -228,7 +228,7 @@ class Simulation:
 
 
 def check(definition: Experiment) -> None:
-    """Build an experiment without running it, so that what robot, controllers and sensors refuse is known beforehand.
+    """Build an experiment without running it, so that robot, controllers and sensors can refuse it beforehand.
 
     Raises:
         HricError: the experiment cannot run.
@@ -245,7 +245,7 @@ def _definition(name: str | Experiment, overrides: dict[str, Any]) -> Experiment
 
 
 def _tree(definition: Experiment, seed: int) -> dict[str, Any]:
-    """All parameters, as a live run has them on the server."""
+    """Return all parameters, as a live run has them on the parameter server."""
     return {
         "robot_description": parameters.description(definition.robot),
         "joint_limits": parameters.joint_limits(definition),
@@ -258,7 +258,10 @@ def _tree(definition: Experiment, seed: int) -> dict[str, Any]:
 
 
 def _refuse_wires(definition: Experiment) -> None:
-    """What comes by wire cannot follow a run that is not paced. Emulated devices have none here; nobody tracks."""
+    """Refuse wired sources, which cannot follow an unpaced run; emulated devices have no wire here.
+
+    A supervisor with the source `person` is refused, too, because no node tracks a person here.
+    """
     if "person" in (definition.supervisor or {}).get("source", ()):
         raise HricError(
             f"{definition.name}: supervisor.source has person, whom a node tracks; valid: scripts/bringup "
@@ -273,14 +276,14 @@ def _refuse_wires(definition: Experiment) -> None:
 
 
 class Beside(Protocol):
-    """Who goes on with the robot."""
+    """Something that advances in step with the robot."""
 
     def advance(self, time: float) -> None:
-        """To a time of the run [s]."""
+        """Advance to a time of the run [s]."""
 
 
 def _sensors(definition: Experiment, node: LocalNode) -> list[Beside]:
-    """Emulated ones with their drivers. Raises HricError."""
+    """Return the emulated sensors with their drivers. Raises HricError if one cannot be built."""
     if not definition.sensors:
         return []
     # Only a run with sensors waits for their filters.
@@ -291,15 +294,15 @@ def _sensors(definition: Experiment, node: LocalNode) -> list[Beside]:
 
 
 class HeadlessHuman:
-    """The emulated human, the Motive that sees him and its client, without sockets, with the same codec.
+    """Emulated human, emulated Motive and its client, with the real codec but without sockets.
 
-    Moves with robot time; the program's time 0 is the first `advance`. Of the human in the plant, frames and truth come
-    as soon as his joints are known.
+    They move with robot time; the time 0 of the human's program is the first `advance`. For a human in the plant,
+    frames and ground truth follow as soon as the joint positions are known.
 
     Args:
         node: the robot's namespace, with the parameters of the motion capture's nodes.
-        seen: the human, and the Motive that sees him.
-        announced: whether others replay a trial with him: he publishes that he begins.
+        seen: the emulated human and the Motive that tracks them.
+        announced: True: publish the start of the human, because sensors replay a trial in step.
 
     Raises:
         HricError: a parameter that does not suit a run without a network.
@@ -317,7 +320,7 @@ class HeadlessHuman:
             follow_events(node, self._on_event)
 
     def _on_event(self, time: float, kind: str) -> None:
-        """Of the human in the robot's plant."""
+        """Handle an event of the human in the robot's plant."""
         assert self._body is not None
         self._body.happened(time, kind)
         if kind == "started":
@@ -332,7 +335,7 @@ class HeadlessHuman:
         self._hand.see(message.header.stamp.to_sec(), (x, y, z))
 
     def advance(self, time: float) -> None:
-        """Go on to a time of the run [s]."""
+        """Advance to a time of the run [s]."""
         if not self._started:
             self._started = True
             self._announce(self._hand.start(time))
@@ -343,20 +346,19 @@ class HeadlessHuman:
 
 
 class Timeline:
-    """Sends the setpoints at their times, lets those beside the robot go on, and the progress bar; called in the loop
-    before each update.
+    """Callback before each update of the loop: sends due setpoints, advances others, updates the progress bar.
 
-    The first cycle starts the controllers, so the earliest setpoint goes out in the second one, 1 ms later, and so
-    does the first frame.
+    The first cycle starts the controllers, so the earliest setpoint is sent in the second one, 1 ms later, and so is
+    the first frame.
 
     Args:
         node: the robot's namespace.
-        setpoints: in order of time.
+        setpoints: setpoints in order of time.
         beside: the human before the motion capture, and sensors.
-        starts: services that let others begin with the first setpoint.
+        starts: services that start others at the time of the first setpoint.
 
     Attributes:
-        bar: shows robot time; None: no bar.
+        bar: progress bar over robot time; None: no bar.
     """
 
     def __init__(
@@ -371,7 +373,7 @@ class Timeline:
         self.bar: Any = None
 
     def __call__(self, now: float) -> None:
-        """Do what is due at robot time `now` [s]."""
+        """Do everything that is due at robot time `now` [s]."""
         if not self._started:
             self._started = True
             return
@@ -389,8 +391,10 @@ class Timeline:
 
 @contextlib.contextmanager
 def _interruptible(app: RobotApp) -> Iterator[threading.Event]:
-    """Ctrl-C and SIGTERM end the run after the present cycle, so that log and bag stay whole. Only the main thread gets
-    signals."""
+    """Make Ctrl-C and SIGTERM end the run after the present cycle, so that log and bag stay complete.
+
+    Only the main thread gets signals.
+    """
     interrupt = threading.Event()
     if threading.current_thread() is not threading.main_thread():
         yield interrupt

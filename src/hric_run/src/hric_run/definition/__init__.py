@@ -1,1 +1,1 @@
-"""Experiment and study files: reading, checking, overriding, and what they mean as parameters."""
+"""Experiment and study files: reading, checking, overrides, and their conversion to parameters."""

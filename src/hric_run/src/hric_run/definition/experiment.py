@@ -1,5 +1,4 @@
-"""Experiment files: what robot, which controllers, which setpoints, how long; the same file serves live and headless
-runs."""
+"""Experiment files: robot, controllers, setpoints and duration; one file serves live and headless runs."""
 
 import math
 import re
@@ -38,8 +37,7 @@ if TYPE_CHECKING:
 
 
 class ExperimentError(HricError):
-    """An experiment file or an override that cannot be used; the message gives the file, the key and what would be
-    valid."""
+    """Error for an experiment file or an override; it has the file, the key and what would be valid."""
 
 
 _PI = re.compile(
@@ -80,7 +78,7 @@ class Setpoint(Settings):
 
 
 LARGEST_PAYLOAD = 50.0
-"""[kg]; project default, unconfirmed: above that of collaborative arms."""
+"""Largest payload [kg]; project default, unconfirmed: above that of collaborative arms."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +95,7 @@ class LoadSpec(Settings):
     com: Vector = numbers(3, ORIGIN, minimum=-1.0, maximum=1.0, unit="m", text="its centre of mass in the flange frame")
 
     def check(self, where: str) -> None:
-        """Refuse a centre of nothing."""
+        """Refuse a centre of mass without a mass."""
         if self.mass == 0.0 and self.com != ORIGIN:
             raise ParameterError(f"{where}com has no effect without a mass; valid: with {where}mass above 0 [kg]")
 
@@ -106,8 +104,7 @@ OF_THE_BRINGUP = {
     "real_time_factor": "scripts/bringup real_time_factor:=FACTOR; a headless run is as fast as it can",
     "wait_for_log_listener": "scripts/bringup record:=true",
 }
-"""Private parameters of the robot's node that the bring-up sets itself and a headless run does not read, and what to
-give instead."""
+"""Parameters of the robot's node that only the bring-up sets and headless runs do not read -> what to set."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +125,7 @@ class RobotSpec(Settings):
     load: LoadSpec = section(LoadSpec)
 
     def check(self, where: str) -> None:
-        """Refuse what another key of the robot makes void."""
+        """Refuse keys without effect because of another key of the robot."""
         mistakes = Mistakes()
         own = {key: f"{where}{key}" for key in declared(RobotSpec)} | {"robot_hw": f"{where}hw", **OF_THE_BRINGUP}
         for key in sorted(own.keys() & self.parameters.keys()):
@@ -154,7 +151,7 @@ class RobotSpec(Settings):
 
 @dataclass(frozen=True)
 class MetricsSpec(Settings):
-    """How a run is judged."""
+    """Settings of the evaluation of a run."""
 
     tolerances: tuple[float, ...] = listing(
         number(above=0.0, maximum=0.5, unit="rad"),
@@ -167,14 +164,16 @@ class MetricsSpec(Settings):
     reference: str = text("", text="name of a set-up in config/references that the report compares with; empty: none")
 
     def check(self, where: str) -> None:
-        """Refuse a reference that there is not."""
+        """Refuse a reference that does not exist."""
         if self.reference and self.reference not in names("references"):
             raise unknown("reference", self.reference, names("references"), where.rstrip("."))
 
 
 def _beside(name: str) -> Any:
-    """A section of what runs beside the robot. Its declaration is loaded where a file has the section: the bring-up
-    reads an experiment once for each set of parameters, and its user waits."""
+    """Return the parameter of a section beside the robot, whose declaration is loaded only for files that have it.
+
+    The bring-up reads an experiment once for each set of parameters, and its user waits.
+    """
 
     def convert(value: Any, where: str, joints: Sequence[str]) -> Any:
         from hric_run.definition.sections import SECTIONS
@@ -192,13 +191,13 @@ def _beside(name: str) -> Any:
 
 
 _KEPT = ("human", "person", "supervisor")
-"""Sections that are kept as they are given: whoever they are for reads them himself."""
+"""Sections that stay as in the file, because their nodes read them."""
 _BESIDE = {name: _beside(name) for name in ("mocap", "emg", "force_plate", "sync", "human", "person", "supervisor")}
 
 
 @dataclass(frozen=True)
 class Experiment(Settings):
-    """One experiment, checked. name: of the file without its ending."""
+    """One checked experiment; name: file name without extension."""
 
     separator = "."
     name: str = ""
@@ -226,17 +225,19 @@ class Experiment(Settings):
 
     @property
     def sensors(self) -> "list[EmgSection | PlateSection]":
-        """The sensors that run and sample evenly."""
+        """Sections of the evenly sampling sensors that are part of this run."""
         return [sensor for sensor in (self.emg, self.force_plate) if sensor is not None and sensor.used]
 
     @property
     def sources(self) -> "list[MocapSection | EmgSection | PlateSection]":
-        """All that measures beside the robot."""
+        """Sections of everything that measures beside the robot."""
         return [*([] if self.mocap is None else [self.mocap]), *self.sensors]
 
     def check(self, where: str) -> None:
-        """Refuse setpoints and parameters of controllers that are not started, setpoints after the end, and devices
-        that measure a human who is not there."""
+        """Refuse setpoints and settings that cannot take effect, and devices that measure an absent human.
+
+        Refused are setpoints and parameters of controllers that are not started, and setpoints after the end.
+        """
         mistakes, valid = Mistakes(), f"not started; valid: {', '.join(self.controllers)}"
         for i, setpoint in enumerate(self.setpoints):
             with mistakes.noted():
@@ -272,7 +273,7 @@ class Experiment(Settings):
         mistakes.raise_all()
 
     def _check_supervisor(self) -> None:
-        """Refuse one who sees nobody."""
+        """Refuse a supervisor without a source of the person's pose."""
         if self.supervisor is None:
             return
         source = self.supervisor.get("source", "human")
@@ -297,39 +298,39 @@ setpoints:
   - {time: 1.0, controller: joint_pd_controller, positions: [0.3, -pi/4, 0, -3*pi/4, 0, pi/2, pi/4]}   # [s], [rad]
 duration: 4.0   # [s]
 """
-"""The keys that every experiment has, and a setpoint."""
+"""Example with the keys that every experiment has, and a setpoint."""
 NONE = "none"
-"""Name of the run that is no experiment: what the bring-up starts by itself."""
+"""Name of the bring-up without an experiment."""
 
 
 PACKAGE = "hric_experiments"
 
 
 def package_path(package: str = PACKAGE) -> Path:
-    """Folder of a ROS package.
+    """Return the folder of a ROS package.
 
     Raises:
-        UnknownNameError: no such package on ROS_PACKAGE_PATH.
+        UnknownNameError: there is no such package on ROS_PACKAGE_PATH.
     """
     own = Path(__file__).resolve().parents[4] / PACKAGE
     return own if package == PACKAGE and (own / "config").is_dir() else resources.package_path(package)
 
 
 def config_path(kind: str) -> Path:
-    """Folder of the files of a kind: experiments, studies, or references, set-ups that reports compare with."""
+    """Return the folder of a kind of file: experiments, studies, or references (set-ups to compare with)."""
     return package_path() / "config" / kind
 
 
 def names(kind: str = "experiments") -> list[str]:
-    """Names of the files of a kind that come with the workspace."""
+    """Return the names of the files of a kind that come with the workspace."""
     return sorted(path.stem for path in config_path(kind).glob("*.yaml"))
 
 
 def find(name: str) -> Path:
-    """File of an experiment, by name or by the path of a YAML file; "none" is the bring-up without an experiment.
+    """Return the file of an experiment, by name or YAML path; "none" is the bring-up without an experiment.
 
     Raises:
-        UnknownNameError: neither; lists the names.
+        UnknownNameError: there is no such experiment; the message lists the names.
     """
     if name == NONE:
         return package_path() / "config" / "bringup.yaml"
@@ -344,10 +345,10 @@ def find(name: str) -> Path:
 
 
 def read(name: str) -> dict[str, Any]:
-    """Contents of an experiment file, not checked yet; recorded trials are looked for beside it.
+    """Return the unchecked contents of an experiment file; recorded trials are looked for in its folder.
 
     Raises:
-        HricError: no such experiment, or it is not YAML.
+        HricError: there is no such experiment, or the file is not YAML.
     """
     path = find(name)
     raw = read_yaml(path)
@@ -357,14 +358,14 @@ def read(name: str) -> dict[str, Any]:
 
 
 def parse(name: str, raw: Mapping[str, Any]) -> Experiment:
-    """Check the contents of an experiment file.
+    """Check the contents of an experiment file and return the experiment.
 
     Args:
         name: used in messages and for the run folder.
         raw: the contents.
 
     Raises:
-        ExperimentError: unknown and missing keys, wrong types, and values out of range, all of them at once.
+        ExperimentError: keys are unknown or missing, types are wrong, or values out of range; all are listed at once.
     """
     try:
         return replace(Experiment.of(raw, ""), name=name)
@@ -376,11 +377,11 @@ def load(name: str, given: Iterable[str] = ()) -> Experiment:
     """Read an experiment, apply overrides, check it.
 
     Args:
-        name: name, or path of a YAML file.
+        name: name of the experiment, or path of a YAML file.
         given: overrides, `key:=value`.
 
     Raises:
-        HricError: no such experiment, or a mistake in it or in an override; of a file of the user's own, with an
+        HricError: there is no such experiment, or it or an override has a mistake; for a user's own file, with an
             example.
     """
     from hric_run.definition import overrides
@@ -395,6 +396,6 @@ def load(name: str, given: Iterable[str] = ()) -> Experiment:
 
 
 def to_dict(experiment: Experiment) -> dict[str, Any]:
-    """Plain data for run.yaml: the keys of an experiment file, plus its name."""
+    """Return plain data for run.yaml: the keys of an experiment file, plus its name."""
     sensors = {"emg": experiment.emg, "force_plate": experiment.force_plate}
     return asdict(experiment) | {name: sensor.record() for name, sensor in sensors.items() if sensor is not None}

@@ -1,5 +1,4 @@
-"""Overrides on the command line: `key:=value`, where key is a shortcut or the dotted path of a key of the experiment
-file."""
+"""Overrides on the command line, `key:=value`: a shortcut, or the dotted path of a key of the experiment file."""
 
 import copy
 import shlex
@@ -53,7 +52,7 @@ SHORTCUTS: dict[str, tuple[str, str]] = {
     "gui": ("robot.plant.gui", "show the engine's window"),
     "limits": ("robot.parameters.enforce_limits", "true, false, or a list of kinds"),
 }
-"""Short names for the keys that are changed most; {controller} is the controller of the first setpoint."""
+"""Short names of the keys that are changed most; {controller} is the controller of the first setpoint."""
 
 SENSORS = {
     "mocap": "motion capture",
@@ -66,7 +65,7 @@ SENSORS = {
 }
 """Groups that an experiment has or has not. The bring-up alone may add a sensor, by its `device`."""
 ADDED_BY = {"supervisor": ["mode"]}
-"""What adds such a group to an experiment: a supervisor comes with its mode, a sensor with its device."""
+"""Keys that add such a group to an experiment: the mode adds a supervisor, the device a sensor."""
 DOTTED = (
     "parameters.<controller>.<name>, robot.<key>, metrics.<key>, mocap.<key>, emg.<key>, force_plate.<key>, "
     "sync.<key>, human.<key>, person.<key>, supervisor.<key>, setpoints.<i>.<key>"
@@ -83,22 +82,23 @@ SIMULATORS = {
 
 
 def help_text() -> str:
-    """Table of the shortcuts for --help."""
+    """Return the table of the shortcuts for --help."""
     width = max(len(name) for name in SHORTCUTS)
     return "\n".join(f"  {name:<{width}}  {text}" for name, (_, text) in SHORTCUTS.items())
 
 
 def apply(raw: Mapping[str, Any], overrides: Iterable[str]) -> dict[str, Any]:
-    """The contents of an experiment file with overrides. Another robot's URDF takes the place of the file's
-    `robot.description`, in whatever order they are given.
+    """Return the contents of an experiment file with overrides applied.
+
+    Another robot's URDF replaces the file's `robot.description`, in whatever order the overrides are.
 
     Args:
         raw: contents of the file.
         overrides: `key:=value`; the value is YAML.
 
     Raises:
-        ExperimentError: not of that form, a key that does not exist, with the valid ones, or one that another key
-            makes void.
+        ExperimentError: an override has another form, an unknown key (the message has the valid ones), or a key without
+            effect because of another one.
     """
     result: dict[str, Any] = copy.deepcopy(dict(raw))
     keys: dict[tuple[str, ...], str] = {}
@@ -117,7 +117,7 @@ def apply(raw: Mapping[str, Any], overrides: Iterable[str]) -> dict[str, Any]:
 
 
 def once(words: tuple[str, ...]) -> tuple[str, ...]:
-    """Return overrides as they are. Raises ParameterError: a key is given twice, and the first does nothing."""
+    """Return overrides unchanged. Raises ParameterError if a key is set twice: the first has no effect."""
     keys = [word.partition(":=")[0] for word in words]
     if twice := sorted({key for key in keys if keys.count(key) > 1}):
         raise ParameterError(f"{', '.join(twice)} is given more than once; valid: each key once")
@@ -125,7 +125,7 @@ def once(words: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _note(keys: dict[tuple[str, ...], str], key: str, path: Sequence[str]) -> None:
-    """Remember which key set a path; refuse it where it makes another key void."""
+    """Remember which key set a path; refuse it if it makes another key void."""
     for earlier, other in keys.items():
         if other != key and list(earlier[: len(path)]) == list(path):
             raise ExperimentError(f"{other} has no effect beside {key}: both set {'.'.join(path)}; valid: one of them")
@@ -133,8 +133,7 @@ def _note(keys: dict[tuple[str, ...], str], key: str, path: Sequence[str]) -> No
 
 
 def _friction(raw: dict[str, Any], value: Any, text: str) -> str:
-    """Set the friction of the plant. Returns that of the description, which has Coulomb's values as part of the
-    identified ones."""
+    """Set the friction of the plant and return that of the URDF, whose Coulomb values are among the identified."""
     if isinstance(value, str) and value.endswith((".yaml", ".yml")):
         _assign(raw, ["robot", "plant", "friction_parameters"], read_parameters(Path(value).expanduser()), text)
         value = "identified"
@@ -147,7 +146,7 @@ def _friction(raw: dict[str, Any], value: Any, text: str) -> str:
 
 
 def separate(text: str) -> list[str]:
-    """The overrides in one text, separated by spaces; a value with spaces is in quotes, as in a shell.
+    """Return the overrides in a text, separated by spaces; a value with spaces is in quotes, as in a shell.
 
     Raises:
         ExperimentError: a quote is not closed.
@@ -159,7 +158,7 @@ def separate(text: str) -> list[str]:
 
 
 def split(text: str) -> tuple[str, Any]:
-    """(key, value) of `key:=value`."""
+    """Return (key, value) of `key:=value`."""
     key, separator, value = text.partition(":=")
     if not separator or not key:
         raise ExperimentError(f"cannot read override {text!r}; write key:=value, for example kp:=200")
@@ -170,16 +169,16 @@ def split(text: str) -> tuple[str, Any]:
 
 
 def in_yaml(value: Any) -> str:
-    """A value on one line, as an override has it."""
+    """Return a value on one line, as in an override."""
     plain = np.asarray(value).tolist() if isinstance(value, np.ndarray | np.generic | tuple) else value
     return str(yaml.safe_dump(plain, default_flow_style=True, width=float("inf"))).removesuffix("...\n").strip()
 
 
 def resolve(key: str, raw: Mapping[str, Any]) -> list[str]:
-    """Path in the experiment file that a key means.
+    """Return the path in the experiment file that a key means.
 
     Raises:
-        ExperimentError: unknown key.
+        ExperimentError: the key is unknown.
     """
     short = key in SHORTCUTS
     path = (SHORTCUTS[key][0].format(controller=_controller(raw)) if short else key).split(".")
@@ -203,7 +202,7 @@ def resolve(key: str, raw: Mapping[str, Any]) -> list[str]:
 
 
 def _keys(group: str, raw: Mapping[str, Any]) -> list[str]:
-    """Of a group of an experiment file; empty: it is no group."""
+    """Return the keys of a group of an experiment file; empty: it is no group."""
     if group == "parameters":
         return list(raw.get("controllers") or [])
     if group in SENSORS:

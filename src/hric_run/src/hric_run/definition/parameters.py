@@ -1,5 +1,4 @@
-"""The parameters of an experiment, as they are on a parameter server: controllers.yaml, overlaid by the experiment,
-and the robot's own."""
+"""Parameters of an experiment as on a parameter server: controllers.yaml with its overrides, and those of the robot."""
 
 import copy
 import math
@@ -24,11 +23,11 @@ ROBOT = "robot"
 """Namespace of the robot's own parameters, below the robot's namespace."""
 
 HUMAN = "human"
-"""Name of who is beside the robot, and of his topics below `hric/`."""
+"""Name of the human beside the robot, and of the human's topics below `hric/`."""
 HUMAN_START = f"hric/{HUMAN}/start"
-"""Service that lets him begin."""
+"""Service that starts the human."""
 LOAD_SERVICE = "franka_control/set_load"
-"""Service that sets the payload which a Franka holds."""
+"""Service that sets the payload of a Franka."""
 MOCAP_CLIENT, EMULATED_HUMAN = "natnet_client", "emulated_human"
 """Names of the motion capture's nodes."""
 PERSON = "person"
@@ -38,10 +37,10 @@ SUPERVISOR = "hric/safety/supervisor"
 
 
 def description(spec: RobotSpec) -> str:
-    """`robot_description`, pure URDF: the Panda by its arguments, or another robot's URDF or xacro.
+    """Return `robot_description` as pure URDF: the Panda by its arguments, or another robot's URDF or xacro.
 
     Raises:
-        HricError: an argument that the description does not have, or a file that cannot be used.
+        HricError: the description does not have an argument, or a file cannot be used.
     """
     if spec.urdf:
         return _description_of(spec.urdf)
@@ -51,10 +50,10 @@ def description(spec: RobotSpec) -> str:
 
 
 def human_description(experiment: Experiment) -> str:
-    """URDF of the human beside the robot.
+    """Return the URDF of the human beside the robot.
 
     Raises:
-        HricError: nobody is there, or a parameter of his that cannot be.
+        HricError: there is no human, or one of the human's parameters is not valid.
     """
     if experiment.human is None:
         raise ExperimentError(f"experiment {experiment.name}: nobody is beside the robot; valid: a section {HUMAN!r}")
@@ -66,11 +65,10 @@ def human_description(experiment: Experiment) -> str:
 
 
 def human_muscles(experiment: Experiment) -> dict[str, list[list[Any]]]:
-    """Where the muscles of the human beside the robot are drawn: by name points of link, x, y, z [m]; empty where
-    muscles move nobody.
+    """Return the paths of the human's muscles: by name, points of link, x, y, z [m]; empty without muscle drive.
 
     Raises:
-        HricError: a parameter of his that cannot be.
+        HricError: one of the human's parameters is not valid.
     """
     from hric_human.body import describe
     from hric_human.muscles.choose import find
@@ -96,15 +94,15 @@ def _description_of(address: str) -> str:
 
 
 def controllers_file() -> Path:
-    """The controllers' YAML that the bring-up loads too."""
+    """Return the path of the controllers' YAML, which the bring-up loads, too."""
     return package_path("hric_bringup") / "config" / "controllers.yaml"
 
 
 def defaults(arm_id: str) -> dict[str, dict[str, Any]]:
-    """Parameters of all controller instances that come configured.
+    """Return the parameters of all controller instances that are configured by default.
 
     Args:
-        arm_id: put in place of $(arg arm_id).
+        arm_id: replaces $(arg arm_id).
 
     Raises:
         HricError: the file is missing or is not YAML.
@@ -123,16 +121,15 @@ def _configured(path: Path, arm_id: str) -> dict[str, dict[str, Any]]:
 
 @cache
 def _parsed(text: str, where: str) -> Any:
-    """YAML, shared by the runs of a process: not to be changed."""
+    """Return parsed YAML, which the runs of a process share: do not change it."""
     return yaml_text.parse(text, where)
 
 
 def configured_by_packages(arm_id: str) -> dict[str, dict[str, Any]]:
-    """Parameters of the controller instances, mappings with a type, in config/*.yaml of all packages that export
-    controllers.
+    """Return parameters of instances (with a type) in config/*.yaml of packages that export controllers.
 
     Args:
-        arm_id: put in place of $(arg arm_id).
+        arm_id: replaces $(arg arm_id).
 
     Raises:
         HricError: a file is not YAML.
@@ -147,10 +144,10 @@ def configured_by_packages(arm_id: str) -> dict[str, dict[str, Any]]:
 
 
 def controllers(experiment: Experiment) -> dict[str, dict[str, Any]]:
-    """Parameters of the instances that the experiment starts.
+    """Return the parameters of the instances that the experiment starts.
 
     Raises:
-        ExperimentError: an instance without a type; lists those that come configured.
+        ExperimentError: an instance has no type; the message lists those that are configured.
     """
     known = defaults(experiment.robot.arm_id)
     if set(experiment.controllers) - set(known) - set(experiment.parameters):
@@ -169,10 +166,10 @@ def controllers(experiment: Experiment) -> dict[str, dict[str, Any]]:
 
 
 def robot(experiment: Experiment, seed: int = 0) -> dict[str, Any]:
-    """Private parameters of the RobotHW.
+    """Return the private parameters of the RobotHW.
 
     Raises:
-        HricError: a realism that there is not, or of a robot that knows none.
+        HricError: `realism` does not exist, or the robot does not support it.
     """
     spec = experiment.robot
     plant = _realistic(spec, {"seed": seed, **spec.plant, **_friction(spec)})
@@ -185,14 +182,14 @@ def robot(experiment: Experiment, seed: int = 0) -> dict[str, Any]:
 
 
 def load_request(spec: RobotSpec) -> Any:
-    """Request of `LOAD_SERVICE`, of a payload without inertia of its own; None: the experiment has none."""
+    """Return the request of `LOAD_SERVICE` for a payload without inertia; None: the experiment has no payload."""
     if spec.load.mass == 0.0:
         return None
     return SetLoadRequest(mass=spec.load.mass, F_x_center_load=list(spec.load.com), load_inertia=[0.0] * 9)
 
 
 def participants(experiment: Experiment, seed: int) -> dict[str, Any]:
-    """Who acts in the robot's plant, as its parameter `participants`; empty where nobody does."""
+    """Return the parameter `participants` of the robot's plant: the human; empty without one."""
     if experiment.human is None:
         return {}
     return {
@@ -201,7 +198,7 @@ def participants(experiment: Experiment, seed: int) -> dict[str, Any]:
 
 
 def _realistic(spec: RobotSpec, plant: dict[str, Any]) -> dict[str, Any]:
-    """The plant's parameters with the friction of `realism`, so that run.yaml has the friction that acted."""
+    """Return the plant's parameters with the friction of `realism`, so that run.yaml has the friction that acted."""
     if "realism" not in spec.parameters:
         return plant
     if issubclass(plugins.find(plugins.ROBOT_HW, spec.hw), RobotHWSim):  # it has no control box with a model of its own
@@ -215,7 +212,7 @@ def _realistic(spec: RobotSpec, plant: dict[str, Any]) -> dict[str, Any]:
 
 
 def _friction(spec: RobotSpec) -> dict[str, Any]:
-    """What the plant needs for the friction of the Panda's description."""
+    """Return the plant parameters for the friction of the Panda's description."""
     friction = spec.plant.get("friction", spec.description.get("friction", "none"))
     if friction == "coulomb" and not any(joint.friction for joint in read(description(spec)).joints.values()):
         raise ExperimentError(
@@ -239,22 +236,28 @@ def _friction(spec: RobotSpec) -> dict[str, Any]:
 
 
 def joint_limits(experiment: Experiment) -> dict[str, dict[str, Any]]:
-    """The parameters below `joint_limits/` in the robot's namespace: the Panda's limits under ros_control's names, the
-    rate of torque among them, which a URDF cannot carry. Empty for another robot."""
+    """Return the parameters below `joint_limits/` in the robot's namespace; empty for another robot.
+
+    They are the Panda's limits under ros_control's names, with the torque rate, which a URDF cannot carry.
+    """
     return {} if experiment.robot.urdf else panda_description.joint_limit_parameters(experiment.robot.arm_id)
 
 
 def mocap(experiment: Experiment, seed: int = 0) -> dict[str, dict[str, Any]]:
-    """Private parameters of the motion capture's nodes, by their names: the client, and the emulated human with his
-    Motive. Empty without a section `mocap`."""
+    """Return the private parameters of the motion capture nodes, by name; empty without a section `mocap`.
+
+    The nodes are the client, and the emulated human with an emulated Motive.
+    """
     if experiment.mocap is None:
         return {}
     return experiment.mocap.nodes(experiment.robot.arm_id, seed, person(experiment))
 
 
 def person(experiment: Experiment) -> dict[str, Any]:
-    """What a device that measures the human in the plant knows of him: `person`, the section that describes him, and
-    `world_from_base`. Empty where nobody is there."""
+    """Return the description of the human for a device that measures them in the plant; empty without a human.
+
+    `person` is the section that describes the human, `world_from_base` the pose of the base.
+    """
     if experiment.human is None:
         return {}
     xyz, rpy = (_three(experiment.robot.description, name) for name in ("xyz", "rpy"))
@@ -263,7 +266,7 @@ def person(experiment: Experiment) -> dict[str, Any]:
 
 
 def _three(description: Mapping[str, Any], name: str) -> list[float]:
-    """An argument of the robot's description: a list, or a text with spaces."""
+    """Return an argument of the robot's description that is a list, or a text with spaces."""
     given = description.get(name, [0.0, 0.0, 0.0])
     try:
         x, y, z = map(float, given.split() if isinstance(given, str) else given)
@@ -273,8 +276,10 @@ def _three(description: Mapping[str, Any], name: str) -> list[float]:
 
 
 def sensors(experiment: Experiment, seed: int = 0) -> dict[str, dict[str, Any]]:
-    """Private parameters of the sensors' nodes, by their names: drivers, emulated devices, and the synchroniser of all
-    that measures. Empty without one of the sections `emg`, `force_plate`, `sync`, `person`."""
+    """Return the private parameters of the sensor nodes (drivers, emulated devices, synchroniser), by name.
+
+    Empty without one of the sections `emg`, `force_plate`, `sync`, `person`.
+    """
     found = {name: values for sensor in experiment.sensors for name, values in sensor.nodes(seed).items()}
     plate = experiment.force_plate
     if plate is not None and plate.measures_him:
@@ -290,7 +295,7 @@ def sensors(experiment: Experiment, seed: int = 0) -> dict[str, dict[str, Any]]:
 
 
 def supervisor(experiment: Experiment) -> dict[str, dict[str, Any]]:
-    """Private parameters of the supervisor, by its name; empty without a section `supervisor`."""
+    """Return the private parameters of the supervisor, by its name; empty without a section `supervisor`."""
     if experiment.supervisor is None:
         return {}
     seen: dict[str, Any] = {}
@@ -302,20 +307,20 @@ def supervisor(experiment: Experiment) -> dict[str, dict[str, Any]]:
 
 
 def beside(experiment: Experiment) -> dict[str, dict[str, Any]]:
-    """Private parameters of all nodes that run beside the robot, by the last part of their names."""
+    """Return the private parameters of all nodes that run beside the robot, by the last part of their names."""
     found = mocap(experiment) | sensors(experiment) | supervisor(experiment)
     return {name.rpartition("/")[2]: values for name, values in found.items()}
 
 
 def _from_root(section: Mapping[str, Any], *keys: str) -> dict[str, Any]:
-    """A section whose files, at these keys, have their path from the root: the node runs in another folder."""
+    """Return a section with absolute paths for the files at these keys: the node runs in another folder."""
     given = {key: value for key in keys if isinstance(value := section.get(key), str)}
     files = {key: value for key, value in given.items() if value.endswith((".yaml", ".yml"))}
     return {**section, **{key: str(Path(value).expanduser().absolute()) for key, value in files.items()}}
 
 
 def _following_side(experiment: Experiment) -> str:
-    """Of the human in the plant: "right" or "left", of the hand that follows and feels."""
+    """Return the side, "right" or "left", of the hand that follows and feels, of the human in the plant."""
     from hric_human.body import describe
     from hric_human.control.surroundings import ControlSettings, hand_side
     from hric_human.participant.settings import HumanSettings
@@ -326,7 +331,7 @@ def _following_side(experiment: Experiment) -> str:
 
 
 def _joints(experiment: Experiment) -> list[str]:
-    """As a controller names them, else those of a Panda."""
+    """Return the joint names of a controller, else those of a Panda."""
     for values in controllers(experiment).values():
         if isinstance(values.get("joints"), list) and values["joints"]:
             return [str(joint) for joint in values["joints"]]
@@ -337,12 +342,12 @@ def check_setpoint(setpoint: Setpoint, joints: Sequence[str], limits: Mapping[st
     """Refuse a setpoint that the controller would refuse, before anything moves.
 
     Args:
-        setpoint: what is to be sent.
+        setpoint: setpoint to be sent.
         joints: the controller's joints.
-        limits: per joint, lower and upper if there are any [rad].
+        limits: lower and upper limit per joint, if there are any [rad].
 
     Raises:
-        ExperimentError: wrong length, or outside the range of a joint.
+        ExperimentError: the setpoint has the wrong length, or is outside the range of a joint.
     """
     where = f"setpoint at {setpoint.time:g} s for {setpoint.controller}"
     if len(setpoint.positions) != len(joints):
@@ -358,7 +363,7 @@ def check_setpoint(setpoint: Setpoint, joints: Sequence[str], limits: Mapping[st
 
 
 def overlay(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """`base` with `changes`, group by group."""
+    """Return `base` overlaid by `changes`, group by group."""
     result = copy.deepcopy(dict(base))
     for key, value in changes.items():
         old = result.get(key)

@@ -1,9 +1,8 @@
-"""The sections of an experiment file for what runs beside the robot: `mocap`, `emg`, `force_plate`,
-`sync`, `human`, `person` and `supervisor`.
+"""Sections `mocap`, `emg`, `force_plate`, `sync`, `human`, `person`, `supervisor` of an experiment file.
 
-Each is declared once: files are read by it, parameters of nodes and sources of the synchroniser follow from it, and
-INTERFACE.md prints it. Mappings that a node reads itself are checked by the declarations of that node's package and
-reach it as they are given.
+They are for what runs beside the robot. Each is declared once: files are read by it, parameters of nodes and sources of
+the synchroniser follow from it, and INTERFACE.md prints it. Mappings for a node are checked by the declarations of that
+node's package and passed on unchanged.
 """
 
 import os
@@ -52,23 +51,21 @@ if TYPE_CHECKING:
 
 EMULATED, REAL, NONE = "emulated", "real", "none"
 NATNET_PORTS = {"command_port": 1512, "data_port": 1513}
-"""Of an emulated plate's Motive, beside the one of the motion capture (project default, unconfirmed)."""
+"""Ports of an emulated plate's Motive, other than those of the motion capture (project default, unconfirmed)."""
 BLOCK = 0.02
-"""Longest time between two sendings of an emulated device [s of wall time]; real ones do likewise (project default,
-unconfirmed)."""
+"""Longest time between packets of an emulated device, as of real ones [s of wall time] (project default, unconfirmed)."""
 FRAMES = "hric/perception/mocap"
 MOCAP_GAP, CHUNK_GAP = 0.05, 0.01
-"""Furthest that samples may be apart to be interpolated [s]: neither an occlusion nor lost samples are bridged (project
-default, unconfirmed)."""
+"""Largest gap that is interpolated [s], below that of an occlusion or lost samples (project default, unconfirmed)."""
 
 
 def session() -> str:
-    """LSL session of emulated devices: bring-ups beside each other on one machine have masters with different ports."""
+    """Return the LSL session of emulated devices: several bring-ups on one machine have masters on different ports."""
     return f"hric_{urlparse(os.environ.get('ROS_MASTER_URI', '')).port or 11311}"
 
 
 def for_node(declaration: Parameter, said: str) -> Any:
-    """A mapping that a node reads itself: checked by the node's declaration, kept as it is given; None: not given."""
+    """Return a parameter for a node's mapping, checked by its declaration and passed on unchanged; default: None."""
 
     def convert(value: Any, where: str, joints: Sequence[str]) -> dict[str, Any]:
         declaration.checked(value, where, joints)
@@ -93,7 +90,7 @@ class MocapSection(Settings):
     )
 
     def check(self, where: str) -> None:
-        """Refuse what the emulated human or Motive does not take, and a body that is not streamed."""
+        """Refuse values that the emulated human or Motive does not accept, and a body that is not streamed."""
         seen = self.build(0, {"person": {}} if self.measures_him else {})  # whose body it is changes no name here
         bodies = [body.name for body in seen.motive.scene.bodies]
         object.__setattr__(self, "body", self.body or seen.name)
@@ -102,18 +99,18 @@ class MocapSection(Settings):
 
     @property
     def measures_him(self) -> bool:
-        """Whether it sees the human in the plant."""
+        """True if it tracks the human in the plant."""
         return measures_him(self.human)
 
     def build(self, seed: int, person: Mapping[str, Any]) -> "CapturedHuman":
-        """The emulated human and the Motive that sees him.
+        """Return the emulated human and the Motive that tracks them.
 
         Args:
-            seed: of all that is random.
-            person: of `parameters.person`, needed where it sees the human in the plant.
+            seed: seed of all random numbers.
+            person: result of `parameters.person`, needed if it tracks the human in the plant.
 
         Raises:
-            HricError: a value that cannot be.
+            HricError: a value is not valid.
         """
         # Only a run with a human waits for this import.
         from hric_perception.human import see
@@ -121,8 +118,7 @@ class MocapSection(Settings):
         return see(self.human, self.stream, self.base_from_mocap, seed, self.prefix, **person)
 
     def nodes(self, arm_id: str, seed: int, person: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-        """Private parameters of the client and of the emulated human, by the names of the nodes; person: see
-        `build`."""
+        """Return private parameters of the client and the emulated human, by node name; person: see `build`."""
         frame = {"base_frame": f"{arm_id}_link0"}
         base = {} if self.base_from_mocap is None else {"base_from_mocap": dict(self.base_from_mocap)}
         ports = {key: self.stream[key] for key in ("command_port", "data_port") if key in self.stream}
@@ -133,23 +129,23 @@ class MocapSection(Settings):
 
     @property
     def source(self) -> dict[str, Any]:
-        """For the plan of the synchroniser."""
+        """Source of the poses for the plan of the synchroniser."""
         signals = [f"rigid_bodies[{self.body}].pose"]
         return {"topic": FRAMES, "type": "hric_msgs/MocapData", "max_gap": MOCAP_GAP, "signals": signals}
 
 
 @dataclass(frozen=True)
 class SensorSection(Settings):
-    """A sensor that samples evenly: what both kinds share."""
+    """Common part of the sections of evenly sampling sensors."""
 
     name: ClassVar[str]
-    """Of the section, and of the driver's node."""
+    """Name of the section and of the driver's node."""
     emulated_name: ClassVar[str]
-    """Of the emulated device's node, and of its LSL stream."""
+    """Name of the emulated device's node and of its LSL stream."""
     driver_keys: ClassVar[tuple[str, ...]]
-    """What the driver's node reads itself."""
+    """Keys that the driver's node reads itself."""
     described_keys: ClassVar[tuple[str, ...]] = ()
-    """What only exported files need."""
+    """Keys that only exported files need."""
     transport: str
     channels: tuple[str, ...]
     rate: float
@@ -166,21 +162,21 @@ class SensorSection(Settings):
 
     @property
     def used(self) -> bool:
-        """Whether it runs."""
+        """True if the sensor is part of this run."""
         return self.device != NONE
 
     @property
     def time_code(self) -> bool:
-        """Whether a channel has the robot time of each sample."""
+        """True if a channel has the robot time of each sample."""
         return self.device == EMULATED and bool((self.emulated.get("faults") or {}).get("time_code", False))
 
     @property
     def wire(self) -> str:
-        """What of it needs a wire, for people; "": nothing."""
+        """Text on the part of the sensor that needs a wire; "": it needs none."""
         return f"a real {self.name}" if self.device == REAL else ""
 
     def record(self) -> dict[str, Any]:
-        """For run.yaml: the values, with those of the driver's node and those for exported files in groups."""
+        """Return the values for run.yaml, with groups for the driver's node and for exported files."""
         values = {item.name: getattr(self, item.name) for item in fields(self)}
         groups = {"driver": self.driver_keys, "described": self.described_keys}
         return {
@@ -189,13 +185,13 @@ class SensorSection(Settings):
         } | values
 
     def _driver(self) -> dict[str, Any]:
-        """Private parameters of the driver's node."""
+        """Return the private parameters of the driver's node."""
         lsl = self._lsl() if self.transport == "lsl" and self.device == EMULATED else self.lsl
         values = {"source": self.transport, "chunk": self.chunk, **self.record()["driver"]}
         return values | ({"lsl": lsl} if lsl else {})
 
     def _emulated(self, seed: int) -> dict[str, Any]:
-        """Private parameters of the emulated device."""
+        """Return the private parameters of the emulated device."""
         values = {"transport": self.transport, "rate": self.rate, "seed": seed, "block": min(self.chunk / 2, BLOCK)}
         lsl = {key: self._lsl()[key] for key in ("name", "session")} if self.transport == "lsl" else {}
         return {**values, **located(self.emulated, Path.cwd()), **lsl}
@@ -204,8 +200,7 @@ class SensorSection(Settings):
         return {"name": self.emulated_name, "session": session(), **(self.lsl or {})}
 
     def _source(self, topic: str, units: Mapping[str, Sequence[str]]) -> dict[str, Any]:
-        """For the plan of the synchroniser, with the time code, by which the samples show their own skew; units: the
-        channels of each."""
+        """Return the synchroniser's source, with a time code that shows its skew; units: channels of each unit."""
         code = {"s": ["time"]} if self.time_code and self.transport == "lsl" else {}
         signals = [
             {"field": f"data[{', '.join(channels)}]", "unit": unit} for unit, channels in {**units, **code}.items()
@@ -235,7 +230,7 @@ class EmgSection(SensorSection):
     trigno: Mapping[str, Any] | None = for_node(section(TrignoSettings), "which server: hric_perception")
 
     def check(self, where: str) -> None:
-        """Refuse what the emulated device does not take."""
+        """Refuse what the emulated device does not accept."""
         program = EmulatedEmg.of(self.emulated, f"{where}emulated").activation
         if isinstance(program, RecordedEmg):
             program.replayed(self.channels)
@@ -244,12 +239,12 @@ class EmgSection(SensorSection):
 
     @property
     def measures_him(self) -> bool:
-        """Whether the emulated device measures the muscles of a simulated human."""
+        """True if the emulated device measures the muscles of a simulated human."""
         program = EmulatedEmg.of(self.emulated, "emulated").activation
         return self.device == EMULATED and isinstance(program, TopicActivation)
 
     def nodes(self, seed: int) -> dict[str, dict[str, Any]]:
-        """Private parameters of the driver and of the emulated device, by the names of the nodes."""
+        """Return the private parameters of the driver and of the emulated device, by node name."""
         given, names = dict(self.trigno or {}), list(self.channels)
         driver, trigno = self._driver(), self.transport == "trigno"
         if trigno:
@@ -262,7 +257,7 @@ class EmgSection(SensorSection):
 
     @property
     def source(self) -> dict[str, Any]:
-        """For the plan of the synchroniser."""
+        """Source of the raw EMG for the plan of the synchroniser."""
         return self._source("hric/perception/emg/raw", {"V": self.channels})
 
 
@@ -323,26 +318,26 @@ class PlateSection(SensorSection):
 
     @property
     def wire(self) -> str:
-        """See the base; a plate over NatNet is within the frames of a Motive of its own."""
+        """Text on the part that needs a wire: a real plate, or one over NatNet in the frames of its own Motive."""
         return super().wire or (f"{self.name} over natnet" if self.transport == "natnet" else "")
 
     @property
     def measures_him(self) -> bool:
-        """Whether the emulated device measures the human in the plant."""
+        """True if the emulated device measures the human in the plant."""
         return self.device == EMULATED and measures_him(self.emulated.get("load"))
 
     def record(self) -> dict[str, Any]:
-        """See the base; a load that is not measured on anything is called computed."""
+        """Return the values for run.yaml; a load from a simulated body's motion is marked as computed."""
         return super().record() | ({"computed": "load: from the simulated body's motion"} if self.measures_him else {})
 
     def check(self, where: str) -> None:
-        """Refuse what the emulated device does not take."""
+        """Refuse what the emulated device does not accept."""
         load = EmulatedPlate.of(self.emulated, f"{where}emulated").load
         if isinstance(load, RecordedLoad):
             load.replayed()
 
     def nodes(self, seed: int) -> dict[str, dict[str, Any]]:
-        """Private parameters of the driver and of the emulated device, by the names of the nodes."""
+        """Return the private parameters of the driver and of the emulated device, by node name."""
         driver = self._driver()
         if self.device != EMULATED:
             return {self.name: driver}
@@ -355,7 +350,7 @@ class PlateSection(SensorSection):
 
     @property
     def source(self) -> dict[str, Any]:
-        """For the plan of the synchroniser."""
+        """Source of the samples for the plan of the synchroniser."""
         units = {"N": self.channels[:3], "N m": self.channels[3:]}
         return self._source(f"hric/perception/force_plate/{self.id}/samples", units)
 
@@ -383,15 +378,15 @@ class SyncSection(Settings):
 
     @property
     def topics(self) -> list[str]:
-        """Of the synchronised samples, in the order of the rates."""
+        """Topics of the synchronised samples, in the order of the rates."""
         return [rate_topic(TOPIC, rate) for rate in self.rates]
 
     def nodes(self, joints: Sequence[str], sources: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
-        """Private parameters of the synchroniser, by its name.
+        """Return the private parameters of the synchroniser, by its name.
 
         Args:
-            joints: of the robot.
-            sources: beside the robot.
+            joints: joints of the robot.
+            sources: sources other than the robot.
         """
         signals = [f"{name}[{', '.join(joints)}]" for name in ("position", "velocity", "effort")]
         log = {"topic": "control_log", "type": "hric_msgs/ControlLog", "signals": signals}
@@ -401,7 +396,7 @@ class SyncSection(Settings):
 
 @dataclass(frozen=True)
 class PersonSection(PersonSettings):
-    """The section `person`: what the node of that name takes."""
+    """The section `person`, with the parameters of the node of that name."""
 
     separator = "."
 
@@ -415,4 +410,4 @@ SECTIONS: dict[str, type[Settings]] = {
     "person": PersonSection,
     "supervisor": SupervisorSettings,
 }
-"""What each section declares."""
+"""Declaration of each section."""
