@@ -53,7 +53,7 @@ EMULATED, REAL, NONE = "emulated", "real", "none"
 NATNET_PORTS = {"command_port": 1512, "data_port": 1513}
 """Ports of an emulated plate's Motive, other than those of the motion capture (project default, unconfirmed)."""
 BLOCK = 0.02
-"""Longest time between packets of an emulated device, as of real ones [s of wall time] (project default, unconfirmed)."""
+"""Longest time between packets of an emulated or real device [s of wall time] (project default, unconfirmed)."""
 FRAMES = "hric/perception/mocap"
 MOCAP_GAP, CHUNK_GAP = 0.05, 0.01
 """Largest gap that is interpolated [s], below that of an occlusion or lost samples (project default, unconfirmed)."""
