@@ -25,7 +25,7 @@ class ChunkedWriter(Writer):
     def __init__(self, path: Path) -> None:
         super().__init__(path)
         self.set_compression(Writer.CompressionFormat.LZ4)
-        # ROS's own tools want blocks that do not refer to each other; the checksum reveals a flipped bit.
+        # ROS tools need independent blocks; the checksum detects a flipped bit.
         self.compressor = partial(lz4.frame.compress, block_linked=False, content_checksum=True, store_size=False)
         self.chunk_threshold = CHUNK_SIZE
 

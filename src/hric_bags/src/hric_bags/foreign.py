@@ -29,7 +29,7 @@ def describe(path: Path) -> str:
             return f"{path} is {hint}" if folder else ""
         with path.open("rb") as file:
             head = file.read(_HEAD)
-    except (FileNotFoundError, NotADirectoryError, PermissionError):  # whoever reads it says so
+    except (FileNotFoundError, NotADirectoryError, PermissionError):  # the reader of the file reports it
         return ""
     for begin, kind in _FIRST:
         if head.startswith(begin):

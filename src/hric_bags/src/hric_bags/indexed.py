@@ -43,7 +43,7 @@ class BagError(HricError):
 def damaged(path: Path, reason: object) -> BagError:
     """Return the error for an unreadable bag, with the command that finds the cause; reason: error raised."""
     text = " ".join(str(reason).split()) or type(reason).__name__
-    text = re.sub(r"\('(.*?)',\)", r"\1", text)  # arguments of an error in the text of another
+    text = re.sub(r"\('(.*?)',\)", r"\1", text)  # arguments of a wrapped error
     given = path.parent if (path.parent / "run.yaml").is_file() else path
     hint = f"cannot read {path.name}: {text}; try: rosrun hric_experiments health --salvage {given}"
     return BagError(foreign.describe(path) or hint)
@@ -75,7 +75,7 @@ class IndexedReader(Reader):
         """
         try:
             super().open()
-        except Exception as error:  # of bytes that a damaged file has in any place
+        except Exception as error:  # a damaged file may raise any error
             raise damaged(self.path, error) from error
         self._index = {c.id: _sorted(self._stored.pop(c.id, [])) for c in self.connections}
         self.connections = [c._replace(msgcount=len(self._index[c.id])) for c in self.connections]
@@ -114,7 +114,7 @@ class IndexedReader(Reader):
                     end = data + 4 + _size(raw, data)[0]
                     if raw.find(_MESSAGE, offset, data) >= 0:
                         break
-                    offset = end  # a connection, which some programs have in front
+                    offset = end  # skip a connection record, which some programs write first
             except StructError as error:
                 raise damaged(self.path, f"its index leads to no message at byte {offset} of a chunk") from error
             if end > len(raw):
@@ -149,7 +149,7 @@ class IndexedReader(Reader):
         self.bio.seek(chunk.datapos)
         try:
             raw: bytes = chunk.decompressor(read_bytes(self.bio, chunk.datasize))
-        except Exception as error:  # each compression has its own, OSError too
+        except Exception as error:  # each compression has its own errors, OSError among them
             raise damaged(self.path, error) from error
         return raw
 

@@ -136,7 +136,7 @@ class PartsReader(AnyReader):
             raise BagError(kind)
         try:
             super().__init__(found)
-        except AnyReaderError as error:  # its name does not end as that of a bag
+        except AnyReaderError as error:  # the file name has no bag extension
             raise damaged(bag, error) from error
         self.readers: list[Any] = [IndexedReader(path) for path in found]
         self._repeated: list[dict[Stream, int]] | None = None
@@ -146,7 +146,7 @@ class PartsReader(AnyReader):
         for reader in self.readers:
             self.stack.enter_context(reader)
         self.connections = [connection for reader in self.readers for connection in reader.connections]
-        del self.typestore  # AnyReader's, which is empty
+        del self.typestore  # remove the empty one of AnyReader
 
     @cached_property
     def typestore(self) -> Typestore:
@@ -162,7 +162,7 @@ class PartsReader(AnyReader):
             return self.typestore.deserialize_ros1(rawdata, typ)
         except HricError:
             raise
-        except Exception as error:  # of bytes that a damaged message has in any place
+        except Exception as error:  # a damaged message may raise any error
             raise damaged(self.bag, f"a message of type {typ} is damaged ({error})") from error
 
     def messages(
@@ -200,7 +200,7 @@ class PartsReader(AnyReader):
         `progress` labels a progress bar on the terminal; "": no bar.
         """
         connections = [connection for connection in self.connections if chooses(connection)]
-        if connections:  # without any `messages` takes all
+        if connections:  # with an empty list `messages` would take all
             yield from tqdm(
                 self.messages(connections),
                 total=sum(connection.msgcount for connection in connections),

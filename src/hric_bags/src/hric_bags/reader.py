@@ -182,8 +182,8 @@ class Messages:
         elif kind == STATE_TYPE and len(message.desired.positions) == len(message.joint_names):
             rows, names = self._desired.setdefault(topic, []), tuple(message.joint_names)
             if rows and rows[-1][2] == names:
-                names = rows[-1][2]  # a copy of them in each row takes more memory than the numbers
-            # A copy: as read they are a view, which keeps the whole message.
+                names = rows[-1][2]  # shared: a copy per row takes more memory than the numbers
+            # Copied, because a view would keep the complete message in memory.
             rows.append((seconds(message.header.stamp), np.array(message.desired.positions, dtype=float), names))
         elif kind == FRANKA_TYPE:
             errors = tuple(name for name in ERROR_NAMES if getattr(message.current_errors, name))
@@ -275,7 +275,7 @@ class _JoinedLog:
         end = self._cycles + count - skip
         for name, values in {"time": time, **rows, "by_effort": by_effort}.items():
             kept = self._arrays.setdefault(name, values[:0])
-            if end > len(kept):  # a record shows the old array, which stays as it is
+            if end > len(kept):  # earlier records keep the old array
                 grown = np.empty((2 * end, *values.shape[1:]), values.dtype)
                 grown[: self._cycles] = kept[: self._cycles]
                 self._arrays[name] = kept = grown

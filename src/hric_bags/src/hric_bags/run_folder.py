@@ -144,17 +144,17 @@ class RunFolder:
         data = self._contents()
         if data.get("status") == RUNNING and self._release is None and (lock := _lock(self.path)) is not None:
             try:
-                data = self._contents()  # again: it may have ended in between
+                data = self._contents()  # read again: the run may have ended in between
                 if data.get("status") == RUNNING:
                     data |= {"status": INTERRUPTED, "finished": self._last_written(), "reason": gone or GONE}
-                    with suppress(HricError):  # a medium that cannot be written is read all the same
+                    with suppress(HricError):  # a read-only medium can still be read
                         self.write(data)
             finally:
                 os.close(lock)
         return data
 
     def _contents(self) -> dict[str, Any]:
-        from hric_core.parameters import read_yaml  # looking for a run needs Python alone
+        from hric_core.parameters import read_yaml  # imported here: the search for a run needs only Python
 
         data = read_yaml(self.path / "run.yaml")
         if not isinstance(data, dict):
@@ -176,7 +176,7 @@ class RunFolder:
             with failing():
                 yield
         except BaseException as error:
-            with suppress(HricError, OSError):  # no room: whoever reads it next notes that the run is over
+            with suppress(HricError, OSError):  # disk full: the next reader notes the end of the run
                 self.update(status=FAILED, finished=iso_now(), error=f"{type(error).__name__}: {error}")
             raise
 

@@ -94,7 +94,7 @@ class Simulation:
         except BaseException:
             self.app.shutdown()
             raise
-        self.tree[parameters.ROBOT] = node.param(parameters.ROBOT)  # with what the plant chose
+        self.tree[parameters.ROBOT] = node.param(parameters.ROBOT)  # includes values that the plant chose
         starts = [] if self.definition.human is None else [parameters.HUMAN_START]
         if self.definition.supervisor is not None:
             beside.append(self._supervised(node))
@@ -103,7 +103,7 @@ class Simulation:
         node.subscribe("control_log", ControlLog, self._log.append)
 
     def _supervised(self, node: LocalNode) -> "HeadlessSupervisor":
-        # Only a run with a supervisor waits for this import.
+        # Imported only for runs with a supervisor.
         from hric_assessment.supervisor.app import HeadlessSupervisor
 
         try:
@@ -168,7 +168,7 @@ class Simulation:
         """
         left = self.definition.duration - self.time if duration is None else duration
         form = "{l_bar}{bar}| {n:.2f}/{total:.2f} s robot time [{elapsed}<{remaining}]"
-        # disable=None: where stderr is no terminal there is no bar, whose hundreds of states a file would keep.
+        # disable=None: no bar if stderr is no terminal, because a file would collect hundreds of its states.
         options = {"desc": self.definition.name, "bar_format": form, "leave": False, "disable": None}
         with (
             tqdm(total=left, **options) if progress else contextlib.nullcontext() as self._timeline.bar,
@@ -286,7 +286,7 @@ def _sensors(definition: Experiment, node: LocalNode) -> list[Beside]:
     """Return the emulated sensors with their drivers. Raises HricError if one cannot be built."""
     if not definition.sensors:
         return []
-    # Only a run with sensors waits for their filters.
+    # Imported only for runs with sensors.
     from hric_perception.headless import headless_emg, headless_plate
 
     made = {"emg": headless_emg, "force_plate": headless_plate}
@@ -354,7 +354,7 @@ class Timeline:
     Args:
         node: the robot's namespace.
         setpoints: setpoints in order of time.
-        beside: the human before the motion capture, and sensors.
+        beside: parts that advance in step with the robot: the tracked human, sensors, the supervisor.
         starts: services that start others at the time of the first setpoint.
 
     Attributes:

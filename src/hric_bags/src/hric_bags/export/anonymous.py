@@ -96,7 +96,7 @@ class Anonymiser:
         known = {word.lower() for name in {*names, *_names((run, metrics))} for word in _TOKENS.findall(name)}
         self._public = privacy().public - known - {re.sub(r"\d+$", "", word) for word in known}
         self._pseudonyms: dict[str, str] = {}
-        self._known: dict[str, str] = {}  # names come again in every message
+        self._known: dict[str, str] = {}  # cache: names recur in every message
         self._begin = begin if begin >= OLDEST_DATE else None
         self._run, self._metrics = run, metrics
         self._done: dict[str, None] = {}

@@ -45,7 +45,7 @@ def write(trial: C3dTrial, path: Path, started: str = "") -> None:
         path: file to write.
         started: start of the run, as text.
     """
-    import ezc3d  # not before somebody wants such a file
+    import ezc3d  # loaded only if a c3d file is requested
 
     file = ezc3d.c3d()
     _points(file, trial)

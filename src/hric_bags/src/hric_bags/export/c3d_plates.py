@@ -99,7 +99,7 @@ def plate_of(table: Table, frames: Frames, settings: PlateSettings, wrench: Floa
     corners = T[:3, 3] + (QUADRANTS * half) @ R_ground_file.T
     to_file = np.kron(np.eye(2), (1.0 if settings.invert else -1.0) * FLIP) * N_MM[:, None]
     if settings.height < 0:
-        # Readers take an origin above the surface for a wrong sign: the moments are taken to the surface instead.
+        # Readers take an origin above the surface for a sign error, so the moments are moved to the surface.
         to_file = to_file @ _at_surface(settings.height)
     origin = np.array([0.0, 0.0, -max(settings.height, 0.0)])
     if settings.calibration is None:

@@ -110,7 +110,7 @@ def _sources(tables: Mapping[str, Table]) -> tuple[list[Table], list[Table], lis
     captures = [table for table in tables.values() if opensim_formats.is_capture(table)]
     plates = [table for table in tables.values() if opensim_formats.is_plate(table)]
     others = [table for table in tables.values() if table.type_name == batches.CHUNK and table not in plates]
-    emg = sorted(others, key=lambda table: -len(table.time))  # what was recorded before its envelope
+    emg = sorted(others, key=lambda table: -len(table.time))  # raw EMG before its envelope
     if not (captures or plates or emg):
         raise ExportError(
             f"format c3d needs motion capture, force plates or EMG (hric_msgs/MocapData, {batches.CHUNK}), among "

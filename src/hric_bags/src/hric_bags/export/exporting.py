@@ -134,7 +134,7 @@ def export(
             if kind in missing and job.write(kind):
                 output.finish(kind)
                 result.seconds[kind] = time.perf_counter() - begin
-        except Exception as error:  # also of a library that one format needs: the others do not
+        except Exception as error:  # includes errors of a library that only one format needs
             text = " ".join(str(error).split())
             result.failures[kind] = text if isinstance(error, HricError) else f"{type(error).__name__}: {text}"
         if (done := output.done(kind)) is not None:
@@ -166,7 +166,7 @@ def _json(path: Path) -> dict[str, Any]:
 
 def _write_about(output: Output, anonymiser: Anonymiser, source: Source) -> None:
     """Write the remaining parts of run.yaml and metrics.json, and the list of what was done."""
-    path = output.folder / ABOUT / "anonymised.txt"  # of formats that were there already, too
+    path = output.folder / ABOUT / "anonymised.txt"  # keeps the lines of formats that existed already
     before = [] if output.done(ABOUT) is None else path.read_text().splitlines()
     if source.folder is not None:
         for name, content, write in (

@@ -15,7 +15,7 @@ from hric_bags.export.table import ABOUT, Table
 def write_npz(table: Table, path: Path) -> None:
     """Write arrays `time`, `stamp` and one per column, and `about` as JSON text."""
     arrays = {ABOUT: np.array(table.about_text()), **{name: column.values for name, column in table.named().items()}}
-    # Not by numpy.savez: there a column cannot be called "file".
+    # numpy.savez does not accept a column named "file".
     with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as archive:
         for name, array in arrays.items():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as file:

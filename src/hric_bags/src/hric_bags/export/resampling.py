@@ -30,7 +30,7 @@ class Sampled:
     def __init__(self, table: Table) -> None:
         self._table = table
         self.time, self._rows = np.unique(table.time, return_index=True)
-        # Within a chunk samples are apart as the source sent them, whatever pace the run kept between two chunks.
+        # Within a chunk, samples have the spacing of the source, whatever the pace of the run between chunks.
         rate = 1.0 / float(np.median(np.diff(self.time))) if len(self.time) > 1 else 1.0
         self.rate = float(round(rate)) if abs(rate - round(rate)) < ALMOST else rate
         self.gaps = int(np.sum(np.diff(self.time) * self.rate > GAP))
@@ -93,6 +93,6 @@ def frame_grid(time: FloatArray, numbers: FloatArray) -> tuple[float, float]:
     span = float(time[-1] - time[0])
     if round(rate) and abs(rate - round(rate)) * span < DRIFT:
         rate = float(round(rate))
-    rate = float(np.float32(rate))  # as the file holds it
+    rate = float(np.float32(rate))  # precision of the file
     first = np.median(time - np.rint((time - time[0]) * rate) / rate)
     return rate, float(first)

@@ -75,7 +75,7 @@ def _add(writer: ChunkedWriter, connection: Any, anonymous: Anonymiser | None) -
     return writer.add_connection(
         name(connection.topic),
         connection.msgtype,
-        msgdef=definition if anonymous is None else re.sub(r"[ \t]*#.*", "", definition),  # comments are texts, too
+        msgdef=definition if anonymous is None else re.sub(r"[ \t]*#.*", "", definition),  # comments are text, too
         md5sum=connection.digest,
         callerid=None if connection.ext.callerid is None else name(connection.ext.callerid),
         latching=connection.ext.latching,
@@ -100,8 +100,8 @@ def _parts(
     if not len(offsets):
         return
     values["sec"], values["nanosec"] = (part.astype("<u4") for part in np.divmod(stamp + offsets, 1_000_000_000))
-    # The last sample of a batch was taken about when the batch was recorded; the others as much before it as their
-    # stamps are.
+    # The last sample of a batch was taken about when the batch was recorded; the stamps give the distance of the
+    # others from it.
     times = np.maximum(time + offsets - offsets[-1], 0).tolist()
     yield from zip(times, _serialised(reader, kind, message, values), strict=True)
 

@@ -138,7 +138,7 @@ class BagScan:
         expected = [LENGTH.unpack(head.get(name, bytes(4)))[0] for name in (b"conn_count", b"chunk_count")]
         offsets = {record.offset for record in records} | {len(view)}
         for record in records:
-            # Old recorders leave zeros before the index, which readers never see.
+            # Old recorders leave zeros before the index, which readers skip.
             if record.kind == 0 and (record.end not in (begin, len(view)) or any(view[record.start : record.end])):
                 self.damage.append(f"bytes {record.start} to {record.end} are damaged")
             if record.open:
@@ -161,7 +161,7 @@ class BagScan:
         self.chunks += not record.open
         entries = _entries(view, chunk.index)
         indexed, times, counts, lost = bool(entries), list[int](), Counter[int](), not unpacked.whole
-        begin = None  # of a connection before a message, where some programs let the index point
+        begin = None  # connection record before a message: some programs let the index point to it
         for inner in file_records.walk(unpacked.data, 0, (MESSAGE, CONNECTION)):
             data = unpacked.data[inner.start : inner.end]
             if inner.kind == CONNECTION:
@@ -212,7 +212,7 @@ class BagScan:
             return True
         try:
             store.deserialize_ros1(data, known.type_name.replace("/", "/msg/"))
-        except Exception:  # whatever damaged bytes make of a reader
+        except Exception:  # damaged bytes may raise any error
             return False
         return True
 
@@ -223,7 +223,7 @@ class BagScan:
             return
         text = {key: value.decode("utf-8", "replace") for key, value in inner.items()}
         number = LENGTH.unpack(fields[b"conn"])[0]
-        # The topic is in the record's header: the one in the data is that before remapping.
+        # The topic is in the record's header: the data have the name before remapping.
         connection = Connection(
             fields[b"topic"].decode("utf-8", "replace"),
             text.get(b"type", ""),
@@ -252,7 +252,7 @@ def _store(connection: Connection) -> Typestore | None:
     try:
         store.register(get_types_from_msg(connection.definition, name))
         return store if store.generate_msgdef(name)[1] == connection.md5sum else None
-    except Exception:  # whatever a damaged definition makes of a parser
+    except Exception:  # a damaged definition may raise any error
         return None
 
 

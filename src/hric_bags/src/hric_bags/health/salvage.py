@@ -97,7 +97,7 @@ def in_use(path: Path) -> bool:
     """Return True if a process of this user on this machine has the file open for writing."""
     target = path.resolve()
     for process in Path("/proc").glob("[0-9]*"):
-        with contextlib.suppress(OSError):  # ended meanwhile, or another user's
+        with contextlib.suppress(OSError):  # process has ended, or is another user's
             for descriptor in (process / "fd").iterdir():
                 if descriptor.readlink() == target and _is_open_for_writing(process / "fdinfo" / descriptor.name):
                     return True

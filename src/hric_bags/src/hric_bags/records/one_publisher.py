@@ -123,7 +123,7 @@ class _Body:
 
     def add(self, raw: bytes, at: int) -> bool:
         """Add a message whose positions begin at a byte; return True if it is time for a check."""
-        if _integer(raw, at) == len(self.names):  # else they are refused, or left out, where they are read
+        if _integer(raw, at) == len(self.names):  # else it is refused or left out by its reader
             self._numbers.append(_integer(raw, 0))
             self._stamps.append(_integer(raw, 4) + 1e-9 * _integer(raw, 8))
             self._positions.frombytes(raw[at + 4 : at + 4 + 8 * len(self.names)])

@@ -168,7 +168,7 @@ class _Taken:
         self.description = ""
 
     def wants(self, connection: Any) -> bool:
-        if connection.msgtype == REACTIONS_TYPE:  # those of a robot's joints are beside no muscles
+        if connection.msgtype == REACTIONS_TYPE:  # robot joints have no muscles in their namespace
             return str(connection.topic).rpartition("/")[0] in self._beside
         kinds = (*_THINNED, LOG_TYPE, PAIRS_TYPE, EVENT_TYPE)
         if connection.msgtype in kinds or connection.topic in self._topics:
@@ -296,7 +296,7 @@ class _Named:
     def add(self, message: Any, of: Sequence[str], values: Sequence[float]) -> None:
         names = tuple(of)
         if len(values) != len(names):
-            return  # known for none of them
+            return  # unclear which value belongs to which name
         if not self._parts or self._parts[-1][0] != names:
             self._parts.append((names, array("d"), array("d")))
             for name in names:

@@ -189,7 +189,7 @@ class RegionMessages:
         return known
 
     def _strongest(self, one: Any, index: int, stamp: float, force: float) -> None:
-        if force > 0.0:  # not of a rigid contact, which is NaN
+        if force > 0.0:  # the force of a rigid contact is NaN
             _, rows = self._links.setdefault(one.link, (tuple(one.regions), array("d")))
             rows.extend((index, stamp, force, *xyz(one.point), *xyz(one.normal)))
 
@@ -226,7 +226,7 @@ class RegionMessages:
             rows[:, 5:8],
             rows[:, 8:],
         )
-        stated = math.isfinite(last.begin)  # else the contact begins with its first message, and lasts for how long?
+        stated = math.isfinite(last.begin)  # else it begins with its first message, of unknown duration
         return RegionForce(
             tuple(contact.regions),
             last.link,

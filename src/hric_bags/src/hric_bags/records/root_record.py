@@ -34,7 +34,7 @@ class RootRecord:
         """
         q = self.pose[:, 3:]
         flips = np.cumprod(np.where(np.sum(q[1:] * q[:-1], axis=1) < 0.0, -1.0, 1.0))
-        smooth = np.vstack([q[:1], q[1:] * flips[:, None]])  # the same rotations, and a smooth curve
+        smooth = np.vstack([q[:1], q[1:] * flips[:, None]])  # same rotations on a continuous curve
         columns = np.hstack([self.pose[:, :3], smooth])
         found = np.array([np.interp(time, self.time, column) for column in columns.T]).T
         norm = np.linalg.norm(found[:, 3:], axis=1, keepdims=True)

@@ -56,7 +56,7 @@ def _angle(value: Any, where: str, joints: Sequence[str]) -> float:
 
 
 def _angle_shape() -> dict[str, Any]:
-    multiple_of_pi = "^" + re.sub(r"\?P<\w+>", "?:", _PI.pattern) + "$"  # group names are not the same in all languages
+    multiple_of_pi = "^" + re.sub(r"\?P<\w+>", "?:", _PI.pattern) + "$"  # group names differ between languages
     return {"anyOf": [{"type": "number"}, {"type": "string", "pattern": multiple_of_pi}]}
 
 
@@ -170,7 +170,7 @@ class MetricsSpec(Settings):
 
 
 def _beside(name: str) -> Any:
-    """Return the parameter of a section beside the robot, whose declaration is loaded only for files that have it.
+    """Return the parameter of an optional section, whose declaration is loaded only for files that have it.
 
     The bring-up reads an experiment once for each set of parameters, and its user waits.
     """
@@ -230,7 +230,7 @@ class Experiment(Settings):
 
     @property
     def sources(self) -> "list[MocapSection | EmgSection | PlateSection]":
-        """Sections of everything that measures beside the robot."""
+        """Sections of everything that measures, except for the robot."""
         return [*([] if self.mocap is None else [self.mocap]), *self.sensors]
 
     def check(self, where: str) -> None:
@@ -266,7 +266,7 @@ class Experiment(Settings):
         with mistakes.noted():
             self._check_supervisor()
         if (area := (self.human or {}).get("contact_area")) is not None:
-            from hric_assessment.contact.area import check_area  # a run without a person need not wait for it
+            from hric_assessment.contact.area import check_area  # imported only for runs with a person
 
             with mistakes.noted():
                 check_area(as_number(area), name="human.contact_area")

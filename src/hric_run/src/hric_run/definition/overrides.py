@@ -206,7 +206,7 @@ def _keys(group: str, raw: Mapping[str, Any]) -> list[str]:
     if group == "parameters":
         return list(raw.get("controllers") or [])
     if group in SENSORS:
-        from hric_run.definition.sections import SECTIONS  # other overrides need not wait for it
+        from hric_run.definition.sections import SECTIONS  # imported only for these overrides
 
         return sorted(declared(SECTIONS[group]))
     return sorted(declared(GROUPS[group])) if group in GROUPS else []

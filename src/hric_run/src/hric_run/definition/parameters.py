@@ -23,7 +23,7 @@ ROBOT = "robot"
 """Namespace of the robot's own parameters, below the robot's namespace."""
 
 HUMAN = "human"
-"""Name of the human beside the robot, and of the human's topics below `hric/`."""
+"""Name of the human in the robot's plant, and of the human's topics below `hric/`."""
 HUMAN_START = f"hric/{HUMAN}/start"
 """Service that starts the human."""
 LOAD_SERVICE = "franka_control/set_load"
@@ -50,14 +50,14 @@ def description(spec: RobotSpec) -> str:
 
 
 def human_description(experiment: Experiment) -> str:
-    """Return the URDF of the human beside the robot.
+    """Return the URDF of the human in the robot's plant.
 
     Raises:
         HricError: there is no human, or one of the human's parameters is not valid.
     """
     if experiment.human is None:
         raise ExperimentError(f"experiment {experiment.name}: nobody is beside the robot; valid: a section {HUMAN!r}")
-    # Only who is there is waited for.
+    # Imported only for runs with a human.
     from hric_human.body import describe
     from hric_human.participant.settings import HumanSettings
 
@@ -201,12 +201,12 @@ def _realistic(spec: RobotSpec, plant: dict[str, Any]) -> dict[str, Any]:
     """Return the plant's parameters with the friction of `realism`, so that run.yaml has the friction that acted."""
     if "realism" not in spec.parameters:
         return plant
-    if issubclass(plugins.find(plugins.ROBOT_HW, spec.hw), RobotHWSim):  # it has no control box with a model of its own
+    if issubclass(plugins.find(plugins.ROBOT_HW, spec.hw), RobotHWSim):  # no control box with its own model
         raise ExperimentError(
             "realism is of the simulated Franka with its control box (robot.hw franka_sim/FrankaHWSim); this "
             f"experiment has {spec.hw}"
         )
-    from franka_sim.realism import parse  # with the control box's settings, which other experiments need not wait for
+    from franka_sim.realism import parse  # imported only for experiments with realism
 
     return parse(spec.parameters["realism"], "realism").with_friction(plant, spec.arm_id)
 
@@ -230,8 +230,7 @@ def _friction(spec: RobotSpec) -> dict[str, Any]:
     held = breakaways(chosen, list(published))
     if BREAKAWAY in chosen or any(held):
         values = [{**phi, BREAKAWAY: value} for phi, value in zip(values, held, strict=True)]
-    # By the joints' names, as the control box takes them: a fitted file has the values in their order, whatever the arm
-    # is called.
+    # By joint name, as the control box expects: a fitted file has its values in joint order, for any arm_id.
     return {"friction": friction, "friction_parameters": dict(zip(published, values, strict=True))}
 
 
@@ -307,7 +306,7 @@ def supervisor(experiment: Experiment) -> dict[str, dict[str, Any]]:
 
 
 def beside(experiment: Experiment) -> dict[str, dict[str, Any]]:
-    """Return the private parameters of all nodes that run beside the robot, by the last part of their names."""
+    """Return the private parameters of all nodes other than the robot's, by the last part of their names."""
     found = mocap(experiment) | sensors(experiment) | supervisor(experiment)
     return {name.rpartition("/")[2]: values for name, values in found.items()}
 

@@ -1,8 +1,8 @@
 """Sections `mocap`, `emg`, `force_plate`, `sync`, `human`, `person`, `supervisor` of an experiment file.
 
-They are for what runs beside the robot. Each is declared once: files are read by it, parameters of nodes and sources of
-the synchroniser follow from it, and INTERFACE.md prints it. Mappings for a node are checked by the declarations of that
-node's package and passed on unchanged.
+Each is declared once: files are read by it, parameters of nodes and sources of the synchroniser follow from it, and
+INTERFACE.md prints it. Mappings for a node are checked by the declarations of that node's package and passed on
+unchanged.
 """
 
 import os
@@ -91,7 +91,7 @@ class MocapSection(Settings):
 
     def check(self, where: str) -> None:
         """Refuse values that the emulated human or Motive does not accept, and a body that is not streamed."""
-        seen = self.build(0, {"person": {}} if self.measures_him else {})  # whose body it is changes no name here
+        seen = self.build(0, {"person": {}} if self.measures_him else {})  # names are the same for any person
         bodies = [body.name for body in seen.motive.scene.bodies]
         object.__setattr__(self, "body", self.body or seen.name)
         if self.body not in bodies:
@@ -112,7 +112,7 @@ class MocapSection(Settings):
         Raises:
             HricError: a value is not valid.
         """
-        # Only a run with a human waits for this import.
+        # Imported only for runs with a human.
         from hric_perception.human import see
 
         return see(self.human, self.stream, self.base_from_mocap, seed, self.prefix, **person)
