@@ -41,10 +41,10 @@ class Finding:
         window: begin and end of the time that the finding covers, robot time [s].
         signals: topics from which the values were recorded.
         missing: data needed for a better finding.
-        notes: how the values were computed; marks of the limits.
+        notes: remarks on the computation of the values; marks of the limits.
         group: part of the verdict: contact, separation, posture, lift.
         regions: body regions of ISO/TS 15066.
-        evidence: how much of the window is known; None: the finding has no signal over time.
+        evidence: part of the window that is known; None: the finding has no signal over time.
         remedy: command, option or topic that would make a finding assessable; empty: it is assessable.
         person: namespace of the person; empty: there is one person only.
     """

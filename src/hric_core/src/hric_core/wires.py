@@ -31,9 +31,9 @@ class Wire:
         port_text: the ports in words.
         address: address to which it is bound, and what opens it to others.
         address_argument: True if an argument can set the address to which it is bound.
-        speaks: who may speak.
+        speaks: peers that may use the port.
         queue: data that waits for a slow peer.
-        stranger: what an attacker can do who reaches the port.
+        stranger: actions open to an attacker who reaches the port.
     """
 
     who: str

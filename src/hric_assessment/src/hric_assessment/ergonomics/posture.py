@@ -30,9 +30,9 @@ class Posture:
         wrist_flexion: + towards the palm.
         wrist_deviation: + to the little finger.
         pronation: from mid-position.
-        neck_flexion, neck_bend, neck_twist: to the trunk; forward, to the right, to the left +.
-        trunk_flexion, trunk_bend: to the vertical (see `to_vertical`); forward, to the right +.
-        trunk_twist: to the pelvis.
+        neck_flexion, neck_bend, neck_twist: angles of the neck to the trunk; forward, to the right, to the left +.
+        trunk_flexion, trunk_bend: angles of the trunk to the vertical (see `to_vertical`); forward, to the right +.
+        trunk_twist: rotation of the trunk against the pelvis.
         knee_flexion: flexion of the more flexed knee.
         arm_supported: the arm rests on something, or the person leans.
         trunk_supported: the person sits with a well supported trunk.

@@ -13,7 +13,7 @@ def stopping_speed(distance: float, acceleration: float, period: float) -> float
     and 0 <= f < 1. Without an acceleration limit the whole distance may be covered in one step.
 
     Args:
-        distance: to the limit [rad]; 0 when at or beyond it.
+        distance: distance to the limit [rad]; 0 when at or beyond it.
         acceleration: largest deceleration [rad/s^2].
         period: cycle time [s].
     """

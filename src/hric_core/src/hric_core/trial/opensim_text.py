@@ -24,7 +24,7 @@ class Storage:
 
     Attributes:
         time: rising, shape (n,) [s].
-        columns: by label, shape (n,).
+        columns: values by label, shape (n,).
         degrees: True if rotations are in degrees.
     """
 

@@ -126,7 +126,7 @@ class Link:
     """Link of the description.
 
     Attributes:
-        mass: in axes of the link; None without `<inertial>`.
+        mass: mass properties in axes of the link; None without `<inertial>`.
     """
 
     name: str

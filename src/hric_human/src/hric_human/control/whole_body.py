@@ -84,7 +84,7 @@ class _Link(NamedTuple):
         offset: position of the joint, in axes of the parent [m].
         axis: axis of the joint; zero if it is fixed.
         joint: index in the body's order; 0 if it is fixed.
-        mass, com, inertia: in axes of the link, the inertia by rows [kg], [m], [kg m^2].
+        mass, com, inertia: mass properties in axes of the link, the inertia by rows [kg], [m], [kg m^2].
     """
 
     name: str

@@ -60,7 +60,7 @@ def at_surface(wrench: FloatArray, height: float) -> FloatArray:
 
     Args:
         wrench: about the plate's electrical origin, z normal to the surface, shape (6,) [N, N m].
-        height: of the surface over that origin [m]; the sign differs between makers: check with a known weight.
+        height: height of the surface above that origin [m]; the sign differs between makers: check with a known weight.
     """
     fx, fy, fz, mx, my, mz = wrench.tolist()
     return np.array([fx, fy, fz, mx + height * fy, my - height * fx, mz])

@@ -46,7 +46,7 @@ class Source:
     Attributes:
         topic: name in the plan.
         message: class of its messages.
-        columns: in the order of the values.
+        columns: columns of the message in the order of the values.
         max_gap: largest distance of samples for interpolation, or age of a held sample [s].
         timeout: silence after which it starves [s of wall time].
         capacity: number of stored samples.

@@ -27,7 +27,7 @@ class MuscleMarkers:
 
     Args:
         description: URDF of the body.
-        lines: by muscle: link, and x, y, z in its axes [m].
+        lines: points of each muscle's line by its name: link, and x, y, z in its axes [m].
         prefix: prefix of the human's frames.
     """
 
