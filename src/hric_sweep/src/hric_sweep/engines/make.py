@@ -10,7 +10,7 @@ from hric_sweep.engines.engine import Engine
 
 JOBS = os.cpu_count() or 1
 LOCAL = "local"
-"""Value of --dask that stands for a cluster of this machine's processors, which ends with the command."""
+"""Value of --dask that means a cluster of this machine's processors, which ends with the command."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

@@ -99,7 +99,7 @@ class Sampler(Protocol):
     total: int
 
     def ask(self) -> Sequence[Point]:
-        """Return the next batch; empty: no more runs. Call it after `tell` got the results of the previous batch."""
+        """Return the next batch; empty: no more runs. The results of the batch before must be known by then."""
 
     def tell(self, results: Sequence[Told]) -> None:
         """Receive the results of the complete batch, in order of index."""
