@@ -1,5 +1,8 @@
-"""Pages of the manual that are made from the sources: the interface of each package, the docstrings of what users
-import, and CONTRIBUTING.md. mkdocs calls the functions by their names (hooks in mkdocs.yml)."""
+"""Pages of the manual that are made from the sources, and CONTRIBUTING.md.
+
+These are the interface of each package and the docstrings of what users import. mkdocs calls the functions by their
+names (hooks in mkdocs.yml).
+"""
 
 import re
 import runpy
@@ -57,5 +60,5 @@ def pages(root: Path) -> Iterator[tuple[str, str]]:
 
 
 def without_links_of_units(text: str) -> str:
-    r"""The text with "\]" where a bracket with a unit follows, outside of code."""
+    r"""Return the text with "\]" where a bracket with a unit follows, outside of code."""
     return UNITS.sub(lambda found: "\\]" if found[0] == "]" else found[0], text)
