@@ -19,7 +19,7 @@ from hric_core.publishing import OnError
 from hric_core.robot_time import stamps
 from hric_core.ros.action import RosActionServer
 from hric_core.ros.live import RosLiveParameters
-from hric_core.ros.prompt import send_promptly
+from hric_core.ros.prompt import prompt_connections, send_promptly
 
 LAST = 0.5
 """Longest wait for listeners to take the published messages before a topic is closed [s].
@@ -96,7 +96,7 @@ class RosPublisher:
             topic.buff.seek(0)
             topic.buff.truncate()
             topic.message_data_sent += len(data)
-            return Parcel(topic.connections, data, count)
+            return Parcel(prompt_connections(topic), data, count)
 
     def subscribers(self) -> int:
         """Return the number of listeners."""
