@@ -7,10 +7,10 @@ import subprocess
 import sys
 
 import pytest
+from real_master import ros, roscore  # noqa: F401
 from rospy.impl import tcpros_base
 
 from hric_core.ros import process as ros_backlog
-from hric_core.testing import ros, roscore  # noqa: F401
 
 pytestmark = pytest.mark.alone
 

@@ -12,13 +12,13 @@ from typing import Any
 
 import pytest
 import rospy
+from real_master import ros, roscore  # noqa: F401
 from std_msgs.msg import String
 
 from hric_core import listeners
 from hric_core.listeners import DISPATCHER
 from hric_core.ros import RosNode
 from hric_core.ros.prompt import PromptConnection, send_promptly
-from hric_core.testing import ros, roscore  # noqa: F401
 
 pytestmark = pytest.mark.alone
 
