@@ -65,7 +65,8 @@ def test_the_text_of_a_failed_init_is_the_reason_and_nothing_is_loaded(rig) -> N
 def test_a_programming_error_in_init_is_told_with_its_place(rig) -> None:
     rig.fail = {"init": ZeroDivisionError("division by zero")}
     with pytest.raises(
-        HricError, match=r"controller left cannot be loaded: ZeroDivisionError: division by zero \(.*fakes\.py:\d+\)"
+        HricError,
+        match=r"left cannot be loaded: ZeroDivisionError: division by zero \(.*recorded_calls\.py:\d+\)",
     ):
         rig.load("left")
 

@@ -10,6 +10,8 @@ from actionlib_msgs.msg import GoalStatus
 from hric_core.errors import HricError
 from hric_core.node import GoalHandle
 
+_STATES = {value: name for name, value in vars(GoalStatus).items() if name.isupper()}
+"""Names of the states by number; actionlib's own `to_string` has another name for PENDING."""
 _ENDS = {"reject": "set_rejected", "succeed": "set_succeeded", "abort": "set_aborted", "cancel": "set_canceled"}
 
 
@@ -23,7 +25,7 @@ class RosGoalHandle(GoalHandle):
     @property
     def status(self) -> str:
         """State, by actionlib's name."""
-        return str(GoalStatus.to_string(self._handle.get_goal_status().status))
+        return _STATES[self._handle.get_goal_status().status]
 
     def accept(self) -> None:
         """Set the goal active."""
