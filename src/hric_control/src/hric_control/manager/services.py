@@ -41,7 +41,7 @@ STATISTICS_PERIOD = 1.0
 class ManagerServices:
     """Services and statistics of ros_control below `<node>/controller_manager`, until the node is closed.
 
-    A refused request is answered with false; its reason is logged, and stored in the parameter `refusal`, since the
+    A refused request gets the response false; its reason is logged, and stored in the parameter `refusal`, since the
     services' types have no field for it.
 
     Args:

@@ -10,7 +10,7 @@ from actionlib_msgs.msg import GoalStatus
 from hric_core.errors import HricError
 from hric_core.node import GoalHandle
 
-_STATES = {value: name for name, value in vars(GoalStatus).items() if name.isupper()}
+_STATES: dict[int, str] = {value: name for name, value in vars(GoalStatus).items() if name.isupper()}
 """Names of the states by number; actionlib's own `to_string` has another name for PENDING."""
 _ENDS = {"reject": "set_rejected", "succeed": "set_succeeded", "abort": "set_aborted", "cancel": "set_canceled"}
 
