@@ -61,6 +61,7 @@ CHOICES = Choices(
     CONTROLLERS,
     ("marker_tracking", "pd_step", "thesis_step"),
     {"mocap": ("marker_tracking",), "emg": ("data_collection",), "human": ("thesis_step",)},
+    ("mujoco", "pybullet"),
 )
 
 
@@ -310,7 +311,7 @@ def test_help_of_scripts_needs_no_set_up_and_next_to_no_computing(
 def test_the_shell_completes_names_and_values() -> None:
     assert completed("real") == ["realism:=", "real_time_factor:="]
     assert completed("controller:") == ["controller:="]
-    assert completed("simulator:=") == ["simulator:=pybullet", "simulator:=opensim", "simulator:=mujoco"]
+    assert completed("simulator:=") == ["simulator:=mujoco", "simulator:=opensim", "simulator:=pybullet"]
     assert "controller:=effort_joint_trajectory_controller" in completed("controller:=eff")
     assert completed("experiment:=pd") == ["experiment:=pd_step"] and completed("kp:=") == completed("colour:=") == []
 

@@ -28,7 +28,6 @@ NO_TRANSMISSIONS = {
 """Descriptions that were cut from larger ones, with transmissions of joints that are gone."""
 NO_JOINTS = "hector_description/robots/quadrotor_base.urdf", "iris_description/robots/iris_simple.urdf"
 """Descriptions of one body, which no plant can drive."""
-ENGINES = ("pybullet_ros_control/PyBulletPlant", "mujoco_ros_control/MujocoPlant", "opensim_ros_control/OpenSimPlant")
 MASSLESS = "romeo.urdf", "romeo_laas_small.urdf"
 """Robots with fingers at the end that have no mass: no engine can accelerate them, and pinocchio's mass matrix is
 singular."""
@@ -92,7 +91,7 @@ def test_transmissions_are_read_or_left_out_with_one_warning(caplog: pytest.LogC
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("engine", ENGINES, ids=lambda engine: engine.partition("/")[2])
+@pytest.mark.parametrize("engine", list(plugins.names(plugins.PLANT)), ids=lambda engine: engine.partition("/")[2])
 @pytest.mark.parametrize("name", [name for name in ROBOTS if name not in (*REFUSED, *NO_JOINTS)])
 def test_a_robot_loads_on_every_engine(name: str, engine: str, package: Path) -> None:
     assert resources.package_path("example-robot-data") == package / "example-robot-data"

@@ -231,7 +231,7 @@ def main(argv: list[str]) -> int:
         arguments["mocap"] = given.device("mocap", arguments, known)
         shown = arguments | {name: given.device(name, arguments, known) for name in given.DEVICES}
         master, running = choose(os.environ.get("ROS_MASTER_URI") or DEFAULT, f"{namespace(arguments)}/robot")
-    except (given.ArgumentError, MasterError, HricError) as error:
+    except (MasterError, HricError) as error:
         print(f"scripts/bringup: {error}", file=sys.stderr)
         return getattr(error, "exit_code", FAILURE)
     announce(shown, master, running)

@@ -1,6 +1,6 @@
 """Arguments of scripts/bringup, all checked before anything starts, even before the set-up.
 
-roslaunch silently accepts a misspelt name or value. This file needs nothing but Python itself.
+roslaunch silently accepts a misspelt name or value. This file needs nothing but Python itself and the source beside it.
 
     python3 bringup_arguments.py [NAME:=VALUE ...]      # help, or one error and exit code 2
     python3 bringup_arguments.py --complete WORD        # completions of the word for the shell
@@ -13,12 +13,16 @@ import os
 import re
 import sys
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from pathlib import Path
 
 WORKSPACE = Path(__file__).resolve().parents[2]
+sys.path.append(str(WORKSPACE / "src/hric_core/src"))
+from hric_core import plugins
+from hric_core.errors import HricError
+
 LAUNCH = WORKSPACE / "src/hric_bringup/launch/bringup.launch"
 CONTROLLERS = WORKSPACE / "src/hric_bringup/config/controllers.yaml"
 EXPERIMENTS = WORKSPACE / "src/hric_experiments/config/experiments"
@@ -26,14 +30,8 @@ Documented = Mapping[str, tuple[str, str]]
 """Default and explanation of each argument."""
 
 
-class ArgumentError(Exception):
-    """Error of a name or value that bringup.launch cannot use; the message lists the valid ones.
-
-    Attributes:
-        exit_code: exit code of the command, as in `hric_core.errors`, which cannot be imported before the set-up.
-    """
-
-    exit_code = 2
+class ArgumentError(HricError):
+    """Error of a name or value that bringup.launch cannot use; the message lists the valid ones."""
 
 
 @dataclass(frozen=True)
@@ -44,11 +42,13 @@ class Choices:
         controllers: instance names in controllers.yaml, and in the YAML files of packages that export controllers.
         experiments: names of the experiment files.
         having: experiments with each section (`DEVICES` and `HUMAN`).
+        engines: short names of the physics engines.
     """
 
     controllers: tuple[str, ...]
     experiments: tuple[str, ...]
     having: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    engines: tuple[str, ...] = ()
 
 
 SENSORS = ("emg", "force_plate")
@@ -73,20 +73,15 @@ def documented() -> dict[str, tuple[str, str]]:
 
 def choices() -> Choices:
     """Return the names of controllers and experiments in this workspace."""
-    controllers = dict.fromkeys(name for path in controller_files() for name in instances(path.read_text()))
+    # Packages that no set-up has put on the path yet, and those of the shell.
+    packages = os.pathsep.join([str(WORKSPACE / "src"), os.environ.get("ROS_PACKAGE_PATH", "")])
+    own = dict.fromkeys(info.source.parent for info in plugins.names(plugins.CONTROLLER, packages).values())
+    files = [CONTROLLERS, *(path for folder in own for path in sorted(folder.glob("config/*.yaml")))]
+    controllers = dict.fromkeys(name for path in files for name in instances(path.read_text()))
     experiments = sorted(EXPERIMENTS.glob("*.yaml"))
     having = {name: tuple(path.stem for path in experiments if has_section(path, name)) for name in (*DEVICES, HUMAN)}
-    return Choices(tuple(controllers), tuple(path.stem for path in experiments), having)
-
-
-def controller_files() -> Iterator[Path]:
-    """Yield the YAML files with controllers: the bring-up's, and those of packages that export controllers."""
-    yield CONTROLLERS
-    roots = dict.fromkeys([str(WORKSPACE / "src"), *os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep)])
-    for root in map(Path, filter(None, roots)):
-        for package in sorted({*root.glob("package.xml"), *root.glob("*/package.xml")}):
-            if "<hric_control" in package.read_text(errors="replace"):
-                yield from sorted(package.parent.glob("config/*.yaml"))
+    engines = tuple(plugins.engines(packages))
+    return Choices(tuple(controllers), tuple(path.stem for path in experiments), having, engines)
 
 
 def instances(text: str) -> list[str]:
@@ -282,7 +277,6 @@ def _check_mocap(given: Mapping[str, str], known: Choices) -> None:
 WORDS: dict[str, tuple[str, ...]] = {
     "env": ("sim", "real"),
     "robot": ("panda", "fr3"),
-    "simulator": ("pybullet", "opensim", "mujoco"),
     "rviz": (*BOOL, "auto"),
     "view": (*BOOL, "auto", "plot"),
     "record": (*BOOL, "auto", "on_trigger"),
@@ -297,17 +291,18 @@ WORDS: dict[str, tuple[str, ...]] = {
 """Valid words of arguments that take one of some words."""
 
 
-def _started(known: Choices) -> list[str]:
-    return [name for name in known.controllers if name not in BROADCASTERS]
-
-
 def _checks(known: Choices) -> dict[str, Check]:
     return {
-        **{name: _one_of(*words) for name, words in WORDS.items()},
-        "robot_ip": _address,
-        "controller": _one_of(*_started(known), "none"),
+        **{name: _one_of(*valid_words(name, known)) for name in (*WORDS, "simulator", "controller")},
+        "robot_ip": _matching(
+            r"(?!none$)[A-Za-z0-9]([A-Za-z0-9.:-]*[A-Za-z0-9])?", "is not an address; for example NAME:=172.16.0.2"
+        ),
         "experiment": _experiment(known.experiments),
-        "subject": _subject,
+        "subject": _matching(
+            "[A-Za-z0-9][A-Za-z0-9_-]{0,31}",
+            "is no code: letters, digits, - and _, at most 32, for example NAME:=P07; names of people stay out of the "
+            "data",
+        ),
         "notes": _notes,
         "split_size": _single("0 means never"),
         "split_duration": _single("0 means never"),
@@ -315,7 +310,7 @@ def _checks(known: Choices) -> dict[str, Check]:
         "mocap_calibration": lambda name, value: value if value == "none" else _existing_file(name, value),
         "friction": _friction,
         "ns": _namespace,
-        "arm_id": _identifier,
+        "arm_id": _matching(r"[^\W\d]\w*", "is not a name; letters, digits and underscores, for example NAME:=panda"),
         "xyz": _vector,
         "rpy": _vector,
         "world": _world,
@@ -323,7 +318,10 @@ def _checks(known: Choices) -> dict[str, Check]:
         "rotor_inertia": _not_negative,
         "kp": _not_negative,
         "kd": _not_negative,
-        "realism": _realism,
+        "realism": _matching(
+            rf"{'|'.join(REALISM)}|\{{.*\}}",
+            f"is not possible; valid: {', '.join(REALISM)}, or for example {{preset: measured, dq_noise: 0}}",
+        ),
         "real_time_factor": _single("1 is real time, 2 twice as fast, 0 as fast as possible"),
         "q_start": _angles,
     }
@@ -339,10 +337,15 @@ def _one_of(*valid: str) -> Check:
     return checked
 
 
-def _address(name: str, value: str) -> str:
-    if not re.fullmatch(r"[A-Za-z0-9]([A-Za-z0-9.:-]*[A-Za-z0-9])?", value) or value == "none":
-        raise ArgumentError(f"{name}:={value} is not an address; for example {name}:=172.16.0.2")
-    return value
+def _matching(pattern: str, refusal: str) -> Check:
+    """Return a check by a pattern; refusal: follows name and value, with NAME for the name."""
+
+    def checked(name: str, value: str) -> str:
+        if not re.fullmatch(pattern, value):
+            raise ArgumentError(f"{name}:={value} {refusal.replace('NAME', name)}")
+        return value
+
+    return checked
 
 
 def _ip_address(name: str, value: str) -> str:
@@ -399,14 +402,6 @@ def _namespace(name: str, value: str) -> str:
     return "/".join(parts)
 
 
-def _identifier(name: str, value: str) -> str:
-    if not value.isidentifier():
-        raise ArgumentError(
-            f"{name}:={value} is not a name; letters, digits and underscores, for example {name}:=panda"
-        )
-    return value
-
-
 def _numbers(name: str, value: object, example: str) -> list[float]:
     items: list[object] = value if isinstance(value, list) else [value]
     numbers = [
@@ -437,22 +432,6 @@ def _not_negative(name: str, value: str) -> str:
     numbers = _numbers(name, loaded, "0.1")
     if min(numbers) < 0.0 or (isinstance(loaded, list) and len(numbers) != JOINTS):
         raise ArgumentError(f"{name}:={value}: must be 0 or more, one number or {JOINTS} of them in brackets")
-    return value
-
-
-def _realism(name: str, value: str) -> str:
-    if value not in REALISM and not re.fullmatch(r"\{.*\}", value):
-        valid = f"{', '.join(REALISM)}, or for example {{preset: measured, dq_noise: 0}}"
-        raise ArgumentError(f"{name}:={value} is not possible; valid: {valid}")
-    return value
-
-
-def _subject(name: str, value: str) -> str:
-    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_-]{0,31}", value):
-        raise ArgumentError(
-            f"{name}:={value} is no code: letters, digits, - and _, at most 32, for example {name}:=P07; names of "
-            "people stay out of the data"
-        )
     return value
 
 
@@ -504,9 +483,12 @@ def completed(word: str) -> list[str]:
 
 def valid_words(name: str, known: Choices) -> tuple[str, ...]:
     """Return the words that an argument accepts; empty: numbers, paths, or anything else."""
-    if name in ("controller", "experiment"):
-        return (*_started(known), "none") if name == "controller" else (*known.experiments, "none")
-    return WORDS.get(name, ())
+    own = {
+        "controller": (*(word for word in known.controllers if word not in BROADCASTERS), "none"),
+        "experiment": (*known.experiments, "none"),
+        "simulator": known.engines,
+    }
+    return own.get(name) or WORDS.get(name, ())
 
 
 def main(argv: list[str]) -> int:

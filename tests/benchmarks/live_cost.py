@@ -32,7 +32,7 @@ import numpy as np
 import yaml
 
 ROOT = Path(__file__).parents[2]
-for folder in ("tests/integration", "scripts/lib", "src/franka_sim/test"):
+for folder in ("tests/integration", "scripts/lib", "src/franka_sim/test", "src/hric_core/test"):
     sys.path.insert(0, str(ROOT / folder))
 
 CONTROLLERS = ("joint_state_controller", "franka_state_controller", "joint_pd_controller")
@@ -244,7 +244,7 @@ def measure_real(robot: str, seconds: float, rounds: int) -> list[Figures]:
 
 def measure_robot(seconds: float, rounds: int, *overrides: str) -> list[Figures]:
     """With a recorder and a subscriber, on a master of this process."""
-    from hric_core.testing import start_roscore
+    from real_master import start_roscore
 
     start_roscore()
     set_parameters(*overrides)

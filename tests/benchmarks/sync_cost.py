@@ -21,8 +21,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "src" / "hric_perception" / "test"))
-from sync_feed import FORMS, RECORDED, SINGLE, feeds
+sys.path[:0] = [str(Path(__file__).parents[2] / "src" / name / "test") for name in ("hric_perception", "hric_core")]
+from sync_feed import FORMS, RECORDED, SINGLE, feeds  # noqa: E402
 
 ROOT = Path(__file__).parents[2]
 FEED = ROOT / "src" / "hric_perception" / "test" / "sync_feed.py"
@@ -258,8 +258,7 @@ def table(rounds: Sequence[Sequence[Result]]) -> str:
 def main() -> None:
     """Measure what is asked for."""
     import rospy
-
-    from hric_core.testing import start_roscore
+    from real_master import start_roscore
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=12.0, help="of the feed [s]")

@@ -3,9 +3,8 @@ share of a core."""
 
 import pytest
 import rospy
+from real_master import ros, roscore
 from sync_cost import measure, variants
-
-from hric_core.testing import ros, roscore
 
 __all__ = ["ros", "roscore"]
 pytestmark = pytest.mark.alone

@@ -11,12 +11,9 @@ from fci_peer import control_box
 from franka_msgs.msg import ErrorRecoveryGoal
 from franka_real.franka_hw import FrankaHW
 from franka_sim.franka_hw_sim import FrankaHWSim
+from hric_core import plugins
 
-PLANTS = {
-    "pybullet": "pybullet_ros_control/PyBulletPlant",
-    "opensim": "opensim_ros_control/OpenSimPlant",
-    "mujoco": "mujoco_ros_control/MujocoPlant",
-}
+PLANTS = {engine: info.name for engine, info in plugins.engines().items()}
 BACKENDS = (*PLANTS, "panda", "fr3")
 """In process on each engine; through libfranka 0.9 and through pylibfranka, on an emulated box in another process."""
 

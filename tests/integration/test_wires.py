@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
+from ipaddress import ip_address
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from live_system import ROOT, LiveSystem, wait_for
 from neighbour import LAB, NEIGHBOUR, Bound, Network
 from rosbags.highlevel import AnyReader
 
-from hric_core.wires import WIRES, Wire
+from hric_core.wires import GROUP, WIRES, Wire
 
 pytestmark = pytest.mark.alone
 
@@ -102,7 +103,12 @@ def attacked(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Attacked]:
 
 
 def covers(wire: Wire, one: Bound) -> bool:
-    return wire.covers(one.transport, one.address, one.port, list(one.words), LAB)
+    """Whether a socket is one of a row of the table."""
+    names = {word.rpartition("/")[2] for word in one.words}
+    is_node = any(word.startswith("__name:=") for word in one.words)
+    is_program = bool(names.intersection(wire.programs)) if wire.programs else is_node
+    known = ip_address(one.address).is_loopback or (wire.address_argument and one.address in (LAB, GROUP))
+    return is_program and known and one.transport == wire.transport and wire.ports[0] <= one.port <= wire.ports[1]
 
 
 def unopened(bound: list[Bound]) -> list[str]:

@@ -10,7 +10,6 @@ import panda_description
 from hric_control.plant import Plant
 from hric_core import plugins
 
-PLANTS = ("pybullet_ros_control/PyBulletPlant", "opensim_ros_control/OpenSimPlant", "mujoco_ros_control/MujocoPlant")
 PANDA = [f"panda_joint{i}" for i in range(1, 8)]
 
 
@@ -22,7 +21,7 @@ class MakePlant(Protocol):
     ) -> Plant: ...
 
 
-@pytest.fixture(params=PLANTS, ids=lambda name: name.rpartition("/")[2])
+@pytest.fixture(params=list(plugins.names(plugins.PLANT)), ids=lambda name: name.rpartition("/")[2])
 def plant_type(request: pytest.FixtureRequest) -> str:
     return request.param
 

@@ -14,6 +14,7 @@ from hric_control.sim import contact_info, services
 from hric_control.sim.robot_hw_sim import RobotHWSim
 from hric_core.geometry.transforms import rotation_from_quaternion, transform_from_rpy
 from hric_core.local.node import LocalNode
+from hric_core.scoped_node import ScopedNode
 
 URDF_OBJECT = """<robot name="part"><link name="stand"><inertial><origin xyz="0 0 0.3"/><mass value="0.5"/>
 <inertia ixx="0.001" iyy="0.001" izz="0.001" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>"""
@@ -39,12 +40,14 @@ def make_robot(plant_type, tmp_path):
         hw = RobotHWSim()
         hw.init(node, node.child("robot"))
         node.clock = lambda: hw.loop.time
-        robots.append((hw, services.serve(hw, node)))
+        offered = ScopedNode(node)
+        services.SimServices(hw, offered)
+        robots.append((hw, offered))
         return hw, node
 
     yield make
-    for hw, served in robots:
-        served.unregister()
+    for hw, offered in robots:
+        offered.close()
         hw.shutdown()
 
 

@@ -10,6 +10,7 @@ import actionlib
 import pytest
 from actionlib_msgs.msg import GoalStatus
 from fci_peer import control_box, new_address
+from real_master import end_nodes, ros, roscore
 
 from franka_gripper.msg import (
     GraspAction,
@@ -21,7 +22,6 @@ from franka_gripper.msg import (
     StopAction,
     StopGoal,
 )
-from hric_core.testing import end_nodes, ros, roscore
 
 __all__ = ["ros", "roscore"]
 pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]

@@ -13,12 +13,12 @@ from typing import Any
 
 import pytest
 from fci_peer import PATIENCE, Peer, log_of, new_address, wait_until_up
+from real_master import end_nodes, ros, roscore
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 import panda_description
 from hric_core.robot_time import stamps
-from hric_core.testing import end_nodes, ros, roscore
 from hric_msgs.msg import ClockPair
 
 __all__ = ["ros", "roscore"]

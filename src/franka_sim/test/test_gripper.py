@@ -27,7 +27,7 @@ def closed_on(object_width, width=0.03, inner=0.005, outer=0.005, force=20.0):
 
 def test_it_starts_open_and_holds_nothing():
     hand = Gripper()
-    assert (hand.width, hand.max_width, hand.is_grasped, hand.force, hand.is_moving) == (0.08, 0.08, False, 0.0, False)
+    assert (hand.width, hand.max_width, hand.is_grasped, hand.force) == (0.08, 0.08, False, 0.0)
 
 
 def test_a_move_takes_the_way_over_the_speed():

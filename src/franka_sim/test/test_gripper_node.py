@@ -10,6 +10,7 @@ from pathlib import Path
 import actionlib
 import pytest
 from actionlib_msgs.msg import GoalStatus
+from real_master import end_nodes, ros, roscore
 
 from control_msgs.msg import GripperCommandAction, GripperCommandGoal
 from franka_gripper.msg import (
@@ -22,7 +23,6 @@ from franka_gripper.msg import (
     StopAction,
     StopGoal,
 )
-from hric_core.testing import end_nodes, ros, roscore
 
 __all__ = ["ros", "roscore"]
 pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]

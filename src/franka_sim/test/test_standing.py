@@ -5,14 +5,14 @@ import pytest
 
 from franka_msgs.srv import SetLoadRequest
 from hric_control.plant import Load
+from hric_core import plugins
 
-ENGINES = ("pybullet_ros_control/PyBulletPlant", "opensim_ros_control/OpenSimPlant", "mujoco_ros_control/MujocoPlant")
 PAYLOAD = Load(1.0, (0.02, -0.03, 0.1), (0.002, 0, 0, 0, 0.003, 0, 0, 0, 0.001))
 DRIFT = 1e-3
 """Largest motion of any joint [rad]."""
 
 
-@pytest.fixture(params=ENGINES, ids=lambda name: name.rpartition("/")[2])
+@pytest.fixture(params=list(plugins.names(plugins.PLANT)), ids=lambda name: name.rpartition("/")[2])
 def free_arm(request, make_arm, claim):
     """An arm of the preset `measured` that is commanded no torque."""
     arm = make_arm(parameters={"realism": "measured", "plant_type": request.param})

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import rosbag
 import rospy
+from real_master import ros, roscore  # noqa: F401
 from recorder_rig import Node, start  # noqa: F401
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
@@ -21,7 +22,6 @@ from hric_analysis import recordings
 from hric_bags import reader as bag_reader
 from hric_bags.export import recording
 from hric_bags.run_folder import RunFolder
-from hric_core.testing import ros, roscore  # noqa: F401
 from hric_experiments import cli
 from hric_msgs.msg import ControlLog, SampleChunk
 

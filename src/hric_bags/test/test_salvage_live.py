@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rospy
+from real_master import ros, roscore  # noqa: F401
 from rosbags.rosbag1 import Reader
 from std_msgs.msg import Float64MultiArray, UInt32
 
 from hric_bags.health.examine import examine
 from hric_bags.health.salvage import salvage
-from hric_core.testing import ros, roscore  # noqa: F401
 from hric_experiments.recorder import process as recorder_process
 from hric_experiments.recorder.process import RecorderProcess
 

@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 import rosbag
 from plotjuggler_names import curves, names
+from real_master import ros, roscore  # noqa: F401
 from recorder_rig import Node, start  # noqa: F401
 from sensor_nodes import Nodes, TellsTime, nodes  # noqa: F401
 
 from hric_bags.run_folder import RunFolder
-from hric_core.testing import ros, roscore  # noqa: F401
 from hric_experiments import cli
 
 pytestmark = pytest.mark.alone

@@ -1,9 +1,9 @@
 import pytest
+from real_master import ros, roscore
+from recorded_calls import FakeController, RecordingRobotHW
 
-from hric_control.fakes import FakeController, FakeRobotHW
 from hric_control.manager.controller_manager import ControllerManager
 from hric_core.local.node import LocalNode
-from hric_core.testing import ros, roscore
 
 __all__ = ["ros", "roscore"]
 
@@ -20,7 +20,7 @@ class ManagerRig:
 
     def __init__(self) -> None:
         self.fail: dict[str, Exception] = {}
-        self.hw = FakeRobotHW()
+        self.hw = RecordingRobotHW()
         self.node = LocalNode(CONFIGURATION)
         self.made: dict[str, FakeController] = {}
         self.manager = ControllerManager(self.hw, self.node, {"fake/Controller": self._make})

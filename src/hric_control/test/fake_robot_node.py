@@ -7,13 +7,14 @@ import threading
 import time
 
 import rospy
+from recorded_calls import FakeController, RecordingRobotHW
 
-from hric_control.fakes import FakeController, FakeRobotHW
-from hric_control.manager import services as manager_services
 from hric_control.manager.controller_manager import ControllerManager
+from hric_control.manager.services import ManagerServices
 from hric_core import realtime
 from hric_core.ros import RosNode
 from hric_core.ros.process import shut_down
+from hric_core.scoped_node import ScopedNode
 
 PERIOD = 0.004
 
@@ -25,10 +26,11 @@ def main(namespace: str) -> None:
     rospy.init_node("robot", disable_signals=True)  # rospy's handler waits for ever for what get_param holds below it
     rospy.on_shutdown(ended.set)
     node = RosNode(namespace)
-    manager = ControllerManager(FakeRobotHW(), node, {"fake/Controller": FakeController})
+    manager = ControllerManager(RecordingRobotHW(), node, {"fake/Controller": FakeController})
     begin, cycles, paused = time.monotonic(), 0, False
     node.clock = lambda: cycles * PERIOD
-    services = manager_services.serve(manager, node)
+    offered = ScopedNode(node)
+    ManagerServices(manager, offered)
     while not ended.is_set():
         if cycles % 25 == 0:
             paused = rospy.get_param("/paused", False)
@@ -36,7 +38,7 @@ def main(namespace: str) -> None:
             manager.update(cycles * PERIOD, PERIOD)
         cycles += 1
         time.sleep(max(0.0, begin + cycles * PERIOD - time.monotonic()))
-    services.unregister()
+    offered.close()
     manager.shutdown()
     realtime.shutdown()
     shut_down("requested")

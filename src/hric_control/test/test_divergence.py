@@ -46,7 +46,7 @@ def test_what_is_not_finite_is_named_position_or_speed_whatever_the_others_are(d
     with pytest.raises(DivergedError, match=f"at 0.002 s: position of {JOINTS[place]} is .* not finite"):
         divergence.check(values, [0.0] * 3)
     with pytest.raises(DivergedError, match=f"effort of {JOINTS[place]} is .* not finite"):
-        divergence.check_efforts(JOINTS, values)
+        divergence.check_efforts(values)
 
 
 def test_a_joint_without_a_limit_says_so(divergence):

@@ -1,9 +1,9 @@
 import pytest
+from recorded_calls import FakeController, RecordingRobotHW
 from std_msgs.msg import Float64
 from std_srvs.srv import Empty
 
 from hric_control.controller import Controller
-from hric_control.fakes import FakeController, FakeRobotHW
 from hric_control.hardware_interface import EffortJointInterface
 from hric_control.manager.controller_manager import ControllerManager
 from hric_core import plugins
@@ -47,7 +47,7 @@ def test_a_controller_without_a_type_is_refused_with_the_parameter_that_is_missi
 
 
 def test_an_unknown_type_is_refused_with_the_types_that_exist() -> None:
-    manager = ControllerManager(FakeRobotHW(), LocalNode({"pd": {"type": "hric_controllers/JointPDControler"}}))
+    manager = ControllerManager(RecordingRobotHW(), LocalNode({"pd": {"type": "hric_controllers/JointPDControler"}}))
     with pytest.raises(
         UnknownNameError,
         match=r"no hric_control::Controller '\S+/JointPDControler'.*hric_controllers/JointPDController",
@@ -65,7 +65,8 @@ def test_the_text_of_a_failed_init_is_the_reason_and_nothing_is_loaded(rig) -> N
 def test_a_programming_error_in_init_is_told_with_its_place(rig) -> None:
     rig.fail = {"init": ZeroDivisionError("division by zero")}
     with pytest.raises(
-        HricError, match=r"controller left cannot be loaded: ZeroDivisionError: division by zero \(.*fakes\.py:\d+\)"
+        HricError,
+        match=r"left cannot be loaded: ZeroDivisionError: division by zero \(.*recorded_calls\.py:\d+\)",
     ):
         rig.load("left")
 
@@ -92,7 +93,7 @@ class Talkative(Controller):
 @pytest.mark.parametrize("broken", [True, False])
 def test_what_a_controller_offered_is_gone_after_unload_and_after_a_failed_init(broken: bool) -> None:
     node = LocalNode({"talk": {"type": "t", "broken": broken}})
-    manager = ControllerManager(FakeRobotHW(), node, {"t": Talkative})
+    manager = ControllerManager(RecordingRobotHW(), node, {"t": Talkative})
     if broken:
         with pytest.raises(HricError, match="broken"):
             manager.load("talk")
@@ -185,7 +186,7 @@ class Lazy(Controller):
 
 def loaded(**parameters) -> ControllerManager:
     manager = ControllerManager(
-        FakeRobotHW(), LocalNode({"a": {"type": "t/Lazy", **parameters}}), classes={"t/Lazy": Lazy}
+        RecordingRobotHW(), LocalNode({"a": {"type": "t/Lazy", **parameters}}), classes={"t/Lazy": Lazy}
     )
     manager.load("a")
     return manager
@@ -211,7 +212,7 @@ def test_a_parameter_that_a_controller_never_reads_is_refused_with_the_nearest_o
 
 def test_a_controller_refused_for_a_parameter_leaves_nothing_behind() -> None:
     node = LocalNode({"a": {"type": "t/Talkative", "chat": 1}})
-    manager = ControllerManager(FakeRobotHW(), node, classes={"t/Talkative": Talkative})
+    manager = ControllerManager(RecordingRobotHW(), node, classes={"t/Talkative": Talkative})
     before = (node.topics(), node.services())
     with pytest.raises(HricError, match="no parameter 'chat'"):
         manager.load("a")

@@ -71,7 +71,7 @@ def test_a_programming_error_aborts_with_its_place(rig, caplog: pytest.LogCaptur
     rig.fail = {"update": IndexError("list index out of range")}
     rig.start("left")
     rig.cycle()
-    assert "IndexError: list index out of range (" in caplog.text and "(fakes.py:" in caplog.text
+    assert "IndexError: list index out of range (" in caplog.text and "(recorded_calls.py:" in caplog.text
 
 
 def test_an_aborted_controller_frees_its_joints_and_can_be_started_again(rig) -> None:

@@ -11,9 +11,11 @@ from controller_manager_msgs.srv import (
     SwitchControllerRequest,
     UnloadControllerRequest,
 )
-from hric_control.manager import services as manager_services
+from hric_control.manager import services
 from hric_control.manager.loaded_controller import UpdateStatistics
+from hric_control.manager.services import ManagerServices
 from hric_core import plugins
+from hric_core.scoped_node import ScopedNode
 
 SERVICES = {
     "list_controllers": "ListControllers",
@@ -26,14 +28,14 @@ SERVICES = {
 
 
 def test_the_six_services_have_upstreams_names_and_types(rig) -> None:
-    manager_services.serve(rig.manager, rig.node)
+    ManagerServices(rig.manager, rig.node)
     assert rig.node.services() == {
         f"/controller_manager/{name}": f"controller_manager_msgs/{kind}" for name, kind in SERVICES.items()
     }
 
 
 def test_a_controller_goes_through_its_life_by_service_calls(rig) -> None:
-    manager_services.serve(rig.manager, rig.node)
+    ManagerServices(rig.manager, rig.node)
     call = rig.node.child("controller_manager").call
     assert call("load_controller", LoadControllerRequest("left")).ok
     assert call("switch_controller", SwitchControllerRequest(start_controllers=["left"], strictness=2)).ok
@@ -47,7 +49,7 @@ def test_a_controller_goes_through_its_life_by_service_calls(rig) -> None:
 
 
 def test_the_types_come_with_their_base_class(rig) -> None:
-    manager_services.serve(rig.manager, rig.node)
+    ManagerServices(rig.manager, rig.node)
     response = rig.node.call("controller_manager/list_controller_types", ListControllerTypesRequest())
     assert (
         dict(zip(response.types, response.base_classes, strict=True))["fake/Controller"] == "hric_control::Controller"
@@ -74,7 +76,7 @@ def test_the_types_come_with_their_base_class(rig) -> None:
 def test_a_refusal_is_false_and_one_error_with_the_reason(
     rig, caplog: pytest.LogCaptureFixture, service: str, request_: object, reason: str
 ) -> None:
-    manager_services.serve(rig.manager, rig.node)
+    ManagerServices(rig.manager, rig.node)
     rig.load("left")
     with caplog.at_level(logging.ERROR, "hric"):
         assert not rig.node.call(f"controller_manager/{service}", request_).ok
@@ -83,14 +85,14 @@ def test_a_refusal_is_false_and_one_error_with_the_reason(
 
 def test_reloading_with_force_kill_is_granted(rig, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(plugins, "reload", lambda base: [])
-    manager_services.serve(rig.manager, rig.node)
+    ManagerServices(rig.manager, rig.node)
     rig.load("left")
     assert rig.node.call("controller_manager/reload_controller_libraries", ReloadControllerLibrariesRequest(True)).ok
     assert rig.states() == {}
 
 
 def test_statistics_come_once_a_second_of_robot_time(rig) -> None:
-    manager_services.serve(rig.manager, rig.node)
+    ManagerServices(rig.manager, rig.node)
     heard: list[ControllersStatistics] = []
     rig.node.subscribe("controller_manager/statistics", ControllersStatistics, heard.append)
     rig.start("left")
@@ -104,7 +106,7 @@ def test_the_field_for_the_variance_carries_its_root() -> None:
     snapshot = UpdateStatistics(
         "a", "t", True, 10, max_time=9e-6, mean_time=5e-6, variance_time=4e-12, overruns=1, last_overrun=0.5
     )
-    (entry,) = manager_services._statistics([snapshot], 1.5).controller
+    (entry,) = services._statistics([snapshot], 1.5).controller
     assert (entry.max_time.to_nsec(), entry.mean_time.to_nsec(), entry.variance_time.to_nsec()) == (9000, 5000, 2000)
     assert (
         entry.timestamp.to_sec(),
@@ -113,8 +115,9 @@ def test_the_field_for_the_variance_carries_its_root() -> None:
     ) == (1.5, 1, 0.5)
 
 
-def test_taken_back_the_services_are_gone(rig) -> None:
-    services = manager_services.serve(rig.manager, rig.node)
-    services.unregister()
+def test_services_end_with_the_node_that_they_are_offered_through(rig) -> None:
+    offered = ScopedNode(rig.node)
+    ManagerServices(rig.manager, offered)
+    offered.close()
     rig.cycle(10)
     assert rig.node.services() == {} and rig.node.topics() == {}

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
+from recorded_calls import RecordingRobotHW
 
 from hric_control.controller import Controller
 from hric_control.diagnostics import Diagnostics
-from hric_control.fakes import FakeRobotHW
 from hric_control.hardware_interface import EffortJointInterface
 from hric_control.manager.controller_manager import import_controllers
 from hric_control.robot_app import RobotApp, robot_hw_type
@@ -260,7 +260,7 @@ def test_nobody_listening_is_told_and_the_robot_goes_on(caplog):
     assert "nobody listens to control_log after 0.02 s" in caplog.text
 
 
-class Bare(FakeRobotHW):
+class Bare(RecordingRobotHW):
     """Three cycles of a robot that has nothing optional."""
 
     def run(self, on_cycle):

@@ -10,8 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
-
-from hric_core.testing import end_nodes
+from real_master import end_nodes
 
 pytestmark = pytest.mark.alone
 

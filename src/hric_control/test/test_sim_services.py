@@ -25,6 +25,7 @@ from hric_control.plant import Contact
 from hric_control.sim import contact_info, services
 from hric_core.local.node import LocalNode
 from hric_core.robot_time import stamps
+from hric_core.scoped_node import ScopedNode
 from hric_msgs.msg import JointReactions
 from hric_msgs.srv import StepSimulationRequest
 
@@ -42,9 +43,10 @@ def robot(node):
     hw = toy.ToyRobot()
     hw.init(node, LocalNode({"real_time_factor": 0.0}))
     node.clock = lambda: hw.loop.time
-    served = services.serve(hw, node)
+    offered = ScopedNode(node)
+    services.SimServices(hw, offered)
     yield hw
-    served.unregister()
+    offered.close()
     assert not [name for name in node.services() if name.startswith("/sim")]
 
 

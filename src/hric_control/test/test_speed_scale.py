@@ -6,8 +6,8 @@ import random
 
 import numpy as np
 import pytest
+from recorded_calls import FakeController, RecordingRobotHW
 
-from hric_control.fakes import FakeController, FakeRobotHW
 from hric_control.manager.controller_manager import ControllerManager
 from hric_control.speed_scale import (
     ACCELERATION,
@@ -208,7 +208,7 @@ class Obeying(FakeController):
 
 def test_the_list_of_controllers_shows_who_obeys():
     node = LocalNode({name: {"type": name, "joints": [joint]} for name, joint in (("a", "joint1"), ("b", "joint2"))})
-    manager = ControllerManager(FakeRobotHW(), node, {"a": Obeying, "b": FakeController})
+    manager = ControllerManager(RecordingRobotHW(), node, {"a": Obeying, "b": FakeController})
     for name in ("a", "b"):
         manager.load(name)
     manager.switch(["a", "b"], [], loop_running=False)  # one resource for all is no conflict
@@ -236,7 +236,6 @@ def test_a_request_by_topic_is_answered_with_the_cycle_that_took_it_up():
     first, last = got
     assert (first.header.stamp.to_sec(), first.request.to_sec(), first.requested) == (1.02, 1.0, 0.25)
     assert first.force == 50.0 and last.requested == 0.0 and scale.value == 0.0
-    topics.unregister()
 
 
 def test_a_second_publisher_of_the_topic_never_speeds_the_robot_up_and_who_is_lost_is_named():
@@ -256,4 +255,3 @@ def test_a_second_publisher_of_the_topic_never_speeds_the_robot_up_and_who_is_lo
             assert scale.value == 0.2
     assert scale.value == 0.0 and states[0].holder == "/supervisor" and not states[0].expired
     assert states[-1].expired and states[-1].holder == "/supervisor"
-    topics.unregister()

@@ -56,13 +56,6 @@ def test_the_gear_maps_power_onto_itself_and_positions_by_the_offset():
     assert gear.joint_to_actuator_position(0.6) == pytest.approx(-5.0)
 
 
-@pytest.mark.parametrize("gear", [SimpleTransmission(), SimpleTransmission(3.0, -0.2), SimpleTransmission(-0.5, 1.0)])
-def test_going_to_the_actuator_and_back_changes_nothing(gear):
-    assert gear.actuator_to_joint_effort(gear.joint_to_actuator_effort(1.7)) == pytest.approx(1.7)
-    assert gear.actuator_to_joint_velocity(gear.joint_to_actuator_velocity(1.7)) == pytest.approx(1.7)
-    assert gear.actuator_to_joint_position(gear.joint_to_actuator_position(1.7)) == pytest.approx(1.7)
-
-
 @pytest.mark.parametrize(
     ("before", "after", "says"),
     [

@@ -12,8 +12,8 @@ from mocap_rig import MocapArm
 from motive_process import motive
 from natnet_rubbish import Rubbish
 from natnet_samples import one_body_frame
+from real_master import free_port
 
-from hric_core.testing import free_port
 from mocap_natnet.client import NatNetClient, Received, Settings
 from mocap_natnet.client.client import OK
 from mocap_natnet.codec import Codec

@@ -10,7 +10,6 @@ import pytest
 from rospy.impl import tcpros_base
 
 from hric_core.ros import process as ros_backlog
-from hric_core.testing import ros, roscore  # noqa: F401
 
 pytestmark = pytest.mark.alone
 
@@ -19,7 +18,7 @@ LONGEST_QUEUE = 28
 
 
 @pytest.mark.rostest
-def test_more_connections_may_wait_than_rospy_lets(ros: str) -> None:  # noqa: F811
+def test_more_connections_may_wait_than_rospy_lets(ros: str) -> None:
     ros_backlog.widen()
     listening = tcpros_base._tcpros_server.tcp_ros_server.server_sock
     (longest,) = struct.unpack_from("I", listening.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 104), LONGEST_QUEUE)

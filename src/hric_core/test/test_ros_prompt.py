@@ -18,7 +18,6 @@ from hric_core import listeners
 from hric_core.listeners import DISPATCHER
 from hric_core.ros import RosNode
 from hric_core.ros.prompt import PromptConnection, send_promptly
-from hric_core.testing import ros, roscore  # noqa: F401
 
 pytestmark = pytest.mark.alone
 
@@ -170,7 +169,7 @@ print(len(heard), heard[-1][1] - heard[0][1] + 1, max(gaps), flush=True)
 
 
 @pytest.mark.rostest
-def test_of_three_listeners_one_that_is_stopped_costs_the_others_nothing(ros: str, figure) -> None:  # noqa: F811
+def test_of_three_listeners_one_that_is_stopped_costs_the_others_nothing(ros: str, figure) -> None:
     publisher = RosNode().advertise("/isolated", String, queue_size=0)
     with ExitStack() as stack:
         children = [
@@ -206,7 +205,7 @@ def test_of_three_listeners_one_that_is_stopped_costs_the_others_nothing(ros: st
 
 @pytest.mark.rostest
 def test_listeners_of_a_topic_hear_all_and_are_forgotten_when_they_leave(
-    ros: str,  # noqa: F811
+    ros: str,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(rospy.topics, "QueuedConnection", rospy.topics.QueuedConnection)

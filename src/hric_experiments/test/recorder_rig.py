@@ -12,11 +12,11 @@ from typing import Any
 
 import pytest
 import rospy
+from real_master import ros, roscore  # noqa: F401
 from std_msgs.msg import String, UInt32
 from std_srvs.srv import Trigger
 
 from hric_bags.run_folder import RunFolder
-from hric_core.testing import ros, roscore  # noqa: F401
 
 RATE = 500.0
 """Of the counted topic [Hz]."""

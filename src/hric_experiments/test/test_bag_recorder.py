@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 import rospy
+from real_master import ros, roscore  # noqa: F401
 from rosbags.highlevel import AnyReader
 from std_msgs.msg import Float64, UInt8MultiArray, UInt32
 
-from hric_core.testing import ros, roscore  # noqa: F401
 from hric_experiments.recorder import process as recorder_process
 from hric_experiments.recorder.process import RecorderProcess
 

@@ -13,11 +13,11 @@ from xmlrpc.client import ServerProxy
 
 import pytest
 import rosgraph
+from real_master import free_port
 from rosbags.highlevel import AnyReader
 
 from hric_bags import reader as bag_reader
 from hric_bags.run_folder import RunFolder
-from hric_core.testing import free_port
 from hric_experiments.recorder.process import RecorderProcess, RecordError
 from hric_run.definition import experiment as experiments
 from hric_run.definition import parameters

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray
+from real_master import ros, roscore  # noqa: F401
 from recorder_rig import Node, Source, source, start, until  # noqa: F401
 from rosbags.highlevel import AnyReader
 from std_msgs.msg import Empty, UInt8MultiArray
@@ -18,7 +19,6 @@ from std_msgs.msg import Empty, UInt8MultiArray
 from hric_bags.parts import PartsReader, parts
 from hric_bags.run_folder import RunFolder
 from hric_core.errors import ParameterError
-from hric_core.testing import ros, roscore  # noqa: F401
 from hric_experiments.recorder.settings import RecorderSettings
 
 pytestmark = pytest.mark.alone

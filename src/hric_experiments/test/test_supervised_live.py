@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from real_master import end_nodes, free_port, ros, roscore  # noqa: F401  # fixtures
 from rosbags.highlevel import AnyReader
 
 from hric_assessment.supervisor.arm import ArmShape, ArmState
@@ -17,7 +18,6 @@ from hric_assessment.supervisor.separation import STANDING
 from hric_assessment.supervisor.settings import SupervisorSettings
 from hric_bags import reader as bag_reader
 from hric_control.speed_scale import stopping_time
-from hric_core.testing import end_nodes, free_port, ros, roscore  # noqa: F401  # fixtures
 
 WORKSPACE = Path(__file__).parents[3]
 pytestmark = [pytest.mark.live, pytest.mark.alone]

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from real_master import free_port
 from sensor_msgs.msg import JointState
 from sensor_nodes import Nodes, TellsTime, wait
 
 from hric_core.robot_time import stamps
-from hric_core.testing import free_port
 from hric_human.body import describe
 from hric_human.participant.settings import HumanSettings
 

@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
+from real_master import end_nodes
 
 from hric_core.robot_time import stamps
-from hric_core.testing import end_nodes
 from hric_msgs.msg import ClockPair, SampleChunk
 from hric_perception.chunk import Chunk, read_chunk
 

@@ -5,10 +5,10 @@ import time
 
 import numpy as np
 import pytest
+from real_master import free_port, ros, roscore
 from sensor_nodes import LIMIT, Diagnosis, Nodes, TellsTime, TopicActivation, nodes, run, wait
 from std_srvs.srv import SetBool
 
-from hric_core.testing import free_port, ros, roscore
 from hric_perception.chunk import Chunk
 
 __all__ = ["nodes", "ros", "roscore", "run"]

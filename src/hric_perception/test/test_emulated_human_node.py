@@ -12,10 +12,10 @@ from typing import Any
 
 import pytest
 from geometry_msgs.msg import PoseStamped
+from real_master import end_nodes, free_port, ros, roscore
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from hric_core.testing import end_nodes, free_port, ros, roscore
 from hric_msgs.msg import MocapData
 
 __all__ = ["ros", "roscore"]

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from real_master import free_port
 
 from hric_core.errors import HricError, ParameterError
 from hric_core.geometry import Pose, from_rotation_vector, transformed
 from hric_core.geometry.poses import from_z_up
 from hric_core.robot_time.stream_time import WallClock
-from hric_core.testing import free_port
 from hric_perception.chunk import Chunk, Layout
 from hric_perception.emulation import Faults
 from hric_perception.plate.geometry import (

@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio
 import pytest
 from geometry_msgs.msg import WrenchStamped
+from real_master import ros, roscore  # noqa: F401
 from sensor_msgs.msg import JointState
 from sensor_nodes import Nodes, nodes  # noqa: F401
 from visualization_msgs.msg import Marker, MarkerArray
@@ -19,7 +20,6 @@ from visualization_msgs.msg import Marker, MarkerArray
 from franka_msgs.msg import FrankaState
 from hric_control.limits import JointLimits
 from hric_core.robot_time import stamps
-from hric_core.testing import ros, roscore  # noqa: F401
 from hric_human.body import Subject, describe
 from hric_human.muscles import BUILT_IN, load
 from hric_human.muscles.lines import colour, muscle_lines

@@ -9,12 +9,12 @@ import pinocchio
 import pytest
 from before_cameras import BODY, SETTINGS, Swings, begin, listen, processor_time
 from geometry_msgs.msg import WrenchStamped
+from real_master import ros, roscore
 from sensor_nodes import Diagnosis, Nodes, TellsTime, nodes, run, wait
 
 from franka_msgs.msg import FrankaState
 from hric_core.geometry import Pose, transformed
 from hric_core.robot_time import stamps
-from hric_core.testing import ros, roscore
 from hric_human.control.kinematics import HandChain
 from hric_human.muscles import BUILT_IN, load
 from hric_human.muscles.live_load import FEWEST, GAP, WINDOW

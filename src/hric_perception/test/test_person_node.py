@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 from before_cameras import BODY, FRAME_RATE, SETTINGS, Swings, begin, listen, processor_time, swings
+from real_master import ros, roscore
 from sensor_msgs.msg import JointState
 from sensor_nodes import Nodes, nodes, run, wait
 from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 
-from hric_core.testing import ros, roscore
 from hric_human.control.whole_body import WholeBody
 from hric_msgs.msg import MocapData, PersonTracking
 from hric_perception.person.settings import PersonSettings

@@ -6,12 +6,12 @@ import os
 import numpy as np
 import pytest
 from geometry_msgs.msg import PointStamped, Vector3, Wrench, WrenchStamped
+from real_master import free_port, ros, roscore
 from sensor_nodes import LIMIT, Nodes, TellsTime, TopicActivation, nodes, run, wait
 from tf2_msgs.msg import TFMessage
 
 from gazebo_msgs.msg import ContactsState, ContactState
 from hric_core.robot_time import stamps
-from hric_core.testing import free_port, ros, roscore
 
 __all__ = ["nodes", "ros", "roscore", "run"]
 pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from real_master import ros, roscore
 from sensor_nodes import Nodes, TellsTime, nodes, run, wait
 from sync_sources import listen
 
-from hric_core.testing import ros, roscore
 from hric_msgs.msg import SampleChunk, SourceCount
 from hric_perception.chunk import read_chunk
 

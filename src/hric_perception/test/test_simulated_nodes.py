@@ -12,10 +12,10 @@ import sweeping_muscles
 import yaml
 from geometry_msgs.msg import PoseStamped
 from moving_body import BODY, PERIOD, PERSON, Oracle, joint_state
+from real_master import free_port, ros, roscore
 from sensor_msgs.msg import JointState
 from sensor_nodes import Diagnosis, Nodes, TellsTime, TopicActivation, nodes, run, wait
 
-from hric_core.testing import free_port, ros, roscore
 from hric_msgs.msg import MocapData, MuscleActivation
 from hric_perception.emg.envelope import Settings, lag
 

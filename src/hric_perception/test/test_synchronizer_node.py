@@ -13,9 +13,9 @@ from typing import Any
 import pytest
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from real_master import end_nodes, ros, roscore
 from sync_sources import LIMIT, Feeder, listen, wait
 
-from hric_core.testing import end_nodes, ros, roscore
 from hric_msgs.msg import SyncedSample, SyncLayout, SyncStatus
 
 __all__ = ["ros", "roscore"]

@@ -8,9 +8,8 @@ import c3d_files
 import numpy as np
 import pytest
 from c3d_files import PER_FRAME, RATE, Lab
+from real_master import free_port, ros, roscore
 from sensor_nodes import Nodes, TellsTime, TopicActivation, nodes, run, wait
-
-from hric_core.testing import free_port, ros, roscore
 
 __all__ = ["nodes", "ros", "roscore", "run"]
 pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]

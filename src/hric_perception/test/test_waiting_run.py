@@ -10,6 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 import rospy
+from real_master import ros, roscore
 from sensor_nodes import Nodes, TopicActivation, nodes, wait
 from std_msgs.msg import Header
 
@@ -18,7 +19,6 @@ from hric_control.sim.sim_loop import SimLoop
 from hric_core.robot_time import stamps
 from hric_core.robot_time.progress import AHEAD, SILENT, TOPIC
 from hric_core.ros import RosNode
-from hric_core.testing import ros, roscore
 
 __all__ = ["nodes", "ros", "roscore"]
 pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from real_master import free_port
 
-from hric_core.testing import free_port
 from mocap_natnet.client import NatNetClient, Received, Settings
 from mocap_natnet.client.client import ERROR, OK
 from mocap_natnet.server import Body, Motive, MotiveServer, Scene, Sinusoid

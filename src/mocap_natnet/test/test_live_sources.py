@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 import rosbag
 from geometry_msgs.msg import PoseStamped, TransformStamped
+from real_master import free_port, ros, roscore
 from tf2_msgs.msg import TFMessage
 
 from hric_core.errors import HricError
 from hric_core.geometry import Pose
 from hric_core.robot_time import stamps
-from hric_core.testing import free_port, ros, roscore
 from hric_msgs.msg import MocapData, RigidBodyState
 from mocap_natnet.server.bag_source import from_bag
 from mocap_natnet.server.scene import Faults

@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Point, PoseStamped
+from real_master import end_nodes, free_port, ros, roscore
 from std_srvs.srv import Trigger
 
-from hric_core.testing import end_nodes, free_port, ros, roscore
 from hric_msgs.msg import MocapData
 
 sys.path.insert(0, str(Path(__file__).parent))

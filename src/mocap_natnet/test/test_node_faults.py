@@ -10,9 +10,8 @@ from pathlib import Path
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
+from real_master import free_port, ros, roscore
 from rosgraph_msgs.msg import Log
-
-from hric_core.testing import free_port, ros, roscore
 
 sys.path.insert(0, str(Path(__file__).parent))
 from motive_process import motive

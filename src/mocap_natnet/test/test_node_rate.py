@@ -8,8 +8,8 @@ import time
 from pathlib import Path
 
 import pytest
+from real_master import free_port, ros, roscore
 
-from hric_core.testing import free_port, ros, roscore
 from hric_msgs.msg import MocapData
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -11,11 +11,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from real_master import end_nodes, free_port, ros, roscore
 from rosgraph_msgs.msg import Log
 from std_msgs.msg import String
 
 from hric_core.robot_time import stamps
-from hric_core.testing import end_nodes, free_port, ros, roscore
 from hric_msgs.msg import ClockPair, MocapData
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -5,10 +5,10 @@ import time
 from pathlib import Path
 
 import pytest
+from real_master import free_port
 
 from hric_core.robot_time.clock import NS, RunClock
 from hric_core.robot_time.stream_time import StreamTime
-from hric_core.testing import free_port
 from mocap_natnet.client import NatNetClient, Received
 from mocap_natnet.client import Settings as ClientSettings
 from mocap_natnet.server import Body, Motive, MotiveServer, Scene, Settings, Sinusoid

@@ -10,9 +10,8 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from real_master import free_port
 from scipy.spatial.transform import Rotation
-
-from hric_core.testing import free_port
 
 sys.path.insert(0, str(Path(__file__).parent))
 from motive_process import motive

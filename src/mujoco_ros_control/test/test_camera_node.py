@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 import rospy
 import tf2_ros
+from real_master import ros, roscore  # noqa: F401
 from sensor_msgs.msg import CameraInfo, Image, JointState
-
-from hric_core.testing import ros, roscore  # noqa: F401
 
 pytestmark = pytest.mark.alone
 NODE = Path(__file__).resolve().parents[1] / "nodes" / "camera"

@@ -63,7 +63,7 @@ def test_brakes_hold_a_loaded_arm_still_and_free_it(make_plant, panda_urdf, conf
     oracle = Oracle(panda_urdf)
     import pinocchio
 
-    hand = oracle.model.frames[oracle.model.getFrameId(plant.robot.model.last_link)]
+    hand = oracle.model.frames[oracle.model.getFrameId(plant.tree.joints[plant.joint_names[-1]].child)]
     oracle.model.appendBodyToJoint(
         hand.parentJoint, pinocchio.Inertia(3.0, np.array(load.com), np.zeros((3, 3))), hand.placement
     )
@@ -254,9 +254,9 @@ def test_a_mimic_joint_follows_also_with_rotors_and_brakes(make_plant, config):
     q = np.array([0.3, -0.05])
     x = C @ (-oracle.gravity(q)) / (C @ (oracle.mass_matrix(q) + np.diag([rotor, 0.0])) @ C)
     steps(plant, 1)
-    assert plant.robot.u[first] == pytest.approx(1e-3 * x, rel=1e-3)
+    assert plant.robot.speeds[first] == pytest.approx(1e-3 * x, rel=1e-3)
     steps(plant, 200)
-    assert plant.robot.q[second] == pytest.approx(-0.5 * plant.robot.q[first] + 0.1, abs=1e-9)
+    assert plant.robot.positions[second] == pytest.approx(-0.5 * plant.robot.positions[first] + 0.1, abs=1e-9)
     plant.set_brakes([True])
     before = plant.robot.q[:]
     steps(plant, 50)
@@ -270,4 +270,4 @@ def test_passive_joints_swing_or_are_locked(make_plant, config):
         plant.reset([0.0])
         index = plant.robot.engine.index["/jointset/joint2/joint2"]
         steps(plant, 100)
-        assert (abs(plant.robot.q[index]) > 1e-2) == moves
+        assert (abs(plant.robot.positions[index]) > 1e-2) == moves

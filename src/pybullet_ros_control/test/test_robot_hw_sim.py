@@ -17,7 +17,6 @@ from hric_control.sim.robot_hw_sim import RobotHWSim
 from hric_core import plugins
 from hric_core.errors import CommandError, HricError
 from hric_core.local.node import LocalNode
-from pybullet_ros_control import robot_hw_sim as former_place
 
 ALL = ("EffortJointInterface", "VelocityJointInterface", "PositionJointInterface")
 WIDE = 'lower="-2" upper="2" effort="200" velocity="5"'
@@ -73,7 +72,6 @@ def run(hw, seconds, law=None):
 def test_the_type_name_and_its_former_one_find_the_robot_and_its_plant():
     assert plugins.find(plugins.ROBOT_HW, "hric_control/RobotHWSim") is RobotHWSim
     assert plugins.find(plugins.ROBOT_HW, "pybullet_ros_control/RobotHWSim") is RobotHWSim
-    assert former_place.RobotHWSim is RobotHWSim
     assert plugins.find(plugins.PLANT, "pybullet_ros_control/PyBulletPlant").__name__ == "PyBulletPlant"
 
 

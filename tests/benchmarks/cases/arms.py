@@ -23,7 +23,6 @@ from hric_human.control import HumanControl
 from hric_human.muscles.anatomy import BUILT_IN, load
 from hric_human.muscles.drive import MuscleDrive
 from hric_human.muscles.muscle_set import MuscleSet
-from hric_run.definition.overrides import SIMULATORS
 
 JOINTS = [f"panda_joint{i}" for i in range(1, 8)]
 SETPOINT = [0.0, -0.785398, 0.0, -2.356194, 0.0, 1.570796, 0.785398]
@@ -180,7 +179,7 @@ class WholeCycle:
         robot = {
             "q_start": [*SETPOINT[:3], -2.0, *SETPOINT[4:]],
             "real_time_factor": 0.0,
-            "plant_type": SIMULATORS[simulator],
+            "plant_type": plugins.engines()[simulator].name,
             "plant": plant,
             "participants": participants or {},
         }

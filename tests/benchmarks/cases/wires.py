@@ -93,8 +93,7 @@ def synchroniser() -> Iterator[Block]:
     """Processor time of the synchroniser per second of a data collection at 1 kHz, as one records it."""
     import rospy
     import sync_cost
-
-    from hric_core.testing import start_roscore
+    from real_master import start_roscore
 
     start_roscore()
     rospy.init_node("benchmark", anonymous=True, disable_signals=True)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
+from threading import get_ident
 from typing import Any
 
 from franka_hw_interface.arm_parameters import read_limits
@@ -12,13 +13,14 @@ from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.modes import HOLD, Mode
 from franka_hw_interface.robot_state import RobotMode
 from franka_real import connection
-from franka_real.arm_adapter import ArmAdapter, LoopCalls
+from franka_real.arm_adapter import ArmAdapter
 from franka_real.backend import RobotError
 from franka_real.realtime_setup import Measure, priority_kept, realtime, take_priority
 from franka_real.robot_time import RobotTime
 from franka_real.settings import Settings
 from franka_real.state import LibfrankaState
 from hric_control.hardware_interface import JointStates
+from hric_control.loop_requests import LoopRequests
 from hric_control.robot_hw import OnCycle
 from hric_core import realtime as messages
 from hric_core.errors import HricError
@@ -61,7 +63,7 @@ class FrankaHW(CommandedArm):
         self.mode, self.error, self.lost_states = HOLD, "", 0
         self.losses: list[int] = []
         self._requested, self._stop, self._in_run = HOLD, False, False
-        self._calls = LoopCalls()
+        self._requests = LoopRequests()
         self._robot_time = RobotTime([root_node, node])
         self._connection = connection.open_connection(config)
         try:
@@ -78,7 +80,7 @@ class FrankaHW(CommandedArm):
             for text in connection.learn(self.model, state):
                 self._node.log_warn(text)
             models = connection.models(self._settings, self._arm, self.model, self.description)
-            self._adapter = ArmAdapter(self._connection, self._calls, state, models, self.recover)
+            self._adapter = ArmAdapter(self._connection, self._requests, state, models, self.recover)
             self._send_collision_behavior()
         self._commands = CommandSet(self.arm_id, self.states, state, limits)
         self._register(models[0])
@@ -109,7 +111,8 @@ class FrankaHW(CommandedArm):
 
     def run(self, on_cycle: OnCycle) -> None:
         """Follow the arm's clock until `stop` is called. Raises ConnectionLostError when the arm is gone."""
-        self._calls.open()
+        with self._requests.lock:
+            self._requests.thread = get_ident()
         self._in_run = True
         try:
             with priority_kept(), self._realtime() as measures:
@@ -126,7 +129,10 @@ class FrankaHW(CommandedArm):
             if self._watchdog is not None:
                 self._watchdog.disarm()
             self._in_run = self._stop = False
-            self._calls.close()
+            with self._requests.lock:
+                self._requests.thread = None
+                while self._requests.waiting:
+                    self._requests.waiting.popleft()[0].set_exception(HricError("the control loop has ended"))
 
     def _realtime(self) -> AbstractContextManager[list[Measure]]:
         config = self._settings
@@ -152,7 +158,7 @@ class FrankaHW(CommandedArm):
         while not self._stop and (self.error or not self._requested.commanded):
             period = self._take(self._arm.read_once())
             if period > 0.0:
-                self._calls.serve()
+                self._requests.serve()
                 on_cycle(self.time, period, False)
 
     def _command(self, mode: Mode, on_cycle: OnCycle) -> None:
@@ -172,7 +178,7 @@ class FrankaHW(CommandedArm):
                 period = self._take(raw)
                 if period > LATE:
                     self.losses.append(round(period / PERIOD) - 1)
-                self._calls.serve()
+                self._requests.serve()
                 on_cycle(self.time, period or PERIOD, False)
             command = self._commands.limited_command(mode)
             command.finished = self._stop or self._requested is not mode

@@ -1,4 +1,6 @@
-"""Model functions of libfranka's two bindings behind one interface; vectors and matrices are column-major lists."""
+"""Model functions of libfranka's two bindings behind one interface.
+
+q, dq: 7 floats; column-major poses have 16, Jacobians 42, mass matrices 49 floats."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -41,28 +43,6 @@ class Total:
     def of(cls, body: MassProperties) -> "Total":
         """Convert the mass properties of a body in the flange frame."""
         return cls(column_major(body.inertia), float(body.mass), [float(value) for value in body.com])
-
-
-class ModelFunctions(Protocol):
-    """Functions of libfranka's model. q, dq: 7 floats; column-major poses 16, Jacobians 42, mass matrices 49 floats."""
-
-    def mass(self, q: Floats, total: Total) -> list[float]:
-        """Return M(q) [kg m^2]."""
-
-    def coriolis(self, q: Floats, dq: Floats, total: Total) -> list[float]:
-        """Return C(q, dq) dq [N m]."""
-
-    def gravity(self, q: Floats, total: Total, gravity_base: Floats) -> list[float]:
-        """Return g(q) [N m]."""
-
-    def pose(self, frame: Frame, q: Floats, F_T_EE: list[float], EE_T_K: list[float]) -> list[float]:
-        """Return T_base_frame."""
-
-    def zero_jacobian(self, frame: Frame, q: Floats, F_T_EE: list[float], EE_T_K: list[float]) -> list[float]:
-        """Return the Jacobian in base axes."""
-
-    def body_jacobian(self, frame: Frame, q: Floats, F_T_EE: list[float], EE_T_K: list[float]) -> list[float]:
-        """Return the Jacobian in the frame's own axes."""
 
 
 class _Model(Protocol):
@@ -209,3 +189,6 @@ def _beyond_flange(frame: Frame, F_T_EE: list[float], EE_T_K: list[float]) -> Fl
     if frame is Frame.END_EFFECTOR:
         return from_column_major(F_T_EE)
     return from_column_major(F_T_EE) @ from_column_major(EE_T_K) if frame is Frame.STIFFNESS else None
+
+
+ModelFunctions = PandaFunctions | Fr3Functions

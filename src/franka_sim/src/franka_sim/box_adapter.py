@@ -19,11 +19,7 @@ class BoxAdapter:
     """
 
     def __init__(self, loop: SimLoop, box: ControlBox, recover: Callable[[], None]) -> None:
-        self._loop, self._box, self.recover = loop, box, recover
-
-    def request(self, function: Callable[[], None]) -> None:
-        """Call `function` between two cycles."""
-        self._loop.request(function)
+        self._box, self.request, self.recover = box, loop.request, recover
 
     def _send(self, request: Callable[[], Outcome]) -> None:
         box, reasons = self._box, list[str]()

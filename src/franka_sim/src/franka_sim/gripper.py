@@ -74,11 +74,6 @@ class Gripper:
         return self.config.temperature
 
     @property
-    def is_moving(self) -> bool:
-        """True while a request is executed."""
-        return self._task is not None
-
-    @property
     def object_width(self) -> float | None:
         """Width of the object between the fingers [m], None without an object.
 

@@ -47,4 +47,7 @@ class Controller:
         """Finish, as last call in the loop before the joints are released. Must not block."""
 
     def shutdown(self) -> None:
-        """Unregister topics, services and actions. Called once at unload, outside the loop."""
+        """Release what `init` took. Called once at unload, outside the loop.
+
+        What it advertised, subscribed and offered through its nodes is taken back by the manager afterwards.
+        """

@@ -1,8 +1,7 @@
-"""Robot and controller without physics, for tests of the code around them."""
+"""Robot without physics, for tests of the code around it."""
 
 from collections.abc import Sequence
 
-from hric_control.controller import Controller
 from hric_control.hardware_interface import (
     EffortJointInterface,
     JointCommands,
@@ -10,8 +9,7 @@ from hric_control.hardware_interface import (
     JointStates,
     PositionJointInterface,
 )
-from hric_control.robot_hw import ControllerInfo, RobotHW
-from hric_core.node import Node
+from hric_control.robot_hw import RobotHW
 
 
 class FakeRobotHW(RobotHW):
@@ -19,80 +17,12 @@ class FakeRobotHW(RobotHW):
 
     Attributes:
         states, effort, position: storage of the states and of both commands.
-        calls: calls of the manager, e.g. ("do_switch", ["a"], ["b"]).
-        ready: return value of `switch_done`, or an error that it raises.
-        refuse: error that `prepare_switch` raises, or None.
     """
 
     def __init__(self, joints: Sequence[str] = ("joint1", "joint2")) -> None:
         super().__init__()
         self.states = JointStates(joints)
         self.effort, self.position = JointCommands(self.states), JointCommands(self.states)
-        self.calls: list[tuple[str, list[str], list[str]]] = []
-        self.ready: bool | Exception = True
-        self.refuse: Exception | None = None
         self.register_interface(JointStateInterface(self.states))
         self.register_interface(EffortJointInterface(self.effort))
         self.register_interface(PositionJointInterface(self.position))
-
-    def prepare_switch(self, start: Sequence[ControllerInfo], stop: Sequence[ControllerInfo]) -> None:
-        """Raise `refuse` if it is set."""
-        self._note("prepare_switch", start, stop)
-        if self.refuse is not None:
-            raise self.refuse
-
-    def do_switch(self, start: Sequence[ControllerInfo], stop: Sequence[ControllerInfo]) -> None:
-        """Record the call."""
-        self._note("do_switch", start, stop)
-
-    def switch_done(self, start: Sequence[ControllerInfo]) -> bool:
-        """Return `ready`, or raise it if it is an error."""
-        if isinstance(self.ready, Exception):
-            raise self.ready
-        return self.ready
-
-    def _note(self, what: str, start: Sequence[ControllerInfo], stop: Sequence[ControllerInfo]) -> None:
-        self.calls.append((what, [info.name for info in start], [info.name for info in stop]))
-
-
-class FakeController(Controller):
-    """Controller that claims the efforts of its parameter `joints` (none by default) and records its calls.
-
-    Attributes:
-        calls: "init", "starting", "update", "stopping", "shutdown".
-        fail: error to raise, by the name of the method that raises it.
-    """
-
-    fail: dict[str, Exception] = {}  # noqa: RUF012  # a test sets it on a subclass or an instance
-
-    def __init__(self) -> None:
-        self.calls: list[str] = []
-
-    def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
-        """Take the handles and record the call."""
-        self.node = controller_node
-        joints = controller_node.param("joints", [])
-        if joints:
-            robot_hw.get(EffortJointInterface).group(joints)
-        self._note("init")
-
-    def starting(self, time: float) -> None:
-        """Record the call."""
-        self._note("starting")
-
-    def update(self, time: float, period: float) -> None:
-        """Record the call."""
-        self._note("update")
-
-    def stopping(self, time: float) -> None:
-        """Record the call."""
-        self._note("stopping")
-
-    def shutdown(self) -> None:
-        """Record the call."""
-        self._note("shutdown")
-
-    def _note(self, what: str) -> None:
-        self.calls.append(what)
-        if what in self.fail:
-            raise self.fail[what]

@@ -11,10 +11,10 @@ from hric_control.control_log import ControlLog
 from hric_control.diagnostics import Diagnostics
 from hric_control.hardware_interface import JointStateInterface
 from hric_control.limits import LimitCounts
-from hric_control.manager import services as manager_services
 from hric_control.manager.controller_manager import ControllerManager
+from hric_control.manager.services import ManagerServices
 from hric_control.robot_hw import RobotHW
-from hric_control.sim import services as sim_services
+from hric_control.sim.services import SimServices
 from hric_control.sim.sim_loop import REAL_TIME_FACTOR
 from hric_control.sim.simulated_robot import SimulatedRobot
 from hric_control.speed_scale_topics import SpeedScaleTopics
@@ -139,9 +139,6 @@ class RobotApp:
         counted = self.hw.limiter_counts() is not None
         self._counts = realtime.publisher(root, "limit_counts", JointLimitCounts) if counted else None
         self.log = self._make_log()
-        self._scale = self.hw.speed_scale
-        self._scale_topics = SpeedScaleTopics(root, self._scale, self._clock.stamp)
-        self._closers.append(self._scale_topics.unregister)
         period = self.hw.period
         self._clock_cycles, self._counts_cycles = (
             max(1, round(CLOCK_PERIOD / period)),
@@ -149,11 +146,14 @@ class RobotApp:
         )
         self.manager = ControllerManager(self.hw, root)
         self.manager.loop_running = self._live
-        self._closers.append(self.manager.shutdown)
-        self._closers.append(manager_services.serve(self.manager, root).unregister)
+        offered = ScopedNode(root)
+        self._closers += [self.manager.shutdown, offered.close]
+        self._scale = self.hw.speed_scale
+        self._scale_topics = SpeedScaleTopics(offered, self._scale, self._clock.stamp)
+        ManagerServices(self.manager, offered)
         self.simulated = isinstance(self.hw, SimulatedRobot)
         if isinstance(self.hw, SimulatedRobot):
-            self._closers.append(sim_services.serve(self.hw, root).unregister)
+            SimServices(self.hw, offered)
         if self._live:
             gate = None if self._pairs is None else self._pairs.gate
             status = Diagnostics(root, self.name, self.loop, self.limit_counts if counted else None, gate)

@@ -27,7 +27,7 @@ class SpeedScaleTopics:
         self._node, self._scale, self._stamp = node, scale, stamp
         self._request: realtime.LatestValue[Any] = realtime.LatestValue(stamps.to_time(0.0))
         self._state = realtime.publisher(node, STATE_TOPIC, SpeedScaleState)
-        self._subscription = node.subscribe(REQUEST_TOPIC, SpeedScaleMessage, self._on_request, queue_size=1)
+        node.subscribe(REQUEST_TOPIC, SpeedScaleMessage, self._on_request, queue_size=1)
 
     def _on_request(self, message: Any) -> None:
         """Pass a request on. An invalid one is refused; the publisher's last one stays until it expires."""
@@ -50,11 +50,6 @@ class SpeedScaleTopics:
         if self._request.take_new() is not None or scale.lost != lost:
             now = scale.target, scale.value, scale.stiffness, scale.force, scale.expired, scale.holder
             self._state.publish(_state, self._stamp(time), self._request.get(), *now)
-
-    def unregister(self) -> None:
-        """Unregister the topics."""
-        self._subscription.unregister()
-        self._state.unregister()
 
 
 def _state(

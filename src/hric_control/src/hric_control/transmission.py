@@ -47,18 +47,6 @@ class SimpleTransmission:
         """Return the actuator position for a joint position [rad]."""
         return (position - self.offset) * self.reduction
 
-    def actuator_to_joint_effort(self, effort: float) -> float:
-        """Return the joint effort for an actuator effort [N m]."""
-        return effort * self.reduction
-
-    def actuator_to_joint_velocity(self, velocity: float) -> float:
-        """Return the joint velocity for an actuator velocity [rad/s]."""
-        return velocity / self.reduction
-
-    def actuator_to_joint_position(self, position: float) -> float:
-        """Return the joint position for an actuator position [rad]."""
-        return position / self.reduction + self.offset
-
 
 @dataclass(frozen=True, kw_only=True)
 class Transmission(SimpleTransmission):

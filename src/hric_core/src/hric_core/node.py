@@ -5,6 +5,7 @@ services are calls). A controller that uses nothing else runs unchanged in the l
 """
 
 import threading
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
@@ -105,34 +106,56 @@ class LogThrottle:
             self._log(f"{self._last} ({count} times since the last line)")
 
 
-class GoalHandle(Protocol):
-    """Goal of an action, like actionlib's ServerGoalHandle."""
+class GoalHandle(ABC):
+    """Goal of an action, like actionlib's ServerGoalHandle.
+
+    Attributes:
+        goal_id: unique id of the goal.
+        goal: the goal message.
+    """
+
+    goal_id: str
+    goal: Any
 
     @property
-    def goal_id(self) -> str:
-        """Unique id of the goal."""
+    @abstractmethod
+    def status(self) -> str:
+        """State, by actionlib's name."""
 
-    @property
-    def goal(self) -> Any:
-        """The goal message."""
-
+    @abstractmethod
     def accept(self) -> None:
         """Set the goal active."""
 
     def reject(self, result: Any, text: str) -> None:
         """Reject a goal that was not accepted."""
+        self._finish("reject", result, text)
 
     def succeed(self, result: Any, text: str = "") -> None:
         """End the goal as reached."""
+        self._finish("succeed", result, text)
 
     def abort(self, result: Any, text: str) -> None:
         """End the goal as failed."""
+        self._finish("abort", result, text)
 
     def cancel(self, result: Any, text: str = "") -> None:
         """End the goal as cancelled or replaced."""
+        self._finish("cancel", result, text)
 
+    @abstractmethod
+    def _finish(self, event: str, result: Any, text: str) -> None:
+        """End the goal by one of the methods above."""
+
+    @abstractmethod
     def publish_feedback(self, feedback: Any) -> None:
         """Publish feedback to the client."""
+
+    def fail(self, text: str) -> None:
+        """Reject or abort the goal, as its state allows."""
+        if self.status in ("PENDING", "RECALLING"):
+            self.reject(None, text)
+        elif self.status in ("ACTIVE", "PREEMPTING"):
+            self.abort(None, text)
 
 
 @dataclass(frozen=True)

@@ -56,10 +56,22 @@ class _Index:
     problems: list[str] = field(default_factory=list)
 
 
-def names(base: str) -> dict[str, PluginInfo]:
-    """Return all plugins of a base (CONTROLLER, ROBOT_HW, PLANT, PARTICIPANT, HUMAN_CONTROLLER) by name."""
+def names(base: str, search_path: str = "") -> dict[str, PluginInfo]:
+    """Return all plugins of a base (CONTROLLER, ROBOT_HW, PLANT, PARTICIPANT, HUMAN_CONTROLLER) by name.
+
+    Args:
+        base: one of these.
+        search_path: folders of packages, as in ROS_PACKAGE_PATH, whose value is the default.
+    """
     check_known("plugin base", [base], _BASES)
-    return dict(_index(_search_path()).plugins[base])
+    return dict(_index(search_path or _search_path()).plugins[base])
+
+
+def engines(search_path: str = "") -> dict[str, PluginInfo]:
+    """Return the plants by the short name of their engine: that of the package without `_ros_control`.
+
+    A Python distribution of this name, if there is one, is the engine itself."""
+    return {info.package.removesuffix("_ros_control"): info for info in names(PLANT, search_path).values()}
 
 
 def find(base: str, name: str) -> type:

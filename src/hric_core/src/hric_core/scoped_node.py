@@ -23,7 +23,9 @@ class ScopedNode:
         self._node = node
         self._made: list[Publisher | Registration] = [] if made is None else made
         self._read: set[str] = set() if read is None else read
-        self.publishes_inline = node.publishes_inline
+        self.namespace, self.publishes_inline = node.namespace, node.publishes_inline
+        self.resolve, self.beside, self.now = node.resolve, node.beside, node.now
+        self.log_info, self.log_warn, self.log_error = node.log_info, node.log_warn, node.log_error
 
     def close(self) -> None:
         """Unregister everything, the newest first."""
@@ -34,11 +36,6 @@ class ScopedNode:
         """Register `made` for `unregister()` at the end; return it."""
         self._made.append(made)
         return made
-
-    @property
-    def namespace(self) -> str:
-        """Absolute namespace."""
-        return self._node.namespace
 
     def child(self, name: str) -> "ScopedNode":
         """Return a node one namespace deeper with the same scope."""
@@ -62,14 +59,6 @@ class ScopedNode:
             prefix = f"{self.namespace.rstrip('/')}/"
             read = {full[len(prefix) :] for full in self._read if full.startswith(prefix)}
             refuse_unknown(given, read.union(known), self.namespace)
-
-    def resolve(self, name: str) -> str:
-        """Return the absolute name."""
-        return self._node.resolve(name)
-
-    def beside(self, name: str) -> str:
-        """Return the absolute name, one namespace up."""
-        return self._node.beside(name)
 
     def has_param(self, name: str) -> bool:
         """Return True if the parameter exists."""
@@ -121,19 +110,3 @@ class ScopedNode:
         """Offer live parameters."""
         self._read.update(self.resolve(parameter.name) for parameter in parameters)
         return self.keep(self._node.live_parameters(parameters, on_change))
-
-    def now(self) -> Any:
-        """Return the stamp for messages."""
-        return self._node.now()
-
-    def log_info(self, text: str) -> None:
-        """Log a message for the user."""
-        self._node.log_info(text)
-
-    def log_warn(self, text: str) -> None:
-        """Log a warning."""
-        self._node.log_warn(text)
-
-    def log_error(self, text: str) -> None:
-        """Log an error."""
-        self._node.log_error(text)

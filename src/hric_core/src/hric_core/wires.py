@@ -48,25 +48,6 @@ class Wire:
     stranger: str
     address_argument: bool = False
 
-    def covers(self, transport: str, address: str, port: int, words: list[str], given: str = "") -> bool:
-        """Return True if a socket is one of these.
-
-        Args:
-            transport: "tcp" or "udp".
-            address: address to which it is bound.
-            port: port to which it is bound.
-            words: command line of its process.
-            given: address of this machine from an argument, or "".
-        """
-        names = {word.rpartition("/")[2] for word in words}
-        is_program = bool(names.intersection(self.programs)) if self.programs else _is_node(words)
-        known = ip_address(address).is_loopback or (self.address_argument and address in (given, GROUP))
-        return is_program and known and transport == self.transport and self.ports[0] <= port <= self.ports[1]
-
-
-def _is_node(words: list[str]) -> bool:
-    return any(word.startswith("__name:=") for word in words)
-
 
 GROUP = "239.255.42.99"
 """Multicast group of NatNet; a socket bound to it receives nothing else."""

@@ -15,6 +15,7 @@ from typing import Any
 
 from hric_bags import run_folder
 from hric_control.limits import load_limits
+from hric_core import plugins
 from hric_core.node import Node
 from hric_core.trial.c3d import PROGRAMS as RECORDED
 from hric_core.urdf import ONE_COORDINATE, read
@@ -22,9 +23,6 @@ from hric_run.definition.experiment import Experiment, package_path, to_dict
 
 DISTRIBUTIONS = (
     "numpy",
-    "pybullet",
-    "opensim",
-    "mujoco",
     "panda-python",
     "pylibfranka",
     "scipy",
@@ -42,9 +40,6 @@ HRIC_PACKAGES = (
     "franka_hw_interface",
     "franka_real",
     "franka_sim",
-    "opensim_ros_control",
-    "mujoco_ros_control",
-    "pybullet_ros_control",
     "urdf_to_osim",
     "panda_description",
     "hric_msgs",
@@ -92,10 +87,11 @@ def versions() -> dict[str, str]:
     import rospkg
 
     result, pack = {"python": platform.python_version()}, rospkg.RosPack()
-    for name in DISTRIBUTIONS:
+    engines = plugins.engines()
+    for name in (*DISTRIBUTIONS, *engines):
         with contextlib.suppress(metadata.PackageNotFoundError):
             result[name] = metadata.version(name)
-    for name in (*ROS_PACKAGES, *HRIC_PACKAGES):
+    for name in (*ROS_PACKAGES, *HRIC_PACKAGES, *(info.package for info in engines.values())):
         with contextlib.suppress(rospkg.ResourceNotFound):
             result[name] = ElementTree.parse(Path(pack.get_path(name)) / "package.xml").findtext("version", "").strip()
     return result

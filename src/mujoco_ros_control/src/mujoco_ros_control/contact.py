@@ -35,16 +35,14 @@ class PenaltyContact:
     """Pairs of shapes with penalty contact, and their contacts in the last step.
 
     Args:
-        time_step: [s].
+        springs: springs of the pairs.
 
     Attributes:
         last: contacts of the last step.
-        springs: springs of the pairs.
     """
 
-    def __init__(self, time_step: float) -> None:
-        self._step = time_step
-        self.springs = Springs(time_step)
+    def __init__(self, springs: Springs) -> None:
+        self._step, self.springs = springs.time_step, springs
         self.last: list[Contact] = []
         self._speeds: FloatArray | None = None
 
@@ -90,7 +88,7 @@ class PenaltyContact:
         scene, first = self._scene, near[0]
         bodies = [scene.bodies[geom.body] for geom in (first.a, first.b)]
         stiffness, damping, friction = first.law
-        normal = _normal(near)
+        normal = faces.mean_normal([(one.depth, one.normal) for one in near])
         corners = [corner for one in near for corner in self._corners(one)]
         at_first = self._relative(bodies, corners[0].position)
         angular, linear = (at_first @ speeds).reshape(2, 3)
@@ -140,16 +138,6 @@ class PenaltyContact:
     def _inverse_mass(self, row: FloatArray) -> float:
         """Return n' J (M + B)^-1 J' n [1/kg]; held joints have such a large B that they count as fixed."""
         return float(row @ self._scene.response(row[None])[0])
-
-
-def _normal(near: Sequence[_Near]) -> FloatArray:
-    """Return the normal of the deepest point, or the mean of overlapping points weighted by depth."""
-    overlapping = [one for one in near if one.depth > 0.0]
-    if len(overlapping) < 2:
-        return max(near, key=lambda one: one.depth).normal
-    total = sum((one.depth * one.normal for one in overlapping), np.zeros(3))
-    size = float(np.linalg.norm(total))
-    return total / size if size > 0.0 else overlapping[0].normal
 
 
 def act(scene: Scene, body: int, force: FloatArray, torque: FloatArray, point: FloatArray) -> None:

@@ -8,14 +8,11 @@ import mujoco
 import numpy as np
 
 from hric_control.plant import FloatArray, JointReaction, Mode
-from hric_control.plants import MovingJoints, StopMemory, WindowlessConfig
+from hric_control.plants import EngineRobot, MovingJoints, WindowlessConfig
 from hric_core import urdf
 from hric_core.parameters import choice
 from mujoco_ros_control.joints import HELD, install_friction, make_joints
 from mujoco_ros_control.scene import Scene
-
-_FAR = 1e9
-"""Joint limit that no joint reaches [rad or m]."""
 
 
 @dataclass(frozen=True)
@@ -36,10 +33,8 @@ class MujocoConfig(WindowlessConfig):
         return 0.5 * self.time_step if self.integrator == "semi_implicit" and self.half_step_readout else 0.0
 
 
-class Robot:
-    """One robot with a fixed base, the first model of a scene.
-
-    Vectors are in the description's order of the moving joints.
+class Robot(EngineRobot):
+    """Robot in MuJoCo, the first model of a scene; vectors are in the description's order of the moving joints.
 
     Args:
         tree: the description.
@@ -47,31 +42,18 @@ class Robot:
         config: the plant's parameters.
 
     Attributes:
-        joints: moving joints.
-        losses: losses of all moving joints by "model::joint", for the scene.
-        q, dq: the engine's state after the last step [rad, rad/s].
-        at: positions at the measuring instant, which is that of the speeds [rad].
-        motor_effort: efforts of the joints' motors in the last step [N m].
-        effort: efforts behind the rotors, where an arm's torque sensors are [N m].
+        names: names of all moving joints in the scene, "model::joint".
     """
 
     def __init__(self, tree: urdf.Robot, joint_names: Sequence[str], config: MujocoConfig) -> None:
         self._config = config
         moving = [joint for joint in tree.joints.values() if joint.type != "fixed"]
-        self.joints = MovingJoints(moving, joint_names, tree.name)
+        super().__init__(MovingJoints(moving, joint_names, tree.name), config)
         self._joints = moving
-        self._ends = [(joint.name, joint.child) for joint in moving]
-        self._names = [f"{tree.name}::{name}" for name in self.joints.names]
+        self.names = [f"{tree.name}::{joint.name}" for joint in moving]
         if config.friction == "identified":
             install_friction()
-        losses = self.joints.losses(config)
-        self._rotors = [loss.rotor for loss in losses]
-        self.losses = dict(zip(self._names, losses, strict=True))
-        self._divergence = self.joints.divergence(config.time_step)
-        self._stops = StopMemory([(joint.lower, joint.upper) for joint in moving])
-        self._modes = [Mode.EFFORT] * len(joint_names)
-        self._brakes = [False] * len(joint_names)
-        self.q = self.dq = self.at = self.effort = self.motor_effort = self.joints.zeros
+        self._rotors = [loss.rotor for loss in self.losses]
         self._stepped = False
 
     # -- the scene -----------------------------------------------------------------------------------------------------
@@ -80,15 +62,12 @@ class Robot:
         """Bind to another scene, which already has the robot's present state."""
         self._scene, self._m, self._d = scene, scene.m, scene.d
         self._stepped = False
-        self._dofs = scene.dofs(self._names)
-        self._ids = scene.joint_ids(self._names)
+        self._dofs = scene.dofs(self.names)
+        self._ids = scene.joint_ids(self.names)
         half, quiet = self._config.half_step, self._divergence.quiet
-        self._engine = make_joints(
-            scene.m, scene.d, self._dofs, scene.positions(self._names), list(self.losses.values()), half, quiet
-        )
+        self._engine = make_joints(scene.m, scene.d, self._dofs, scene.positions(self.names), self.losses, half, quiet)
         self._read()
-        for i in self._stops.waiting:
-            self._send_stop(i)
+        self._send_stops(self.stops.waiting)
         self._send_modes()
 
     def _read(self) -> None:
@@ -100,29 +79,16 @@ class Robot:
         self._d.qacc_warmstart[:] = 0.0
         self._read()
         self.effort = self.motor_effort = self.joints.zeros
-        for i in self._stops.restart(self.q):
-            self._send_stop(i)
+        self._send_stops(self.stops.restart(self.q))
 
-    def _send_stop(self, i: int) -> None:
-        low, high = self._stops.limits[i]
-        below, above = self._stops.waiting.get(i, (False, False))
-        self._m.jnt_range[self._ids[i]] = -_FAR if below else low, _FAR if above else high
+    def _send_stop(self, i: int, low: float, high: float) -> None:
+        self._m.jnt_range[self._ids[i]] = low, high
 
     # -- modes and brakes ----------------------------------------------------------------------------------------------
 
-    def set_modes(self, modes: Sequence[Mode]) -> None:
-        """Set the meaning of the commands of the actuated joints."""
-        self._modes = list(modes)
-        self._send_modes()
-
-    def set_brakes(self, on: Sequence[bool]) -> None:
-        """Lock or free the actuated joints; a closing brake stops its joint at once."""
-        self._brakes = [bool(b) for b in on]
-        self._send_modes()
-
     def _send_modes(self) -> None:
-        modes = self.joints.modes(self._modes, self._brakes, locked=self._config.passive_joints == "locked")
-        self._all_modes = modes
+        """Apply the modes of all moving joints; a closing brake stops its joint at once."""
+        modes = self._all_modes = self._modes()
         self._held = [i for i, mode in enumerate(modes) if mode is not Mode.EFFORT]
         self._driven = [i for i in self._held if modes[i] is not Mode.BRAKE]
         for i, mode in enumerate(modes):
@@ -155,10 +121,7 @@ class Robot:
                 push()
             self.q, self.dq, self.at, self.effort, quiet = self._engine.finish(values)
         self._stepped = True
-        self._divergence.check(self.q, self.dq, quiet=quiet)
-        if self._stops.waiting:
-            for i in self._stops.check(self.q):
-                self._send_stop(i)
+        self._check_state(quiet=quiet)
 
     def _in_stages(self, values: list[float], push: Callable[[], None] | None) -> None:
         """Do a step with held joints, whose efforts follow from all other forces."""
@@ -223,7 +186,7 @@ class Robot:
     # -- for checks ----------------------------------------------------------------------------------------------------
 
     def mass_matrix(self) -> FloatArray:
-        """Return the joint-space mass matrix without rotors at the present position, shape (n, n) [kg m^2]."""
+        """Return the engine's mass matrix of all moving joints without rotors, shape (m, m) [kg m^2]."""
         m, d = self._m, self._d
         kept = m.dof_armature.copy()
         m.dof_armature[:] = 0.0
@@ -231,8 +194,7 @@ class Robot:
         full = np.empty((m.nv, m.nv))
         mujoco.mj_fullM(m, d, full)
         m.dof_armature[:] = kept
-        J = self.joints.law_jacobian()[:, self.joints.user]
-        return np.asarray(J.T @ full[np.ix_(self._dofs, self._dofs)] @ J)
+        return full[np.ix_(self._dofs, self._dofs)]
 
     # -- loads in the joints -------------------------------------------------------------------------------------------
 
@@ -244,4 +206,4 @@ class Robot:
         if not self._stepped:
             return []
         loads = self._engine.loads()
-        return [JointReaction(*ends, *load) for ends, load in zip(self._ends, loads, strict=True)]
+        return [JointReaction(joint.name, joint.child, *load) for joint, load in zip(self._joints, loads, strict=True)]

@@ -3,7 +3,6 @@
 from collections.abc import Collection, Sequence
 
 from hric_control.plants import Model, Models, Surfaces, WorldObject
-from hric_core.errors import UnknownNameError
 from hric_core.geometry import MassProperties
 from mujoco_ros_control.bushings import SceneBushings
 from mujoco_ros_control.contact import PenaltyContact
@@ -13,7 +12,7 @@ from mujoco_ros_control.scene import Scene
 from mujoco_ros_control.scene_spec import SceneSpec, build
 
 
-class World(Models):
+class World(Models[ModelJoints]):
     """Robot and models around it in one scene, which is compiled again for each addition or removal.
 
     Args:
@@ -30,6 +29,9 @@ class World(Models):
         bushings: bushings between links.
     """
 
+    bushings: SceneBushings
+    _config: MujocoConfig
+
     def __init__(
         self,
         itself: Model,
@@ -39,30 +41,24 @@ class World(Models):
         masks: Sequence[tuple[str, str]],
         config: MujocoConfig,
     ) -> None:
-        super().__init__(itself.name, itself.tree, objects, rules)
-        self._itself, self._robot, self._masks, self._config = itself, robot, list(masks), config
+        super().__init__(itself.tree, objects, rules, config)
+        self._itself, self._robot, self._masks = itself, robot, list(masks)
         self._loads: dict[str, MassProperties] = {}
-        self.penalty = PenaltyContact(config.time_step)
+        self.penalty = PenaltyContact(self.springs)
         self.bushings = SceneBushings(self.full_name, self.near)
-        self._joints: dict[str, ModelJoints] = {}
         self._restore()
         self._compile()
         self._begin(self.models.values())
 
     def _admit(self, model: Model) -> None:
         super()._admit(model)
-        self._joints[model.name] = ModelJoints(model, self._config)
-
-    def _dismiss(self, name: str) -> None:
-        super()._dismiss(name)
-        del self._joints[name]
-        self.bushings.forget_model(name)
+        self.joints[model.name] = ModelJoints(model, self._config)
 
     def _compile(self) -> None:
         """Compile the scene with the present models and loads, in its start state."""
-        losses = dict(self._robot.losses)
-        for joints in self._joints.values():
-            losses |= joints.losses
+        losses = dict(zip(self._robot.names, self._robot.losses, strict=True))
+        for joints in self.joints.values():
+            losses |= zip(joints.names, joints.losses, strict=True)
         built = build(
             [self._itself, *self.models.values()],
             self._surfaces_of_links(),
@@ -85,11 +81,11 @@ class World(Models):
                 self.scene.put_free(model.free_joint, model.linear, model.angular)
         self.penalty.bind(self.scene)
         self._robot.bind(self.scene)
-        for joints in self._joints.values():
+        for joints in self.joints.values():
             joints.bind(self.scene)
         for model in models:
-            self._joints[model.name].begin()
-        self._acting = [joints for joints in self._joints.values() if joints.losses]
+            self.joints[model.name].begin()
+        self._acting = [joints for joints in self.joints.values() if joints.losses]
         self.bushings.bind(self.scene)
 
     def _build(self, begin: Sequence[Model] = ()) -> None:
@@ -99,7 +95,10 @@ class World(Models):
         self._begin(begin)
 
     def reset(self) -> None:
-        """Reset the models to their start; the robot's joints stay."""
+        """Reset the models to their start by a new compilation, so that no contact memory or warm start reaches the
+        next run; the robot's joints stay.
+        """
+        self.wrenches.clear()
         states = self.scene.states()
         before = list(self.models)
         self._restore()
@@ -113,7 +112,6 @@ class World(Models):
         for joints in self._acting:
             joints.reset()
         self.bushings.restart()
-        self.penalty.forget()
 
     def set_load(self, load: tuple[str, MassProperties] | None) -> None:
         """Set the payload on a link of the robot, which replaces the previous one."""
@@ -127,15 +125,8 @@ class World(Models):
 
     # -- joints of models, and bushings between links ------------------------------------------------------------------
 
-    def joints_of(self, model: str) -> ModelJoints:
-        """Return the joints of a model around the robot. Raises UnknownNameError."""
-        if model not in self._joints:
-            raise UnknownNameError("model", model, self._joints, "the world")
-        return self._joints[model]
-
-    def put_joints(self, model: str, q: Sequence[float], dq: Sequence[float] | None) -> None:
-        """Put the joints of a model at q, dq. Raises UnknownNameError, CommandError."""
-        self.joints_of(model).put(q, dq)
+    def forget_contacts(self) -> None:
+        """Forget contacts and spring memory, after bodies were put elsewhere."""
         self.penalty.forget()
 
     @property

@@ -22,27 +22,24 @@ class Forces:
     Args:
         robot: receives the efforts; call `bind` before the first step and after each new build of its model.
         R_ground_world: rotation of the world in OpenSim's ground, shape (3, 3).
-
-    Attributes:
         wrenches: external wrenches.
         springs: springs of penalty contact.
     """
 
-    def __init__(self, robot: Robot, R_ground_world: FloatArray) -> None:
+    def __init__(self, robot: Robot, R_ground_world: FloatArray, wrenches: Wrenches, springs: Springs) -> None:
         config = robot.config
         self._robot, self._R, self._dt = robot, R_ground_world, config.time_step
-        self.wrenches = Wrenches(config.time_step)
+        self._wrenches, self._springs = wrenches, springs
         self._accurate = config.integrator == "accurate"
         # Time to the middle of the step; semi-implicit positions are already there.
         self._ahead = 0.5 * self._dt if self._accurate else 0.0
         self._rigid = RigidContact(self._dt)
-        self.springs = Springs(self._dt)
         self.forget()
 
     def forget(self) -> None:
         """Forget contacts, the previous step and spring memory, after bodies were repositioned."""
         self._rigid.forget()
-        self.springs.forget()
+        self._springs.forget()
         self._points: list[Point] = []
         self._pushed: list[Load] = []
         self._before: FloatArray | None = None
@@ -69,11 +66,11 @@ class Forces:
         """
         robot = self._robot
         before, self._before = self._before, robot.y
-        self.springs.begin()
+        self._springs.begin()
         self._points, self._pushed = [], []
         robot.touch, robot.external = None, held
         near = self._collisions.near(robot.y[: robot.engine.nu]) if self._collisions.pairs else []
-        if not near and not self.wrenches.active:
+        if not near and not self._wrenches.active:
             return
         engine = robot.engine
         engine.put_y(robot.y)
@@ -87,16 +84,16 @@ class Forces:
             if soft:
                 speeds = slice(engine.nu, 2 * engine.nu)
                 u = robot.y[speeds]
-                efforts += push_apart(soft, u, u if before is None else before[speeds], robot.response(), self.springs)
+                efforts += push_apart(soft, u, u if before is None else before[speeds], robot.response(), self._springs)
             if hard:
                 robot.touch = lambda v, gain: self._rigid.solve(hard, v, gain)
-        if self._points or self.wrenches.active:
+        if self._points or self._wrenches.active:
             robot.external = efforts if held is None else efforts + held
-        self.wrenches.count_step()
+        self._wrenches.count_step()
 
     def _wrench_efforts(self, engine: Engine, frame: Callable[[str], str]) -> FloatArray:
         efforts = np.zeros(engine.nu)
-        for wrench in self.wrenches.active:
+        for wrench in self._wrenches.active:
             number, T_body_link = self._kinematics.carrier(engine.frame(frame(wrench.body)))
             T = self._kinematics.pose(number) @ T_body_link
             load = Load(number, T[:3, :3] @ wrench.point + T[:3, 3], self._R @ wrench.force, self._R @ wrench.torque)

@@ -21,7 +21,6 @@ class Built:
 
     Attributes:
         model: model with connections finalised, and no system yet.
-        coordinates: path of each moving joint's coordinate.
         frames: path of each link's frame; "link" for the robot, "model::link" for others.
         joints: paths of the coordinates of all moving joints, in the joint's order; "joint" for the robot,
             "model::joint" for others.
@@ -30,7 +29,6 @@ class Built:
     """
 
     model: opensim.Model
-    coordinates: dict[str, str]
     frames: dict[str, str]
     joints: dict[str, tuple[str, ...]]
     description: urdf.Robot
@@ -44,34 +42,26 @@ class RobotModel:
 
     Args:
         urdf_xml: pure URDF.
-        joint_names: names of the actuated joints.
         gravity: gravity in the world frame, three numbers [m/s^2].
 
     Attributes:
         robot: the description.
-        joints: moving joints by name.
-        last_link: link behind the last actuated joint.
         load: payload from the next build on: link, and mass properties in the link's frame.
         beside: models around the robot from the next build on.
     """
 
-    def __init__(self, urdf_xml: str, joint_names: Sequence[str], gravity: Sequence[float]) -> None:
+    def __init__(self, urdf_xml: str, gravity: Sequence[float]) -> None:
         self._urdf = urdf_xml
         self.robot = urdf.read(urdf_xml)
-        self.joints: dict[str, urdf.Joint] = {
-            name: joint for name, joint in self.robot.joints.items() if joint.type != "fixed"
-        }
-        for name, joint in self.joints.items():
-            if joint.type not in urdf.ONE_COORDINATE:
+        valid = (*urdf.ONE_COORDINATE, "fixed")
+        for name, joint in self.robot.joints.items():
+            if joint.type not in valid:
                 raise DescriptionError(
-                    f"joint {name}: type {joint.type!r} is not supported in a robot; valid: "
-                    f"{', '.join((*urdf.ONE_COORDINATE, 'fixed'))}"
+                    f"joint {name}: type {joint.type!r} is not supported in a robot; valid: {', '.join(valid)}"
                 )
-        self.robot.check_actuated(joint_names)
         self._options = Options(
             gravity=tuple(gravity), inertia="keep", names="rename", stops=False, friction="none", meshes=False
         )
-        self.last_link = self.joints[joint_names[-1]].child
         self.load: tuple[str, MassProperties] | None = None
         self.beside: list[Model] = []
 
@@ -80,8 +70,7 @@ class RobotModel:
         conversion = convert(together(self._urdf, self.beside), self._options)
         frames = {link: frame.path for link, frame in conversion.frames.items()}
         joints = {name: joint.paths for name, joint in conversion.joints.items() if joint.coordinates}
-        coordinates = {name: joints[name][0] for name in self.joints}
-        built = Built(conversion.model, coordinates, frames, joints, conversion.plan.robot, conversion)
+        built = Built(conversion.model, frames, joints, conversion.plan.robot, conversion)
         if self.load is not None:
             self._add_load(built, *self.load)
             built.model.finalizeConnections()

@@ -6,8 +6,7 @@ import numpy as np
 import opensim
 
 from hric_control.plant import JointReaction
-from hric_control.plants import Model, Models, Surfaces, WorldObject
-from hric_core.errors import UnknownNameError
+from hric_control.plants import DrivenJoints, Model, Models, Surfaces, WorldObject
 from hric_core.geometry import FloatArray, homogeneous
 from hric_core.urdf import Robot as Description
 from opensim_ros_control import collision, shapes
@@ -27,7 +26,7 @@ At a right angle its three angles are singular.
 _MIDDLE = 1
 
 
-class World(Models):
+class World(Models[ModelJoints]):
     """Models around the robot, in one OpenSim model with it, which is built again for each addition or removal.
 
     Args:
@@ -42,6 +41,8 @@ class World(Models):
         bushings: bushings between links.
     """
 
+    bushings: EngineBushings
+
     def __init__(
         self,
         robot: Robot,
@@ -50,16 +51,13 @@ class World(Models):
         T_ground_world: FloatArray,
         masks: Sequence[tuple[str, str]],
     ) -> None:
-        config = robot.config
-        self.robot, self._masks, self._config = robot, list(masks), config
-        self._R_ground_world = T_ground_world[:3, :3]
-        self.forces = Forces(robot, self._R_ground_world)
+        super().__init__(robot.model.robot, objects, rules, robot.config)
+        self.robot, self._masks, self._R_ground_world = robot, list(masks), T_ground_world[:3, :3]
+        self.forces = Forces(robot, self._R_ground_world, self.wrenches, self.springs)
         self.bushings = EngineBushings(self.full_name, self.near, self._R_ground_world)
-        self._joints: dict[str, ModelJoints] = {}
         self._bound: Engine | None = None
         self._middle: dict[str, int] = {}
-        self._shapes = self._shapes_of(robot.model.robot, "") if config.collision else {}
-        super().__init__(robot.model.robot.name, robot.model.robot, objects, rules)
+        self._shapes = self._shapes_of(robot.model.robot, "") if robot.config.collision else {}
         self._restore()
         if self.models:
             self._build(list(self.models.values()))
@@ -77,17 +75,14 @@ class World(Models):
     def _admit(self, model: Model) -> None:
         of_links = self._shapes_of(model, f"{model.name}::")
         super()._admit(model)
-        self._joints[model.name] = ModelJoints(model, self.robot)
+        self.joints[model.name] = ModelJoints(model, self.robot)
         self._shapes.update(of_links)
         model.T_world_origin = model.T_world_start
 
     def _dismiss(self, name: str) -> None:
         super()._dismiss(name)
-        del self._joints[name]
-        self.bushings.forget_model(name)
         self.robot.model.beside = list(self.models.values())
         self._shapes = {link: of_link for link, of_link in self._shapes.items() if not link.startswith(f"{name}::")}
-        self.forces.wrenches.clear_model(name)
 
     def _build(self, begin: Sequence[Model] = ()) -> None:
         """Build the model; those in `begin` start at their origins, with their joints where they were set last."""
@@ -103,7 +98,7 @@ class World(Models):
                     q[engine.index[path]] = u[engine.index[path]] = 0.0
             if not model.fixed:
                 self._put_free(engine, model, q, u, np.concatenate([model.angular, model.linear]))
-            self._joints[model.name].begin(engine, q, u)
+            self.joints[model.name].write_start(engine, q, u)
         engine.put(q, u)
 
     @staticmethod
@@ -115,13 +110,12 @@ class World(Models):
 
     def reset(self) -> None:
         """Reset all models to their start, and clear wrenches, drives and the memory of contact and slip."""
-        self.forces.wrenches.clear()
-        self.forces.forget()
+        self.wrenches.clear()
         self.bushings.restart()
         self._restore()
         for model in self.models.values():
             model.T_world_origin = model.T_world_start
-            self._joints[model.name].let_go()
+            self.joints[model.name].let_go()
         if self.models or self.robot.model.beside:
             self._build(list(self.models.values()))
 
@@ -172,15 +166,15 @@ class World(Models):
         indices = {joint: [engine.index[path] for path in paths] for joint, paths in engine.built.joints.items()}
         kinematics = self._kinematics
         self._colliders = collision.make_colliders(description, self._shapes, engine, kinematics, indices, self._name)
-        joints = [(name, joint.child) for name, joint in self.robot.model.joints.items()]
+        joints = [(joint.name, joint.child) for joint in self.robot.joints.joints]
         reactions = Reactions(engine, joints, kinematics)
         self.forces.bind(kinematics, self._collisions(), self._surfaces_of_links(), reactions)
         self._middle = {
             name: indices[model.free_joint][_MIDDLE] for name, model in self.models.items() if not model.fixed
         }
-        for of_model in self._joints.values():
+        for of_model in self.joints.values():
             of_model.bind(engine)
-        self._acting = [of_model for of_model in self._joints.values() if of_model.joints.names]
+        self._acting = [of_model for of_model in self.joints.values() if of_model.joints.names]
         self.bushings.bind(engine, kinematics, self.frame)
 
     def _collisions(self) -> collision.Collisions:
@@ -216,16 +210,13 @@ class World(Models):
 
     # -- joints of models, and bushings between links ------------------------------------------------------------------
 
-    def joints_of(self, model: str) -> ModelJoints:
+    def joints_of(self, model: str) -> DrivenJoints:
         """Return the joints of a model around the robot. Raises UnknownNameError."""
-        if model not in self._joints:
-            raise UnknownNameError("model", model, self._joints, "the world")
         self._bind_if_new()
-        return self._joints[model]
+        return super().joints_of(model)
 
-    def put_joints(self, model: str, q: Sequence[float], dq: Sequence[float] | None) -> None:
-        """Put the joints of a model at q, dq. Raises UnknownNameError, CommandError."""
-        self.joints_of(model).put(q, dq)
+    def forget_contacts(self) -> None:
+        """Forget contacts and spring memory, after bodies were put elsewhere."""
         self.forces.forget()
 
     def bind_connected(self) -> None:

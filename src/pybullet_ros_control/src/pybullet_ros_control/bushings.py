@@ -98,7 +98,7 @@ class EngineBushings(Bushings):
         ]
 
     def _end(self, name: str) -> _End:
-        body, link = self._world.find(name)
+        body, link = self._world.body_of(name)
         if body is self._robot.body:
             return _JointedEnd(self._robot, link)
         joints = self._world.joints.get(body.name)

@@ -71,18 +71,17 @@ class PenaltyContact:
 
     Args:
         engine: engine with the bodies.
+        springs: springs of the pairs.
 
     Attributes:
         pairs: pairs of bodies.
         last: contacts of the last step.
-        springs: springs of the pairs.
     """
 
-    def __init__(self, engine: Engine) -> None:
-        self._engine = engine
+    def __init__(self, engine: Engine, springs: Springs) -> None:
+        self._engine, self.springs = engine, springs
         self.pairs: list[PenaltyPair] = []
         self.last: list[Contact] = []
-        self.springs = Springs(engine.time_step)
         self._mobility = Mobility(engine)
         self._solids: dict[tuple[int, int], list[faces.Solid]] = {}
         self._links: dict[tuple[int, int], _Link] = {}
@@ -152,7 +151,7 @@ class PenaltyContact:
     ) -> None:
         a, b = self._link(pair.a, links[0]), self._link(pair.b, links[1])
         stiffness, damping, friction = pair.laws[links]
-        normal = _normal(points)
+        normal = faces.mean_normal([(-point[8], np.array(point[7])) for point in points])
         corners = [corner for point in points for corner in self._corners(a, b, point)]
         step = self._engine.time_step
         # The engine's positions are half a step later than its velocities, at the middle of the step.
@@ -209,16 +208,6 @@ class PenaltyContact:
             was = (linear, angular) if old is None else (old.linear[0], old.angular[0])
             self._links[key] = _Link(body, index, T, np.array([linear, was[0]]), np.array([angular, was[1]]))
         return self._links[key]
-
-
-def _normal(points: list[tuple[Any, ...]]) -> FloatArray:
-    """Return the normal of the deepest point, or the mean of overlapping points weighted by depth."""
-    overlapping = [point for point in points if point[8] < 0.0]
-    if len(overlapping) < 2:
-        return np.array(min(points, key=lambda point: point[8])[7])
-    total = np.array([np.array(point[7]) * -point[8] for point in overlapping]).sum(axis=0)
-    size = float(np.linalg.norm(total))
-    return total / size if size > 0.0 else np.array(overlapping[0][7])
 
 
 def rigid_contacts(engine: Engine, bodies: Mapping[int, Body]) -> list[Contact]:

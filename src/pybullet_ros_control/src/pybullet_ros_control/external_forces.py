@@ -134,7 +134,7 @@ class Mobility:
 
 
 def _inverse_inertia(robot: Robot) -> FloatArray:
-    M = np.array(robot.mass_matrix(robot.q)) + np.diag(robot.rotor_inertia)
+    M = robot.mass_matrix() + np.diag([loss.rotor for loss in robot.losses])
     followers = [i for i, *_ in robot.joints.followers]
     J = robot.joints.law_jacobian()[:, [i for i in robot.free_joints if i not in followers]]
     return np.asarray(J @ np.linalg.inv(J.T @ M @ J) @ J.T)

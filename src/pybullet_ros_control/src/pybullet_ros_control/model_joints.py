@@ -5,15 +5,14 @@ from collections.abc import Sequence
 import numpy as np
 import pybullet
 
-from hric_control.plants import Losses, MovingJoints, PlantConfig, StopLaw, reciprocals
+from hric_control.plants import DrivenJoints, PlantConfig, reciprocals
 from hric_core import urdf
-from hric_core.errors import CommandError
 from hric_core.geometry import FloatArray
 from pybullet_ros_control.engine import Body, Engine
 from pybullet_ros_control.joint_dynamics import Vector, added, half_step, make_dynamics
 
 
-class ModelJoints:
+class ModelJoints(DrivenJoints):
     """Moving joints of one model with a fixed base, in the engine's order.
 
     They have the robot's balance, without rotors: their motion is of second order, and forces on the links may be given
@@ -29,7 +28,6 @@ class ModelJoints:
     Attributes:
         fixed: True if the base is fixed.
         body: present body in the engine.
-        joints: joints of the description, all of them actuated.
         T_world_base: pose of the engine's base link, shape (4, 4).
         dynamics: dynamics of the model.
         q, dq: the engine's state after the last step.
@@ -46,16 +44,12 @@ class ModelJoints:
         assert body.model is not None
         self._engine, self._half = engine, half_step(config)
         names = sorted(body.joints, key=body.joints.__getitem__)
-        self.joints = MovingJoints([tree.joints[name] for name in names], names, body.name)
+        super().__init__(body.name, [tree.joints[name] for name in names], config)
         self.T_world_base = T_world_root @ body.model.T_root_base
-        rubs = config.friction == "coulomb"
-        self._losses = [
-            Losses(coulomb=joint.friction if rubs else 0.0, damping=joint.damping) for joint in self.joints.joints
-        ]
         self.dynamics = make_dynamics(
             body.model,
             names,
-            self._losses,
+            self.losses,
             config.gravity,
             config.time_step,
             second_order=config.integrator == "accurate",
@@ -63,12 +57,6 @@ class ModelJoints:
             T_world_base=self.T_world_base,
             free=not self.fixed,
         )
-        self._stops = StopLaw(
-            [(joint.lower, joint.upper) for joint in self.joints.joints],
-            lambda: reciprocals(self.mobility().diagonal()),
-        )
-        zeros = self.joints.zeros
-        self._start = self.joints.start(zeros, zeros, zeros)
         self.bind(body)
         self.reset()
 
@@ -77,22 +65,11 @@ class ModelJoints:
         self.body = body
         self._indices = [body.joints[name] for name in self.joints.names]
 
-    def put(self, q: Sequence[float], dq: Sequence[float] | None) -> None:
-        """Put the joints at q, dq now and at each start. Raises CommandError if not one finite number per joint."""
-        zeros = self.joints.zeros
-        self._start = self.joints.start(q, zeros if dq is None else dq, zeros)
-        self._begin()
+    def _inertias(self) -> Sequence[float]:
+        return reciprocals(self.mobility().diagonal())
 
-    def drive(self, efforts: Sequence[float]) -> None:
-        """Set the efforts from the next step on [N m or N]. Raises CommandError if not one per joint."""
-        self._driven = self.joints.command(efforts)
-
-    def reset(self) -> None:
-        """Return to the last set positions, without drive efforts."""
-        self._driven = self.joints.zeros
-        self._begin()
-
-    def _begin(self) -> None:
+    def begin(self) -> None:
+        """Put the joints at the last set positions."""
         # The read-out subtracts half a step, so the engine starts half a step ahead.
         for joint, x, v in zip(self._indices, *self._start, strict=True):
             pybullet.resetJointState(self.body.id, joint, x + self._half * v, v, physicsClientId=self._engine.client)
@@ -107,12 +84,12 @@ class ModelJoints:
 
     def act(self, external: Vector | None) -> None:
         """Send drives, stops and losses of the coming step; external: efforts of forces that the engine knows."""
-        tau = self._efforts(self._stops.add(self.at, self.dq, self._driven), external)
+        tau = self._balanced(self._stops.add(self.at, self.dq, self._efforts), external)
         pybullet.setJointMotorControlArray(
             self.body.id, self._indices, pybullet.TORQUE_CONTROL, forces=tau, physicsClientId=self._engine.client
         )
 
-    def _efforts(self, tau: list[float], external: Vector | None) -> Vector:
+    def _balanced(self, tau: list[float], external: Vector | None) -> Vector:
         held, self._held = self._held, None
         if held is None:
             return self.dynamics.torque(self.q, self.dq, tau, external, None)
@@ -149,16 +126,16 @@ class FreeModelJoints(ModelJoints):
             body.id,
             self._indices,
             pybullet.VELOCITY_CONTROL,
-            forces=[loss.coulomb for loss in self._losses],
+            forces=[loss.coulomb for loss in self.losses],
             physicsClientId=self._engine.client,
         )
 
-    def _efforts(self, tau: list[float], external: Vector | None) -> Vector:
+    def _balanced(self, tau: list[float], external: Vector | None) -> Vector:
         """Return the efforts with damping at the resulting velocity w, so that damping of any size is stable.
 
         w = dq - dt A D w with A the joints' part of the inverse mass matrix.
         """
-        damping = np.array([loss.damping for loss in self._losses])
+        damping = np.array([loss.damping for loss in self.losses])
         if not damping.any():
             return tau
         system = np.eye(len(tau)) + self._engine.time_step * self.mobility() * damping
@@ -170,27 +147,3 @@ class FreeModelJoints(ModelJoints):
         states = self._engine.joint_states(self.body, self.joints, self._indices)
         self.q, self.dq = [state[0] for state in states], [state[1] for state in states]
         self.at = [x - self._half * v for x, v in zip(self.q, self.dq, strict=True)]
-
-
-class NoModelJoints:
-    """Empty joints of a model without moving joints.
-
-    Attributes:
-        joints: no joints.
-    """
-
-    def __init__(self, model: str) -> None:
-        self.joints, self._model = MovingJoints([], [], model), model
-
-    def read(self, q: list[float], dq: list[float]) -> None:
-        """Empty both lists."""
-        q[:], dq[:] = (), ()
-
-    def put(self, q: Sequence[float], dq: Sequence[float] | None) -> None:
-        """Raise CommandError if there is a value."""
-        self.drive(q)
-
-    def drive(self, efforts: Sequence[float]) -> None:
-        """Raise CommandError if there is a value."""
-        if len(efforts) > 0:
-            raise CommandError(f"got {len(efforts)} values for model {self._model}, of which no joint moves")

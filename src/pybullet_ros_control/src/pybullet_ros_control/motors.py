@@ -1,4 +1,4 @@
-"""Joint motors of the engine (velocity and position drives, and brakes) and joint stops."""
+"""Joint motors of the engine: velocity and position drives, and brakes."""
 
 import math
 from collections.abc import Sequence
@@ -6,13 +6,10 @@ from collections.abc import Sequence
 import pybullet
 
 from hric_control.plant import Mode
-from hric_control.plants import StopMemory
 from pybullet_ros_control.engine import Body, Engine
 
 BRAKE_FORCE = 1e6
 """Largest effort of a brake or an unlimited drive [N m]: a constraint, so its size does not make it stiff."""
-_FAR = 1e9
-"""Joint limit that no joint reaches [rad or m]."""
 
 
 class JointMotors:
@@ -115,55 +112,3 @@ class JointMotors:
                 forces=[self._max_effort[i] for i in self._driven],
                 physicsClientId=self._engine.client,
             )
-
-
-class JointStops:
-    """Both stops of each joint, with a start outside the range, as in the thesis at q = 0.
-
-    The engine has stops, but cannot start beyond one: such a stop is inactive until the joint has been inside its
-    range.
-
-    Args:
-        engine: the engine.
-        body: the body.
-        joints: engine indices.
-        limits: (lower, upper) per joint [rad or m], infinite where there is no stop.
-    """
-
-    def __init__(
-        self, engine: Engine, body: Body, joints: Sequence[int], limits: Sequence[tuple[float, float]]
-    ) -> None:
-        self._engine, self._body = engine, body
-        self._joints, self._memory = list(joints), StopMemory(limits)
-
-    @property
-    def waiting(self) -> bool:
-        """True if a stop is inactive."""
-        return bool(self._memory.waiting)
-
-    def put(self, q: Sequence[float]) -> None:
-        """Determine the active stops again, after the robot was put at q from outside."""
-        for i in self._memory.restart(q):
-            self._send(i)
-
-    def restore(self, body: Body) -> None:
-        """Deactivate the waiting stops again, after the body was loaded again with all stops active."""
-        self._body = body
-        for i in self._memory.waiting:
-            self._send(i)
-
-    def check(self, q: Sequence[float]) -> None:
-        """Activate a waiting stop as soon as the joint is inside its range."""
-        for i in self._memory.check(q):
-            self._send(i)
-
-    def _send(self, i: int) -> None:
-        low, high = self._memory.limits[i]
-        below, above = self._memory.waiting.get(i, (False, False))
-        pybullet.changeDynamics(
-            self._body.id,
-            self._joints[i],
-            jointLowerLimit=-_FAR if below else low,
-            jointUpperLimit=_FAR if above else high,
-            physicsClientId=self._engine.client,
-        )

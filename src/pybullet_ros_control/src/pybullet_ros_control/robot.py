@@ -7,17 +7,17 @@ import numpy as np
 import pybullet
 
 from hric_control.plant import Mode
-from hric_control.plants import Losses, MovingJoints, PlantConfig, masked
+from hric_control.plants import EngineRobot, Losses, MovingJoints, PlantConfig, masked
 from hric_core import urdf
 from hric_core.geometry import FloatArray, MassProperties
 from pybullet_ros_control.engine import Body, Engine
 from pybullet_ros_control.joint_dynamics import Dynamics, Vector, added, half_step, make_dynamics
-from pybullet_ros_control.motors import JointMotors, JointStops
+from pybullet_ros_control.motors import JointMotors
 from pybullet_ros_control.urdf_model import EngineModel, prepare
 
 
-class Robot:
-    """One robot with a fixed base; vectors are in the engine's order of the moving joints.
+class Robot(EngineRobot):
+    """Robot in PyBullet; vectors are in the engine's order of the moving joints.
 
     Args:
         engine: the engine.
@@ -27,12 +27,10 @@ class Robot:
         masks: pairs of link patterns whose collision is not tested.
 
     Attributes:
-        joints: moving joints.
         dynamics: dynamics of the present model.
-        q, dq: the engine's state after the last step [rad, rad/s].
-        at: positions at the measuring instant, which is that of the velocities [rad].
-        motor_effort: efforts of the joints' motors in the last step [N m].
-        effort: efforts behind the rotors, where an arm's torque sensors are [N m].
+        balanced: True if each step needs the efforts of applied forces, since the engine's own step is not requested
+            or not sufficient.
+        T_world_base: pose of the engine's base link, shape (4, 4): the description's root is at the world's origin.
     """
 
     def __init__(
@@ -49,14 +47,20 @@ class Robot:
         self._model = self._prepare(None)
         self._load_body()
         moving = [tree.joints[name] for name in sorted(self.body.joints, key=self.body.joints.__getitem__)]
-        self.joints = MovingJoints(moving, joint_names, tree.name)
+        super().__init__(MovingJoints(moving, joint_names, tree.name), config)
         self._joints = [self.body.joints[name] for name in self.joints.names]
-        zeros = self.joints.zeros
-        self.q: Vector = zeros
-        self.dq: Vector = zeros
-        self.at = self.effort = self.motor_effort = zeros
         self._held: Vector | None = None
-        self._set_up()
+        self.balanced = (
+            config.integrator != "semi_implicit"
+            or bool(self.joints.followers)
+            or any(loss != Losses() for loss in self.losses)
+        )
+        self._half = half_step(config)
+        self.T_world_base = self._model.T_root_base
+        self._bind()
+        efforts, speeds = [joint.effort for joint in moving], [joint.velocity for joint in moving]
+        self._motors = JointMotors(engine, self.body, self._joints, efforts, speeds)
+        self._send_modes()
 
     def _prepare(self, load: tuple[str, MassProperties] | None) -> EngineModel:
         loads = None if load is None else dict([load])
@@ -74,37 +78,13 @@ class Robot:
         if self._config.self_collision:
             apply_masks(self.engine, self.body, self._neighbours, self._masks)
 
-    def _set_up(self) -> None:
-        config, joints = self._config, self.joints.joints
-        self._divergence = self.joints.divergence(config.time_step)
-        self._losses = self.joints.losses(config)
-        # The engine's own step is requested and sufficient.
-        self._plain = (
-            config.integrator == "semi_implicit"
-            and not self.joints.followers
-            and all(loss == Losses() for loss in self._losses)
-        )
-        self._half = half_step(config)
-        self._bind()
-        self._motors = JointMotors(
-            self.engine,
-            self.body,
-            self._joints,
-            [joint.effort for joint in joints],
-            [joint.velocity for joint in joints],
-        )
-        self._stops = JointStops(self.engine, self.body, self._joints, [(joint.lower, joint.upper) for joint in joints])
-        self._modes = [Mode.EFFORT] * len(self.joints.actuated)
-        self._brakes = [False] * len(self.joints.actuated)
-        self._send_modes()
-
     def _bind(self) -> None:
         """Bind to the dynamics of the present model."""
         config = self._config
         self.dynamics: Dynamics = make_dynamics(
             self._model,
             self.joints.names,
-            self._losses,
+            self.losses,
             config.gravity,
             config.time_step,
             second_order=config.integrator == "accurate",
@@ -117,25 +97,9 @@ class Robot:
         """Indices of the joints without brake or drive."""
         return self._motors.effort
 
-    @property
-    def rotor_inertia(self) -> list[float]:
-        """Rotor inertia of all moving joints [kg m^2]."""
-        return [loss.rotor for loss in self._losses]
-
-    @property
-    def T_world_base(self) -> FloatArray:
-        """Pose of the engine's base link, shape (4, 4): the description's root is at the world's origin."""
-        return self._model.T_root_base
-
-    @property
-    def balanced(self) -> bool:
-        """True if each step needs the efforts of applied forces."""
-        return not self._plain
-
-    def mass_matrix(self, q: Vector) -> Sequence[Vector]:
-        """Return the engine's joint-space mass matrix [kg m^2]."""
-        result: Sequence[Vector] = pybullet.calculateMassMatrix(self.body.id, q, physicsClientId=self.engine.client)
-        return result
+    def mass_matrix(self) -> FloatArray:
+        """Return the engine's mass matrix of all moving joints without rotors, shape (m, m) [kg m^2]."""
+        return np.array(pybullet.calculateMassMatrix(self.body.id, self.q, physicsClientId=self.engine.client))
 
     # -- putting the robot somewhere -----------------------------------------------------------------------------------
 
@@ -146,7 +110,7 @@ class Robot:
         self._set_state([x + self._half * v for x, v in zip(full_q, full_dq, strict=True)], full_dq)
         self.effort = self.motor_effort = self.joints.zeros
         self._motors.lock_at(self.q)
-        self._stops.put(self.q)
+        self._send_stops(self.stops.restart(self.q))
         self.dynamics.forget()
         self._held = None
 
@@ -165,34 +129,28 @@ class Robot:
         self._load_body()
         self._set_state(self.q, self.dq)
         self._motors.restore(self.body)
-        self._stops.restore(self.body)
+        self._send_stops(self.stops.waiting)
         self._bind()
 
     def set_load(self, load: tuple[str, MassProperties] | None) -> None:
         """Set the payload on a link, from the next `load_again` on."""
         self._model = self._prepare(load)
 
-    @property
-    def last_link(self) -> str:
-        """Name of the link behind the last actuated joint."""
-        return self._tree.joints[self.joints.actuated[-1]].child
-
     # -- modes and brakes ----------------------------------------------------------------------------------------------
 
-    def set_modes(self, modes: Sequence[Mode]) -> None:
-        """Set the meaning of the commands of the actuated joints."""
-        self._modes = list(modes)
-        self._send_modes()
-
-    def set_brakes(self, on: Sequence[bool]) -> None:
-        """Lock or free the actuated joints."""
-        self._brakes = [bool(b) for b in on]
-        self._send_modes()
-
     def _send_modes(self) -> None:
-        full = self.joints.modes(self._modes, self._brakes, locked=self._config.passive_joints == "locked")
-        if full != self._motors.modes:
-            self._motors.set_modes(full, self.q)
+        modes = self._modes()
+        if modes != self._motors.modes:
+            self._motors.set_modes(modes, self.q)
+
+    def _send_stop(self, i: int, low: float, high: float) -> None:
+        pybullet.changeDynamics(
+            self.body.id,
+            self._joints[i],
+            jointLowerLimit=low,
+            jointUpperLimit=high,
+            physicsClientId=self.engine.client,
+        )
 
     # -- one step ------------------------------------------------------------------------------------------------------
 
@@ -213,7 +171,7 @@ class Robot:
             self._drive(values, external, held)
         else:
             tau: Vector = values
-            if not self._plain:
+            if self.balanced:
                 tau = self.dynamics.torque(self.q, self.dq, values, external, None)
             if held is not None:
                 tau = added(held, tau)
@@ -224,11 +182,9 @@ class Robot:
         states = self.engine.joint_states(self.body, self.joints, joints)
         self.q, self.dq, self.at, self.effort, quiet = self.dynamics.read(states, values)
         self.motor_effort = values
-        self._divergence.check(self.q, self.dq, quiet=quiet)
+        self._check_state(quiet=quiet)
         if not motors.all_effort:
             self._add_drives([state[3] for state in states])
-        if self._stops.waiting:
-            self._stops.check(self.q)
 
     def _add_drives(self, engine_efforts: list[float]) -> None:
         """Set the efforts of braked and driven joints from the engine's motors, which act on the links."""
@@ -246,7 +202,7 @@ class Robot:
         motors, dt = self._motors, self.engine.time_step
         targets = motors.target_velocities(self.q, values)
         tau: Vector = [x if mode is Mode.EFFORT else 0.0 for mode, x in zip(motors.modes, values, strict=True)]
-        if not self._plain:
+        if self.balanced:
             prescribed = [
                 None if mode is Mode.EFFORT else (t - v) / dt
                 for mode, t, v in zip(motors.modes, targets, self.dq, strict=True)

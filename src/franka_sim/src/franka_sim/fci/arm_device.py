@@ -14,7 +14,6 @@ from franka_sim.box.requests import MotionCommand, MoveRequest, Outcome
 from franka_sim.fci.arguments import MAX_LOST_PACKETS
 from franka_sim.fci.clock import PERIOD
 from franka_sim.fci.complaints import LOG
-from franka_sim.fci.hand_service import Hand
 from franka_sim.fci.robots import Robot
 from franka_sim.fci.wire import StateCodec
 from franka_sim.gripper import Gripper
@@ -62,7 +61,7 @@ class ArmDevice:
         urdf: Callable[[], str],
         model_library: bytes,
         q: Sequence[float],
-        hand: Hand | None = None,
+        hand: Gripper | None = None,
         read_state: sensors.ReadState | None = None,
     ) -> None:
         self.plant, self.participants, self.box, self.hand, self.state = plant, participants, box, hand, box.state

@@ -3,14 +3,13 @@
 import math
 import selectors
 import struct
-from typing import Protocol
 
-from franka_hw_interface.hand import Hand as HandRequests
 from franka_hw_interface.hand import HandMotion, HandOutcome
 from franka_sim.fci.connection import Message
 from franka_sim.fci.faults import Faults
 from franka_sim.fci.session import Service
 from franka_sim.fci.wire import CONNECT, CONNECT_PAYLOAD, HAND_FRAMING
+from franka_sim.gripper import Gripper
 
 PORT = 1338
 VERSION = 3
@@ -31,23 +30,6 @@ STEP = 0.01
 """Robot time between two steps of the hand [s]: project default, unconfirmed, ten cycles of the arm."""
 
 
-class Hand(HandRequests, Protocol):
-    """Hand of the service, which advances it by steps of robot time.
-
-    Attributes:
-        is_grasped: True while an object is held.
-    """
-
-    is_grasped: bool
-
-    @property
-    def temperature(self) -> int:
-        """Temperature [degrees Celsius]."""
-
-    def step(self, dt: float) -> None:
-        """Advance by dt [s]."""
-
-
 class HandService(Service):
     """Service at the hand's port.
 
@@ -58,7 +40,7 @@ class HandService(Service):
         faults: faults of the UDP link.
     """
 
-    def __init__(self, selector: selectors.BaseSelector, hand: Hand, ip: str, faults: Faults) -> None:
+    def __init__(self, selector: selectors.BaseSelector, hand: Gripper, ip: str, faults: Faults) -> None:
         self._hand = hand
         self._pending: list[tuple[Message, HandMotion]] = []  # requests without a response
         self._message_id = 0

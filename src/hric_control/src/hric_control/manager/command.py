@@ -2,20 +2,21 @@
 
 import argparse
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from hric_control.manager.client import ManagerClient, check_master
 from hric_control.manager.spawner import read_words, run_tool
 
-_NAMED: dict[str, str] = {
-    "load": "load controllers",
-    "unload": "unload controllers",
-    "start": "start loaded controllers, in one switch",
-    "stop": "stop running controllers, in one switch",
-    "spawn": "load and start controllers",
-    "kill": "stop and unload controllers",
+_NAMED: dict[str, tuple[list[str], str, list[str]]] = {
+    "load": ([], "load controllers", ["load"]),
+    "unload": ([], "unload controllers", ["unload"]),
+    "start": ([], "start loaded controllers, in one switch", ["start"]),
+    "stop": ([], "stop running controllers, in one switch", ["stop"]),
+    "spawn": (["sp"], "load and start controllers", ["load", "start"]),
+    "kill": (["kl"], "stop and unload controllers", ["stop", "unload"]),
 }
+"""Commands for controllers by name: aliases, help text, and what they do one after the other."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -30,16 +31,19 @@ def parser() -> argparse.ArgumentParser:
         "--timeout", metavar="T", type=float, default=30.0, help="how long to wait for the services [s] (default: 30)"
     )
     commands = top.add_subparsers(dest="command", required=True, metavar="command")
-    commands.add_parser("list", aliases=["lc"], help="list the loaded controllers with state, type and claimed joints")
-    commands.add_parser("list-types", aliases=["lt"], help="list the types that can be loaded")
-    for name, text in _NAMED.items():
-        aliases = {"spawn": ["sp"], "kill": ["kl"]}.get(name, [])
-        commands.add_parser(name, aliases=aliases, help=text).add_argument(
-            "controllers", nargs="+", metavar="controller", help="name"
-        )
+    loaded = "list the loaded controllers with state, type and claimed joints"
+    commands.add_parser("list", aliases=["lc"], help=loaded).set_defaults(work=_list)
+    commands.add_parser("list-types", aliases=["lt"], help="list the types that can be loaded").set_defaults(
+        work=_list_types
+    )
+    for name, (aliases, text, verbs) in _NAMED.items():
+        command = commands.add_parser(name, aliases=aliases, help=text)
+        command.add_argument("controllers", nargs="+", metavar="controller", help="name")
+        command.set_defaults(work=_named, verbs=verbs)
     reload = commands.add_parser(
         "reload-libraries", help="stop and unload all controllers, then load their modules again"
     )
+    reload.set_defaults(work=_reload)
     reload.add_argument(
         "--restore", action="store_true", help="load the controllers again afterwards and start those that ran"
     )
@@ -54,7 +58,7 @@ def run(argv: Sequence[str]) -> int:
         check_master()
         client = ManagerClient(args.namespace)
         client.wait(args.timeout, print)
-        _COMMANDS[args.command](client, args)
+        args.work(client, args)
 
     return run_tool("controller_manager", work)
 
@@ -75,36 +79,15 @@ def _list_types(client: ManagerClient, args: argparse.Namespace) -> None:
         print(f"{name} [{base}]")
 
 
-def _load(client: ManagerClient, args: argparse.Namespace) -> None:
-    for name in args.controllers:
-        client.load(name)
-        print(f"loaded {name}")
-
-
-def _unload(client: ManagerClient, args: argparse.Namespace) -> None:
-    for name in args.controllers:
-        client.unload(name)
-        print(f"unloaded {name}")
-
-
-def _start(client: ManagerClient, args: argparse.Namespace) -> None:
-    client.switch(args.controllers, [])
-    print(f"started {', '.join(args.controllers)}")
-
-
-def _stop(client: ManagerClient, args: argparse.Namespace) -> None:
-    client.switch([], args.controllers)
-    print(f"stopped {', '.join(args.controllers)}")
-
-
-def _spawn(client: ManagerClient, args: argparse.Namespace) -> None:
-    _load(client, args)
-    _start(client, args)
-
-
-def _kill(client: ManagerClient, args: argparse.Namespace) -> None:
-    _stop(client, args)
-    _unload(client, args)
+def _named(client: ManagerClient, args: argparse.Namespace) -> None:
+    for verb in args.verbs:
+        if verb in ("load", "unload"):
+            for name in args.controllers:
+                getattr(client, verb)(name)
+                print(f"{verb}ed {name}")
+        else:
+            client.switch(*((args.controllers, []) if verb == "start" else ([], args.controllers)))
+            print(f"{verb}{'ped' if verb == 'stop' else 'ed'} {', '.join(args.controllers)}")
 
 
 def _reload(client: ManagerClient, args: argparse.Namespace) -> None:
@@ -122,20 +105,3 @@ def _reload(client: ManagerClient, args: argparse.Namespace) -> None:
             f"restored {', '.join(controller.name for controller in before) or 'nothing'}; running: "
             f"{', '.join(running) or 'none'}"
         )
-
-
-_COMMANDS: dict[str, Callable[[ManagerClient, argparse.Namespace], None]] = {
-    "list": _list,
-    "lc": _list,
-    "list-types": _list_types,
-    "lt": _list_types,
-    "load": _load,
-    "unload": _unload,
-    "start": _start,
-    "stop": _stop,
-    "spawn": _spawn,
-    "sp": _spawn,
-    "kill": _kill,
-    "kl": _kill,
-    "reload-libraries": _reload,
-}

@@ -39,7 +39,15 @@ STATISTICS_PERIOD = 1.0
 
 
 class ManagerServices:
-    """Services and statistics that `serve` offers; `unregister` ends them."""
+    """Services and statistics of ros_control below `<node>/controller_manager`, until the node is closed.
+
+    A refused request gets the response false; its reason is logged, and stored in the parameter `refusal`, since the
+    services' types have no field for it.
+
+    Args:
+        manager: the manager whose control loop runs elsewhere.
+        node: the robot's namespace.
+    """
 
     def __init__(self, manager: ControllerManager, node: Node) -> None:
         self._manager, self._node = manager, node.child(NAMESPACE)
@@ -54,16 +62,7 @@ class ManagerServices:
         self._publisher = realtime.publisher(self._node, "statistics", ControllersStatistics)
         manager.call_periodically(STATISTICS_PERIOD, self._publish)
 
-    def unregister(self) -> None:
-        """Unregister the services and the topic."""
-        self._manager.call_periodically(STATISTICS_PERIOD, None)
-        for service in self._services:
-            service.unregister()
-        self._publisher.unregister()
-
     def _try(self, what: str, request: Callable[[], None]) -> bool:
-        # The services' types have no field for text: the response is false, the reason goes to the log, and to a
-        # parameter, which the tools read.
         try:
             request()
         except HricError as error:
@@ -105,20 +104,6 @@ class ManagerServices:
     def _publish(self, time: float) -> None:
         snapshot = self._manager.statistics()
         self._publisher.publish(_statistics, snapshot, time)
-
-
-def serve(manager: ControllerManager, node: Node) -> ManagerServices:
-    """Offer the controller manager's services and statistics.
-
-    Services `controller_manager/{list_controllers, list_controller_types, load_controller, unload_controller,
-    switch_controller, reload_controller_libraries}`; topic `controller_manager/statistics`, once a second of robot
-    time.
-
-    Args:
-        manager: controller manager that responds.
-        node: the robot's namespace.
-    """
-    return ManagerServices(manager, node)
 
 
 def _state(status: ControllerStatus) -> Any:

@@ -7,7 +7,9 @@ from hric_control.plant import Surface
 from hric_control.plants.bushings import BushingLaw, Bushings, Motion
 from hric_control.plants.config import GRAVITY, PlantConfig, WindowlessConfig, rotor_inertia
 from hric_control.plants.divergence import DivergedError, Divergence
+from hric_control.plants.driven_joints import DrivenJoints
 from hric_control.plants.engine_plant import EnginePlant
+from hric_control.plants.engine_robot import EngineRobot
 from hric_control.plants.friction import (
     BREAKAWAY,
     PHI,
@@ -20,7 +22,7 @@ from hric_control.plants.friction import (
 )
 from hric_control.plants.masks import load_masks, masked
 from hric_control.plants.models import Model, Models, model_of_object, model_of_urdf, payload
-from hric_control.plants.moving_joints import Losses, MovingJoints, law_jacobian
+from hric_control.plants.moving_joints import Losses, MovingJoints
 from hric_control.plants.spring_step import Springs
 from hric_control.plants.stops import StopLaw, StopMemory, reciprocals
 from hric_control.plants.surfaces import SurfaceRule, Surfaces, combine
@@ -36,7 +38,9 @@ __all__ = [
     "Bushings",
     "DivergedError",
     "Divergence",
+    "DrivenJoints",
     "EnginePlant",
+    "EngineRobot",
     "Losses",
     "Model",
     "Models",
@@ -56,7 +60,6 @@ __all__ = [
     "breakaways",
     "bristle_torque",
     "combine",
-    "law_jacobian",
     "load_masks",
     "load_surfaces",
     "load_world",

@@ -69,20 +69,19 @@ class Divergence:
         if not (quiet or (math.hypot(*dq) <= self.quiet and math.hypot(*q) < math.inf)):
             self._look(q, dq)
 
-    def check_efforts(self, joints: Sequence[str], efforts: Sequence[float]) -> None:
+    def check_efforts(self, efforts: Sequence[float]) -> None:
         """Check efforts before an integrator with error control gets them; it would hang on one that is not finite.
 
         Args:
-            joints: names of the joints.
-            efforts: their efforts [N m or N].
+            efforts: efforts of all moving joints, n floats [N m or N].
 
         Raises:
             DivergedError: an effort is not finite.
         """
         if not math.hypot(*efforts) < math.inf:
-            for joint, value in zip(joints, efforts, strict=True):
+            for joint, value, length in zip(self._joints, efforts, self._units, strict=True):
                 if not math.isfinite(value):
-                    unit = "N" if self._units[self._joints.index(joint)] == "m" else "N m"
+                    unit = "N" if length == "m" else "N m"
                     raise DivergedError(joint, self.steps * self._time_step, "effort", value, unit, "not finite")
 
     def fail(self, dq: Sequence[float], why: str) -> DivergedError:

@@ -1,66 +1,90 @@
-"""Common part of the plants of all engines: modes, joints of models and bushings are passed to robot and world."""
+"""Common part of the plants of all engines: what robot and world do alike."""
 
-from collections.abc import Sequence
-from typing import Protocol
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
 
-from hric_control.plant import Articulated, Bushing, BushingLoad, DrivenPlant, Mode
-from hric_control.plants.bushings import Bushings
-from hric_control.plants.moving_joints import MovingJoints
+import numpy as np
+
+from hric_control.plant import Articulated, Bushing, BushingLoad, DrivenPlant, FloatArray, Load, Mode, Surface
+from hric_control.plants.config import PlantConfig
+from hric_control.plants.engine_robot import EngineRobot
+from hric_control.plants.masks import load_masks
+from hric_control.plants.models import Models, payload
+from hric_control.plants.surfaces import Surfaces
+from hric_control.plants.worlds import load_surfaces, load_world
 from hric_core.errors import CommandError
-
-
-class DrivenRobot(Protocol):
-    """Robot of a plant."""
-
-    def set_modes(self, modes: Sequence[Mode]) -> None:
-        """Set the meaning of the actuated joints' commands from now on."""
-
-    def set_brakes(self, on: Sequence[bool]) -> None:
-        """Lock or free the actuated joints."""
-
-
-class JointsOfModel(Protocol):
-    """Moving joints of one model, `joints`, all of them actuated."""
-
-    joints: MovingJoints
-
-    def read(self, q: list[float], dq: list[float]) -> None:
-        """Write the state at the measuring instant into the lists in place [rad or m], [rad/s or m/s]."""
-
-    def drive(self, efforts: Sequence[float]) -> None:
-        """Set efforts from the next step on [N m or N]. Raises CommandError if there is not one per joint."""
-
-
-class JointedWorld(Protocol):
-    """Models around the robot, and the bushings between links."""
-
-    @property
-    def bushings(self) -> Bushings:
-        """Active bushings."""
-
-    def joints_of(self, model: str) -> JointsOfModel:
-        """Return the joints of a spawned model. Raises UnknownNameError."""
-
-    def put_joints(self, model: str, q: Sequence[float], dq: Sequence[float] | None) -> None:
-        """Put the joints of a model at q, dq. Raises UnknownNameError, CommandError."""
-
-    def bind_connected(self) -> None:
-        """Update the engine after a change of connections."""
-
-    def base_link(self, name: str) -> str:
-        """Return the root link of a model. Raises UnknownNameError."""
+from hric_core.geometry import MassProperties
+from hric_core.urdf import read
 
 
 class EnginePlant(DrivenPlant, Articulated):
-    """Plant that delegates to a robot and a world.
+    """Plant of a robot and a world in one engine; a subclass makes both, then puts the robot at zero with `_put`.
 
     Attributes:
+        config: checked parameters.
+        tree: description of the robot.
         robot: the robot.
         world: everything around it.
     """
 
-    robot: DrivenRobot
-    world: JointedWorld
+    config_type: ClassVar[type[PlantConfig]] = PlantConfig
+    config: PlantConfig
+    robot: EngineRobot
+    world: Models[Any]
+
+    def __init__(self, urdf_xml: str, joint_names: Sequence[str], config: Mapping[str, Any]) -> None:
+        self.joint_names = tuple(joint_names)
+        self.config = self.config_type.of(config, "plant/", self.joint_names)
+        self.time_step, self.integrator = self.config.time_step, self.config.integrator
+        self.gravity = self.config.gravity
+        self.tree = read(urdf_xml)
+        self.tree.check_actuated(self.joint_names)
+        self._masks = load_masks(self.config.collision_masks)
+        self._objects = load_world(self.config.world, self.config.contact_stiffness)
+        rules = (*load_surfaces(self.config.world), *self.config.surfaces)
+        self._rules = Surfaces(rules, self.config.contact_stiffness)
+
+    # -- state ---------------------------------------------------------------------------------------------------------
+
+    def _put(self, q: Sequence[float], dq: Sequence[float] | None = None) -> None:
+        self.robot.put(q, [0.0] * len(q) if dq is None else dq)
+        self._values = self.robot.joints.zeros
+        self.world.forget_contacts()
+
+    def reset(self, q: Sequence[float], dq: Sequence[float] | None = None) -> None:
+        """Reset the robot to q, dq, and the world to its start."""
+        self.world.reset()
+        self._put(q, dq)
+
+    def set_configuration(self, q: Sequence[float]) -> None:
+        """Put the robot at q at rest; the world does not change."""
+        self._put(q)
+
+    def read_state(self, q: list[float], dq: list[float], tau: list[float]) -> None:
+        """Read position, velocity and effort at the measuring instant.
+
+        Semi-implicit, the position belongs to the end of the step and the velocity to its middle; q - dt dq/2
+        synchronises both.
+        """
+        robot = self.robot
+        robot.joints.read((robot.at, robot.dq, robot.effort), q, dq, tau)
+
+    def motor_effort(self) -> list[float]:
+        """Return the motor efforts of the last step, n floats [N m]."""
+        return self.robot.joints.pick(self.robot.motor_effort)
+
+    def engine_state(self) -> tuple[list[float], list[float]]:
+        """Return the engine's raw q, dq."""
+        robot = self.robot
+        return robot.joints.pick(robot.q), robot.joints.pick(robot.dq)
+
+    def mass_matrix(self) -> FloatArray:
+        """Return the engine's own mass matrix at the present engine position, shape (n, n) [kg m^2]."""
+        J = self.robot.joints.law_jacobian()[:, self.robot.joints.user]
+        return np.asarray(J.T @ self.robot.mass_matrix() @ J)
+
+    # -- commands ------------------------------------------------------------------------------------------------------
 
     def set_modes(self, modes: Sequence[Mode]) -> None:
         """Set each joint's command mode: effort, or target of a stiff velocity or position drive within URDF limits."""
@@ -78,6 +102,54 @@ class EnginePlant(DrivenPlant, Articulated):
                 f"{what}: got {len(values)} values for {len(self.joint_names)} joints ({', '.join(self.joint_names)})"
             )
 
+    def apply(self, tau: Sequence[float]) -> None:
+        """Set the commands for the next step: efforts [N m], or values by `set_modes`."""
+        self._values = self.robot.joints.command(tau)
+
+    def set_load(self, load: Load | None, link: str | None = None) -> None:
+        """Fix a payload to `link` (default: the link behind the last joint) instead of the previous one."""
+        link = link or self.tree.joints[self.joint_names[-1]].child
+        self.tree.check_link(link)
+        self._set_load(None if load is None else (link, payload(load)))
+
+    @abstractmethod
+    def _set_load(self, load: tuple[str, MassProperties] | None) -> None:
+        """Set the payload: its link, and its mass properties in the link's frame. All states are kept."""
+
+    def apply_wrench(
+        self, body: str, force: Sequence[float], torque: Sequence[float], point: Sequence[float], duration: float
+    ) -> None:
+        """Apply a wrench to "link" or "model::link" for `duration` [s], in whole steps (negative: until cleared)."""
+        self.world.wrenches.add(self.world.full_name(body), force, torque, point, duration)
+
+    def clear_wrenches(self, body: str | None = None) -> None:
+        """End the wrenches on one body ("model" for all its links), or all."""
+        if body is None:
+            self.world.wrenches.clear()
+        elif "::" not in body and self.world.has(body):
+            self.world.wrenches.clear_model(body)
+        else:
+            self.world.wrenches.clear_link(self.world.full_name(body))
+
+    def take_contact_peaks(self) -> dict[tuple[str, str], float]:
+        """Return the largest spring contact force of each pair since the last call [N]."""
+        return self.world.springs.take_peaks()
+
+    # -- models --------------------------------------------------------------------------------------------------------
+
+    def _spawn(
+        self, name: str, urdf_xml: str, T_world_model: FloatArray, fixed: bool, surfaces: Mapping[str, Surface]
+    ) -> None:
+        self.world.spawn(name, urdf_xml, T_world_model, fixed, surfaces)
+
+    def delete(self, name: str) -> None:
+        """Remove a model, the wrenches on it, and its bushings."""
+        self.world.delete(name)
+
+    def model_names(self) -> list[str]:
+        """Return the names of all models but the robot."""
+        return list(self.world.models)
+
     def base_link(self, model: str) -> str:
         """Return the name of a model's root link."""
         return self.world.base_link(model)
@@ -92,7 +164,8 @@ class EnginePlant(DrivenPlant, Articulated):
 
     def set_joints(self, model: str, q: Sequence[float], dq: Sequence[float] | None = None) -> None:
         """Put a model's joints at q, dq, now and after each reset."""
-        self.world.put_joints(model, q, dq)
+        self.world.joints_of(model).put(q, dq)
+        self.world.forget_contacts()
 
     def drive_joints(self, model: str, tau: Sequence[float]) -> None:
         """Set efforts of a model's joints from the next step on."""

@@ -276,6 +276,16 @@ def _shares(shape: list[Point]) -> list[float]:
     return [0.5 * (edges[k - 1] + edges[k]) / sum(edges) for k in range(n)]
 
 
+def mean_normal(near: Sequence[tuple[float, FloatArray]]) -> FloatArray:
+    """Return the normal of the deepest point (depth [m], normal), or the mean of overlapping ones weighted by depth."""
+    overlapping = [(depth, normal) for depth, normal in near if depth > 0.0]
+    if len(overlapping) < 2:
+        return max(near, key=lambda point: point[0])[1]
+    total = sum((depth * normal for depth, normal in overlapping), np.zeros(3))
+    size = float(np.linalg.norm(total))
+    return total / size if size > 0.0 else overlapping[0][1]
+
+
 def centre(found: Sequence[Corner], deepening: Sequence[float] = (), ahead: float = 0.0) -> tuple[FloatArray, float]:
     """Return (position, shape (3,), depth [m]) at which one spring acts in place of a contact area.
 

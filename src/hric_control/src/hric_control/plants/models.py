@@ -5,14 +5,20 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field
+from typing import Generic, TypeVar
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
 from hric_control.plant import Load, Surface
+from hric_control.plants.bushings import Bushings
+from hric_control.plants.config import PlantConfig
+from hric_control.plants.driven_joints import DrivenJoints
+from hric_control.plants.spring_step import Springs
 from hric_control.plants.surfaces import Surfaces
 from hric_control.plants.worlds import PLAIN_LINK, WorldObject
+from hric_control.plants.wrenches import Wrenches
 from hric_core.errors import DescriptionError, HricError, ParameterError, UnknownNameError
 from hric_core.geometry import FloatArray, MassProperties
 from hric_core.resources import read_description
@@ -24,6 +30,7 @@ TRACE = 1e-12
 """Mass [kg] and moments of inertia [kg m^2] of a moving massless link whose children have mass.
 
 Engines refuse zero; the value is too small to have an effect. Project default, unconfirmed."""
+JointsT = TypeVar("JointsT", bound=DrivenJoints)
 
 
 @dataclass
@@ -40,6 +47,7 @@ class Model:
         linear, angular: velocity of the root link's origin at the start, world frame [m/s], [rad/s].
         T_world_origin: current frame of its free joint: coordinates at zero put the root link there.
         planes: links whose collision shape is the half-space below z = 0.
+        plain: object of a world file of which it is a plain shape; None of a URDF.
     """
 
     name: str
@@ -52,6 +60,7 @@ class Model:
     linear: Sequence[float] = (0.0, 0.0, 0.0)
     angular: Sequence[float] = (0.0, 0.0, 0.0)
     planes: frozenset[str] = frozenset()
+    plain: WorldObject | None = None
 
     def __post_init__(self) -> None:
         self.T_world_origin = self.T_world_start
@@ -89,7 +98,8 @@ def model_of_object(item: WorldObject) -> Model:
     else:
         xml = _shape_urdf(item)
         planes = frozenset([PLAIN_LINK]) if item.shape == "plane" else frozenset()
-        model = Model(item.name, xml, read(xml), item.T_world_object.copy(), fixed, item.surface, planes=planes)
+        T = item.T_world_object.copy()
+        model = Model(item.name, xml, read(xml), T, fixed, item.surface, planes=planes, plain=item)
     model.linear, model.angular = item.linear, item.angular
     return model
 
@@ -174,27 +184,56 @@ def as_point(body: MassProperties) -> MassProperties:
     return MassProperties(body.mass, body.com, body.inertia + TRACE * np.eye(3))
 
 
-class Models(ABC):
+class Models(ABC, Generic[JointsT]):
     """Models around a robot by name. Each change rebuilds the engine's model; all states are kept.
 
     Args:
-        name: name of the robot's model.
         tree: the robot's description.
         objects: objects of the world file; a subclass admits them by `_restore` when it is ready.
         rules: surfaces of single links.
+        config: the plant's parameters.
 
     Attributes:
         models: all models except the robot.
+        joints: joints of models by name; a model without moving joints may be missing.
+        wrenches: external wrenches.
+        springs: springs of penalty contact.
+        bushings: bushings between links.
 
     Raises:
         HricError: an object or a rule that cannot be used.
     """
 
-    def __init__(self, name: str, tree: Robot, objects: Sequence[WorldObject], rules: Surfaces) -> None:
-        self._name, self._tree, self._rules = name, tree, rules
-        self._surfaces = {name: rules.of_model(name, tree.links, Surface())}
+    bushings: Bushings
+
+    def __init__(self, tree: Robot, objects: Sequence[WorldObject], rules: Surfaces, config: PlantConfig) -> None:
+        self._name, self._tree, self._rules, self._config = tree.name, tree, rules, config
+        self._surfaces = {tree.name: rules.of_model(tree.name, tree.links, Surface())}
         self._start = {item.name: model_of_object(item) for item in objects}
         self.models: dict[str, Model] = {}
+        self.joints: dict[str, JointsT] = {}
+        self.wrenches, self.springs = Wrenches(config.time_step), Springs(config.time_step)
+
+    @abstractmethod
+    def reset(self) -> None:
+        """Reset all models to their start, and clear wrenches, drives and the memory of contact and slip."""
+
+    @abstractmethod
+    def forget_contacts(self) -> None:
+        """Forget contacts and spring memory, after bodies were put elsewhere."""
+
+    @abstractmethod
+    def bind_connected(self) -> None:
+        """Update the engine after a change of the connections."""
+
+    def joints_of(self, model: str) -> DrivenJoints:
+        """Return the joints of a model around the robot. Raises UnknownNameError."""
+        self._check_model(model)
+        return self.joints.get(model) or DrivenJoints(model, (), self._config)
+
+    def _check_model(self, name: str) -> None:
+        if name not in self.models:
+            raise UnknownNameError("model", name, self.models, "the world")
 
     # -- coming and going ----------------------------------------------------------------------------------------------
 
@@ -217,8 +256,11 @@ class Models(ABC):
         self.models[model.name] = model
 
     def _dismiss(self, name: str) -> None:
-        """Remove a model from the next build."""
+        """Remove a model from the next build, the wrenches on it, and its bushings."""
         del self.models[name], self._surfaces[name]
+        self.joints.pop(name, None)
+        self.bushings.forget_model(name)
+        self.wrenches.clear_model(name)
 
     def _restore(self) -> None:
         """Admit the missing objects of the world file, and put all of them first.
@@ -256,16 +298,11 @@ class Models(ABC):
         Raises:
             UnknownNameError: no such model.
         """
-        if name not in self.models:
-            raise UnknownNameError("model", name, self.models, "the world")
+        self._check_model(name)
         self._dismiss(name)
         self._build()
 
     # -- names ---------------------------------------------------------------------------------------------------------
-
-    def names(self) -> list[str]:
-        """Return the names of all models but the robot."""
-        return list(self.models)
 
     def has(self, model: str) -> bool:
         """Return True if there is such a model; the robot counts."""

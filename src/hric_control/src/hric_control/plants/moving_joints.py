@@ -51,14 +51,6 @@ Follower = tuple[int, int, float, float]
 The leader is the joint at the end of the chain of mimic joints."""
 
 
-def law_jacobian(count: int, followers: Sequence[Follower]) -> FloatArray:
-    """Return the change of all speeds per speed of each of `count` joints, shape (n, n); mimic joints included."""
-    J = np.eye(count)
-    for i, leader, multiplier, _ in followers:
-        J[i, i], J[i, leader] = 0.0, multiplier
-    return J
-
-
 class MovingJoints:
     """Vectors of all moving joints, in the engine's order, and of the actuated ones, in the user's order.
 
@@ -152,8 +144,11 @@ class MovingJoints:
             q[i], dq[i] = multiplier * q[leader] + offset, multiplier * dq[leader]
 
     def law_jacobian(self) -> FloatArray:
-        """Return the change of all speeds per speed of each joint, shape (n, n); see the function `law_jacobian`."""
-        return law_jacobian(len(self.joints), self.followers)
+        """Return the change of all speeds per speed of each joint, mimic joints included, shape (n, n)."""
+        J = np.eye(len(self.joints))
+        for i, leader, multiplier, _ in self.followers:
+            J[i, i], J[i, leader] = 0.0, multiplier
+        return J
 
     def modes(self, modes: Sequence[Mode], brakes: Sequence[bool], *, locked: bool) -> list[Mode]:
         """Return the modes of all moving joints; a mimic joint is never braked.

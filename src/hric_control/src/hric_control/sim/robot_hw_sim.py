@@ -12,9 +12,9 @@ from hric_control.hardware_interface import (
     PositionJointInterface,
     VelocityJointInterface,
 )
+from hric_control.pid import Pid, PidGains
 from hric_control.plant import DrivenPlant, Mode
 from hric_control.robot_hw import ControllerInfo, LogRow
-from hric_control.sim.pid import Pid, PidGains
 from hric_control.sim.simulated_robot import SimulatedRobot
 from hric_control.transmission import parse_transmissions
 from hric_core.errors import DescriptionError, HricError, ResourceConflictError

@@ -14,7 +14,7 @@ from hric_control.plant import FloatArray
 from hric_control.sim.simulated_robot import SimulatedRobot
 from hric_control.sim.topics import SimTopics
 from hric_core.errors import CommandError, HricError, check_known
-from hric_core.geometry import messages
+from hric_core.geometry import messages, pose_of_transform, stamped
 from hric_core.geometry.transforms import inverse
 from hric_core.node import Node
 from hric_core.urdf import read
@@ -24,27 +24,23 @@ WORLD = ("", "world", "map")
 """Names of the inertial frame, as Gazebo accepts them."""
 
 
-def serve(hw: SimulatedRobot, node: Node) -> "SimServices":
-    """Offer the services and topics below `<node>/sim`; `.unregister()` ends them."""
-    return SimServices(hw, node.child("sim"))
-
-
 class SimServices:
-    """Service handlers.
+    """Services and topics below `<node>/sim`, until the node is closed.
 
     A refusal is `success: False` with the reason in `status_message`, or a service error if the type has no such field.
 
     Args:
         hw: the simulated robot.
-        node: namespace of the services.
+        node: the robot's namespace.
     """
 
     def __init__(self, hw: SimulatedRobot, node: Node) -> None:
-        self._hw, self._node, self._loop, self._plant = hw, node, hw.loop, hw.plant
+        node = self._node = node.child("sim")
+        self._hw, self._loop, self._plant = hw, hw.loop, hw.plant
         self._robot = read(hw.description).name
         self._limits: list[JointLimits] = load_limits(hw.description, None, hw.states.names, ("position",))
         self._waiting: list[tuple[float, str, Callable[[], None]]] = []
-        self.topics = SimTopics(hw, node, self._robot)
+        SimTopics(hw, node, self._robot)
         self._loop.after_cycle.append(self._start_waiting)
         silent: dict[str, tuple[Any, Callable[[Any], None]]] = {
             "reset_simulation": (Empty, self._reset),
@@ -63,13 +59,6 @@ class SimServices:
         }
         self._services = [node.service(name, kind, _silent(kind, act)) for name, (kind, act) in silent.items()]
         self._services += [node.service(name, kind, _responding(kind, act)) for name, (kind, act) in responding.items()]
-
-    def unregister(self) -> None:
-        """Unregister the services and topics."""
-        for service in self._services:
-            service.unregister()
-        self._loop.after_cycle.remove(self._start_waiting)
-        self.topics.unregister()
 
     def _in_loop(self, action: Callable[[Any, Any], str]) -> Callable[[Any, Any], str]:
         return lambda request, response: self._loop.request(lambda: action(request, response))
@@ -182,8 +171,8 @@ class SimServices:
         T, twist = self._plant.link_state(request.link_name)
         T_world_ref = self._frame(request.reference_frame)
         R, state = T_world_ref[:3, :3], response.link_state
-        messages.fill(state.pose, inverse(T_world_ref) @ T)
-        messages.fill_twist(state.twist, np.concatenate([R.T @ twist[:3], R.T @ twist[3:]]))
+        state.pose = stamped.pose_message(pose_of_transform(inverse(T_world_ref) @ T))
+        state.twist = stamped.twist_message([*(R.T @ twist[:3]).tolist(), *(R.T @ twist[3:]).tolist()])
         state.link_name, state.reference_frame = request.link_name, request.reference_frame or "world"
         return f"state of {request.link_name} at {self._loop.time:.3f} s"
 

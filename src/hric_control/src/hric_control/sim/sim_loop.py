@@ -12,20 +12,17 @@ plant from outside (services) goes through `request`, so that only one thread ev
 import math
 import threading
 import time as wall
-from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from time import monotonic_ns
-from typing import Any, Generic, TypeVar
+from typing import Any
 
+from hric_control.loop_requests import LoopRequests, T
 from hric_control.sim.loop_stats import LoopMeter, LoopStats
 from hric_control.sim.pace import Pace
 from hric_core.errors import HricError
 from hric_core.parameters import number
 from hric_core.robot_time.schedule import NS
-
-T = TypeVar("T")
 
 Cycle = Callable[[float, float, bool], bool]
 """Callback (robot time at the measuring instant [s], period [s], reset controllers) -> True to go on.
@@ -47,25 +44,6 @@ PAUSE_POLL = 0.02
 """Period at which a paused loop calls `on_pause` [s]."""
 IDLE_PERIOD = 0.1
 """Robot time between two calls of `on_idle` when the loop is not paced [s]."""
-
-
-@dataclass
-class _Request(Generic[T]):
-    function: Callable[[], T]
-    done: threading.Event
-    result: T | None = None
-    error: BaseException | None = None
-
-    def serve(self) -> None:
-        try:
-            self.result = self.function()
-        except Exception as error:  # handed to the requesting thread, which raises it
-            self.error = error
-        except BaseException as error:
-            self.error = error
-            raise
-        finally:
-            self.done.set()
 
 
 class SimLoop:
@@ -103,11 +81,9 @@ class SimLoop:
         self._stop = self._paused = self._reset = False
         self._steps = 0
         self._stepped: threading.Event | None = None
-        self._requests: deque[_Request[object]] = deque()
         self._wake: SimpleQueue[None] = SimpleQueue()  # put() is safe in a signal handler
-        self._state = threading.RLock()  # held while requests run directly, and while run begins or ends
+        self._requests = LoopRequests(self._woken)
         self._step_caller = threading.Lock()
-        self._thread: int | None = None
 
     @property
     def real_time_factor(self) -> float:
@@ -123,7 +99,7 @@ class SimLoop:
     @property
     def running(self) -> bool:
         """True if `run` is active, paused or not."""
-        return self._thread is not None
+        return self._requests.thread is not None
 
     @property
     def paused(self) -> bool:
@@ -140,21 +116,21 @@ class SimLoop:
 
         After a `stop` that came before `run`, it returns at once.
         """
-        with self._state:
-            if self._thread is not None:
+        with self._requests.lock:
+            if self.running:
                 raise HricError("the simulation loop is running already")
-            self._thread = threading.get_ident()
+            self._requests.thread = threading.get_ident()
         if self._factor and not self._paused:
             self.pace.due(monotonic_ns(), self.time)
         self._meter.restart(self.cycles)
         try:
             self._loop(cycle)
         finally:
-            with self._state:
-                self._thread = None
+            with self._requests.lock:
+                self._requests.thread = None
                 self._stop = False
                 self._steps = 0
-                self._serve()
+                self._requests.serve()
                 if self._stepped is not None:
                     self._stepped.set()
 
@@ -181,17 +157,11 @@ class SimLoop:
 
         While no loop runs, and from the loop's own thread, it is called directly.
         """
-        with self._state:
-            if self._thread is None or self._thread == threading.get_ident():
-                return function()
-            request: _Request[T] = _Request(function, threading.Event())
-            self._requests.append(request)  # type: ignore[arg-type]
+        return self._requests.request(function)
+
+    def _woken(self) -> None:
         if self._paused:
             self._wake.put(None)
-        request.done.wait()
-        if request.error is not None:
-            raise request.error
-        return request.result  # type: ignore[return-value]
 
     def step(self, n: int) -> float:
         """Run exactly `n` cycles while paused, as fast as possible, and wait for their end.
@@ -206,7 +176,7 @@ class SimLoop:
             raise HricError(f"the number of steps must be at least 1; got {n}")
         with self._step_caller:
             done = threading.Event()
-            with self._state:
+            with self._requests.lock:
                 self._check_step()
                 goal = self.cycles + n
                 self._stepped, self._steps = done, n
@@ -218,19 +188,20 @@ class SimLoop:
         return self.time
 
     def _check_step(self) -> None:
-        if self._thread is None:
+        if not self.running:
             raise HricError("the simulation loop is not running: nothing to step")
-        if self._thread == threading.get_ident():
+        if self._requests.thread == threading.get_ident():
             raise HricError("step must not be called from inside the loop")
         if not self._paused:
             raise HricError("the simulation is not paused: call sim/pause_physics first")
 
     def _loop(self, cycle: Cycle) -> None:
         period, meter, clock = self.time_step, self._meter, wall.perf_counter
+        waiting, serve = self._requests.waiting, self._requests.serve
         idle_cycles = max(1, round(IDLE_PERIOD / period))
         while not self._stop:
-            if self._requests:
-                self._serve()
+            if waiting:
+                serve()
             if self._paused and not self._steps:
                 self._wait()
                 continue
@@ -282,10 +253,6 @@ class SimLoop:
             now = monotonic_ns()
             if due is None or now < due:
                 due = pace.due(now, run)
-
-    def _serve(self) -> None:
-        while self._requests:
-            self._requests.popleft().serve()
 
     def _wait(self) -> None:
         """Sleep until there is a request, while paused."""

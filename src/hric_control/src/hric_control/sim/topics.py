@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import Point, Pose, Twist, Vector3, Wrench
+from geometry_msgs.msg import Vector3, Wrench
 from sensor_msgs.msg import JointState
 
 from gazebo_msgs.msg import ContactsState, ContactState, ModelStates
@@ -13,7 +13,7 @@ from hric_control.sim import contact_info
 from hric_control.sim.simulated_robot import SimulatedRobot
 from hric_core import realtime
 from hric_core.errors import HricError
-from hric_core.geometry import messages
+from hric_core.geometry import pose_of_transform, stamped
 from hric_core.node import Node
 from hric_core.robot_time import stamps
 from hric_core.urdf import read
@@ -44,22 +44,14 @@ class SimTopics:
         self._contacts = realtime.publisher(node, "contacts", ContactsState)
         self._models = realtime.publisher(node, "model_states", ModelStates)
         self._motors = realtime.publisher(node, "motor_efforts", JointState)
-        self._publishers = [self._contacts, self._models, self._motors]
         self._reactions: tuple[ReactingPlant, realtime.RealtimePublisher] | None = None
         if isinstance(hw.plant, ReactingPlant):
             self._reactions = hw.plant, realtime.publisher(node, "joint_reactions", JointReactions)
-            self._publishers.append(self._reactions[1])
         periods = (CONTACTS_PERIOD, MODELS_PERIOD, MOTORS_PERIOD, REACTIONS_PERIOD)
         self._cycles = [max(1, round(period / self._loop.time_step)) for period in periods]
         self._warned = False
         self._touching = True  # so that the first message is sent without a contact, too
         self._loop.after_cycle.append(self._publish)
-
-    def unregister(self) -> None:
-        """Stop publishing."""
-        self._loop.after_cycle.remove(self._publish)
-        for publisher in self._publishers:
-            publisher.unregister()
 
     def _publish(self, time: float) -> None:
         cycle, (contacts, models, motors, reactions) = self._loop.cycles, self._cycles
@@ -144,12 +136,8 @@ def motors_message(joint_names: Sequence[str], efforts: list[float], time: float
 def models_message(names: list[str], states: list[tuple[FloatArray, FloatArray]]) -> Any:
     """Return gazebo_msgs/ModelStates in the world frame."""
     message = ModelStates(name=names)
-    for T, twist in states:
-        pose, velocity = Pose(), Twist()
-        messages.fill(pose, T)
-        messages.fill_twist(velocity, twist)
-        message.pose.append(pose)
-        message.twist.append(velocity)
+    message.pose = [stamped.pose_message(pose_of_transform(T)) for T, _ in states]
+    message.twist = [stamped.twist_message(twist.tolist()) for _, twist in states]
     return message
 
 
@@ -161,16 +149,9 @@ def reactions_message(reactions: list[JointReaction], time: float) -> Any:
         time: robot time at which it measured [s].
     """
     message = JointReactions()
-    message.header.stamp, message.header.frame_id = stamps.to_time(time), "world"
-    for reaction in reactions:
-        message.joint_names.append(reaction.joint)
-        message.link_names.append(reaction.link)
-        # Fields are set one by one: constructors with arguments check them all and cost three times as much.
-        position, wrench = Point(), Wrench()
-        position.x, position.y, position.z = reaction.position
-        force, torque = wrench.force, wrench.torque
-        force.x, force.y, force.z = reaction.force
-        torque.x, torque.y, torque.z = reaction.torque
-        message.positions.append(position)
-        message.wrenches.append(wrench)
+    message.header = stamped.header(stamps.to_time(time), "world")
+    message.joint_names = [reaction.joint for reaction in reactions]
+    message.link_names = [reaction.link for reaction in reactions]
+    message.positions = [stamped.point_message(reaction.position) for reaction in reactions]
+    message.wrenches = [stamped.wrench_message((*reaction.force, *reaction.torque)) for reaction in reactions]
     return message

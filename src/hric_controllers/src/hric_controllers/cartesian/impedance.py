@@ -1,7 +1,6 @@
 """Cartesian impedance control with a null-space posture, like franka_ros's CartesianImpedanceExampleController."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -21,10 +20,9 @@ from hric_controllers.dynamics import added_gravity, rotor_inertia
 from hric_controllers.state.messages import to_pose
 from hric_core import realtime
 from hric_core.errors import CommandError
-from hric_core.geometry import Pose
-from hric_core.geometry.messages import fill_pose
+from hric_core.geometry import Pose, stamped
 from hric_core.live import live_parameters
-from hric_core.node import Node, Registration
+from hric_core.node import Node
 from hric_core.parameters import Settings, names, number, per_joint, refused
 
 
@@ -123,9 +121,9 @@ class CartesianImpedanceController(Controller):
         self._jump = JumpSettings.read(self._node)
         self._target: realtime.LatestValue[Pose | None] = realtime.LatestValue(None)
 
-    def _open_input(self) -> Sequence[Registration]:
+    def _open_input(self) -> None:
         """Subscribe to the topics of the equilibrium's input."""
-        return [self._node.subscribe("equilibrium_pose", PoseStamped, self._on_equilibrium, queue_size=1)]
+        self._node.subscribe("equilibrium_pose", PoseStamped, self._on_equilibrium, queue_size=1)
 
     def _start_input(self) -> None:
         """Reset the equilibrium's input when the controller starts."""
@@ -149,11 +147,8 @@ class CartesianImpedanceController(Controller):
             realtime.publisher(node, "measured_pose", PoseStamped),
             realtime.publisher(node, "commanded_wrench", WrenchStamped),
         )
-        self._registrations = [
-            node.live_parameters(live_parameters(self._gain_settings), self._on_gains),
-            *self._open_input(),
-            *self._publishers,
-        ]
+        node.live_parameters(live_parameters(self._gain_settings), self._on_gains)
+        self._open_input()
 
     def _on_gains(self, values: dict[str, Any]) -> dict[str, Any]:
         """Apply changed live parameters: all of them, or none if a HricError is raised."""
@@ -217,28 +212,11 @@ class CartesianImpedanceController(Controller):
 
     def _publish(self, measured: Pose) -> None:
         stamp, desired, wrench = self._node.now(), self._law.pose, self._law.wrench.tolist()
-        self._publishers[0].publish(lambda: self._pose_message(stamp, desired))
-        self._publishers[1].publish(lambda: self._pose_message(stamp, measured))
-        self._publishers[2].publish(lambda: self._wrench_message(stamp, wrench))
-
-    def _pose_message(self, stamp: Any, pose: Pose) -> PoseStamped:
-        message = PoseStamped()
-        message.header.stamp, message.header.frame_id = stamp, f"{self._arm_id}_link0"
-        fill_pose(message.pose, pose)
-        return message
-
-    def _wrench_message(self, stamp: Any, values: list[float]) -> WrenchStamped:
-        message = WrenchStamped()
-        message.header.stamp, message.header.frame_id = stamp, f"{self._arm_id}_link0"
-        force, torque = message.wrench.force, message.wrench.torque
-        force.x, force.y, force.z, torque.x, torque.y, torque.z = values
-        return message
+        base = f"{self._arm_id}_link0"
+        self._publishers[0].publish(lambda: stamped.pose_stamped(stamped.header(stamp, base), desired))
+        self._publishers[1].publish(lambda: stamped.pose_stamped(stamped.header(stamp, base), measured))
+        self._publishers[2].publish(lambda: stamped.wrench_stamped(stamped.header(stamp, base), wrench))
 
     def stopping(self, time: float) -> None:
         """Refuse poses from now on."""
         self._running = False
-
-    def shutdown(self) -> None:
-        """Unregister topics and live parameters."""
-        for registration in self._registrations:
-            registration.unregister()

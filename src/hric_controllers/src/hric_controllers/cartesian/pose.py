@@ -1,7 +1,5 @@
 """Cartesian pose controllers: follow a marker (thesis ch. 3.3) or move to commanded poses."""
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from franka_hw_interface.interfaces import FrankaPoseCartesianInterface
@@ -11,7 +9,7 @@ from hric_control.speed_scale import SpeedScaleInterface
 from hric_controllers.cartesian.impedance import CartesianImpedanceController
 from hric_controllers.marker.pose_tracking import PoseTracking
 from hric_controllers.parameters import ArmSettings
-from hric_core.node import Node, Registration
+from hric_core.node import Node
 
 
 class CartesianPoseController(Controller):
@@ -24,7 +22,7 @@ class CartesianPoseController(Controller):
         self._arm = robot_hw.get(FrankaPoseCartesianInterface).handle(f"{arm_id}_robot")
         scale = robot_hw.get(SpeedScaleInterface).handle()
         self._tracking = PoseTracking(node, f"{arm_id}_link0", scale)
-        self._registrations = self._tracking.open()
+        self._tracking.open()
 
     def starting(self, time: float) -> None:
         """Start the motion at the last commanded pose of the arm."""
@@ -41,11 +39,6 @@ class CartesianPoseController(Controller):
         """Refuse commands from now on."""
         self._tracking.stop()
 
-    def shutdown(self) -> None:
-        """Unregister the topics."""
-        for registration in self._registrations:
-            registration.unregister()
-
 
 class CartesianPoseImpedanceController(CartesianImpedanceController):
     """Impedance controller on efforts whose equilibrium follows `PoseTracking`; parameters and topics: INTERFACE.md."""
@@ -57,8 +50,8 @@ class CartesianPoseImpedanceController(CartesianImpedanceController):
     def _read_input(self) -> None:
         self._tracking = PoseTracking(self._node, f"{self._arm_id}_link0", self._scale)
 
-    def _open_input(self) -> Sequence[Registration]:
-        return self._tracking.open()
+    def _open_input(self) -> None:
+        self._tracking.open()
 
     def _start_input(self) -> None:
         """Start the equilibrium at the end effector's pose, so that the spring force is zero."""

@@ -161,11 +161,8 @@ class JointPDController(Controller):
         node = self._node
         self._live.publish_start()
         self._state = realtime.publisher(node, "state", JointTrajectoryControllerState)
-        self._registrations = [
-            node.live_parameters(self._live.parameters(), self._on_gains),
-            node.subscribe("command", Float64MultiArray, self._on_command, queue_size=1),
-            self._state,
-        ]
+        node.live_parameters(self._live.parameters(), self._on_gains)
+        node.subscribe("command", Float64MultiArray, self._on_command, queue_size=1)
 
     def _on_command(self, message: Any) -> None:
         """Pass the setpoint to the loop; the node logs a CommandError with the topic's name."""
@@ -225,8 +222,3 @@ class JointPDController(Controller):
     def stopping(self, time: float) -> None:
         """Refuse setpoints from now on."""
         self._running = False
-
-    def shutdown(self) -> None:
-        """Unregister topics and live parameters."""
-        for registration in self._registrations:
-            registration.unregister()

@@ -18,9 +18,8 @@ from hric_controllers.parameters import Throttle
 from hric_controllers.state.messages import to_pose
 from hric_core import realtime
 from hric_core.errors import CommandError, HricError
-from hric_core.geometry import Pose, quaternions
-from hric_core.geometry.messages import fill_pose
-from hric_core.node import Node, Registration
+from hric_core.geometry import Pose, quaternions, stamped
+from hric_core.node import Node
 from hric_msgs.msg import MarkerTrackingState
 
 
@@ -58,14 +57,12 @@ class PoseTracking:
             return LineMotion(limits.velocity, limits.acceleration)
         return OnlineTrajectoryGenerator(limits.each_of(3), self._settings.smoothing_time)
 
-    def open(self) -> list[Registration]:
-        """Subscribe and advertise; return the registrations to undo at the end."""
+    def open(self) -> None:
+        """Subscribe and advertise."""
         settings, node = self._settings, self._node
         self._state = realtime.publisher(node, "state", MarkerTrackingState)
-        markers = subscribe_markers(
-            node, settings.source, settings.topic, settings.body, self._base, self._markers.append
-        )
-        return [node.subscribe("command", PoseStamped, self._on_command, queue_size=1), *markers, self._state]
+        subscribe_markers(node, settings.source, settings.topic, settings.body, self._base, self._markers.append)
+        node.subscribe("command", PoseStamped, self._on_command, queue_size=1)
 
     def _log(self, warn: bool, line: str) -> None:
         """Log a line outside the loop."""
@@ -237,14 +234,17 @@ def tracking_state(
 
     counts: losses, ignored, clamped, refused by reason.
     """
-    message = MarkerTrackingState()
-    message.header.stamp, message.header.frame_id = stamp, frame
-    message.tracking = tracking
-    fill_pose(message.target, target)
-    fill_pose(message.desired, desired)
-    linear, angular = message.desired_twist.linear, message.desired_twist.angular
-    linear.x, linear.y, linear.z, angular.x, angular.y, angular.z = twist
-    fill_pose(message.measured, measured)
-    message.losses, message.ignored, message.clamped, refused = counts
-    message.refused_reasons, message.refused_counts = list(refused), list(refused.values())
-    return message
+    losses, ignored, clamped, refused = counts
+    return MarkerTrackingState(
+        header=stamped.header(stamp, frame),
+        tracking=tracking,
+        target=stamped.pose_message(target),
+        desired=stamped.pose_message(desired),
+        desired_twist=stamped.twist_message(twist),
+        measured=stamped.pose_message(measured),
+        losses=losses,
+        ignored=ignored,
+        clamped=clamped,
+        refused_reasons=list(refused),
+        refused_counts=list(refused.values()),
+    )

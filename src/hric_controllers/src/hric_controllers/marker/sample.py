@@ -12,7 +12,7 @@ from typing import Any
 from geometry_msgs.msg import Point
 
 from hric_core.geometry import Quaternion, Vector
-from hric_core.node import Node, Registration
+from hric_core.node import Node
 from hric_msgs.msg import MocapData
 
 UNIT = 0.01
@@ -80,8 +80,8 @@ def _is_unit(q: Sequence[float] | None) -> bool:
 
 def subscribe_markers(
     node: Node, source: str, topic: str, body: str, base: str, take: Callable[[Marker], None]
-) -> list[Registration]:
-    """Call `take` with each marker, in the subscriber's thread; return the subscriptions.
+) -> None:
+    """Call `take` with each marker, in the subscriber's thread.
 
     Args:
         node: namespace of the controller.
@@ -91,14 +91,11 @@ def subscribe_markers(
         base: name of the robot's base frame.
         take: callback for each marker.
     """
-    if source == "none":
-        return []
-    topic = node.beside(topic)
+    topic = node.beside(topic) if topic else ""
     if source == "mocap":
-        return [node.subscribe(topic, MocapData, MocapReader(node, topic, body, base, take), queue_size=10)]
-    return [
+        node.subscribe(topic, MocapData, MocapReader(node, topic, body, base, take), queue_size=10)
+    elif source == "point":
         node.subscribe(topic, Point, lambda message: take(Marker((message.x, message.y, message.z))), queue_size=10)
-    ]
 
 
 class MocapReader:

@@ -56,8 +56,3 @@ class FrankaStateController(Controller):
         self._desired.publish(messages.joint_state, stamp, self._joints, state.q_d, state.dq_d, state.tau_J_d)
         self._wrench.publish(messages.external_wrench, state.K_F_ext_hat_K, self._arm_id, stamp)
         self._tf.publish(messages.end_effector_frames, state.F_T_NE, state.NE_T_EE, state.EE_T_K, self._arm_id, stamp)
-
-    def shutdown(self) -> None:
-        """Stop advertising."""
-        for publisher in self._publishers:
-            publisher.unregister()

@@ -73,7 +73,3 @@ class JointStateController(Controller):
             self._publisher.publish(
                 joint_state, stamp, self._names, position + more[0], velocity + more[1], effort + more[2]
             )
-
-    def shutdown(self) -> None:
-        """Stop advertising."""
-        self._publisher.unregister()

@@ -7,14 +7,13 @@ FrankaState, wrench, transforms of the end-effector frames.
 from collections.abc import Sequence
 from typing import Any
 
-from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3, Wrench, WrenchStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
 from franka_hw_interface.robot_state import FIELD_NAMES, RobotState
 from franka_msgs.msg import Errors, FrankaState
-from hric_core.geometry import Pose, quaternions
+from hric_core.geometry import Pose, quaternions, stamped
 
 _PLAIN = tuple(name for name in FIELD_NAMES if name not in ("current_errors", "last_motion_errors", "robot_mode"))
 
@@ -32,10 +31,9 @@ def franka_state(state: RobotState, stamp: Any) -> FrankaState:
     return message
 
 
-def external_wrench(K_F_ext_hat_K: Sequence[float], arm_id: str, stamp: Any) -> WrenchStamped:
+def external_wrench(K_F_ext_hat_K: Sequence[float], arm_id: str, stamp: Any) -> Any:
     """Return the estimated external wrench on the stiffness frame, expressed in it, 6 floats [N], [N m]."""
-    force, torque = K_F_ext_hat_K[:3], K_F_ext_hat_K[3:]
-    return WrenchStamped(Header(stamp=stamp, frame_id=f"{arm_id}_K"), Wrench(Vector3(*force), Vector3(*torque)))
+    return stamped.wrench_stamped(stamped.header(stamp, f"{arm_id}_K"), K_F_ext_hat_K)
 
 
 def end_effector_frames(
@@ -45,15 +43,10 @@ def end_effector_frames(
     chain = (("link8", "NE", F_T_NE), ("NE", "EE", NE_T_EE), ("EE", "K", EE_T_K))
     return TFMessage(
         [
-            TransformStamped(Header(stamp=stamp, frame_id=f"{arm_id}_{parent}"), f"{arm_id}_{child}", to_transform(T))
+            stamped.transform_stamped(stamped.header(stamp, f"{arm_id}_{parent}"), f"{arm_id}_{child}", to_pose(T))
             for parent, child, T in chain
         ]
     )
-
-
-def to_transform(T: Sequence[float]) -> Transform:
-    """Return a column-major transform, 16 floats, as a message."""
-    return Transform(Vector3(T[12], T[13], T[14]), Quaternion(*to_quaternion(T)))
 
 
 def to_quaternion(T: Sequence[float]) -> quaternions.Quaternion:

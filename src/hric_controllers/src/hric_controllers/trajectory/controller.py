@@ -10,10 +10,10 @@ from control_msgs.msg import FollowJointTrajectoryAction, FollowJointTrajectoryF
 from control_msgs.srv import QueryTrajectoryState, QueryTrajectoryStateResponse
 from hric_control.controller import Controller
 from hric_control.hardware_interface import EffortJointInterface, JointCommandInterface, PositionJointInterface
+from hric_control.pid import Pid
 from hric_control.robot_hw import RobotHW
 from hric_control.speed_scale import ScaledTime, SpeedScaleInterface
 from hric_controllers.dynamics import added_gravity, kd_check
-from hric_controllers.joint.pid import Pid
 from hric_controllers.parameters import Throttle
 from hric_controllers.state.messages import Point, build_state
 from hric_controllers.trajectory import message as trajectories
@@ -57,12 +57,9 @@ class JointTrajectoryController(Controller):
     def _open(self) -> None:
         node = self._node
         self._state = realtime.publisher(node, "state", JointTrajectoryControllerState)
-        self._registrations = [
-            node.subscribe("command", JointTrajectory, self._on_command, queue_size=1),
-            node.service("query_state", QueryTrajectoryState, self._on_query),
-            node.action_server("follow_joint_trajectory", FollowJointTrajectoryAction, self._on_goal, self._on_cancel),
-            self._state,
-        ]
+        node.subscribe("command", JointTrajectory, self._on_command, queue_size=1)
+        node.service("query_state", QueryTrajectoryState, self._on_query)
+        node.action_server("follow_joint_trajectory", FollowJointTrajectoryAction, self._on_goal, self._on_cancel)
 
     def _read_law(self, robot_hw: RobotHW, root_node: Node) -> None:
         """Read the parameters of the control law."""
@@ -236,11 +233,6 @@ class JointTrajectoryController(Controller):
         if goal is not None:
             realtime.defer(self._node, lambda: goal.cancel(text))
 
-    def shutdown(self) -> None:
-        """Unregister topics, service and action."""
-        for registration in self._registrations:
-            registration.unregister()
-
 
 class EffortJointTrajectoryController(JointTrajectoryController):
     """Controller with effort = PID(desired - measured) + velocity_ff * desired velocity [+ g(q)]."""
@@ -252,18 +244,20 @@ class EffortJointTrajectoryController(JointTrajectoryController):
         if idle := settings.idle_integrals(self.joints):
             where = node.resolve("gains")
             node.log_warn(f"{where}: i without i_clamp has no effect ({', '.join(idle)}); give i_clamp [N m]")
-        self._pid = Pid(settings.gains)
+        self._pids = [Pid(gains) for gains in settings.gains]
         self._gravity = added_gravity(robot_hw, root_node, node, self.joints) if settings.gravity else None
         self._forward = settings.velocity_ff
         check_kd = kd_check(robot_hw, root_node, node, self.joints, settings.rotor_inertia, settings.strict_gains)
         check_kd([item.d for item in settings.gains])
 
     def _start_law(self, q: list[float]) -> None:
-        self._pid.reset()
+        for pid in self._pids:
+            pid.reset()
 
     def _command(self, q: list[float], period: float) -> list[float]:
         follower = self._follower
-        effort = self._pid.update(follower.position_error, follower.velocity_error, period)
+        rows = zip(self._pids, follower.position_error, follower.velocity_error, strict=True)
+        effort = [pid.effort(error, period, rate) for pid, error, rate in rows]
         effort = [u + k * v for u, k, v in zip(effort, self._forward, follower.velocity, strict=True)]
         return effort if self._gravity is None else [u + g for u, g in zip(effort, self._gravity(q), strict=True)]
 

@@ -3,20 +3,11 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any
 
 from hric_controllers.trajectory.message import GOAL_TOLERANCE_VIOLATED, PATH_TOLERANCE_VIOLATED, SUCCESSFUL, Waypoints
 from hric_controllers.trajectory.spline import Track, follow, hold, stop
 from hric_core.errors import CommandError
-
-
-class JointToleranceLike(Protocol):
-    """Fields of control_msgs/JointTolerance."""
-
-    name: str
-    position: float
-    velocity: float
-    acceleration: float
 
 
 @dataclass(frozen=True)
@@ -57,8 +48,8 @@ class GoalTolerances:
     def overridden(
         self,
         joints: Sequence[str],
-        path: Sequence[JointToleranceLike],
-        goal: Sequence[JointToleranceLike],
+        path: Sequence[Any],
+        goal: Sequence[Any],
         goal_time: float,
     ) -> "GoalTolerances":
         """Return these tolerances with those of a goal message: 0 keeps the default, negative removes the limit.
@@ -82,7 +73,7 @@ class GoalTolerances:
 
 
 def _override(
-    joints: Sequence[str], defaults: Sequence[Tolerance], given: Sequence[JointToleranceLike], field: str
+    joints: Sequence[str], defaults: Sequence[Tolerance], given: Sequence[Any], field: str
 ) -> tuple[Tolerance, ...]:
     by_name = {item.name: item for item in given}
     unknown = sorted(set(by_name) - set(joints))

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from hric_controllers.joint.pid import PidGains
+from hric_control.pid import PidGains
 from hric_controllers.parameters import STRICT_GAINS, LawSettings, state_rate
 from hric_controllers.trajectory.follower import GoalTolerances, Tolerance
 from hric_core.node import Node
@@ -66,16 +66,25 @@ class TrajectorySettings(Settings):
 
 
 @dataclass(frozen=True)
+class JointGains(PidGains):
+    """Gains of one joint: from position errors [rad or m] to efforts [N m or N]; a negative one would drive it away."""
+
+    p: float = number(minimum=0.0, unit="N m/rad", text="effort version only")
+    i: float = number(0.0, minimum=0.0, unit="N m/(rad s)")
+    d: float = number(0.0, minimum=0.0, unit="N m s/rad")
+
+
+@dataclass(frozen=True)
 class EffortTrajectorySettings(LawSettings):
     """Additional parameters of the effort version."""
 
-    gains: tuple[PidGains, ...] = per_joint(section(PidGains))
+    gains: tuple[JointGains, ...] = per_joint(section(JointGains))
     velocity_ff: tuple[float, ...] = per_joint(number(unit="N m s/rad"), 0.0, text="times the desired velocity")
     strict_gains: bool = STRICT_GAINS
 
     def idle_integrals(self, joints: Sequence[str]) -> list[str]:
-        """Return the joints whose integral gain has no effect since i_clamp is zero."""
-        return [joint for joint, one in zip(joints, self.gains, strict=True) if one.i > 0.0 and one.i_clamp == 0.0]
+        """Return the joints whose integral gain has no effect since both bounds of the integral are zero."""
+        return [joint for joint, gains in zip(joints, self.gains, strict=True) if gains.i and not any(gains.i_bounds)]
 
 
 def continuous_joints(root_node: Node, joints: Sequence[str]) -> list[bool]:

@@ -6,7 +6,7 @@ from typing import Any
 from hric_core.errors import CommandError
 from hric_core.geometry.poses import Pose
 from hric_core.geometry.quaternions import IDENTITY, Quaternion, normalized
-from hric_core.geometry.transforms import FloatArray, homogeneous, quaternion_from_rotation, rotation_from_quaternion
+from hric_core.geometry.transforms import FloatArray, homogeneous, rotation_from_quaternion
 
 
 def unit_quaternion(x: float, y: float, z: float, w: float) -> Quaternion:
@@ -45,24 +45,6 @@ def pose_of(message: Any) -> Pose:
     """Return a geometry_msgs/Pose as pose with an exact unit quaternion. Raises ZeroDivisionError if that is zero."""
     p, q = message.position, message.orientation
     return Pose((p.x, p.y, p.z), normalized((q.x, q.y, q.z, q.w)))
-
-
-def fill_pose(message: Any, pose: Pose) -> None:
-    """Write a pose into a geometry_msgs/Pose."""
-    p, q = message.position, message.orientation
-    p.x, p.y, p.z = pose.position
-    q.x, q.y, q.z, q.w = pose.orientation
-
-
-def fill(message: Any, T: FloatArray) -> None:
-    """Write a homogeneous matrix, shape (4, 4), into a geometry_msgs/Pose."""
-    x, y, z = T[:3, 3].tolist()
-    fill_pose(message, Pose((x, y, z), quaternion_from_rotation(T[:3, :3])))
-
-
-def fill_twist(twist: Any, values: FloatArray) -> None:
-    """Write a twist, shape (6,), linear then angular, into a geometry_msgs/Twist."""
-    twist.linear.x, twist.linear.y, twist.linear.z, twist.angular.x, twist.angular.y, twist.angular.z = values.tolist()
 
 
 def finite(what: str, *values: float) -> list[float]:

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from hric_core.errors import ParameterError
 from hric_core.geometry import quaternions
 from hric_core.geometry.quaternions import IDENTITY, Quaternion, Vector
+from hric_core.geometry.transforms import FloatArray, quaternion_from_rotation
 from hric_core.parameters import Settings, numbers
 
 ORIGIN: Vector = (0.0, 0.0, 0.0)
@@ -22,6 +23,11 @@ class Pose(NamedTuple):
 
     position: Vector = ORIGIN
     orientation: Quaternion = IDENTITY
+
+
+def pose_of_transform(T_a_b: FloatArray) -> Pose:
+    """Return a homogeneous matrix, shape (4, 4), as a pose."""
+    return Pose(tuple(T_a_b[:3, 3].tolist()), quaternion_from_rotation(T_a_b[:3, :3]))
 
 
 def transformed(T_a_b: Pose, p_b: Vector) -> Vector:

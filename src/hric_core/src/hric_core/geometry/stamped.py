@@ -1,17 +1,28 @@
-"""Messages of points and poses with stamp and frame.
+"""Messages of points, poses, twists and wrenches, also with stamp and frame.
 
 They are created without genpy's constructors, whose checks and defaults take several times as long as setting the
 fields.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
-from geometry_msgs.msg import Point, PoseStamped, Quaternion, Transform, TransformStamped, Vector3
+from geometry_msgs.msg import (
+    Point,
+    PoseStamped,
+    Transform,
+    TransformStamped,
+    Twist,
+    Vector3,
+    Wrench,
+    WrenchStamped,
+)
 from geometry_msgs.msg import Pose as PoseMessage
+from geometry_msgs.msg import Quaternion as QuaternionMessage
 from std_msgs.msg import Header
 
 from hric_core.geometry.poses import Pose
-from hric_core.geometry.quaternions import Vector
+from hric_core.geometry.quaternions import Quaternion, Vector
 
 _new: Any = object.__new__
 
@@ -23,11 +34,37 @@ def point_message(position: Vector) -> Any:
     return point
 
 
+def vector_message(vector: Sequence[float]) -> Any:
+    """Return a geometry_msgs/Vector3."""
+    message = _new(Vector3)
+    message.x, message.y, message.z = vector
+    return message
+
+
+def _quaternion_message(quaternion: Quaternion) -> Any:
+    message = _new(QuaternionMessage)
+    message.x, message.y, message.z, message.w = quaternion
+    return message
+
+
 def pose_message(pose: Pose) -> Any:
     """Return a geometry_msgs/Pose."""
-    message, orientation = _new(PoseMessage), _new(Quaternion)
-    orientation.x, orientation.y, orientation.z, orientation.w = pose.orientation
-    message.position, message.orientation = point_message(pose.position), orientation
+    message = _new(PoseMessage)
+    message.position, message.orientation = point_message(pose.position), _quaternion_message(pose.orientation)
+    return message
+
+
+def twist_message(twist: Sequence[float]) -> Any:
+    """Return a geometry_msgs/Twist; linear, then angular velocity, 6 floats [m/s], [rad/s]."""
+    message = _new(Twist)
+    message.linear, message.angular = vector_message(twist[:3]), vector_message(twist[3:])
+    return message
+
+
+def wrench_message(wrench: Sequence[float]) -> Any:
+    """Return a geometry_msgs/Wrench; force, then torque, 6 floats [N], [N m]."""
+    message = _new(Wrench)
+    message.force, message.torque = vector_message(wrench[:3]), vector_message(wrench[3:])
     return message
 
 
@@ -45,12 +82,16 @@ def pose_stamped(head: Any, pose: Pose) -> Any:
     return stamped
 
 
+def wrench_stamped(head: Any, wrench: Sequence[float]) -> Any:
+    """Return a geometry_msgs/WrenchStamped; force, then torque, 6 floats [N], [N m]."""
+    stamped = _new(WrenchStamped)
+    stamped.header, stamped.wrench = head, wrench_message(wrench)
+    return stamped
+
+
 def transform_stamped(head: Any, child: str, pose: Pose) -> Any:
     """Return a geometry_msgs/TransformStamped."""
     message, transform = _new(TransformStamped), _new(Transform)
-    translation, rotation = _new(Vector3), _new(Quaternion)
-    translation.x, translation.y, translation.z = pose.position
-    rotation.x, rotation.y, rotation.z, rotation.w = pose.orientation
-    transform.translation, transform.rotation = translation, rotation
+    transform.translation, transform.rotation = vector_message(pose.position), _quaternion_message(pose.orientation)
     message.header, message.child_frame_id, message.transform = head, child, transform
     return message

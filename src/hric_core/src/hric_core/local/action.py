@@ -10,10 +10,10 @@ from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 
 from hric_core import names
 from hric_core.errors import HricError
+from hric_core.node import GoalHandle
 
 if TYPE_CHECKING:
     from hric_core.local.node import LocalNode
-    from hric_core.node import GoalHandle
 
 TRANSITIONS: dict[str, dict[str, str]] = {
     "accept": {"PENDING": "ACTIVE", "RECALLING": "PREEMPTING"},
@@ -53,49 +53,23 @@ class LocalGoal:
         self._request_cancel(GoalID(id=self.goal_id))
 
 
-class LocalGoalHandle:
+class LocalGoalHandle(GoalHandle):
     """Server side of a goal."""
 
     def __init__(self, server: LocalActionServer, action_goal: Any) -> None:
         self._server = server
         self._goal_id: GoalID = action_goal.goal_id
-        self._goal = action_goal.goal
-        self.client = LocalGoal(str(self._goal_id.id), server.on_cancel_message)
-
-    @property
-    def goal_id(self) -> str:
-        """Unique id of the goal."""
-        return self.client.goal_id
+        self.goal_id, self.goal = str(self._goal_id.id), action_goal.goal
+        self.client = LocalGoal(self.goal_id, server.on_cancel_message)
 
     @property
     def status(self) -> str:
         """State, by actionlib's name."""
         return self.client.status
 
-    @property
-    def goal(self) -> Any:
-        """The goal message."""
-        return self._goal
-
     def accept(self) -> None:
         """Set the goal active."""
         self._move("accept", "")
-
-    def reject(self, result: Any, text: str) -> None:
-        """Reject a goal that was not accepted."""
-        self._finish("reject", result, text)
-
-    def succeed(self, result: Any, text: str = "") -> None:
-        """End the goal as reached."""
-        self._finish("succeed", result, text)
-
-    def abort(self, result: Any, text: str) -> None:
-        """End the goal as failed."""
-        self._finish("abort", result, text)
-
-    def cancel(self, result: Any, text: str = "") -> None:
-        """End the goal as cancelled or replaced."""
-        self._finish("cancel", result, text)
 
     def publish_feedback(self, feedback: Any) -> None:
         """Publish feedback to the client."""
@@ -206,10 +180,7 @@ class LocalActionServer:
             self._on_goal(handle)
         except HricError as error:
             self.refuse(str(error))
-            if handle.status in TRANSITIONS["reject"]:
-                handle.reject(None, str(error))
-            else:
-                handle.abort(None, str(error))
+            handle.fail(str(error))
 
     def on_cancel_message(self, message: GoalID) -> None:
         """Cancel one goal, or all when the id is empty."""

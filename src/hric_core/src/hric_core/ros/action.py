@@ -10,65 +10,33 @@ from actionlib_msgs.msg import GoalStatus
 from hric_core.errors import HricError
 from hric_core.node import GoalHandle
 
-_REJECTABLE = (GoalStatus.PENDING, GoalStatus.RECALLING)
-_ABORTABLE = (GoalStatus.ACTIVE, GoalStatus.PREEMPTING)
+_STATES: dict[int, str] = {value: name for name, value in vars(GoalStatus).items() if name.isupper()}
+"""Names of the states by number; actionlib's own `to_string` has another name for PENDING."""
+_ENDS = {"reject": "set_rejected", "succeed": "set_succeeded", "abort": "set_aborted", "cancel": "set_canceled"}
 
 
-class RosGoalHandle:
+class RosGoalHandle(GoalHandle):
     """Server side of a goal."""
 
     def __init__(self, handle: Any, forget: Callable[[str], None]) -> None:
         self._handle, self._forget = handle, forget
-
-    @property
-    def goal_id(self) -> str:
-        """Unique id of the goal."""
-        return str(self._handle.get_goal_id().id)
-
-    @property
-    def goal(self) -> Any:
-        """The goal message."""
-        return self._handle.get_goal()
+        self.goal_id, self.goal = str(handle.get_goal_id().id), handle.get_goal()
 
     @property
     def status(self) -> str:
         """State, by actionlib's name."""
-        return str(GoalStatus.to_string(self._handle.get_goal_status().status))
+        return _STATES[self._handle.get_goal_status().status]
 
     def accept(self) -> None:
         """Set the goal active."""
         self._handle.set_accepted()
 
-    def reject(self, result: Any, text: str) -> None:
-        """Reject a goal that was not accepted."""
-        self._finish(self._handle.set_rejected, result, text)
-
-    def succeed(self, result: Any, text: str = "") -> None:
-        """End the goal as reached."""
-        self._finish(self._handle.set_succeeded, result, text)
-
-    def abort(self, result: Any, text: str) -> None:
-        """End the goal as failed."""
-        self._finish(self._handle.set_aborted, result, text)
-
-    def cancel(self, result: Any, text: str = "") -> None:
-        """End the goal as cancelled or replaced."""
-        self._finish(self._handle.set_canceled, result, text)
-
     def publish_feedback(self, feedback: Any) -> None:
         """Publish feedback to the client."""
         self._handle.publish_feedback(feedback)
 
-    def fail(self, text: str) -> None:
-        """Reject or abort the goal, as its state allows."""
-        status = self._handle.get_goal_status().status
-        if status in _REJECTABLE:
-            self.reject(None, text)
-        elif status in _ABORTABLE:
-            self.abort(None, text)
-
-    def _finish(self, end: Callable[[Any, str], None], result: Any, text: str) -> None:
-        end(result, text)
+    def _finish(self, event: str, result: Any, text: str) -> None:
+        getattr(self._handle, _ENDS[event])(result, text)
         self._forget(self.goal_id)
 
 

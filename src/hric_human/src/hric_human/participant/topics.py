@@ -11,7 +11,6 @@ from tf2_msgs.msg import TFMessage
 from hric_control.plant import BushingLoad
 from hric_core import realtime
 from hric_core.geometry import Pose, stamped
-from hric_core.geometry.messages import fill_pose
 from hric_core.node import Node
 from hric_core.robot_time import stamps
 from hric_human.contact import RegionContact
@@ -115,10 +114,7 @@ class Topics:
 
 
 def _root(time: float, root: Pose) -> Any:
-    message = PoseStamped()
-    message.header.stamp, message.header.frame_id = stamps.to_time(time), WORLD
-    fill_pose(message.pose, root)
-    return message
+    return stamped.pose_stamped(stamped.header(stamps.to_time(time), WORLD), root)
 
 
 def _placed(time: float, frame: str, root: Pose) -> Any:

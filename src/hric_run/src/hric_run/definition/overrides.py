@@ -11,7 +11,7 @@ import numpy as np
 import yaml
 
 from franka_hw_interface.friction_file import read_parameters
-from hric_core import yaml_text
+from hric_core import plugins, yaml_text
 from hric_core.errors import ParameterError
 from hric_core.parameters import declared
 from hric_run.definition.experiment import ExperimentError, MetricsSpec, RobotSpec
@@ -45,7 +45,7 @@ SHORTCUTS: dict[str, tuple[str, str]] = {
         "robot.parameters.realism",
         "of the simulated Franka: ideal, measured, or {preset: measured, dq_noise: 0, ...}",
     ),
-    "simulator": ("robot.plant_type", "pybullet, opensim, or the plugin type of a plant"),
+    "simulator": ("robot.plant_type", "engine (pybullet, mujoco, ...) or the plugin type of a plant"),
     "rotor_inertia": ("robot.plant.rotor_inertia", "rotor inertia seen at the joint, number or list [kg m^2]"),
     "world": ("robot.plant.world", "world file, path or package:// address"),
     "noise": ("mocap.stream.noise", "of the motion capture, standard deviation per axis [m]"),
@@ -74,11 +74,6 @@ GROUPS = {"robot": RobotSpec, "metrics": MetricsSpec}
 VALUES = ("controllers", "description", "duration", "setpoints")
 PLANT_FRICTION = ["robot", "plant", "friction"]
 FRICTIONS = ("none", "coulomb", "identified")
-SIMULATORS = {
-    "pybullet": "pybullet_ros_control/PyBulletPlant",
-    "opensim": "opensim_ros_control/OpenSimPlant",
-    "mujoco": "mujoco_ros_control/MujocoPlant",
-}
 
 
 def help_text() -> str:
@@ -221,8 +216,8 @@ def _controller(raw: Mapping[str, Any]) -> str:
 
 
 def _assign(raw: dict[str, Any], path: list[str], value: Any, text: str) -> None:
-    if path == ["robot", "plant_type"]:
-        value = SIMULATORS.get(value, value)
+    if path == ["robot", "plant_type"] and (engine := plugins.engines().get(str(value))):
+        value = engine.name
     target: Any = raw
     for depth, part in enumerate(path):
         above = ".".join(path[:depth])

@@ -44,9 +44,6 @@ class Forward:
             "time in all)"
         )
 
-    told = summary
-    """Former name of `summary`, for one release."""
-
 
 def run_forward(model: opensim.Model, start: opensim.State, seconds: float) -> Forward:
     """Integrate a model from a state, which is not changed.

@@ -2,8 +2,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from hric_controllers.joint.pid import Pid, PidGains
 from hric_controllers.trajectory.follower import GoalTolerances, Tolerance, first_violation
+from hric_controllers.trajectory.settings import JointGains
 from hric_core.errors import CommandError, ParameterError
 
 JOINTS = ["a", "b"]
@@ -45,33 +45,7 @@ def test_no_limit_means_no_violation():
     assert first_violation(JOINTS, (Tolerance(), Tolerance()), [9.0, 9.0], [9.0, 9.0]) == ""
 
 
-def test_p_and_d_act_on_error_and_its_rate():
-    assert Pid([PidGains(p=10.0, d=2.0)]).update([0.5], [-1.0], 0.001) == [3.0]
-
-
-def test_the_integral_grows_with_time_and_stops_at_the_clamp():
-    pid = Pid([PidGains(p=0.0, i=10.0, i_clamp=0.5)])
-    assert pid.update([1.0], [0.0], 0.01) == pytest.approx([0.1])
-    for _ in range(100):
-        effort = pid.update([1.0], [0.0], 0.01)
-    assert effort == pytest.approx([0.5])
-
-
-def test_the_integral_does_not_wind_up():
-    pid = Pid([PidGains(p=0.0, i=10.0, i_clamp=0.5)])
-    for _ in range(1000):
-        pid.update([1.0], [0.0], 0.01)
-    assert pid.update([-1.0], [0.0], 0.01) == pytest.approx([0.4])
-
-
-def test_a_reset_forgets_the_integral():
-    pid = Pid([PidGains(p=0.0, i=10.0, i_clamp=0.5)])
-    pid.update([1.0], [0.0], 0.01)
-    pid.reset()
-    assert pid.update([0.0], [0.0], 0.01) == [0.0]
-
-
 @pytest.mark.parametrize("value", [-1.0, float("nan"), "50", True])
 def test_a_gain_that_is_no_finite_number_above_zero_is_refused_by_name(value):
     with pytest.raises(ParameterError, match="gains/a/p"):
-        PidGains.of({"p": value}, "gains/a")
+        JointGains.of({"p": value}, "gains/a")

@@ -1,4 +1,4 @@
-"""Fixtures for tests that need a real master. In a conftest.py: `from hric_core.testing import ros, roscore`."""
+"""Fixtures for tests that need a real master. In a conftest.py: `from real_master import ros, roscore`."""
 
 import atexit
 import contextlib

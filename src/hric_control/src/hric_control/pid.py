@@ -1,4 +1,4 @@
-"""PID of `gazebo_ros_control/pid_gains/<joint>`, for joints driven by efforts to a position or velocity."""
+"""PID of one joint with the parameters of ros_control (control_toolbox): p, i, d, i_clamp, i_clamp_min, i_clamp_max."""
 
 import math
 from dataclasses import dataclass
@@ -16,7 +16,8 @@ class PidGains(Settings):
     i_clamp: float = number(0.0, unit="N m or N", text="bound of the integral term; 0: no integral action")
     i_clamp_min: float = number(0.0, unit="N m or N", text="lower bound in its place; 0: that of i_clamp")
     i_clamp_max: float = number(0.0, unit="N m or N", text="upper bound, likewise")
-    antiwindup: object = anything(None, text="accepted for the sake of existing YAML, without effect")
+    antiwindup: object = anything(None, text="accepted for the sake of existing YAML, without effect; so the following")
+    publish_state: object = anything(None)
 
     @property
     def i_bounds(self) -> tuple[float, float]:
@@ -31,11 +32,11 @@ class PidGains(Settings):
 
 
 class Pid:
-    """PID law of one joint, on plain floats."""
+    """PID law of one joint, on plain floats; made for the control loop."""
 
     __slots__ = ("_gains", "_i_bounds", "_integral", "_last", "_limit")
 
-    def __init__(self, gains: PidGains, effort_limit: float) -> None:
+    def __init__(self, gains: PidGains, effort_limit: float = math.inf) -> None:
         self._gains, self._i_bounds, self._limit = gains, gains.i_bounds, effort_limit
         self.reset()
 
@@ -43,16 +44,18 @@ class Pid:
         """Reset the integral and the last error."""
         self._integral, self._last = 0.0, math.nan
 
-    def effort(self, error: float, period: float) -> float:
+    def effort(self, error: float, period: float, error_rate: float | None = None) -> float:
         """Return tau = p e + I + d de/dt within the effort limit, I = sum of i e dt within its bounds [N m or N].
 
         Args:
             error: command minus measured value [rad, rad/s, m or m/s].
             period: time since the last call [s].
+            error_rate: de/dt [error unit per second]; None: the difference quotient of the errors.
         """
         gains, (i_min, i_max) = self._gains, self._i_bounds
         self._integral = min(max(self._integral + gains.i * error * period, i_min), i_max)
-        rate = 0.0 if math.isnan(self._last) else (error - self._last) / period
+        if error_rate is None:
+            error_rate = 0.0 if math.isnan(self._last) else (error - self._last) / period
         self._last = error
-        tau = gains.p * error + self._integral + gains.d * rate
+        tau = gains.p * error + self._integral + gains.d * error_rate
         return min(max(tau, -self._limit), self._limit)

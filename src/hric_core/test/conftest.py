@@ -1,0 +1,3 @@
+from real_master import ros, roscore
+
+__all__ = ["ros", "roscore"]
