@@ -15,6 +15,7 @@ from franka_hw_interface.friction_file import read_parameters
 from hric_core import yaml_text
 from hric_core.errors import ParameterError
 from hric_core.parameters import declared
+from hric_run.definition import experiment
 from hric_run.definition.experiment import ExperimentError, MetricsSpec, RobotSpec
 
 SHORTCUTS: dict[str, tuple[str, str]] = {
@@ -57,8 +58,7 @@ SHORTCUTS: dict[str, tuple[str, str]] = {
 
 SENSORS = {
     "mocap": "motion capture",
-    "emg": "EMG",
-    "force_plate": "force plate",
+    **experiment.SENSORS,
     "sync": "synchroniser",
     "human": "human",
     "person": "real person before the cameras",
@@ -68,8 +68,9 @@ SENSORS = {
 ADDED_BY = {"supervisor": ["mode"]}
 """What adds such a group to an experiment: a supervisor comes with its mode, a sensor with its device."""
 DOTTED = (
-    "parameters.<controller>.<name>, robot.<key>, metrics.<key>, mocap.<key>, emg.<key>, force_plate.<key>, "
-    "sync.<key>, human.<key>, person.<key>, supervisor.<key>, setpoints.<i>.<key>"
+    "parameters.<controller>.<name>, robot.<key>, metrics.<key>, "
+    + "".join(f"{group}.<key>, " for group in SENSORS)
+    + "setpoints.<i>.<key>"
 )
 GROUPS = {"robot": RobotSpec, "metrics": MetricsSpec}
 VALUES = ("controllers", "description", "duration", "setpoints")
@@ -207,9 +208,9 @@ def _keys(group: str, raw: Mapping[str, Any]) -> list[str]:
     if group == "parameters":
         return list(raw.get("controllers") or [])
     if group in SENSORS:
-        from hric_run.definition.sections import SECTIONS  # other overrides need not wait for it
+        from hric_run.definition.sections import section_of  # other overrides need not wait for it
 
-        return sorted(declared(SECTIONS[group]))
+        return sorted(declared(section_of(group)))
     return sorted(declared(GROUPS[group])) if group in GROUPS else []
 
 
