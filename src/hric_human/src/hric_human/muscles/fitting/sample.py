@@ -63,12 +63,12 @@ class Paths:
         self.names = [muscle.getName() for muscle in members(model.getMuscles())]
         self._paths = [opensim.GeometryPath.safeDownCast(muscle.getPath()) for muscle in members(model.getMuscles())]
         self._bodies = {body.getName(): (i, body) for i, body in enumerate(members(model.getBodySet()))}
-        self._coordinates = {str(one.getName()): one for one in members(model.getCoordinateSet())}
+        self.by_name = {str(one.getName()): one for one in members(model.getCoordinateSet())}
 
     def put(self, angles: Mapping[str, float]) -> None:
         """Set coordinates by name [rad]."""
         for name, angle in angles.items():
-            self._coordinates[name].setValue(self.state, angle, False)
+            self.by_name[name].setValue(self.state, angle, False)
         self.model.realizePosition(self.state)
 
     def lengths(self) -> FloatArray:
