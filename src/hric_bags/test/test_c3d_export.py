@@ -23,7 +23,7 @@ from hric_bags.run_folder import RunFolder
 from hric_core.errors import HricError
 from hric_core.trial.c3d import read_trial
 from hric_experiments import cli
-from hric_run.definition.sections import PlateSection
+from hric_perception.plate.section import PlateSection
 
 SINGLE = 2.0**-24
 """Relative rounding of a number of 32 bits."""

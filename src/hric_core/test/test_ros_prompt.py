@@ -229,7 +229,7 @@ def test_listeners_of_a_topic_hear_all_and_are_forgotten_when_they_leave(
 
 
 @pytest.mark.rostest
-def test_a_listener_that_comes_before_rospy_knows_the_size_of_the_queue_is_sent_to_as_any_other(ros: str) -> None:  # noqa: F811
+def test_a_listener_that_comes_before_rospy_knows_the_size_of_the_queue_is_sent_to_as_any_other(ros: str) -> None:
     publisher = RosNode().advertise("/early", String, queue_size=100)
     publisher._publisher.impl.queue_size = None  # as it is between rospy's first and second line of a publisher
     heard: list[str] = []

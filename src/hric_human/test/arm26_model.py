@@ -37,7 +37,7 @@ class Arm26:
         self.names = tuple(self.paths.names)
         muscles = self.paths.model.getMuscles()
         self.muscles = [muscles.get(name) for name in self.names]
-        self._coordinates = [self.paths.coordinates[name] for name in COORDINATES.values()]
+        self._coordinates = [self.paths.by_name[name] for name in COORDINATES.values()]
 
     def put(self, q: FloatArray, dq: FloatArray) -> None:
         """Angles [rad] and speeds [rad/s] of shoulder and elbow."""

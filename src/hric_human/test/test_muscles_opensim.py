@@ -15,17 +15,6 @@ from hric_human.muscles.opensim_paths import NOTE, with_muscles
 STATES = 1000
 
 
-def test_hill_curves_are_those_of_opensim():
-    muscle = opensim.DeGrooteFregly2016Muscle()
-    for length in np.linspace(0.4, 1.5, 23):
-        assert curves.active_force(length) == pytest.approx(muscle.calcActiveForceLengthMultiplier(length), abs=1e-12)
-        assert curves.passive_force(length) == pytest.approx(muscle.calcPassiveForceMultiplier(length), abs=1e-12)
-    for velocity in np.linspace(-1.0, 1.0, 21):
-        assert curves.velocity_factor(velocity) == pytest.approx(
-            muscle.calcForceVelocityMultiplier(velocity), abs=1e-12
-        )
-
-
 def test_activation_rises_and_falls_as_in_opensim():
     model = opensim.Model()
     muscle = opensim.DeGrooteFregly2016Muscle()

@@ -13,10 +13,11 @@ from hric_core.local.node import LocalNode
 from hric_core.robot_time import stamps
 from hric_msgs.msg import MuscleActivation, SampleChunk
 from hric_perception.chunk import Chunk, Layout, read_chunk
-from hric_perception.emg.device import activation_of
+from hric_perception.emg.device import EmulatedEmgSettings, activation_of
 from hric_perception.emg.envelope import Envelope, Settings, band_sections, lag
 from hric_perception.emg.muscles import MUSCLES, PROGRAM, Muscles
-from hric_perception.headless import headless_emg
+from hric_perception.emg.publisher import EmgSettings
+from hric_perception.sampled import headless
 
 RATE = 2000.0
 TOPIC = "/hric/human/activation"
@@ -97,7 +98,8 @@ def streamed(transport: str, seed: int = 0, late: int = 0, **device: Any) -> lis
     trigno = {"trigno": {"channels": [*MUSCLES, "time"]}} if transport == "trigno" else {}
     emulated = {"activation": {"program": "topic"}, "transport": transport, "seed": seed, "faults": faults, **device}
     node = LocalNode({"emg": {"source": transport, "chunk": 0.05, **trigno}, "emulated_emg": emulated})
-    sensor, told = headless_emg(node.child("emg"), node.child("emulated_emg")), list[Any]()
+    driver, device = node.child("emg"), node.child("emulated_emg")
+    sensor, told = headless(EmgSettings.read(driver), EmulatedEmgSettings.read(device), driver, device), list[Any]()
     node.subscribe("/hric/perception/emg/raw", SampleChunk, told.append)
     topic = node.advertise(TOPIC, MuscleActivation)
     for k in range(2000):

@@ -174,5 +174,5 @@ def test_drop_outs_and_noise_repeat_with_the_seed_and_do_not_depend_on_when_samp
 
 
 def test_the_filters_are_loaded_with_the_node_and_not_while_the_first_samples_wait() -> None:
-    code = "import sys, hric_perception.emg.node_app; assert 'scipy.signal' in sys.modules"
+    code = "import sys, hric_perception.emg.publisher; assert 'scipy.signal' in sys.modules"
     assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0

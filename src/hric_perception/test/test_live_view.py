@@ -207,10 +207,10 @@ def test_the_force_shown_is_the_one_that_acts_on_the_arm() -> None:
 def test_a_history_keeps_the_window_and_restarts_where_time_goes_back() -> None:
     history = History()
     for k in range(200):
-        history.add(0.25 * k, (("a",), (float(k),), "N"))
+        history.store(0.25 * k, (("a",), (float(k),), "N"))
     names, unit, times, values = history.read()
     assert (names, unit, values.shape[1]) == (("a",), "N", 1) and times[-1] - times[0] == pytest.approx(WINDOW)
-    history.add(1.0, (("a",), (0.0,), "N"))
+    history.store(1.0, (("a",), (0.0,), "N"))
     assert len(history.read()[2]) == 1
 
 

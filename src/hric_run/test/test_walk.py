@@ -23,7 +23,7 @@ def walk(heading=0.0):
 
 def test_the_way_is_from_point_to_point_with_least_jerk_and_its_velocity_is_its_derivative():
     one, times = walk(), np.linspace(-0.2, 1.5, 3401)
-    rows = [one.at(t) for t in times]
+    rows = [(*one.path.at(t), one.path.bend(t)) for t in times]
     place, speed, acceleration = (np.array([row[k] for row in rows]) for k in range(3))
     assert place[0].tolist() == [0.0, 0.0] and place[-1].tolist() == [-0.4, 0.3]
     step = times[1] - times[0]
@@ -68,6 +68,6 @@ def test_on_each_engine_he_is_where_his_way_has_him(engine):
     rows = [(m.header.stamp.to_sec(), m.pose.position.x - 2.5, m.pose.position.y) for m in roots]
     one = walk()
     begin = 0.001  # he is called in the second cycle
-    off = [np.hypot(x - p[0], y - p[1]) for (t, x, y), p in ((row, one.at(row[0] - begin)[0]) for row in rows)]
+    off = [np.hypot(x - p[0], y - p[1]) for (t, x, y), p in ((row, one.path.at(row[0] - begin)[0]) for row in rows)]
     assert max(off) < 0.01 and off[-1] < 2e-3
     assert all(b[0] > a[0] for a, b in itertools.pairwise(rows))

@@ -26,11 +26,11 @@ def codec(request: pytest.FixtureRequest) -> Codec:
 
 def as_sent(frame: Frame, codec: Codec) -> Frame:
     """What of a frame the bitstream can carry."""
-    has = codec.layout
+    has = codec.layout.has
 
     def body(given: RigidBody) -> RigidBody:
         return given._replace(
-            flags=given.flags if has.body_flags else TRACKED, markers=given.markers if has.body_markers else ()
+            flags=given.flags if has["body_flags"] else TRACKED, markers=given.markers if has["body_markers"] else ()
         )
 
     blank = Suffix()._asdict()
@@ -38,14 +38,14 @@ def as_sent(frame: Frame, codec: Codec) -> Frame:
     return frame._replace(
         bodies=tuple(map(body, frame.bodies)),
         skeletons=tuple(s._replace(bodies=tuple(map(body, s.bodies))) for s in frame.skeletons),
-        assets=frame.assets if has.assets else (),
+        assets=frame.assets if has["assets"] else (),
         markers=tuple(
-            m._replace(flags=m.flags if has.marker_flags else 0, residual=m.residual if has.residual else 0.0)
+            m._replace(flags=m.flags if has["marker_flags"] else 0, residual=m.residual if has["residual"] else 0.0)
             for m in frame.markers
         ),
-        force_plates=frame.force_plates if has.force_plates else (),
-        devices=frame.devices if has.devices else (),
-        suffix=Suffix(**{name: carried[name] if name in has.suffix_fields else blank[name] for name in blank}),
+        force_plates=frame.force_plates if has["force_plates"] else (),
+        devices=frame.devices if has["devices"] else (),
+        suffix=Suffix(**{name: carried[name] if name in codec.layout.suffix_fields else blank[name] for name in blank}),
     )
 
 
@@ -63,11 +63,11 @@ def test_a_description_is_read_again(codec: Codec) -> None:
         assert [type(one) for one in read.descriptions] == [
             type(one)
             for one in model.descriptions
-            if (codec.layout.force_plates or not isinstance(one, d.ForcePlateDescription))
-            and (codec.layout.devices or not isinstance(one, d.DeviceDescription))
-            and (codec.layout.assets or not isinstance(one, d.AssetDescription))
+            if (codec.layout.has["force_plates"] or not isinstance(one, d.ForcePlateDescription))
+            and (codec.layout.has["devices"] or not isinstance(one, d.DeviceDescription))
+            and (codec.layout.has["assets"] or not isinstance(one, d.AssetDescription))
         ]
-        if codec.layout.rotation_offset:
+        if codec.layout.has["rotation_offset"]:
             assert read == model
 
 
@@ -186,7 +186,7 @@ def test_an_unknown_bitstream_is_refused_with_the_known_ones(version: tuple[int,
 def test_bitstream_2_10_is_later_than_2_9() -> None:
     assert parse("2.10") == (2, 10)
     assert parse("4.1.0.0") == (4, 1)
-    assert layout(parse("2.10")).force_plates and not layout((2, 10)).devices
+    assert layout(parse("2.10")).has["force_plates"] and not layout((2, 10)).has["devices"]
 
 
 @pytest.mark.parametrize("words", ["", "4", "4.x", "4.1.0.0.0", "-4.1"])

@@ -15,6 +15,7 @@ import yaml
 from hric_bags import text
 from hric_bags.run_folder import RunFolder, runs_root
 from hric_bags.text import Steps
+from hric_core import plugins
 from hric_core.parameters import Settings, json_schema, read_yaml, whole
 from hric_core.processes import INTERRUPTED_CODE, run_command
 from hric_run.definition import experiment, overrides
@@ -28,18 +29,8 @@ DESCRIBED = {
     "human_muscles": "human_muscles",
 }
 """Choices of `describe` that are printed as YAML, with the function of `parameters` that returns the values."""
-NODES = (
-    "natnet_client",
-    "emulated_human",
-    "emg",
-    "emulated_emg",
-    "force_plate",
-    "emulated_plate",
-    "synchronizer",
-    "person",
-    "supervisor",
-)
-"""Nodes of motion capture, sensors and supervisor whose private parameters `describe` prints."""
+NODES = ("natnet_client", "emulated_human", "synchronizer", "person", "supervisor")
+"""Nodes, in addition to those of sensors, whose private parameters `describe` prints."""
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -336,11 +327,13 @@ def schema(arguments: Sequence[str]) -> int:
 
 def describe(arguments: Sequence[str]) -> int:
     """Print descriptions or parameters of an experiment for the parameter server; launch files read the output."""
+    sensors: list[Any] = [plugins.find(plugins.SENSOR, name) for name in plugins.names(plugins.SENSOR)]
+    nodes = [*NODES, *(name for sensor in sensors for name in (sensor.name, sensor.emulated_name))]
     parser = argparse.ArgumentParser(
         "rosrun hric_experiments describe", description="Print what an experiment puts on the parameter server."
     )
     parser.add_argument(
-        "what", choices=["urdf", "human_urdf", *DESCRIBED, *NODES], help="descriptions; parameters (YAML)"
+        "what", choices=["urdf", "human_urdf", *DESCRIBED, *nodes], help="descriptions; parameters (YAML)"
     )
     parser.add_argument(
         "experiment",
@@ -361,7 +354,7 @@ def describe(arguments: Sequence[str]) -> int:
         own = given.what == "urdf"
         print(parameters.description(definition.robot) if own else parameters.human_description(definition))
         return 0
-    if given.what in NODES:
+    if given.what in nodes:
         printed = parameters.beside(definition).get(given.what, {})
     else:
         printed = getattr(parameters, DESCRIBED[given.what])(definition)

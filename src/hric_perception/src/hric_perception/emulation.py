@@ -4,7 +4,6 @@ No ROS, no transport.
 """
 
 import math
-import threading
 import time
 from bisect import bisect_right
 from collections.abc import Callable, Mapping
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 from hric_core.parameters import Settings, flag, listing, number, numbers, whole
 from hric_core.robot_time.stream_time import Clock
 from hric_perception.chunk import FloatArray
+from hric_perception.stream import Driver
 
 NOISE_BLOCK = 256
 """Samples per block of random numbers, so that they do not depend on when samples are fetched."""
@@ -204,7 +204,7 @@ class Outlet(Protocol):
         """Stop sending."""
 
 
-class Emulator:
+class Emulator(Driver):
     """Thread of an emulated sensor, running from `start` to `close`; not needed if `step` is called directly.
 
     Args:
@@ -228,19 +228,13 @@ class Emulator:
         on_sent: Callable[[int, int, float], None] = lambda following, sent, last: None,
         on_reached: Callable[[float], None] = lambda now: None,
     ) -> None:
+        super().__init__("emulated sensor")
         self._sensor, self._outlet, self._clock, self._period, self._on_error = sensor, outlet, clock, period, on_error
         self._on_sent, self._on_reached = on_sent, on_reached
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="emulated sensor", daemon=True)
-
-    def start(self) -> None:
-        """Start the thread."""
-        self._thread.start()
 
     def close(self) -> None:
         """Stop the thread."""
-        self._stop.set()
-        self._thread.join(2.0)
+        super().close()
         self._outlet.close()
 
     def step(self) -> None:

@@ -5,61 +5,77 @@ import threading
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 import numpy as np
 from std_msgs.msg import Header
 
 from hric_core.errors import HricError, ParameterError
 from hric_core.node import Node
-from hric_core.parameters import Settings, names, number, refused, text, whole
-from hric_core.trial.c3d import Trial, read_trial, resolve
+from hric_core.parameters import names, number, refused, whole
+from hric_core.trial.c3d import TrialSettings
 from hric_core.trial.plates import interpolated
 from hric_perception.chunk import FloatArray
 
+Row = TypeVar("Row")
 HISTORY = 5.0
-"""Time span of the values that a track stores [s] (project default, unconfirmed)."""
+"""Time span of the rows that are stored [s] (project default, unconfirmed)."""
 START_TOPIC = "hric/human/start"
 """Topic whose stamp is the robot time at which the emulated human's program begins."""
 START_DELAY = 0.2
 """Delay after which it is known if the human had begun at a sample [s] (project default, unconfirmed)."""
 
 
-class Track:
-    """Values at increasing times, linear in between, constant before the first and after the last; thread-safe.
+class RecentRows(Generic[Row]):
+    """Rows at increasing times, of the last seconds; thread-safe.
+
+    Args:
+        span: time span of the rows that are stored [s].
+    """
+
+    def __init__(self, span: float = HISTORY) -> None:
+        self._span, self._lock = span, threading.Lock()
+        self._rows: deque[tuple[float, Row]] = deque()
+
+    def store(self, time: float, row: Row) -> None:
+        """Store a row at a time [s]; an earlier time restarts the history, the same one replaces."""
+        with self._lock:
+            if self._rows and time < self._rows[-1][0]:
+                self._rows.clear()
+            elif self._rows and time == self._rows[-1][0]:
+                self._rows.pop()
+            self._rows.append((time, row))
+            while self._rows[0][0] < time - self._span:
+                self._rows.popleft()
+
+    @property
+    def known(self) -> float:
+        """Time of the last row [s]; minus infinity if there is none."""
+        with self._lock:
+            return self._rows[-1][0] if self._rows else -math.inf
+
+    def rows(self) -> list[tuple[float, Row]]:
+        """Return time [s] and row of all."""
+        with self._lock:
+            return list(self._rows)
+
+
+class Track(RecentRows[FloatArray]):
+    """Values at increasing times, shape (columns,) each, linear in between, constant before and after.
 
     Args:
         count: number of columns; all 0 before the first values.
     """
 
     def __init__(self, count: int) -> None:
-        self._count, self._lock = count, threading.Lock()
-        self._rows: deque[tuple[float, FloatArray]] = deque()
-
-    def add(self, time: float, values: FloatArray) -> None:
-        """Add values, shape (columns,), at a time [s]; an earlier time restarts the track, the same one replaces."""
-        with self._lock:
-            if self._rows and time < self._rows[-1][0]:
-                self._rows.clear()
-            elif self._rows and time == self._rows[-1][0]:
-                self._rows.pop()
-            self._rows.append((time, values))
-            while self._rows[0][0] < time - HISTORY:
-                self._rows.popleft()
-
-    @property
-    def last(self) -> float:
-        """Time of the last values [s]; minus infinity if there are none."""
-        with self._lock:
-            return self._rows[-1][0] if self._rows else -math.inf
+        super().__init__()
+        self._count = count
 
     def at(self, times: FloatArray) -> FloatArray:
         """Return the values at times [s], shape (n, columns)."""
-        with self._lock:
-            rows = list(self._rows)
-        if not rows:
+        if not (rows := self.rows()):
             return np.zeros((len(times), self._count))
-        known = np.array([time for time, _ in rows])
-        values = np.array([row for _, row in rows])
+        known, values = (np.array(part) for part in zip(*rows, strict=True))
         return np.column_stack([np.interp(times, known, values[:, column]) for column in range(self._count)])
 
 
@@ -109,21 +125,6 @@ def follow_human(node: Node, replayed: Replayed) -> float:
         return 0.0
     node.subscribe(node.beside(START_TOPIC), Header, lambda message: replayed.start(message.stamp.to_sec()))
     return START_DELAY
-
-
-@dataclass(frozen=True)
-class TrialSettings(Settings):
-    """Choice of the trial."""
-
-    path: str = text(valid="a c3d file, path or package:// address,", empty=False)
-    up: str = text("")
-
-    def trial(self) -> Trial:
-        """Return the trial. Raises ParameterError."""
-        try:
-            return read_trial(resolve(self.path), self.up)
-        except HricError as error:
-            raise ParameterError(f"{self.prefix}path: {error}") from error
 
 
 @dataclass(frozen=True)

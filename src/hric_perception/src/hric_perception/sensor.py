@@ -1,54 +1,39 @@
-"""Common parts of the nodes of all sensors that stream samples: parameters, time of the run, driver, diagnostics."""
-
-from collections.abc import Callable
-from typing import Protocol
+"""Nodes of all sensors that stream samples: driver and emulated device, and diagnostics of a stream."""
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from hric_core.node import Node
 from hric_core.robot_time.follower import RobotTime
 from hric_core.robot_time.progress import ProgressReport
-from hric_core.robot_time.stream_time import Clock
-from hric_core.ros import RosNode
+from hric_core.ros import RosNode, run
 from hric_core.ros.process import NodeApp
-from hric_perception.chunk import Chunk
-from hric_perception.emulation import Emulator, EvenSensor, Outlet
-from hric_perception.replayed import START_TOPIC, Replayed
+from hric_perception.emulation import Emulator, Outlet
+from hric_perception.replayed import START_TOPIC
+from hric_perception.sampled import Closable, DeviceSettings, DriverSettings
 from hric_perception.sent import SentCounts
-from hric_perception.stream import ERROR, OK, WARN, Driver, Health, SampleStream, StreamHealth
-
-
-class Closable(Protocol):
-    """Sender of the samples of an emulated sensor."""
-
-    def close(self) -> None:
-        """Stop sending."""
-
-
-MakeDriver = Callable[[SampleStream, StreamHealth], Driver]
-"""(receiver of the samples, receiver of status reports) -> a driver that has not started."""
+from hric_perception.simulated import KnownTime
+from hric_perception.stream import ERROR, OK, WARN, Health, SampleStream, StreamHealth
 
 
 class SensorNode(NodeApp):
-    """Node from a driver to chunks, running from construction on; a subclass overrides `_on_chunk`.
+    """Node from a driver to topics, running from construction on.
 
     Args:
         node: private node.
-        source: name of the driver.
-        chunk: duration of a message [s].
-        make_driver: factory of the driver.
+        settings: parameters of the driver.
 
     Raises:
         HricError: the driver cannot be created.
     """
 
-    def __init__(self, node: RosNode, source: str, chunk: float, make_driver: MakeDriver) -> None:
+    def __init__(self, node: RosNode, settings: DriverSettings) -> None:
         self._reporter = Reporter(node, "stream")
-        self._health = StreamHealth(f"a stream by {source}")
+        self._health = StreamHealth(f"a stream by {settings.source}")
+        publisher = settings.publisher(node, self._health.event)
         self._robot_time = RobotTime(node)
-        self._stream = SampleStream(self._robot_time.robot_time, self._health, self._on_chunk, chunk)
+        self._stream = SampleStream(self._robot_time.robot_time, self._health, publisher.publish, settings.chunk)
         try:
-            self._driver = make_driver(self._stream, self._health)
+            self._driver = settings.driver(node, publisher, self._stream, self._health)
         except Exception:
             self._robot_time.close()
             raise
@@ -71,39 +56,43 @@ class SensorNode(NodeApp):
         self._driver.close()
         self._robot_time.close()
 
-    def _on_chunk(self, chunk: Chunk) -> None:
-        """Publish a chunk; called in the driver's thread."""
-        raise NotImplementedError
+
+def run_driver(name: str, text: str, settings: type[DriverSettings]) -> int:
+    """Run a driver's node, and return the exit code; text: for --help."""
+    return run(name, text, lambda node: SensorNode(node, settings.read(node)), settings, *settings.also)
 
 
 class EmulatedNode(NodeApp):
-    """Node of an emulated sensor; a subclass starts the sender in its constructor.
+    """Node of an emulated device that streams from construction on; samples wait until what they measure is known.
 
     Args:
         node: private node.
-        replayed: trial that the sensor replays, if any.
+        settings: parameters of the device.
 
-    Attributes:
-        robot_time: time of the run.
-        clock: clock of the sensor: robot_time, unless a subclass waits for measured values.
+    Raises:
+        HricError: a parameter is not valid, or a port is in use.
     """
 
-    def __init__(self, node: RosNode, replayed: Replayed | None) -> None:
-        self._node, self._replayed = node, replayed
-        self.robot_time, self._reporter = RobotTime(node), Reporter(node, "stream")
-        self.clock: Clock = self.robot_time
+    def __init__(self, node: RosNode, settings: DeviceSettings) -> None:
+        device = settings.device(node)
+        self._replayed, self._sensor = device.replayed, device.sensor()
+        self._robot_time, self._reporter = RobotTime(node), Reporter(node, "stream")
+        self._clock = KnownTime(self._robot_time, device.known, settings.ahead)
         self._progress = ProgressReport(node)
-        self._sensor: EvenSensor | None = None
-        self._source: Closable
+        self._source: Closable = settings.served(device, self._clock, self._progress.reached) or self._sending(
+            node, settings, settings.outlet(device)
+        )
+        node.log_info(f"{settings.title} at {settings.rate:g} Hz by {settings.transport}")
 
     def tick(self) -> None:
         """Publish diagnostics. Raises HricError in a run that is not paced."""
-        self.robot_time.tick()
+        self._robot_time.tick()
         sensor, replayed = self._sensor, self._replayed
-        values = {} if sensor is None else {"samples sent": str(sensor.sent), "samples dropped": str(sensor.dropped)}
-        if self.robot_time.standing:
+        sends = isinstance(self._source, Emulator)
+        values = {"samples sent": str(sensor.sent), "samples dropped": str(sensor.dropped)} if sends else {}
+        if self._robot_time.standing:
             health = Health(WARN, "the run is paused or has not begun", values)
-        elif self.clock.now() is None:
+        elif self._clock.now() is None:
             health = Health(WARN, "nothing is known of the human in the robot's plant", values)
         elif replayed is not None and replayed.waits:
             health = Health(OK, f"streams; the trial begins with the emulated human, {START_TOPIC}", values)
@@ -115,23 +104,20 @@ class EmulatedNode(NodeApp):
         """Stop the sender."""
         self._source.close()
         self._progress.close()
-        self.robot_time.close()
+        self._robot_time.close()
 
-    def _send(self, sensor: EvenSensor, outlet: Outlet, source: str, block: float) -> None:
-        """Send samples from now on.
-
-        Args:
-            sensor: sampled sensor.
-            outlet: receiver of the samples.
-            source: name of the source in the driver's messages.
-            block: wall time between sendings [s].
-        """
-        counts = SentCounts(self._node, source, "samples", sensor.rate)
+    def _sending(self, node: RosNode, settings: DeviceSettings, outlet: Outlet) -> Emulator:
+        counts = SentCounts(node, settings.source, "samples", settings.rate)
         emulator = Emulator(
-            sensor, outlet, self.clock, block, self._node.log_error, counts.publish, self._progress.reached
+            self._sensor, outlet, self._clock, settings.block, node.log_error, counts.publish, self._progress.reached
         )
-        self._sensor, self._source = sensor, emulator
         emulator.start()
+        return emulator
+
+
+def run_device(name: str, text: str, settings: type[DeviceSettings]) -> int:
+    """Run the node of an emulated device, and return the exit code; text: for --help."""
+    return run(name, text, lambda node: EmulatedNode(node, settings.read(node)), settings)
 
 
 class Reporter:

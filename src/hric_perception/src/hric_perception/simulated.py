@@ -4,8 +4,6 @@ Joint positions are interpolated between two messages; `known` is the time up to
 """
 
 import math
-import threading
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -17,7 +15,7 @@ from hric_core.parameters import anything
 from hric_core.robot_time.stream_time import Clock
 from hric_human.participant.settings import HumanSettings
 from hric_msgs.msg import HumanEvent, HumanGrip
-from hric_perception.replayed import HISTORY
+from hric_perception.replayed import RecentRows
 
 HUMAN = "human"
 """Name of the human next to the robot, and of their topics in `hric/`."""
@@ -55,13 +53,7 @@ def check_joints(names: Sequence[str], own: tuple[str, ...]) -> None:
         raise HricError(f"the joints are {', '.join(names)}; valid: those of the section human, {', '.join(own)}")
 
 
-class _Row(NamedTuple):
-    time: float
-    q: Sequence[float]
-    dq: Sequence[float]
-
-
-class JointTrack:
+class JointTrack(RecentRows[tuple[Sequence[float], Sequence[float]]]):
     """Joint positions between messages with positions and velocities, by cubics (Hermite); thread-safe.
 
     With messages at 200 Hz the error is 5e-12 s^4 of the fourth derivative. Before the first and after the last message
@@ -72,11 +64,11 @@ class JointTrack:
     """
 
     def __init__(self, joints: Sequence[str]) -> None:
-        self._joints, self._lock = tuple(joints), threading.Lock()
-        self._rows: deque[_Row] = deque()
+        super().__init__()
+        self._joints = tuple(joints)
 
     def add(self, time: float, names: Sequence[str], q: Sequence[float], dq: Sequence[float]) -> None:
-        """Add a message; an earlier time restarts the track, the same one replaces.
+        """Add a message, see `RecentRows.store`.
 
         Args:
             time: robot time [s].
@@ -88,42 +80,23 @@ class JointTrack:
             HricError: these are other joints.
         """
         check_joints(names, self._joints)
-        with self._lock:
-            if self._rows and time < self._rows[-1].time:
-                self._rows.clear()
-            elif self._rows and time == self._rows[-1].time:
-                self._rows.pop()
-            self._rows.append(_Row(time, q, dq))
-            while self._rows[0].time < time - HISTORY:
-                self._rows.popleft()
-
-    @property
-    def known(self) -> float:
-        """Time of the last message [s]; minus infinity if there is none."""
-        with self._lock:
-            return self._rows[-1].time if self._rows else -math.inf
+        self.store(time, (q, dq))
 
     def at(self, time: float) -> list[float] | None:
         """Return the joint positions, n floats [rad]; None before the first message."""
-        with self._lock:
-            if not self._rows:
-                return None
-            after = len(self._rows) - 1
-            while after > 1 and self._rows[after - 1].time > time:
-                after -= 1
-            begin, end = self._rows[max(after - 1, 0)], self._rows[after]
-        return _between(begin, end, time)
-
-
-def _between(begin: _Row, end: _Row, time: float) -> list[float]:
-    """Return the positions on the cubic through positions and velocities of both rows."""
-    span = end.time - begin.time
-    s = min(max((time - begin.time) / span, 0.0), 1.0) if span else 1.0
-    a, b = s * s * (3.0 - 2.0 * s), span * s * (1.0 - s)
-    return [
-        (1.0 - a) * q + a * q_end + b * ((1.0 - s) * dq - s * dq_end)
-        for q, q_end, dq, dq_end in zip(begin.q, end.q, begin.dq, end.dq, strict=True)
-    ]
+        if not (rows := self.rows()):
+            return None
+        after = len(rows) - 1
+        while after > 1 and rows[after - 1][0] > time:
+            after -= 1
+        (begin, (q, dq)), (end, (q_end, dq_end)) = rows[max(after - 1, 0)], rows[after]
+        span = end - begin
+        s = min(max((time - begin) / span, 0.0), 1.0) if span else 1.0
+        a, b = s * s * (3.0 - 2.0 * s), span * s * (1.0 - s)
+        return [
+            (1.0 - a) * p + a * p_end + b * ((1.0 - s) * v - s * v_end)
+            for p, p_end, v, v_end in zip(q, q_end, dq, dq_end, strict=True)
+        ]
 
 
 class KnownTime:
@@ -172,7 +145,7 @@ class Held(NamedTuple):
 
 
 def follow_joints(node: Node, add: Callable[[float, Sequence[str], Sequence[float], Sequence[float]], None]) -> None:
-    """Pass each joint state of the human to `add`, see `JointTrack`."""
+    """Pass each joint state of the human to `add`, see `JointTrack.add`."""
 
     def on_state(message: Any) -> None:
         add(message.header.stamp.to_sec(), message.name, message.position, message.velocity)

@@ -85,7 +85,7 @@ class Simulation:
         node = self.node = LocalNode(self.tree)
         mocap = self.definition.mocap
         person = parameters.person(self.definition) if mocap is not None and mocap.measures_him else {}
-        beside: list[Beside] = _sensors(self.definition, node)
+        beside: list[Beside] = [sensor.headless(node) for sensor in self.definition.sensors]
         if mocap is not None:
             beside.insert(0, HeadlessHuman(node, mocap.build(self.seed, person), announced=bool(beside)))
         self.app = RobotApp(node, node.child(parameters.ROBOT))
@@ -280,17 +280,6 @@ class Beside(Protocol):
 
     def advance(self, time: float) -> None:
         """Advance to a time of the run [s]."""
-
-
-def _sensors(definition: Experiment, node: LocalNode) -> list[Beside]:
-    """Return the emulated sensors with their drivers. Raises HricError if one cannot be built."""
-    if not definition.sensors:
-        return []
-    # Imported only for runs with sensors.
-    from hric_perception.headless import headless_emg, headless_plate
-
-    made = {"emg": headless_emg, "force_plate": headless_plate}
-    return [made[one.name](node.child(one.name), node.child(one.emulated_name)) for one in definition.sensors]
 
 
 class HeadlessHuman:

@@ -16,7 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from hric_core.errors import ParameterError, UnknownNameError
+from hric_core import parameters
+from hric_core.errors import HricError, ParameterError, UnknownNameError
 from hric_core.geometry import UP_AXES, FloatArray
 from hric_core.geometry.transforms import vectors_z_up
 from hric_core.trial.plates import PlateError, TrialPlate, read_plates
@@ -153,6 +154,21 @@ def read_trial(path: Path, up: str = "") -> Trial:
     except OSError as error:
         raise ParameterError(f"c3d file {path}: {error.strerror}") from error
     return _read(path, up, about.st_mtime_ns, about.st_size)
+
+
+@dataclass(frozen=True)
+class TrialSettings(parameters.Settings):
+    """Choice of a recorded trial."""
+
+    path: str = parameters.text(valid="a c3d file, path or package:// address,", empty=False)
+    up: str = parameters.text("", text="axis that points up in the file, y or z; empty: what the file says")
+
+    def trial(self) -> Trial:
+        """Return the trial. Raises ParameterError."""
+        try:
+            return read_trial(resolve(self.path), self.up)
+        except HricError as error:
+            raise ParameterError(f"{self.prefix}path: {error}") from error
 
 
 @lru_cache(maxsize=4)  # several readings: before the run, and for markers, plates and EMG of one file

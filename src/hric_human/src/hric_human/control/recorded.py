@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from hric_core.errors import HricError, ParameterError
+from hric_core.errors import ParameterError
 from hric_core.geometry import UP_AXES, FloatArray, Pose
 from hric_core.geometry.poses import PoseSettings, inverse
 from hric_core.geometry.transforms import rotation_from_quaternion, vectors_z_up
 from hric_core.parameters import Mistakes, choice, mapping, number, refused, section, text, unknown
-from hric_core.trial.c3d import read_trial, resolve
+from hric_core.trial.c3d import TrialSettings, resolve
 from hric_core.trial.opensim_text import rate_of, read_markers, read_storage
 from hric_human.control.controller import Person
 from hric_human.control.inverse_kinematics import Solver, Task
@@ -187,18 +187,12 @@ class Markers(Captured):
 
 
 @dataclass(frozen=True)
-class C3dFile(Captured):
+class C3dFile(Captured, TrialSettings):
     """Marker positions of a recorded trial."""
-
-    path: str = text(valid="a c3d file, path or package:// address,", empty=False)
-    up: str = text("", text="axis that points up in the file, y or z; empty: what the file says")
 
     def motion(self) -> tuple[float, Mapping[str, FloatArray]]:
         """Return rate and positions from the c3d file."""
-        try:
-            trial = read_trial(resolve(self.path), self.up)
-        except HricError as error:
-            raise ParameterError(f"{self.prefix}path: {error}") from error
+        trial = self.trial()
         return trial.rate, {name: trial.positions[:, index] for index, name in enumerate(trial.labels)}
 
 
@@ -247,5 +241,4 @@ def _array(values: Any, where: str, dimensions: int) -> FloatArray:
 
 def _moved(T_root_lab: Pose, p_lab: FloatArray) -> FloatArray:
     """Return points, shape (..., 3) [m], in axes of the root link."""
-    moved: FloatArray = p_lab @ rotation_from_quaternion(T_root_lab.orientation).T + np.array(T_root_lab.position)
-    return moved
+    return np.asarray(p_lab @ rotation_from_quaternion(T_root_lab.orientation).T + np.array(T_root_lab.position))

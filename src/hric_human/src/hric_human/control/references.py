@@ -6,13 +6,14 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from hric_core.errors import ParameterError
-from hric_core.geometry import Pose, Vector, compose, minimum_jerk
+from hric_core.geometry import Pose, Vector, compose
 from hric_core.geometry.poses import inverse
 from hric_core.parameters import Mistakes, Settings, flag, listing, mapping, number, refused, unknown
 from hric_human.control.controller import Person
 from hric_human.control.inverse_kinematics import HandSolver, OutOfReachError
 from hric_human.hand import Hand, Motion, program_of
-from hric_human.hand.programs import PointToPoint, Sinusoid, TakeOver
+from hric_human.hand.programs import with_programs
+from hric_human.signals import RestToRest
 
 KNOT = 0.02
 """Time between two hand poses for which joint angles are computed [s] (project default, unconfirmed)."""
@@ -76,9 +77,7 @@ class JointPoints(Reference):
     """
 
     def __init__(self, times: Sequence[float], rows: Sequence[Joints]) -> None:
-        self._times, self._rows, self._zero, self._next = times, rows, math.inf, 1
-        self._still = [0.0] * len(rows[0])
-        self.end = times[-1]
+        self._path, self._zero, self.end = RestToRest(times, rows), math.inf, times[-1]
 
     def start(self, time: float) -> None:
         """Set the start time of the motion [s]."""
@@ -86,20 +85,7 @@ class JointPoints(Reference):
 
     def at(self, time: float) -> tuple[Joints, Joints]:
         """Return the positions and velocities of the minimum-jerk motion."""
-        since, times, rows = time - self._zero, self._times, self._rows
-        while self._next < len(times) and since >= times[self._next]:
-            self._next += 1
-        begin = times[self._next - 1]
-        if since <= begin or self._next == len(times):
-            return rows[self._next - 1], self._still
-        duration = times[self._next] - begin
-        u = (since - begin) / duration
-        share, rate = minimum_jerk(u), 30.0 * (u - u * u) ** 2 / duration
-        start, goal = rows[self._next - 1], rows[self._next]
-        return (
-            [a + share * (b - a) for a, b in zip(start, goal, strict=True)],
-            [rate * (b - a) for a, b in zip(start, goal, strict=True)],
-        )
+        return self._path.at(time - self._zero)
 
 
 @dataclass(frozen=True)
@@ -273,26 +259,5 @@ class Followed(Motion, ReferenceSettings):
         return HandReference(person, self, self.oriented)
 
 
-@dataclass(frozen=True)
-class _Sinusoid(Followed, Sinusoid):
-    pass
-
-
-@dataclass(frozen=True)
-class _PointToPoint(Followed, PointToPoint):
-    pass
-
-
-@dataclass(frozen=True)
-class _TakeOver(Followed, TakeOver):
-    pass
-
-
-REFERENCES: dict[str, type[ReferenceSettings]] = {
-    "rest": Rest,
-    "joints": JointMotion,
-    "sinusoid": _Sinusoid,
-    "minimum_jerk": _PointToPoint,
-    "reactive": _TakeOver,
-}
+REFERENCES: dict[str, type[ReferenceSettings]] = {"rest": Rest, "joints": JointMotion, **with_programs(Followed)}
 """Settings classes of references, by the value of `program`."""

@@ -44,7 +44,7 @@ class Hand:
     """
 
     def __init__(self, program: Program, begin: float = 0.0) -> None:
-        self._program, self._begin, self._lock = program, begin, threading.Lock()
+        self._program, self._begin, self._lock = program, begin, threading.RLock()
         self._zero = math.inf
 
     def start(self, time: float) -> float:
@@ -62,29 +62,26 @@ class Hand:
     def since(self, time: float) -> float:
         """Return the time of the program [s]; below 0 before its start."""
         with self._lock:
-            return self._since(time)
+            return time - self._zero if self._zero < math.inf else BEFORE
 
     def __call__(self, time: float) -> Pose:
         """Return the pose of the hand [m]."""
         with self._lock:
-            return self._program.pose(self._since(time))
+            return self._program.pose(self.since(time))
 
     def phase(self, time: float) -> str:
         """Return the phase of the program."""
         with self._lock:
-            return self._program.phase(self._since(time))
+            return self._program.phase(self.since(time))
 
     def see(self, time: float, position: Vector) -> None:
         """Pass the position [m] of the robot's end effector at `time` to the program."""
         with self._lock:
             if self._zero < math.inf:
-                self._program.see(self._since(time), position)
+                self._program.see(self.since(time), position)
 
     def feel(self, time: float, force: Vector) -> None:
         """Pass a force [N] on the hand at `time` to the program."""
         with self._lock:
             if self._zero < math.inf:
-                self._program.feel(self._since(time), force)
-
-    def _since(self, time: float) -> float:
-        return time - self._zero if self._zero < math.inf else BEFORE
+                self._program.feel(self.since(time), force)

@@ -6,9 +6,9 @@ acceleration, and at rest before 0 and after its end.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, make_dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from hric_core.parameters import Settings, listing, number, numbers, refused, se
 from hric_human.hand.program import Program
 from hric_human.hand.reactive import Reaction, Reactive
 
+Base = TypeVar("Base", bound=Settings)
 _PROGRAM_SEED = 1
 """Offset that makes the seeds of programs differ from those of the cameras."""
 
@@ -174,6 +175,14 @@ class TakeOver(Motion, Reaction):
 
 
 PROGRAMS: dict[str, type[Motion]] = {"sinusoid": Sinusoid, "minimum_jerk": PointToPoint, "reactive": TakeOver}
+
+
+def with_programs(base: type[Base]) -> dict[str, type[Base]]:
+    """Return settings classes by the name of the program: those of `base` and of the program together."""
+    return {
+        name: make_dataclass(f"{base.__name__}{kind.__name__}", (), bases=(base, kind), frozen=True)
+        for name, kind in PROGRAMS.items()
+    }
 
 
 def read_program(content: Any, seed: int, where: str = "human") -> Program:

@@ -119,8 +119,7 @@ class _Piece:
             [0.0, 1.0, 2 * u, 3 * u**2, 4 * u**3, 5 * u**4],
             [0.0, 0.0, 2.0, 6 * u, 12 * u**2, 20 * u**3],
         ])  # fmt: skip
-        state: FloatArray = powers @ self._c / np.array([[1.0], [T], [T * T]])
-        return state
+        return np.asarray(powers @ self._c / np.array([[1.0], [T], [T * T]]))
 
 
 class Reactive(Program):
@@ -207,10 +206,8 @@ class Reactive(Program):
     def _goal(self, arm: FloatArray) -> FloatArray:
         """Return the hand-over point [m]."""
         to_home = self._home - arm
-        goal: FloatArray = (
-            arm + to_home * min(1.0, self._how.standoff / max(float(np.linalg.norm(to_home)), 1e-9)) + self._shift
-        )
-        return goal
+        share = min(1.0, self._how.standoff / max(float(np.linalg.norm(to_home)), 1e-9))
+        return np.asarray(arm + to_home * share + self._shift)
 
     def _on_approach(self, now: float) -> None:
         if self._shies(now):

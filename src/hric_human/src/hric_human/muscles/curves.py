@@ -1,4 +1,4 @@
-"""Force-length-velocity curves of a muscle, and its activation dynamics.
+"""Numbers of the force-length-velocity curves of a muscle (`muscles.c`), and its activation dynamics.
 
 The curves of De Groote, Kinney, Rao & Fregly, Evaluation of direct collocation optimal control problem formulations for
 solving the muscle redundancy problem, Ann. Biomed. Eng. 44(10):2922-2936, 2016, with the numbers of OpenSim's
@@ -6,7 +6,6 @@ DeGrooteFregly2016Muscle; a test compares the forces.
 """
 
 import numpy as np
-import numpy.typing as npt
 
 from hric_core.geometry import FloatArray
 
@@ -26,28 +25,6 @@ RISE, FALL = 0.015, 0.060
 """Time constants of activation and deactivation [s]."""
 SMOOTHING = 0.1
 """Smoothing of the transition from one to the other."""
-
-
-def active_force(length: npt.ArrayLike) -> FloatArray:
-    """Return force per maximum isometric force [1] at normalised fibre lengths, at full activation and rest."""
-    values = np.asarray(length, dtype=np.float64)
-    made = np.zeros_like(values)
-    for height, centre, constant, slope in ACTIVE:
-        made += height * np.exp(-0.5 * ((values - centre) / (constant + slope * values)) ** 2)
-    return made
-
-
-def passive_force(length: npt.ArrayLike) -> FloatArray:
-    """Return passive force per maximum isometric force [1] at normalised fibre lengths."""
-    strain = (np.asarray(length, dtype=np.float64) - 1.0) / PASSIVE_STRAIN
-    lowest = np.exp(PASSIVE_SHAPE * (SHORTEST - 1.0) / PASSIVE_STRAIN)
-    return np.asarray((np.exp(PASSIVE_SHAPE * strain) - lowest) / (np.exp(PASSIVE_SHAPE) - lowest))
-
-
-def velocity_factor(velocity: npt.ArrayLike) -> FloatArray:
-    """Return the factor on the active force [1] at velocities per MAX_VELOCITY, lengthening positive."""
-    d1, d2, d3, d4 = VELOCITY
-    return np.asarray(d1 * np.arcsinh(d2 * np.asarray(velocity, dtype=np.float64) + d3) + d4)
 
 
 def approach_speed(activation: FloatArray, excitation: FloatArray) -> FloatArray:

@@ -20,7 +20,6 @@ from hric_human.body.segments import ROOT
 from hric_human.control.kinematics import GRAVITY
 from hric_human.control.whole_body import Load, Needed, RootMotion, WholeBody
 from hric_human.muscles.anatomy import CENTRES, Anatomy
-from hric_human.muscles.polynomial import IntArray, exponents
 
 DISTAL = {"shoulder": "upper_arm", "elbow": "forearm"}
 """Segment distal to each joint centre."""
@@ -46,11 +45,11 @@ class Pulls:
         rows = [
             part for centre in CENTRES for name in self.names[centre] for part in anatomy.muscles[name].pulls[centre]
         ]
-        powers = [self._powers(part.joints, part.order) for part in rows]
+        joints, powers = len(anatomy.joints), [part.powers(anatomy.joints) for part in rows]
         self._power, term = np.unique(
-            np.concatenate([np.zeros((1, self._joints), int), *powers]), axis=0, return_inverse=True
+            np.concatenate([np.zeros((1, joints), int), *powers]), axis=0, return_inverse=True
         )
-        self._orders, self._columns = np.arange(self._power.max(initial=0) + 1), np.arange(self._joints)
+        self._orders, self._columns = np.arange(self._power.max(initial=0) + 1), np.arange(joints)
         crossed = len(self.names[CENTRES[0]])
         self._rows = {CENTRES[0]: slice(0, crossed), CENTRES[1]: slice(crossed, None)}
         self._coefficients = np.zeros((len(self._power), len(rows)))
@@ -59,17 +58,6 @@ class Pulls:
             end = start + len(part.coefficients)
             self._coefficients[term.ravel()[start:end], column] = part.coefficients
             start = end
-
-    @property
-    def _joints(self) -> int:
-        return len(self._anatomy.joints)
-
-    def _powers(self, joints: Sequence[str], order: int) -> IntArray:
-        """Return a polynomial's exponents as exponents over all joints of the anatomy."""
-        own = exponents(len(joints), order)
-        full = np.zeros((len(own), self._joints), dtype=own.dtype)
-        full[:, [self._anatomy.joints.index(name) for name in joints]] = own
-        return full
 
     def at(self, q: FloatArray) -> dict[str, FloatArray]:
         """Return the force on the distal part per force of each muscle of `names`, in axes of the proximal link.

@@ -6,6 +6,7 @@ ideal actuators with activation, one for each sense.
 """
 
 from collections.abc import Iterable, Sequence
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +19,7 @@ from hric_human.body.joints import ARM
 from hric_human.control.strength import MEAN_MASS, STRENGTH, strength
 from hric_human.muscles import curves
 from hric_human.muscles.anatomy import Anatomy, Muscle
-from hric_human.muscles.polynomial import IntArray, Polynomial, exponents
+from hric_human.muscles.polynomial import IntArray, Polynomial
 
 SPANNED = {
     "sh_flex": ("upper_arm",),
@@ -200,9 +201,8 @@ class _Monomials:
 
     def __init__(self, anatomy: Anatomy) -> None:
         self._joints = anatomy.joints
-        needed = {power for muscle in anatomy.muscles.values() for power in self._powers(muscle.length)}
-        for power in sorted(needed, key=sum, reverse=True):
-            needed |= set(_below(power))
+        highest = {power for muscle in anatomy.muscles.values() for power in self._powers(muscle.length)}
+        needed = {power for high in highest for power in product(*(range(exponent + 1) for exponent in high))}
         self._indices = {power: i for i, power in enumerate(sorted(needed, key=lambda power: (sum(power), power)))}
         self.factor, self.angle = [0], [0]
         for power in list(self._indices)[1:]:
@@ -224,22 +224,11 @@ class _Monomials:
         return np.array(start), np.array(term), np.array(coefficient)
 
     def _powers(self, polynomial: Polynomial) -> list[tuple[int, ...]]:
-        of = exponents(len(polynomial.joints), polynomial.order)
-        full = np.zeros((len(of), len(self._joints)), dtype=np.int64)
-        full[:, [self._joints.index(name) for name in polynomial.joints]] = of
-        return [tuple(map(int, power)) for power in full]
+        return [tuple(power) for power in polynomial.powers(self._joints).tolist()]
 
 
 def _lowered(power: tuple[int, ...], angle: int) -> tuple[int, ...]:
     return (*power[:angle], power[angle] - 1, *power[angle + 1 :])
-
-
-def _below(power: tuple[int, ...]) -> Iterable[tuple[int, ...]]:
-    """Yield the monomials that a monomial and its slopes are computed from."""
-    for angle, exponent in enumerate(power):
-        if exponent:
-            yield _lowered(power, angle)
-            yield from _below(_lowered(power, angle))
 
 
 def _constant(muscles: int, joints: int, actuators: Iterable[tuple[int, int, float]]) -> FloatArray:

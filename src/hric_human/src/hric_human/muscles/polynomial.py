@@ -1,8 +1,9 @@
 """Polynomials of joint angles: the length of a muscle, its gradient, and its pull."""
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import product
 
 import numpy as np
 import numpy.typing as npt
@@ -18,16 +19,8 @@ def exponents(variables: int, order: int) -> IntArray:
 
     This is the order of OpenSim's MultivariatePolynomialFunction.
     """
-    return np.array(list(_exponents(variables, order)), dtype=np.int64).reshape(-1, variables)
-
-
-def _exponents(variables: int, order: int) -> Iterator[tuple[int, ...]]:
-    if variables == 0:
-        yield ()
-        return
-    for first in range(order + 1):
-        for rest in _exponents(variables - 1, order - first):
-            yield (first, *rest)
+    powers = [power for power in product(range(order + 1), repeat=variables) if sum(power) <= order]
+    return np.array(powers, dtype=np.int64)
 
 
 def monomials(q: FloatArray, order: int) -> FloatArray:
@@ -62,6 +55,13 @@ class Polynomial:
     joints: tuple[str, ...]
     order: int
     coefficients: tuple[float, ...]
+
+    def powers(self, joints: Sequence[str]) -> IntArray:
+        """Return the exponents of its terms as those of some joints, its own among them, shape (terms, joints)."""
+        own = exponents(len(self.joints), self.order)
+        spread = np.zeros((len(own), len(joints)), dtype=np.int64)
+        spread[:, [joints.index(name) for name in self.joints]] = own
+        return spread
 
     def values(self, q: FloatArray) -> FloatArray:
         """Return the values, shape (samples,), at angles of its joints, shape (samples, joints) [rad]."""

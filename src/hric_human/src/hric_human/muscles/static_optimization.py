@@ -96,8 +96,7 @@ class StaticOptimization:
         added = np.asarray(co_contraction, np.float64)
         if not bool(np.all((added >= 0.0) & (added <= 1.0))):
             raise HricError(f"static optimisation: co-contraction {added.tolist()}; valid: from 0 to 1")
-        raised: FloatArray = np.minimum(self._lower + added, 1.0)
-        return raised
+        return np.asarray(np.minimum(self._lower + added, 1.0))
 
 
 _NAMES = ("arms", "gain", "minimum activation", "torque")

@@ -2,8 +2,9 @@
 
 import math
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
+from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -67,7 +68,9 @@ class Human(Participant):
         self._grips = [self._new_grip(grip) for grip in settings.grips]
         self._feeling = [grip for grip in self._grips if settings.grips[grip.name].holder == HAND]
         self._muscles = self._new_muscles()
-        self._check_sight()
+        with self._naming("watches"):
+            if settings.watches:
+                plant.link_state(settings.watches)
         beside = f"{node.beside('hric')}/{name}"
         calls: dict[str, Callable[[], object]] = {"start": self._start}
         for grip in self._grips:
@@ -108,20 +111,16 @@ class Human(Participant):
             holder = self._hand
             x, y, z = (a + b for a, b in zip(palm, hand.p_link_hand, strict=True))
             palm = x, y, z
-        try:
+        with self._naming(f"grips/{name}"):
             return Grip(name, settings, self._plant, holder, palm, self._happened)
-        except UnknownNameError as error:
-            where = f"{below(self._where)}grips/{name}"
-            raise UnknownNameError(error.kind, error.name, error.valid, where) from None
 
-    def _check_sight(self) -> None:
-        """Raise UnknownNameError if the watched link does not exist."""
-        if self._settings.watches:
-            try:
-                self._plant.link_state(self._settings.watches)
-            except UnknownNameError as error:
-                where = f"{below(self._where)}watches"
-                raise UnknownNameError(error.kind, error.name, error.valid, where) from None
+    @contextmanager
+    def _naming(self, key: str) -> Iterator[None]:
+        """Raise an UnknownNameError of the plant with the key that has the name."""
+        try:
+            yield
+        except UnknownNameError as error:
+            raise UnknownNameError(error.kind, error.name, error.valid, f"{below(self._where)}{key}") from None
 
     # -- the loop ------------------------------------------------------------------------------------------------------
 

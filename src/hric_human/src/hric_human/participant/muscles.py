@@ -5,13 +5,12 @@ from itertools import compress
 from typing import Any, NamedTuple
 
 import numpy as np
-from geometry_msgs.msg import Point, Wrench
+from geometry_msgs.msg import Point, Vector3, Wrench
 
 from hric_control.plant import Contact
 from hric_core import realtime
 from hric_core.geometry import Pose, Vector
 from hric_core.node import Node
-from hric_core.robot_time import stamps
 from hric_human.control import Person
 from hric_human.control.whole_body import Load, WholeBody
 from hric_human.muscles.choose import find
@@ -20,9 +19,8 @@ from hric_human.muscles.joint_contact import JointContact
 from hric_human.muscles.muscle_set import MuscleSet, MuscleState
 from hric_human.participant.grip import Grip, Happened
 from hric_human.participant.settings import MuscleSettings
+from hric_human.participant.topics import WORLD, stamped_message
 from hric_msgs.msg import JointReactions, MuscleActivation, MuscleForce
-
-WORLD = "world"
 
 
 class Snapshot(NamedTuple):
@@ -149,14 +147,16 @@ class Muscles:
         angles, speeds, rates = (np.array([values]) for values in (before.q, before.dq, ddq))
         needed = self._whole.inverse_dynamics(angles, speeds, rates, self._root, before.loads, self._gravity)
         found = self._contact.over(angles, self._root, needed, before.force[None])
-        message = JointReactions(joint_names=list(found), link_names=list(self._contact.links.values()))
-        message.header.stamp, message.header.frame_id = stamps.to_time(before.time), WORLD
-        for link, ((x, y, z),) in zip(message.link_names, found.values(), strict=True):
-            message.positions.append(Point(*needed.position[0, self._whole.index[link]]))
-            wrench = Wrench()
-            wrench.force.x, wrench.force.y, wrench.force.z = x, y, z
-            message.wrenches.append(wrench)
-        return message
+        links = list(self._contact.links.values())
+        return stamped_message(
+            JointReactions,
+            before.time,
+            WORLD,
+            joint_names=list(found),
+            link_names=links,
+            positions=[Point(*needed.position[0, self._whole.index[link]]) for link in links],
+            wrenches=[Wrench(Vector3(*force), Vector3()) for (force,) in found.values()],
+        )
 
 
 def _held(grips: Sequence[Grip], own: str) -> list[Load]:
@@ -184,17 +184,11 @@ def _touched(contacts: Sequence[Contact], own: str) -> list[Load]:
 def _muscle_activation(
     time: float, names: Sequence[str], excitation: Any, activation: Any, at_limit: list[bool], limited: list[int]
 ) -> Any:
-    message = MuscleActivation(name=names, at_limit=at_limit, limited=limited)
-    message.header.stamp = stamps.to_time(time)
-    message.excitation, message.activation = excitation.tolist(), activation.tolist()
-    return message
+    values = {"excitation": excitation.tolist(), "activation": activation.tolist()}
+    return stamped_message(MuscleActivation, time, "", name=names, at_limit=at_limit, limited=limited, **values)
 
 
 def _muscle_force(time: float, muscles: MuscleSet, force: Any, state: MuscleState) -> Any:
-    own = muscles.is_muscle
-    message = MuscleForce(name=list(compress(muscles.names, own)), outside=state.outside)
-    message.header.stamp = stamps.to_time(time)
-    message.force, message.length, message.velocity = (
-        list(compress(values.tolist(), own)) for values in (force, state.length, state.velocity)
-    )
-    return message
+    values = {"name": muscles.names, "force": force, "length": state.length, "velocity": state.velocity}
+    own = {key: list(compress(np.asarray(of).tolist(), muscles.is_muscle)) for key, of in values.items()}
+    return stamped_message(MuscleForce, time, "", outside=state.outside, **own)

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import Point, PoseStamped, Vector3, Wrench
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
@@ -113,6 +113,13 @@ class Topics:
         self._events.publish(_event, time, kind, name, value, text)
 
 
+def stamped_message(kind: type, time: float, frame: str, /, **fields: Any) -> Any:
+    """Return a message with a header; `time`: time of the stamp [s]."""
+    message = kind(**fields)
+    message.header.stamp, message.header.frame_id = stamps.to_time(time), frame
+    return message
+
+
 def _root(time: float, root: Pose) -> Any:
     return stamped.pose_stamped(stamped.header(stamps.to_time(time), WORLD), root)
 
@@ -124,40 +131,27 @@ def _placed(time: float, frame: str, root: Pose) -> Any:
 def _joint_state(
     time: float, names: Sequence[str], q: Sequence[float], dq: Sequence[float], tau: Sequence[float]
 ) -> Any:
-    message = JointState()
-    message.header.stamp, message.name = stamps.to_time(time), names
-    message.position, message.velocity, message.effort = q, dq, tau
-    return message
+    return stamped_message(JointState, time, "", name=names, position=q, velocity=dq, effort=tau)
 
 
 def _joint_torque(
     time: float, person: Person, tau: Sequence[float], at_strength: list[bool], clipped: list[int]
 ) -> Any:
-    message = JointTorque()
-    message.header.stamp, message.name = stamps.to_time(time), person.joints
-    message.torque, message.at_strength, message.clipped = tau, at_strength, clipped
-    message.strength_share = [
-        value / (high if value > 0.0 else low)
-        for value, low, high in zip(tau, person.weakest, person.strongest, strict=True)
-    ]
-    return message
+    limits = zip(tau, person.weakest, person.strongest, strict=True)
+    share = [value / (high if value > 0.0 else low) for value, low, high in limits]
+    fields = {"torque": tau, "strength_share": share, "at_strength": at_strength, "clipped": clipped}
+    return stamped_message(JointTorque, time, "", name=person.joints, **fields)
 
 
 def _grip(time: float, name: str, held: str, holder: str, closed: bool, load: BushingLoad) -> Any:
-    message = HumanGrip(name=name, held=held, holder=holder, closed=closed)
-    message.header.stamp, message.header.frame_id = stamps.to_time(time), WORLD
-    force, torque, point = message.wrench.force, message.wrench.torque, message.point
-    force.x, force.y, force.z = load.force
-    torque.x, torque.y, torque.z = load.torque
-    point.x, point.y, point.z = load.point
-    message.stretch, message.slipped, message.turned = load.stretch, load.slipped, load.turned
-    return message
+    wrench, at = Wrench(Vector3(*load.force), Vector3(*load.torque)), Point(*load.point)
+    deflection = {"stretch": load.stretch, "slipped": load.slipped, "turned": load.turned}
+    fields = {"name": name, "held": held, "holder": holder, "closed": closed, "wrench": wrench, "point": at}
+    return stamped_message(HumanGrip, time, WORLD, **fields, **deflection)
 
 
 def _event(time: float, kind: str, name: str, value: float, text: str) -> Any:
-    message = HumanEvent(kind=kind, name=name, value=value, text=text)
-    message.header.stamp = stamps.to_time(time)
-    return message
+    return stamped_message(HumanEvent, time, "", kind=kind, name=name, value=value, text=text)
 
 
 def _contact(contact: RegionContact, epoch: float) -> Any:
@@ -178,6 +172,4 @@ def _contact(contact: RegionContact, epoch: float) -> Any:
 
 
 def _contacts(time: float, touching: list[Any], ended: list[Any]) -> Any:
-    message = RegionContacts(touching=touching, ended=ended)
-    message.header.stamp, message.header.frame_id = stamps.to_time(time), WORLD
-    return message
+    return stamped_message(RegionContacts, time, WORLD, touching=touching, ended=ended)

@@ -20,6 +20,7 @@ from hric_core.parameters import Settings, listing, number, numbers, refused
 from hric_core.urdf import write_inertial
 from hric_human.body import Body
 from hric_human.body.segments import ROOT
+from hric_human.signals import RestToRest
 
 GROUND, JOINTS = "human_ground", ("walk_x", "walk_y")
 """Root link of a walking body; joints from it to `human_base`: displacement along x and y of the world [m]."""
@@ -72,35 +73,21 @@ class Walk:
         heading: rotation of the root in the world, about z [rad].
 
     Attributes:
+        path: displacement along x and y of the world over the time since the motion's start [m].
         urdf: description of the walking body.
         start: displacement before the motion begins, 2 floats [m].
     """
 
     def __init__(self, settings: WalkSettings, body: Body, heading: float) -> None:
-        self._points, self._push = settings.points, settings.push
+        times, *displacements = zip(*settings.points, strict=True)
+        self.path, self._push = RestToRest(times, list(zip(*displacements, strict=True))), settings.push
         self._mass = body.total_mass * (1.0 + 2.0 * SHARE)
         self.urdf = _walking(body, heading)
         self.start = list(settings.points[0][1:])
 
-    def at(self, since: float) -> tuple[list[float], list[float], list[float]]:
-        """Return displacement [m], velocity [m/s], acceleration [m/s^2], 2 floats each; since: time since start [s]."""
-        still = [0.0, 0.0]
-        for begin, end in pairwise(self._points):
-            if begin[0] < since < end[0]:
-                duration = end[0] - begin[0]
-                u = (since - begin[0]) / duration
-                step = [b - a for a, b in zip(begin[1:], end[1:], strict=True)]
-                share = u * u * u * (10.0 - 15.0 * u + 6.0 * u * u)
-                rate = 30.0 * (u - u * u) ** 2 / duration
-                bend = 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u) / duration**2
-                position = [a + share * x for a, x in zip(begin[1:], step, strict=True)]
-                return position, [rate * x for x in step], [bend * x for x in step]
-        passed = [row for row in self._points if row[0] <= since]
-        return list((passed[-1] if passed else self._points[0])[1:]), still, still
-
     def force(self, since: float, q: Sequence[float], dq: Sequence[float]) -> list[float]:
         """Return the forces of the walking joints, 2 floats [N]; since: time since the start [s]."""
-        position, speed, acceleration = self.at(since)
+        (position, speed), acceleration = self.path.at(since), self.path.bend(since)
         k, c = self._mass * STIFFNESS_RATE**2, 2.0 * self._mass * STIFFNESS_RATE
         held = [k * (p - x) + c * (v - w) for p, x, v, w in zip(position, q, speed, dq, strict=True)]
         size = math.hypot(*held)

@@ -222,8 +222,7 @@ class PersonTracker:
         if seen.all():
             return np.ones(len(self._spread), dtype=bool)
         variances = [self._variances(rows) for rows in (seen, np.ones(len(seen), dtype=bool))]
-        shown: Mask = (variances[0] < BLIND * variances[1]) | (variances[0] < KNOWN_SHARE * self._spread**2)
-        return shown
+        return np.asarray((variances[0] < BLIND * variances[1]) | (variances[0] < KNOWN_SHARE * self._spread**2))
 
     def _variances(self, rows: Mask) -> FloatArray:
         J = self._J[rows].reshape(-1, len(self._spread)) / MARKER_NOISE

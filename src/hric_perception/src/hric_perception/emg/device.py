@@ -1,13 +1,12 @@
-"""Emulated EMG device on any node: its parameters, muscle activation, and due samples."""
+"""Emulated EMG device: its parameters, muscle activation, and samples."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from hric_core.node import Node
-from hric_core.parameters import Settings, choice, mapping, number, refused, text, whole
+from hric_core.parameters import Settings, choice, number, refused, text, whole
 from hric_msgs.msg import MuscleActivation
-from hric_perception.chunk import Layout
 from hric_perception.emg.muscles import (
     AMPLITUDE,
     PROGRAM,
@@ -18,73 +17,62 @@ from hric_perception.emg.muscles import (
     TopicActivation,
     muscle_names,
 )
-from hric_perception.emulation import BLOCK, SEED, EvenSensor, Signal, faults_of
-from hric_perception.lsl import source_name
-from hric_perception.replayed import RecordedEmg, Replayed, follow_human
+from hric_perception.emulation import Outlet, faults_of
+from hric_perception.replayed import RecordedEmg, follow_human
+from hric_perception.sampled import Device, DeviceSettings
 from hric_perception.simulated import always
 from hric_perception.trigno.protocol import CHANNELS, COMMAND_PORT, EMG_PORT, trigno_name
-
-NAME = "emulated_emg"
-TRANSPORTS = ("lsl", "trigno")
+from hric_perception.trigno.server import TrignoServer
 
 
 @dataclass(frozen=True)
-class EmulatedEmgSettings(Settings):
+class EmulatedEmgSettings(DeviceSettings):
     """Parameters of the device."""
 
-    transport: str = choice(*TRANSPORTS)
-    session: str = text("", figures=True, text="LSL session, see below")
-    name: str = text(NAME, figures=True, text="of the LSL stream")
+    kind: ClassVar[str] = "EMG"
+    transport: str = choice("lsl", "trigno")
+    name: str = text("emulated_emg", figures=True, text="of the LSL stream")
     rate: float = number(2000.0, minimum=100.0, maximum=20000.0, unit="Hz")
     muscles: tuple[str, ...] = muscle_names("how many of the usual ones, or names")
     amplitude: float = number(AMPLITUDE, minimum=0.0, maximum=1.0, unit="V", text="root mean square at full activation")
     activation: Settings = PROGRAM
-    faults: Mapping[str, Any] = mapping(default={}, text="see below")
-    seed: int = SEED
     ip: str = text("127.0.0.1", text="address of the Trigno server")
     command_port: int = whole(COMMAND_PORT, minimum=0, maximum=65535, text="TCP")
     data_port: int = whole(EMG_PORT, minimum=0, maximum=65535, text="TCP")
-    block: float = BLOCK
 
     @property
     def source(self) -> str:
         """Name of the stream in the driver's messages."""
-        return source_name("EMG", self.name) if self.transport == "lsl" else trigno_name(self.ip, self.data_port)
+        return super().source if self.transport == "lsl" else trigno_name(self.ip, self.data_port)
 
+    @property
+    def title(self) -> str:
+        """Name of the device in the node's log."""
+        return f"{len(self.muscles)} emulated muscles"
 
-class EmulatedEmg:
-    """Emulated EMG device, without the sender of its samples.
-
-    Args:
-        node: private node, which may subscribe to the muscle activation.
-        settings: parameters of the device.
-
-    Attributes:
-        sensor: sampled sensor.
-        layout: layout of the samples as they leave the device; the source is the stream's name.
-        replayed: trial that it replays, if any.
-        known: time up to which the activation is known [s].
-
-    Raises:
-        HricError: a parameter is not valid.
-    """
-
-    def __init__(self, node: Node, settings: EmulatedEmgSettings) -> None:
-        names, rate, program = settings.muscles, settings.rate, settings.activation
-        self.replayed: Replayed | None = program.replayed(names) if isinstance(program, RecordedEmg) else None
-        delay = 0.0 if self.replayed is None else follow_human(node, self.replayed)
-        faults = faults_of(settings.faults, node.resolve("faults"), settings.seed, delay)
-        if settings.transport == "trigno" and len(names) + faults.time_code > CHANNELS:
+    def device(self, node: Node) -> Device:
+        """Return the muscles, whose activation may come from a topic."""
+        names, program = self.muscles, self.activation
+        replayed = program.replayed(names) if isinstance(program, RecordedEmg) else None
+        delay = 0.0 if replayed is None else follow_human(node, replayed)
+        faults = faults_of(self.faults, node.resolve("faults"), self.seed, delay)
+        if self.transport == "trigno" and len(names) + faults.time_code > CHANNELS:
             valid = f"for a Trigno {CHANNELS}, the time code counts as one"
-            raise refused(f"{settings.prefix}muscles", list(names), valid)
-        signal: Signal
-        if self.replayed is not None:
-            self.known, signal = always, self.replayed
-        else:
-            activation, self.known = activation_of(node, program, names)
-            signal = Muscles(activation, len(names), rate, settings.amplitude, faults.seed)
-        self.sensor, code = EvenSensor(rate, len(names), signal, faults), faults.time_code
-        self.layout = Layout(settings.name, names + ("time",) * code, ("V",) * len(names) + ("s",) * code, rate)
+            raise refused(f"{self.prefix}muscles", list(names), valid)
+        units = ("V",) * len(names)
+        if replayed is not None:
+            return Device(self, names, units, replayed, faults, always, replayed)
+        activation, known = activation_of(node, program, names)
+        signal = Muscles(activation, len(names), self.rate, self.amplitude, faults.seed)
+        return Device(self, names, units, signal, faults, known, None)
+
+    def outlet(self, device: Device) -> Outlet:
+        """Return a Trigno server, or an LSL outlet."""
+        if self.transport == "lsl":
+            return super().outlet(device)
+        server = TrignoServer(self.rate, self.ip, self.command_port, self.data_port, device.faults.time_code)
+        server.start()
+        return server
 
 
 def activation_of(node: Node, program: Settings, channels: tuple[str, ...]) -> tuple[Activation, Callable[[], float]]:

@@ -72,8 +72,7 @@ def band_sections(settings: Settings, rate: float) -> FloatArray:
 
 def low_sections(settings: Settings, rate: float) -> FloatArray:
     """Return the second-order sections of the low-pass."""
-    found: FloatArray = scipy.signal.butter(settings.lowpass_order, settings.lowpass, fs=rate, output="sos")
-    return found
+    return np.asarray(scipy.signal.butter(settings.lowpass_order, settings.lowpass, fs=rate, output="sos"))
 
 
 def lag(settings: Settings, rate: float) -> float:

@@ -136,7 +136,7 @@ FLOOR = 2e-6
 """Noise of electrodes and amplifier, root mean square [V] (project default, unconfirmed)."""
 
 
-class BodyActivation:
+class BodyActivation(Track):
     """Activation of a simulated human's muscles from messages, linear in between; one thread adds.
 
     An electrode of a default muscle measures the mean of its lines (project default, unconfirmed: their shares below it
@@ -148,21 +148,12 @@ class BodyActivation:
     """
 
     def __init__(self, channels: Sequence[str], side: str) -> None:
+        super().__init__(len(channels))
         self._parts = [
             [f"{side}_{part}" for part in PARTS[channel]] if channel in PARTS else [channel] for channel in channels
         ]
         self._names: tuple[str, ...] | None = None
         self._columns: list[list[int]] = []
-        self._track = Track(len(channels))
-
-    @property
-    def known(self) -> float:
-        """Time of the last message [s]; minus infinity if there is none."""
-        return self._track.last
-
-    def at(self, times: FloatArray) -> FloatArray:
-        """Return the activation at times of the run."""
-        return self._track.at(times)
 
     def add(self, time: float, names: Sequence[str], activation: Sequence[float]) -> None:
         """Add a message; an earlier time restarts the track.
@@ -177,19 +168,13 @@ class BodyActivation:
         """
         if tuple(names) != self._names:
             self._names, self._columns = tuple(names), []
-            self._columns = self._found(self._names)
+            if missing := sorted({part for own in self._parts for part in own} - set(names)):
+                raise CommandError(
+                    f"no activation of {', '.join(missing)}; there is one of {', '.join(names) or 'nothing'}"
+                )
+            self._columns = [[self._names.index(part) for part in own] for own in self._parts]
         if self._columns:
-            values = [sum(activation[column] for column in own) / len(own) for own in self._columns]
-            self._track.add(time, np.array(values))
-
-    def _found(self, names: tuple[str, ...]) -> list[list[int]]:
-        """Return the columns of each channel's lines of action."""
-        missing = sorted({part for own in self._parts for part in own} - set(names))
-        if missing:
-            raise CommandError(
-                f"no activation of {', '.join(missing)}; there is one of {', '.join(names) or 'nothing'}"
-            )
-        return [[names.index(part) for part in own] for own in self._parts]
+            self.store(time, np.array([sum(activation[column] for column in own) / len(own) for own in self._columns]))
 
 
 class Muscles:

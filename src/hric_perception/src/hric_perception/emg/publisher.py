@@ -4,7 +4,7 @@ import logging
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import scipy.signal  # noqa: F401  the filters' own, else loaded with the first sample, while others wait in the driver
@@ -12,34 +12,71 @@ from std_srvs.srv import SetBool, SetBoolResponse
 
 from hric_core.errors import HricError
 from hric_core.node import Node
-from hric_core.parameters import Settings as Base
 from hric_core.parameters import choice, section
 from hric_msgs.msg import SampleChunk
-from hric_perception.chunk import Chunk, FloatArray, chunk_message
+from hric_perception.chunk import Chunk, FloatArray, Layout, chunk_message
 from hric_perception.emg.envelope import Envelope
 from hric_perception.emg.envelope import Settings as EnvelopeSettings
-from hric_perception.lsl import LslSettings
-from hric_perception.stream import CHUNK, Driver, SampleStream, StreamHealth
+from hric_perception.emulation import Faults, Outlet
+from hric_perception.sampled import Device, DriverSettings, SamplePublisher, StampedOutlet
+from hric_perception.stream import Driver, SampleStream, StreamHealth
 from hric_perception.trigno.client import Settings, TrignoClient
+from hric_perception.trigno.protocol import Decoder, Encoder
 
 LOG = logging.getLogger("hric.perception.emg")
 
 
 @dataclass(frozen=True)
-class EmgSettings(Base):
+class EmgSettings(DriverSettings):
     """Parameters of the node."""
 
+    kind: ClassVar[str] = "EMG"
+    also: ClassVar[tuple[str, ...]] = ("measured_mvc",)
     source: str = choice("lsl", "trigno")
-    lsl: LslSettings = section(LslSettings)
     trigno: Settings = section(Settings)
-    chunk: float = CHUNK
     envelope: EnvelopeSettings = section(EnvelopeSettings)
 
-    def driver(self, stream: SampleStream, health: StreamHealth) -> Driver:
+    def publisher(self, node: Node, on_trouble: Callable[[str], None]) -> "EmgPublisher":
+        """Return the publisher of samples and envelope."""
+        return EmgPublisher(node, self.envelope, on_trouble)
+
+    def driver(self, node: Node, publisher: Any, stream: SampleStream, health: StreamHealth) -> Driver:
         """Return the driver of the source."""
         if self.source == "trigno":
             return TrignoClient(self.trigno, stream, health)
-        return self.lsl.reader("EMG", stream, health, lambda layout: layout)
+        return super().driver(node, publisher, stream, health)
+
+    def local_outlet(self, device: Device, publisher: SamplePublisher, stream: SampleStream) -> Outlet:
+        """Return the outlet of emulated muscles in this process."""
+        settings = device.settings
+        if not self.source == settings.transport == "trigno":
+            return super().local_outlet(device, publisher, stream)
+        stream.begin(self.trigno.layout(settings.rate), self.trigno.latency)
+        return TrignoOutlet(stream, self.trigno, settings.rate, device.faults)
+
+
+class TrignoOutlet(StampedOutlet):
+    """Outlet through the encoder of a Trigno server and the decoder of its client.
+
+    A frame arrives when its last sample was sent.
+
+    Args:
+        stream: receiver of the samples; it has begun.
+        settings: settings of the client.
+        rate: rate of the samples [Hz].
+        faults: faults of the samples.
+    """
+
+    def __init__(self, stream: SampleStream, settings: Settings, rate: float, faults: Faults) -> None:
+        super().__init__(stream)
+        self._delay, self._encoder = faults.delay, Encoder(rate, faults.time_code)
+        self._decoder = Decoder(len(settings.channels))
+
+    def push(self, times: FloatArray, data: FloatArray) -> None:
+        """Encode the samples, and pass decoded frames to the stream."""
+        samples = self._decoder.decode(self._encoder.encode(data))
+        if len(samples):
+            self._stream.arrived(float(times[-1 - self._encoder.waiting]) + self._delay, samples)
 
 
 class MvcService:
@@ -101,6 +138,10 @@ class EmgPublisher:
         self._envelope: Envelope | None = None
         self._layout: object = None
         self._mvc = MvcService(node)
+
+    def choose(self, layout: Layout) -> Layout:
+        """Return the layout of a stream as it is."""
+        return layout
 
     def publish(self, chunk: Chunk) -> None:
         """Publish the next chunk and its envelope."""

@@ -11,10 +11,10 @@ from hric_core.errors import HricError, ParameterError
 from hric_core.geometry import UP_AXES, Pose, Vector, compose
 from hric_core.geometry.poses import PoseSettings, inverse
 from hric_core.parameters import Settings, choice, listing, mapping, names, number, numbers, text, variant, whole
+from hric_core.trial.c3d import TrialSettings
 from hric_human.hand import Hand, Motion, Program, program_of
-from hric_human.hand.programs import PointToPoint, Sinusoid, TakeOver
+from hric_human.hand.programs import with_programs
 from hric_perception.human.simulated_body import SimulatedBody
-from hric_perception.replayed import TrialSettings
 from hric_perception.simulated import PROGRAM, person_of
 from mocap_natnet.client.settings import bitstream
 from mocap_natnet.codec.layout import Version
@@ -135,28 +135,7 @@ class Captured(Marked, Motion):
     """Settings of a marked hand that is moved by a program."""
 
 
-@dataclass(frozen=True)
-class _Sinusoid(Captured, Sinusoid):
-    pass
-
-
-@dataclass(frozen=True)
-class _PointToPoint(Captured, PointToPoint):
-    pass
-
-
-@dataclass(frozen=True)
-class _TakeOver(Captured, TakeOver):
-    pass
-
-
-PROGRAMS: dict[str, type[Settings]] = {
-    "sinusoid": _Sinusoid,
-    "minimum_jerk": _PointToPoint,
-    "reactive": _TakeOver,
-    "c3d": RecordedHuman,
-    PROGRAM: Marked,
-}
+PROGRAMS: dict[str, type[Settings]] = {**with_programs(Captured), "c3d": RecordedHuman, PROGRAM: Marked}
 HUMAN: Any = variant("program", PROGRAMS, "sinusoid", {})
 """Mapping `human`."""
 

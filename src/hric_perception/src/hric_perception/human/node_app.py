@@ -16,7 +16,7 @@ from hric_core.robot_time import stamps
 from hric_core.robot_time.follower import RobotTime
 from hric_core.robot_time.progress import ProgressReport
 from hric_core.robot_time.stream_time import Clock
-from hric_core.ros import RosNode, run
+from hric_core.ros import RosNode
 from hric_core.ros.process import NodeApp
 from hric_perception.emulation import SEED
 from hric_perception.human.motion_capture import see
@@ -163,8 +163,3 @@ class HumanNode(NodeApp):
             return TriggerResponse(success=False, message=str(error))
         self._started.publish(stamped.header(stamps.to_time(began + zero), ""))
         return TriggerResponse(success=True, message=f"the hand starts at {began + time:.3f} s")
-
-
-def main(text: str) -> int:
-    """Run the node, and return the exit code; text: for --help."""
-    return run("emulated_human", text, HumanNode, HumanSettings)

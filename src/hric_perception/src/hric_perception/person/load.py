@@ -11,7 +11,7 @@ import numpy as np
 from geometry_msgs.msg import Point, Vector3, Wrench
 from numpy.typing import NDArray
 
-from hric_core.geometry import FloatArray, stamped
+from hric_core.geometry import stamped
 from hric_core.node import Node
 from hric_core.robot_time import stamps
 from hric_human.muscles.live_load import AWAY, MISSING, HandForce, LiveLoad, PersonLoad
@@ -20,7 +20,7 @@ from hric_msgs.msg import JointReactions, JointTorque, MuscleActivation
 from hric_msgs.msg import PersonLoad as PersonLoadMessage
 from hric_perception.person.hand_force import source_of
 from hric_perception.person.settings import HandForceSettings
-from hric_perception.stream import OK, START, WARN, Health
+from hric_perception.stream import OK, START, WARN, Driver, Health
 
 PORTION = 0.05
 """Time over which frames are collected, since many instants cost little more than one [s of the stamps].
@@ -114,8 +114,8 @@ class LoadMessages:
             header=head,
             joint_names=names,
             link_names=[self._links[name] for name in names],
-            positions=[_point(one.load.centres[name][row]) for name in names],
-            wrenches=[Wrench(_vector(one.load.contact[name][row]), Vector3()) for name in names],
+            positions=[Point(*one.load.centres[name][row].tolist()) for name in names],
+            wrenches=[Wrench(Vector3(*one.load.contact[name][row].tolist()), Vector3()) for name in names],
         )
 
     def load(self, head: Any, one: PersonLoad, row: int, behind: float) -> Any:
@@ -127,14 +127,14 @@ class LoadMessages:
             outside=[bool(one.load.outside[side][row]) for side in one.states],
             hand=self._hand,
             force=one.force[row],
-            wrench=Wrench(_vector(one.acting.force[row]), _vector(one.acting.torque[row])),
-            point=_point(one.acting.point[row]),
+            wrench=Wrench(Vector3(*one.acting.force[row].tolist()), Vector3(*one.acting.torque[row].tolist())),
+            point=Point(*one.acting.point[row].tolist()),
             distance=float(one.distance[row]),
             behind=behind,
         )
 
 
-class LoadThread:
+class LoadThread(Driver):
     """Thread that computes and publishes the load from construction on.
 
     Args:
@@ -148,9 +148,10 @@ class LoadThread:
     def __init__(
         self, node: Node, where: str, settings: HandForceSettings, side: str | None, now: Callable[[], float | None]
     ) -> None:
+        super().__init__("load", 1.0)
         self._now, self._side = now, side or ""
         self._queue: deque[Frame | HandForce] = deque(maxlen=BACKLOG)
-        self._came, self._stop = threading.Event(), threading.Event()
+        self._came = threading.Event()
         self._live: LiveLoad | None = None
         self._messages: LoadMessages | None = None
         self._newest = self._taken = -math.inf
@@ -161,8 +162,7 @@ class LoadThread:
             node.advertise(f"{where}/activation", MuscleActivation, queue_size=100): LoadMessages.activation,
             node.advertise(f"{where}/joint_reactions", JointReactions, queue_size=100): LoadMessages.reactions,
         }
-        self._thread = threading.Thread(target=self._run, name="load", daemon=True)
-        self._thread.start()
+        self.start()
         if (source := source_of(settings)) is not None:
             self._read = source.read
             node.subscribe(node.beside(source.topic), source.type, self._on_force, queue_size=0)
@@ -184,7 +184,7 @@ class LoadThread:
         """Stop the thread."""
         self._stop.set()
         self._came.set()
-        self._thread.join(1.0)
+        super().close()
 
     def _run(self) -> None:
         while not self._stop.is_set():
@@ -277,13 +277,3 @@ def _said(one: PersonLoad) -> tuple[int, str]:
     if outside := [side for side, rows in one.load.outside.items() if rows[-1]]:
         return OK, f"outside the range of muscle paths: {' and '.join(outside)} arm"
     return OK, "the load is known" if one.force[-1] == MEASURED else "the load is known, without a force on a hand"
-
-
-def _vector(values: FloatArray) -> Any:
-    x, y, z = values.tolist()
-    return Vector3(x, y, z)
-
-
-def _point(values: FloatArray) -> Any:
-    x, y, z = values.tolist()
-    return Point(x, y, z)

@@ -12,7 +12,7 @@ from hric_core.errors import CommandError, HricError
 from hric_core.geometry import FloatArray
 from hric_core.realtime import LatestValue
 from hric_core.robot_time.follower import RobotTime
-from hric_core.ros import RosNode, run
+from hric_core.ros import RosNode
 from hric_core.ros.process import NodeApp
 from hric_human.body import Body
 from hric_human.muscles import BUILT_IN, load
@@ -212,8 +212,3 @@ class _Tally:
         if not self.calibrated:
             return Health(WARN, "tracked; not calibrated", values)
         return Health(OK, "tracked", values)
-
-
-def main(text: str) -> int:
-    """Run the node, and return the exit code; text: for --help."""
-    return run("person", text, PersonNode, PersonSettings)

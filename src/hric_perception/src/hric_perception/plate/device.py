@@ -1,16 +1,16 @@
-"""Emulated force plate on any node: its parameters, its load, and the time up to which that is known."""
+"""Emulated force plate: its parameters, its load, and the time up to which that is known."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, ClassVar
 
 from gazebo_msgs.msg import ContactsState
 from hric_core.geometry import Pose
 from hric_core.node import Node
-from hric_core.parameters import Settings, choice, mapping, number, section, text
-from hric_perception.chunk import Layout
-from hric_perception.emulation import BLOCK, SEED, EvenSensor, faults_of
-from hric_perception.lsl import source_name
+from hric_core.parameters import Settings, choice, number, section, text
+from hric_core.robot_time.stream_time import Clock
+from hric_perception.emulation import faults_of
 from hric_perception.plate.geometry import CHANNELS, UNITS, PlatePose
 from hric_perception.plate.loads import (
     CONTACTS_DELAY,
@@ -23,84 +23,62 @@ from hric_perception.plate.loads import (
     Load,
     Push,
 )
-from hric_perception.plate.natnet import PlateStream
-from hric_perception.replayed import RecordedLoad, Replayed, follow_human
+from hric_perception.plate.natnet import PlateMotive, PlateStream
+from hric_perception.replayed import RecordedLoad, follow_human
+from hric_perception.sampled import Closable, Device, DeviceSettings
 from hric_perception.simulated import PERSON, always, follow_grips, follow_joints, person_of
-
-NAME = "emulated_plate"
-TRANSPORTS = ("lsl", "natnet")
 
 
 @dataclass(frozen=True)
-class EmulatedPlateSettings(Settings):
+class EmulatedPlateSettings(DeviceSettings):
     """Parameters of the device."""
 
-    transport: str = choice(*TRANSPORTS)
-    session: str = text("", figures=True, text="LSL session, see below")
-    name: str = text(NAME, figures=True, text="of the LSL stream")
+    kind: ClassVar[str] = "Force"
+    transport: str = choice("lsl", "natnet")
+    name: str = text("emulated_plate", figures=True, text="of the LSL stream")
     rate: float = number(1000.0, minimum=10.0, maximum=20000.0, unit="Hz")
     load: Settings = PROGRAM
     person: Any = PERSON
     pose: PlatePose = section(PlatePose)
     natnet: PlateStream = section(PlateStream)
-    faults: Mapping[str, Any] = mapping(default={}, text="see below")
-    seed: int = SEED
-    block: float = BLOCK
 
     @property
-    def source(self) -> str:
-        """Name of the LSL stream in the driver's messages."""
-        return source_name("Force", self.name)
+    def ahead(self) -> float:
+        """Lead of the device's clock: over NatNet a frame goes out its latency after its samples [s]."""
+        return self.natnet.latency if self.transport == "natnet" else 0.0
 
+    @property
+    def title(self) -> str:
+        """Name of the device in the node's log."""
+        return "an emulated force plate"
 
-class EmulatedPlate:
-    """Emulated force plate, without the sender of its samples.
-
-    Args:
-        node: private node, which may subscribe to the load.
-        settings: parameters of the plate.
-
-    Attributes:
-        load: load on the plate.
-        faults: faults of the samples.
-        replayed: trial that it replays, if any.
-        known: time up to which the load is known [s].
-
-    Raises:
-        HricError: a parameter is not valid.
-    """
-
-    def __init__(self, node: Node, settings: EmulatedPlateSettings) -> None:
-        program, delay = settings.load, 0.0
-        self.replayed: Replayed | None = program.replayed() if isinstance(program, RecordedLoad) else None
-        self.known: Callable[[], float] = always
-        self.load: Load
-        if self.replayed is not None:
-            delay, self.load = follow_human(node, self.replayed), self.replayed.at
+    def device(self, node: Node) -> Device:
+        """Return the plate, whose load may come from topics."""
+        program, delay = self.load, 0.0
+        replayed = program.replayed() if isinstance(program, RecordedLoad) else None
+        known: Callable[[], float] = always
+        load: Load
+        if replayed is not None:
+            delay, load = follow_human(node, replayed), replayed.at
         elif isinstance(program, Body):
-            self.load = floor = FloorLoad(person_of(settings.person, settings.prefix), settings.pose.pose)
+            load = floor = FloorLoad(person_of(self.person, self.prefix), self.pose.pose)
             follow_joints(node, floor.add)
             follow_grips(node, floor.hold)
-            self.known = lambda: floor.known
+            known = partial(getattr, floor, "known")
         elif isinstance(program, Contacts):
-            delay, self.load = CONTACTS_DELAY, _followed(node, program, settings.pose.pose)
+            delay, load = CONTACTS_DELAY, _followed(node, program, self.pose.pose)
         else:
             assert isinstance(program, Push | Constant)
-            self.load = program.load()
-        self.faults = faults_of(settings.faults, node.resolve("faults"), settings.seed, delay)
-        self._settings = settings
+            load = program.load()
+        faults = faults_of(self.faults, node.resolve("faults"), self.seed, delay)
+        return Device(self, CHANNELS, UNITS, lambda first, times: load(times), faults, known, replayed)
 
-    def sensor(self) -> EvenSensor:
-        """Return the sampled sensor; over NatNet the emulated Motive samples instead."""
-        load = self.load
-        return EvenSensor(self._settings.rate, len(CHANNELS), lambda first, times: load(times), self.faults)
-
-    @property
-    def layout(self) -> Layout:
-        """Layout of the samples as they leave the device; the source is the stream's name."""
-        code = self.faults.time_code
-        name, rate = self._settings.name, self._settings.rate
-        return Layout(name, CHANNELS + ("time",) * code, UNITS + ("s",) * code, rate)
+    def served(self, device: Device, clock: Clock, on_reached: Callable[[float | None], None]) -> Closable | None:
+        """Return the emulated Motive that samples the plate over NatNet."""
+        if self.transport == "lsl":
+            return None
+        stream = replace(self.natnet, centre=self.natnet.centre or self.pose.xyz)
+        return PlateMotive(stream, self.rate, lambda times: device.signal(0, times), device.faults, clock, on_reached)
 
 
 def _followed(node: Node, program: Contacts, pose: Pose) -> ContactLoad:

@@ -23,7 +23,6 @@ CONTACTS_PERIOD = 0.01
 """Period of `sim/contacts` [s]; it is silent while nothing touches."""
 CONTACTS_DELAY = 0.03
 """Delay until the contacts of a sample are known [s] (project default, unconfirmed: two periods and transport)."""
-
 Load = Callable[[FloatArray], FloatArray]
 """Run times, shape (n,) [s] -> wrench on the plate in its frame, shape (n, 6) [N, N m]."""
 
@@ -110,9 +109,9 @@ class ContactLoad:
                         (self._wrench(point, force) for point, force in points), np.zeros(len(CHANNELS))
                     )
         if time - self._last > 1.5 * CONTACTS_PERIOD:  # silent before: nothing touched until one period ago
-            self._track.add(time - CONTACTS_PERIOD, np.zeros(len(CHANNELS)))
+            self._track.store(time - CONTACTS_PERIOD, np.zeros(len(CHANNELS)))
         self._last = time
-        self._track.add(time, total)
+        self._track.store(time, total)
 
     def _wrench(self, point: Vector, force: Vector) -> FloatArray:
         (x, y, z), (qx, qy, qz, qw) = self._T.position, self._T.orientation
@@ -143,7 +142,7 @@ class FloorLoad:
     @property
     def known(self) -> float:
         """Time up to which the load is known [s]; minus infinity if it is unknown."""
-        return min(self._floor.last, *(track.last for track in self._grips.values()), np.inf)
+        return min(self._floor.known, *(track.known for track in self._grips.values()), np.inf)
 
     def __call__(self, times: FloatArray) -> FloatArray:
         """Return the load at times of the run."""
@@ -164,10 +163,10 @@ class FloorLoad:
             (before, _, dq_before), (at, q_at, dq_at), (after, _, dq_after) = rows
             ddq = (dq_after - dq_before) / (after - before)
             wrench = floor_wrench(self._whole, q_at.tolist(), dq_at.tolist(), ddq.tolist(), self._T_world_root)
-            self._floor.add(at, np.array(wrench))
+            self._floor.store(at, np.array(wrench))
 
     def hold(self, held: simulated.Held) -> None:
         """Store the load of a grip on the human."""
         if held.name in self._grips:
             torque = np.array(held.torque) + np.cross(held.point, held.force)
-            self._grips[held.name].add(held.time, np.concatenate([held.force, torque]))
+            self._grips[held.name].store(held.time, np.concatenate([held.force, torque]))

@@ -126,8 +126,15 @@ class NatNetPlate(Driver):
         self._stream.arrived(received.exposed * NS, data, max(0, frames - 1) * count)
 
 
-NATNET = tuple(f"natnet/{name}" for name in known_names((client.Settings, Publishing, "plate")))
-"""Parameters of a node that reads `plate_of` from its group `natnet`."""
+@dataclass(frozen=True)
+class PlateClient(client.Settings, Publishing):
+    """Group `natnet` of a node that reads `plate_of`: the client, and the plate."""
+
+    plate: int = whole(0, minimum=0, maximum=2**31 - 1, text="id of the plate; 0: the first of the stream")
+
+
+NATNET = tuple(f"natnet/{name}" for name in known_names((PlateClient,)))
+"""Names of the group's parameters."""
 
 
 def plate_of(
@@ -149,14 +156,13 @@ def plate_of(
     Raises:
         ParameterError: a parameter is not valid.
     """
-    publishing = Publishing.read(node)
+    settings = PlateClient.read(node)
 
     def describe(description: ForcePlateDescription) -> None:
-        pose = frame_of(description.corners, publishing.up_axis)
-        on_pose(publishing.frame, compose(publishing.base_from_mocap, pose) if publishing.base_frame else pose)
+        pose = frame_of(description.corners, settings.up_axis)
+        on_pose(settings.frame, compose(settings.base_from_mocap, pose) if settings.base_frame else pose)
 
-    plate: int = whole(0, minimum=0, maximum=2**31 - 1).read(node, "plate")
-    return NatNetPlate(client.Settings.read(node), plate, stream, health, choose, describe)
+    return NatNetPlate(settings, settings.plate, stream, health, choose, describe)
 
 
 @dataclass(frozen=True)

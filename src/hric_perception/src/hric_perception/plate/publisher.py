@@ -1,18 +1,18 @@
 """Publisher of a force plate: its samples as chunks, its wrench and its centre of pressure."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from geometry_msgs.msg import Point, PointStamped, Vector3, Wrench, WrenchStamped
 from tf2_msgs.msg import TFMessage
 
 from hric_core.geometry import Pose, stamped
 from hric_core.node import Node
-from hric_core.parameters import Settings, choice, flag, number, section, text
+from hric_core.parameters import choice, flag, number, section, text
 from hric_core.robot_time import stamps
 from hric_msgs.msg import SampleChunk
 from hric_perception.chunk import Chunk, Layout, chunk_message
-from hric_perception.lsl import LslSettings
 from hric_perception.plate.geometry import (
     PLATE_ID,
     PlatePose,
@@ -21,15 +21,18 @@ from hric_perception.plate.geometry import (
     choose_channels,
     mean_wrench,
 )
-from hric_perception.stream import CHUNK
+from hric_perception.plate.natnet import NATNET, plate_of
+from hric_perception.sampled import DriverSettings
+from hric_perception.stream import Driver, SampleStream, StreamHealth
 
 
 @dataclass(frozen=True)
-class ForcePlateSettings(Settings):
+class ForcePlateSettings(DriverSettings):
     """Parameters of the node; those in the group `natnet` are read where they are used."""
 
+    kind: ClassVar[str] = "Force"
+    also: ClassVar[tuple[str, ...]] = NATNET
     source: str = choice("lsl", "natnet")
-    lsl: LslSettings = section(LslSettings)
     id: str = PLATE_ID
     frame: str = text("", default_text="`force_plate_<id>`", text="of the vectors")
     pose: PlatePose | None = section(PlatePose, None)
@@ -40,7 +43,16 @@ class ForcePlateSettings(Settings):
         "a known weight",
     )
     invert: bool = flag(False, text="the device measures the reaction, not the load")
-    chunk: float = CHUNK
+
+    def publisher(self, node: Node, on_trouble: Callable[[str], None]) -> "PlatePublisher":
+        """Return the publisher of samples, wrench and centre of pressure."""
+        return PlatePublisher(node, self)
+
+    def driver(self, node: Node, publisher: Any, stream: SampleStream, health: StreamHealth) -> Driver:
+        """Return the driver of the source."""
+        if self.source == "natnet":
+            return plate_of(node.child("natnet"), stream, health, publisher.choose, publisher.described)
+        return super().driver(node, publisher, stream, health)
 
 
 class PlatePublisher:

@@ -3,6 +3,8 @@
 import numpy as np
 import numpy.typing as npt
 
+NS = 1_000_000_000
+"""Nanoseconds per second."""
 Stamps = npt.NDArray[np.int64]
 """Robot time [ns]: integers, because a float has steps of 0.2 us at today's wall time."""
 Values = npt.NDArray[np.float64]

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hric_perception.sync.buffer import Stamps, Values
+from hric_perception.sync.buffer import NS, Stamps, Values
 from hric_perception.sync.extract import BATCHES, MalformedError, NotForUsError, Samples, row_reader, stamp_of
 from hric_perception.sync.instants import BusyClock, CommonTime, ReferenceStamps, Ticks, Verdict
 from hric_perception.sync.intake import MALFORMED, NOT_FOR_US, Intake
@@ -21,7 +21,6 @@ from hric_perception.sync.sampling import Mask, Sampled, picker, resampler
 
 SPAN = 1_000_000_000
 """Time span of the statistics [ns]."""
-NS = 1_000_000_000
 
 
 class _Row(NamedTuple):
@@ -71,8 +70,7 @@ class Window:
         """Return the share of the instants at which each source was valid [1]; 1 if there were none."""
         if not self._rows:
             return [1.0] * self._sources
-        shares: list[float] = np.concatenate([row.valid for row in self._rows]).mean(axis=0).tolist()
-        return shares
+        return list(map(float, np.concatenate([row.valid for row in self._rows]).mean(axis=0)))
 
     def delay(self) -> float:
         """Return the longest waiting time of an instant [s]."""
@@ -80,9 +78,8 @@ class Window:
 
     def _skews(self, index: int) -> Values:
         known = [row.skews[index] for row in self._rows]
-        skews: Values = np.concatenate([np.zeros(0), *(one for one in known if one is not None)])
-        finite: Values = skews[~np.isnan(skews)]
-        return finite
+        skews = np.concatenate([np.zeros(0), *(one for one in known if one is not None)])
+        return np.asarray(skews[~np.isnan(skews)])
 
 
 class Batch(NamedTuple):

@@ -9,10 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hric_perception.sync.buffer import Stamps, Values
+from hric_perception.sync.buffer import NS, Stamps, Values
 from hric_perception.sync.paths import FLOATS, Leaf, PathError, Step
 
-NS = 1_000_000_000
 NAN = float("nan")
 
 
@@ -219,8 +218,7 @@ def _found(find: Callable[[Any], list[int]], message: Any) -> list[int]:
 def stamp_of(message: Any) -> int:
     """Return the stamp of a message's header [ns]."""
     stamp = message.header.stamp
-    nanoseconds: int = stamp.secs * NS + stamp.nsecs
-    return nanoseconds
+    return int(stamp.secs * NS + stamp.nsecs)
 
 
 BATCHES = {"hric_msgs/SampleChunk": chunk_reader, "hric_msgs/ControlLog": log_reader}

@@ -5,9 +5,8 @@ from fractions import Fraction
 
 import numpy as np
 
-from hric_perception.sync.buffer import StampBuffer, Stamps
+from hric_perception.sync.buffer import NS, StampBuffer, Stamps
 
-NS = 1_000_000_000
 AGREE = NS
 """Largest difference of stamps from the newest one of the same time [ns].
 

@@ -7,11 +7,10 @@ import genpy
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from hric_msgs.msg import SyncLayout, SyncStatus
+from hric_perception.sync.buffer import NS
 from hric_perception.sync.core import Batch, Synchroniser
 from hric_perception.sync.intake import NOT_YET, REFUSALS
 from hric_perception.sync.layout import RESAMPLE, Plan, Source
-
-NS = 1_000_000_000
 
 
 def samples(batch: Batch, blanks: Iterator[Any]) -> Iterator[Any]:

@@ -121,8 +121,7 @@ def nearest(stamps: Stamps, instants: Stamps) -> tuple[Indices, Values]:
 
 
 def _dot(a: Values, b: Values) -> Values:
-    out: Values = np.einsum("ij,ij->i", a, b)[:, None]
-    return out
+    return np.asarray(np.einsum("ij,ij->i", a, b)[:, None])
 
 
 def _unit(quaternions: Values) -> Values:
@@ -200,8 +199,7 @@ def _finite(values: Values) -> Mask:
 
     It needs few calls of numpy, whose number determines the cost.
     """
-    finite: Mask = ~np.isnan(values @ np.zeros(values.shape[1]))
-    return finite
+    return np.asarray(~np.isnan(values @ np.zeros(values.shape[1])))
 
 
 def _nothing(count: int, width: int) -> Sampled:

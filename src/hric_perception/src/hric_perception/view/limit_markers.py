@@ -111,12 +111,12 @@ def walls(lower: Sequence[float], upper: Sequence[float], p: Sequence[float]) ->
         upper: upper corner, shape (3,) [m].
         p: position, shape (3,) [m].
     """
-    found = []
-    for axis in range(3):
-        for side, distance in enumerate((p[axis] - lower[axis], upper[axis] - p[axis])):
-            if level := of_distance(distance, NEAR_WALL, AT_WALL):
-                found.append(Wall(axis, side, level))
-    return found
+    return [
+        Wall(axis, side, level)
+        for axis in range(3)
+        for side, distance in enumerate((p[axis] - lower[axis], upper[axis] - p[axis]))
+        if (level := of_distance(distance, NEAR_WALL, AT_WALL))
+    ]
 
 
 COLOURS = {Level.FAR: (0.25, 0.55, 0.35, 0.55), Level.NEAR: (0.95, 0.65, 0.1, 0.95), Level.AT: (0.85, 0.1, 0.1, 1.0)}

@@ -16,7 +16,7 @@ from franka_msgs.msg import FrankaState
 from hric_control.limits import JointLimits, load_limits
 from hric_core.errors import HricError
 from hric_core.parameters import Settings, listing, number, text
-from hric_core.ros import RosNode, run
+from hric_core.ros import RosNode
 from hric_core.ros.process import NodeApp
 from hric_core.urdf import read
 from hric_msgs.msg import HumanGrip, MuscleActivation, RegionContacts, SampleChunk
@@ -163,26 +163,25 @@ class _Limits:
         states = dict(
             zip(message.name, zip(message.position, message.velocity, message.effort, strict=True), strict=True)
         )
-        found: list[Any] = []
-        for index, (name, joint_ring) in enumerate(self._rings.items()):
-            if name in states:
-                found += limit_markers.hand(
-                    joint_ring, index, states[name][0], limit_markers.of_joint(joint_ring.limits, *states[name])
-                )
-        return found
+        return [
+            marker
+            for index, (name, ring) in enumerate(self._rings.items())
+            if name in states
+            for marker in limit_markers.hand(
+                ring, index, states[name][0], limit_markers.of_joint(ring.limits, *states[name])
+            )
+        ]
 
     def _walls(self, state: Any, now: float) -> list[Any]:
         if state is None:
             return []
-        found: list[Any] = []
-        for name, received in self._received.copy().items():
-            if now - received < RUNNING_TIMEOUT and name in self._boxes:
-                lower, upper, frame = self._boxes[name]
-                found += [
-                    limit_markers.wall(wall, lower, upper, frame)
-                    for wall in limit_markers.walls(lower, upper, state.O_T_EE[12:15])
-                ]
-        return found
+        running = [name for name, received in self._received.copy().items() if now - received < RUNNING_TIMEOUT]
+        boxes = [self._boxes[name] for name in running if name in self._boxes]
+        return [
+            limit_markers.wall(wall, lower, upper, frame)
+            for lower, upper, frame in boxes
+            for wall in limit_markers.walls(lower, upper, state.O_T_EE[12:15])
+        ]
 
     def _on_follower(self, _: Any, name: str) -> None:
         if name not in self._received:
@@ -195,8 +194,3 @@ class _Limits:
                     f"{arm}_link0" if arm else self._base,
                 )
         self._received[name] = time.monotonic()
-
-
-def main(text: str) -> int:
-    """Run the node, and return the exit code; text: for --help."""
-    return run("live_view", text, LiveView, ViewSettings)

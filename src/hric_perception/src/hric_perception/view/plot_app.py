@@ -3,36 +3,25 @@
 import argparse
 import signal
 import threading
-import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import rospy
-from geometry_msgs.msg import WrenchStamped
-from sensor_msgs.msg import JointState
 
 from hric_core.errors import HricError, UnknownNameError
 from hric_core.processes import run_command
 from hric_core.ros import shut_down
 from hric_core.ros.process import check_private
-from hric_msgs.msg import SampleChunk
 from hric_perception.view import curves
-from hric_perception.view.curves import History, Panel, Picture
+from hric_perception.view.curves import History, Panel, draw
 
 SIZE = (9.0, 2.2)
 """Width of the picture, height of a panel [inch]."""
 REFRESH = 200
 """Time between pictures in the window [ms]."""
 DEFAULT = ("positions", "velocities", "efforts", "wrench")
-TYPES: dict[str, type] = {
-    "joints": JointState,
-    "wrench": WrenchStamped,
-    "arm_wrench": WrenchStamped,
-    "emg": SampleChunk,
-}
-"""Message type by the last word of a topic."""
 
 
 class PlotError(HricError):
@@ -81,51 +70,40 @@ def _show(given: argparse.Namespace) -> None:
     shutdown = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: shutdown.set())
-    show = _window() if given.screenshot is None else None
+    root = _window() if given.screenshot is None else None
     rospy.init_node("live_plot", anonymous=True, disable_signals=True)
     rospy.on_shutdown(shutdown.set)
-    histories = {panel.title: _listen(panel) for panel in shown}
+    histories = [_listen(panel) for panel in shown]
+    from matplotlib.figure import Figure  # slow to load, which a wrong word need not wait for
+
+    figure = Figure(figsize=(SIZE[0], SIZE[1] * len(shown)), layout="constrained")
+    picture = partial(draw, figure.subplots(len(shown), 1, squeeze=False).ravel().tolist(), shown, histories)
     try:
-        if show is not None:
-            show(shown, histories, shutdown)
+        if root is not None:
+            _run_window(root, figure, picture, shutdown)
         else:
-            _save(given.screenshot, given.after, shown, histories, shutdown)
+            shutdown.wait(given.after)
+            picture()
+            figure.savefig(given.screenshot, dpi=100)
+    except (OSError, ValueError) as error:
+        raise PlotError(f"cannot save {given.screenshot}: {error}") from error
     finally:
         shut_down("shutdown requested")
 
 
 def _listen(panel: Panel) -> History:
     history = History()
-
-    def on_message(message: Any) -> None:
-        history.add(message.header.stamp.to_sec(), panel.read(message))
-
-    rospy.Subscriber(panel.topic, TYPES[panel.topic.rpartition("/")[2]], on_message, queue_size=100)
+    rospy.Subscriber(
+        panel.topic,
+        panel.type,
+        lambda message: history.store(message.header.stamp.to_sec(), panel.read(message)),
+        queue_size=100,
+    )
     return history
 
 
-def _save(
-    path: Path, after: float, shown: Sequence[Panel], histories: dict[str, History], shutdown: threading.Event
-) -> None:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    end = time.monotonic() + after
-    while not shutdown.is_set() and time.monotonic() < end:
-        shutdown.wait(0.1)
-    figure = _figure(len(shown))
-    FigureCanvasAgg(figure)
-    Picture(figure, shown, histories).update()
-    try:
-        figure.savefig(path, dpi=100)
-    except (OSError, ValueError) as error:
-        raise PlotError(f"cannot save {path}: {error}") from error
-
-
 def _window() -> Any:
-    """Return a function that shows panels until the window is closed.
-
-    It is made before ROS begins, so that a missing display is an error at once.
-    """
+    """Return an empty window, made before ROS begins, so that a missing display is an error at once."""
     try:
         import tkinter
 
@@ -137,32 +115,25 @@ def _window() -> Any:
     except tkinter.TclError as error:
         raise PlotError(f"no window: {error}; without a display: --screenshot FILE") from error
     root.title("live_plot")
-    return partial(_run_window, root)
+    return root
 
 
-def _run_window(root: Any, shown: Sequence[Panel], histories: dict[str, History], shutdown: threading.Event) -> None:
+def _run_window(root: Any, figure: Any, picture: Callable[[], None], shutdown: threading.Event) -> None:
+    """Show a picture until the window is closed."""
     from matplotlib.backends.backend_tkagg import FigureCanvasTkAgg
 
-    figure = _figure(len(shown))
     canvas = FigureCanvasTkAgg(figure, master=root)
     canvas.get_tk_widget().pack(fill="both", expand=True)
     width, height = (round(figure.dpi * inches) for inches in figure.get_size_inches())
     root.geometry(f"{width}x{min(height, round(0.9 * root.winfo_screenheight()))}")
-    picture = Picture(figure, shown, histories)
 
     def refresh() -> None:
         if shutdown.is_set():
             root.destroy()
             return
-        picture.update()
+        picture()
         canvas.draw_idle()
         root.after(REFRESH, refresh)
 
     refresh()
     root.mainloop()
-
-
-def _figure(panels: int) -> Any:
-    from matplotlib.figure import Figure  # slow to load, which a wrong word need not wait for
-
-    return Figure(figsize=(SIZE[0], SIZE[1] * panels), layout="constrained")

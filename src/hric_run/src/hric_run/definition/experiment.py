@@ -3,12 +3,12 @@
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, make_dataclass, replace
 from pathlib import Path
 from textwrap import indent
 from typing import TYPE_CHECKING, Any
 
-from hric_core import resources
+from hric_core import plugins, resources
 from hric_core.errors import HricError, ParameterError, UnknownNameError, message_about
 from hric_core.geometry import ORIGIN, Vector
 from hric_core.node import REQUIRED
@@ -33,7 +33,8 @@ from hric_core.parameters import names as names_
 from hric_core.trial.c3d import located
 
 if TYPE_CHECKING:
-    from hric_run.definition.sections import EmgSection, MocapSection, PlateSection, SyncSection
+    from hric_perception.section import SensorSection
+    from hric_run.definition.sections import MocapSection, SyncSection
 
 
 class ExperimentError(HricError):
@@ -176,28 +177,30 @@ def _beside(name: str) -> Any:
     """
 
     def convert(value: Any, where: str, joints: Sequence[str]) -> Any:
-        from hric_run.definition.sections import SECTIONS
+        from hric_run.definition.sections import section_of
 
-        checked = section(SECTIONS[name]).convert(value, where, joints)
+        checked = section(section_of(name)).convert(value, where, joints)
         return dict(value or {}) if name in _KEPT else checked
 
     def shape() -> dict[str, Any]:
-        from hric_run.definition.sections import SECTIONS
+        from hric_run.definition.sections import section_of
 
-        return json_schema(SECTIONS[name])
+        return json_schema(section_of(name))
 
     text = f"the keys {name}.* below; none: the run is without it"
     return Parameter("mapping", "a mapping", convert, None, text=text, shape=shape)
 
 
+_BESIDE = {name: _beside(name) for name in ("mocap", "sync", "human", "person", "supervisor")}
 _KEPT = ("human", "person", "supervisor")
 """Sections that stay as in the file, because their nodes read them."""
-_BESIDE = {name: _beside(name) for name in ("mocap", "emg", "force_plate", "sync", "human", "person", "supervisor")}
+SENSORS = {name: info.description for name, info in plugins.names(plugins.SENSOR).items()}
+"""Sections of sensors with their names for people, as packages export them."""
 
 
 @dataclass(frozen=True)
-class Experiment(Settings):
-    """One checked experiment; name: file name without extension."""
+class _Motion(Settings):
+    """Robot, controllers and motion of an experiment."""
 
     separator = "."
     name: str = ""
@@ -216,20 +219,35 @@ class Experiment(Settings):
     duration: float = number(above=0.0, unit="s", text="robot time of the whole run")
     metrics: MetricsSpec = section(MetricsSpec)
     mocap: "MocapSection | None" = _BESIDE["mocap"]
-    emg: "EmgSection | None" = _BESIDE["emg"]
-    force_plate: "PlateSection | None" = _BESIDE["force_plate"]
+
+
+if TYPE_CHECKING:
+    _Sensed = _Motion
+else:
+    _Sensed = make_dataclass("_Sensed", [(name, Any, _beside(name)) for name in SENSORS], bases=(_Motion,), frozen=True)
+
+
+@dataclass(frozen=True)
+class Experiment(_Sensed):
+    """One experiment, checked, with a section for each sensor of SENSORS. name: of the file without its ending."""
+
     sync: "SyncSection | None" = _BESIDE["sync"]
     human: Mapping[str, Any] | None = _BESIDE["human"]
     person: Mapping[str, Any] | None = _BESIDE["person"]
     supervisor: Mapping[str, Any] | None = _BESIDE["supervisor"]
 
     @property
-    def sensors(self) -> "list[EmgSection | PlateSection]":
-        """Sections of the evenly sampling sensors that are part of this run."""
-        return [sensor for sensor in (self.emg, self.force_plate) if sensor is not None and sensor.used]
+    def sensor_sections(self) -> "list[SensorSection]":
+        """Sections of sensors that the file has."""
+        return [sensor for name in SENSORS if (sensor := getattr(self, name)) is not None]
 
     @property
-    def sources(self) -> "list[MocapSection | EmgSection | PlateSection]":
+    def sensors(self) -> "list[SensorSection]":
+        """Sections of the evenly sampling sensors that are part of this run."""
+        return [sensor for sensor in self.sensor_sections if sensor.used]
+
+    @property
+    def sources(self) -> "list[MocapSection | SensorSection]":
         """Sections of everything that measures, except for the robot."""
         return [*([] if self.mocap is None else [self.mocap]), *self.sensors]
 
@@ -253,13 +271,13 @@ class Experiment(Settings):
         with mistakes.noted():
             if others := sorted(set(self.parameters) - set(self.controllers)):
                 raise ParameterError(f"parameters for {', '.join(others)}, which is {valid}")
-        for key, measuring in (("mocap.human", self.mocap), ("force_plate.emulated.load", self.force_plate)):
+        for key in filter(None, (source.follows for source in self.sources)):
             with mistakes.noted():
-                if measuring is not None and measuring.measures_him and self.human is None:
+                if self.human is None:
                     valid = "a section human, or another program"
                     raise ParameterError(f"{key}.program is body, and nobody is in the robot's plant; valid: {valid}")
             with mistakes.noted():
-                if measuring is not None and measuring.measures_him and (self.human or {}).get("walk"):
+                if (self.human or {}).get("walk"):
                     raise ParameterError(
                         f"{key}.program is body, which measures nobody who walks; valid: no human.walk"
                     )
@@ -397,5 +415,4 @@ def load(name: str, given: Iterable[str] = ()) -> Experiment:
 
 def to_dict(experiment: Experiment) -> dict[str, Any]:
     """Return plain data for run.yaml: the keys of an experiment file, plus its name."""
-    sensors = {"emg": experiment.emg, "force_plate": experiment.force_plate}
-    return asdict(experiment) | {name: sensor.record() for name, sensor in sensors.items() if sensor is not None}
+    return asdict(experiment) | {sensor.name: sensor.record() for sensor in experiment.sensor_sections}

@@ -14,6 +14,7 @@ from franka_hw_interface.friction_file import read_parameters
 from hric_core import plugins, yaml_text
 from hric_core.errors import ParameterError
 from hric_core.parameters import declared
+from hric_run.definition import experiment
 from hric_run.definition.experiment import ExperimentError, MetricsSpec, RobotSpec
 
 SHORTCUTS: dict[str, tuple[str, str]] = {
@@ -56,8 +57,7 @@ SHORTCUTS: dict[str, tuple[str, str]] = {
 
 SENSORS = {
     "mocap": "motion capture",
-    "emg": "EMG",
-    "force_plate": "force plate",
+    **experiment.SENSORS,
     "sync": "synchroniser",
     "human": "human",
     "person": "real person before the cameras",
@@ -67,8 +67,9 @@ SENSORS = {
 ADDED_BY = {"supervisor": ["mode"]}
 """Keys that add such a group to an experiment: the mode adds a supervisor, the device a sensor."""
 DOTTED = (
-    "parameters.<controller>.<name>, robot.<key>, metrics.<key>, mocap.<key>, emg.<key>, force_plate.<key>, "
-    "sync.<key>, human.<key>, person.<key>, supervisor.<key>, setpoints.<i>.<key>"
+    "parameters.<controller>.<name>, robot.<key>, metrics.<key>, "
+    + "".join(f"{group}.<key>, " for group in SENSORS)
+    + "setpoints.<i>.<key>"
 )
 GROUPS = {"robot": RobotSpec, "metrics": MetricsSpec}
 VALUES = ("controllers", "description", "duration", "setpoints")
@@ -201,9 +202,9 @@ def _keys(group: str, raw: Mapping[str, Any]) -> list[str]:
     if group == "parameters":
         return list(raw.get("controllers") or [])
     if group in SENSORS:
-        from hric_run.definition.sections import SECTIONS  # imported only for these overrides
+        from hric_run.definition.sections import section_of  # imported only for these overrides
 
-        return sorted(declared(SECTIONS[group]))
+        return sorted(declared(section_of(group)))
     return sorted(declared(GROUPS[group])) if group in GROUPS else []
 
 

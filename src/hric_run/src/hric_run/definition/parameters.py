@@ -277,15 +277,10 @@ def _three(description: Mapping[str, Any], name: str) -> list[float]:
 def sensors(experiment: Experiment, seed: int = 0) -> dict[str, dict[str, Any]]:
     """Return the private parameters of the sensor nodes (drivers, emulated devices, synchroniser), by name.
 
-    Empty without one of the sections `emg`, `force_plate`, `sync`, `person`.
+    Empty without a sensor and the sections `sync`, `person`.
     """
-    found = {name: values for sensor in experiment.sensors for name, values in sensor.nodes(seed).items()}
-    plate = experiment.force_plate
-    if plate is not None and plate.measures_him:
-        found[plate.emulated_name]["person"] = person(experiment)["person"]
-    if experiment.emg is not None and experiment.emg.measures_him and experiment.human is not None:
-        device = found[experiment.emg.emulated_name]
-        device["activation"] = {"side": _following_side(experiment), **device["activation"]}
+    human = person(experiment)
+    found = {name: values for sensor in experiment.sensors for name, values in sensor.nodes(seed, human).items()}
     if experiment.sync is not None:
         found |= experiment.sync.nodes(_joints(experiment), [part.source for part in experiment.sources])
     if experiment.person is not None:
@@ -316,17 +311,6 @@ def _from_root(section: Mapping[str, Any], *keys: str) -> dict[str, Any]:
     given = {key: value for key in keys if isinstance(value := section.get(key), str)}
     files = {key: value for key, value in given.items() if value.endswith((".yaml", ".yml"))}
     return {**section, **{key: str(Path(value).expanduser().absolute()) for key, value in files.items()}}
-
-
-def _following_side(experiment: Experiment) -> str:
-    """Return the side, "right" or "left", of the hand that follows and feels, of the human in the plant."""
-    from hric_human.body import describe
-    from hric_human.control.surroundings import ControlSettings, hand_side
-    from hric_human.participant.settings import HumanSettings
-
-    person = HumanSettings.of(experiment.human, HUMAN)
-    control = ControlSettings.of(person.control, f"{person.prefix}control")
-    return hand_side(describe(person.person), control.side, person.prefix)
 
 
 def _joints(experiment: Experiment) -> list[str]:

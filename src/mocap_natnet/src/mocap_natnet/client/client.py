@@ -308,5 +308,4 @@ class NatNetClient:
                 probe.connect((peer, self.settings.command_port))
             except OSError:
                 return "0.0.0.0"
-            address: str = probe.getsockname()[0]
-            return address
+            return str(probe.getsockname()[0])

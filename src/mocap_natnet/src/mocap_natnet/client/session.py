@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from mocap_natnet.client.frame_clock import ExposureClock
-from mocap_natnet.client.received import Received, Statistics
+from mocap_natnet.client.received import NS, Received, Statistics
 from mocap_natnet.client.requests import Requests
 from mocap_natnet.client.settings import Route, Settings
 from mocap_natnet.codec import Codec, CodecError, packets
@@ -11,7 +11,6 @@ from mocap_natnet.codec.descriptions import Model
 from mocap_natnet.codec.packets import DATA_PORT, HEADER, MULTICAST_GROUP, Connect, Message, ServerInfo, packet
 from mocap_natnet.codec.types import MODEL_CHANGED, VERSION_CHANGED, Frame
 
-NS = 1_000_000_000
 CONNECT_PERIOD = NS // 2
 """Time between attempts to connect [ns] (project default, unconfirmed)."""
 MODEL_PERIOD = NS // 2

@@ -43,10 +43,10 @@ class FrameDecoder:
     def __init__(self, layout: Layout) -> None:
         self._layout = layout
         self._sections: list[Callable[[Reader, int], Any]] = [_marker_sets, _unlabelled, self._bodies, self._skeletons]
-        self._sections += [_assets] if layout.assets else [_nothing]
+        self._sections += [_assets] if layout.has["assets"] else [_nothing]
         self._sections += [self._markers]
-        self._sections += [_analogs if flag else _nothing for flag in (layout.force_plates, layout.devices)]
-        self._sized = layout.sizes
+        self._sections += [_analogs if layout.has[name] else _nothing for name in ("force_plates", "devices")]
+        self._sized = layout.has["sizes"]
 
     def decode(self, data: bytes, offset: int = 0, end: int | None = None) -> Frame:
         """Return the frame of a payload.
@@ -87,7 +87,7 @@ class FrameDecoder:
 
     def _bodies(self, reader: Reader, number: int) -> tuple[RigidBody, ...]:
         layout = self._layout
-        if layout.body_markers:
+        if layout.has["body_markers"]:
             _check(reader, number, _MIN_BODY)
             return tuple(self._body_with_markers(reader) for _ in range(number))
         _check(reader, number, layout.body.size)
@@ -177,7 +177,7 @@ class FrameEncoder:
 
     def __init__(self, layout: Layout) -> None:
         self._layout = layout
-        self._plain_body = not layout.body_markers and layout.body_flags
+        self._plain_body = not layout.has["body_markers"] and layout.has["body_flags"]
 
     def encode(self, frame: Frame) -> bytes:
         """Return the payload."""
@@ -188,10 +188,10 @@ class FrameEncoder:
             self._section(frame.unlabelled, _pack_vector),
             self._section(frame.bodies, self._body),
             self._section(frame.skeletons, self._skeleton),
-            self._section(frame.assets, _pack_asset) if layout.assets else b"",
+            self._section(frame.assets, _pack_asset) if layout.has["assets"] else b"",
             self._section(frame.markers, self._marker),
-            self._section(frame.force_plates, _pack_analog) if layout.force_plates else b"",
-            self._section(frame.devices, _pack_analog) if layout.devices else b"",
+            self._section(frame.force_plates, _pack_analog) if layout.has["force_plates"] else b"",
+            self._section(frame.devices, _pack_analog) if layout.has["devices"] else b"",
             self._suffix(frame.suffix),
         ]
         return b"".join(parts)
@@ -204,17 +204,19 @@ class FrameEncoder:
 
     def _section(self, elements: Sequence[object], write) -> bytes:  # type: ignore[no-untyped-def]
         if not elements:
-            return _NO_ELEMENTS if self._layout.sizes else _NOTHING
+            return _NO_ELEMENTS if self._layout.has["sizes"] else _NOTHING
         content = b"".join(map(write, elements))
-        head = COUNT_AND_SIZE.pack(len(elements), len(content)) if self._layout.sizes else INT.pack(len(elements))
+        head = (
+            COUNT_AND_SIZE.pack(len(elements), len(content)) if self._layout.has["sizes"] else INT.pack(len(elements))
+        )
         return head + content
 
     def _body(self, body: RigidBody) -> bytes:
         if self._plain_body:
             return self._layout.body.pack(body.id, *body.position, *body.orientation, body.mean_error, body.flags)
         head = _BODY_HEAD.pack(body.id, *body.position, *body.orientation)
-        tail = (body.mean_error, body.flags)[: 1 + self._layout.body_flags]
-        markers = _pack_body_markers(body) if self._layout.body_markers else b""
+        tail = (body.mean_error, body.flags)[: 1 + self._layout.has["body_flags"]]
+        markers = _pack_body_markers(body) if self._layout.has["body_markers"] else b""
         return head + markers + self._layout.body_tail.pack(*tail)
 
     def _skeleton(self, skeleton: Skeleton) -> bytes:
@@ -222,9 +224,11 @@ class FrameEncoder:
 
     def _marker(self, marker: Marker) -> bytes:
         layout = self._layout
-        if layout.residual:
+        if layout.has["residual"]:
             return layout.marker.pack(marker.id, *marker.position, marker.size, marker.flags, marker.residual)
-        return layout.marker.pack(*(marker.id, *marker.position, marker.size, marker.flags)[: 5 + layout.marker_flags])
+        return layout.marker.pack(
+            *(marker.id, *marker.position, marker.size, marker.flags)[: 5 + layout.has["marker_flags"]]
+        )
 
 
 def _pack_body_markers(body: RigidBody) -> bytes:

@@ -6,6 +6,7 @@ Sources: public captures of Motive sessions (2.5 to 3.0) and what several indepe
 
 import functools
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from struct import Struct
 
@@ -48,10 +49,11 @@ The fields are the markers of a body within the frame (in the description from 3
 
 @dataclass(frozen=True)
 class Layout:
-    """Layout of a bitstream. Each flag is one of SINCE or UNTIL.
+    """Layout of a bitstream.
 
     Attributes:
         version: version of the bitstream.
+        has: True for each field of SINCE and UNTIL that the bitstream has.
         tail_known: True if bytes after a known part are an error of the stream.
         body: rigid body without markers: id, position, orientation, mean error, flags.
         body_tail: fields after the markers of a body: mean error, flags.
@@ -62,23 +64,7 @@ class Layout:
     """
 
     version: Version
-    body_flags: bool
-    marker_flags: bool
-    frame_flags: bool
-    time_stamp: bool
-    time_stamp_double: bool
-    force_plates: bool
-    devices: bool
-    residual: bool
-    ticks: bool
-    clock_frequency: bool
-    marker_names: bool
-    sizes: bool
-    assets: bool
-    precision_time: bool
-    rotation_offset: bool
-    body_markers: bool
-    latency: bool
+    has: Mapping[str, bool]
     tail_known: bool
     body: Struct
     body_tail: Struct
@@ -99,6 +85,7 @@ def layout(version: Version) -> Layout:
     fields = _suffix_fields(flags)
     return Layout(
         version=version,
+        has=flags,
         tail_known=version <= NEWEST_KNOWN,
         body=Struct("<i3f4ff" + "h" * flags["body_flags"]),
         body_tail=Struct("<f" + "h" * flags["body_flags"]),
@@ -106,7 +93,6 @@ def layout(version: Version) -> Layout:
         suffix=Struct("<" + "".join(fields.values())),
         suffix_fields=tuple(fields),
         plain_suffix=tuple(fields) == (*Suffix._fields[1:], "end_tag"),
-        **flags,
     )
 
 

@@ -1,7 +1,7 @@
-"""Payload of MODELDEF: decoder and encoder."""
+"""Payload of MODELDEF: decoder and encoder. Each description is a record of fields that are read and packed alike."""
 
 import struct
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from itertools import chain
 from typing import Any, NamedTuple
 
@@ -10,11 +10,109 @@ from mocap_natnet.codec import descriptions as d
 from mocap_natnet.codec.layout import FIRST, SINCE, Layout, Version, text
 from mocap_natnet.codec.reader import INT, VECTOR, CodecError, Reader
 
-_TWO = struct.Struct("<ii")
-_QUATERNION = struct.Struct("<4f")
-_PLATE = struct.Struct("<ff3f144f12fii")
-_CAMERA = struct.Struct("<3f4f")
-_ASSET_MARKER = struct.Struct("<i3ffh")
+
+class _Field(NamedTuple):
+    """Part of a description on the wire: functions from and to its bytes."""
+
+    read: Callable[[Reader, Layout], Any]
+    pack: Callable[[Any, Layout], bytes]
+
+
+def _number(form: str) -> _Field:
+    """Return a number of a struct format."""
+    one = struct.Struct(f"<{form}")
+    return _Field(lambda reader, layout: reader.unpack(one)[0], lambda value, layout: one.pack(value))
+
+
+def _floats(count: int) -> _Field:
+    """Return a tuple of floats."""
+    row = struct.Struct(f"<{count}f")
+    return _Field(lambda reader, layout: reader.unpack(row), lambda values, layout: row.pack(*values))
+
+
+def _many(field: _Field, size: int) -> _Field:
+    """Return a counted list of fields of at least `size` bytes each, as a tuple."""
+    return _Field(
+        lambda reader, layout: tuple(field.read(reader, layout) for _ in range(reader.count(size))),
+        lambda values, layout: INT.pack(len(values)) + b"".join(field.pack(value, layout) for value in values),
+    )
+
+
+def _since(flag: str, field: _Field, absent: Any) -> _Field:
+    """Return a field of the bitstreams with a flag of their layout; `absent`: value in others."""
+    return _Field(
+        lambda reader, layout: field.read(reader, layout) if layout.has[flag] else absent,
+        lambda value, layout: field.pack(value, layout) if layout.has[flag] else b"",
+    )
+
+
+def _record(kind: Callable[..., Any], *of: _Field) -> _Field:
+    """Return the fields of a named tuple, in its order."""
+    return _Field(
+        lambda reader, layout: kind(*(field.read(reader, layout) for field in of)),
+        lambda record, layout: b"".join(field.pack(value, layout) for field, value in zip(of, record, strict=True)),
+    )
+
+
+def _read_body_markers(reader: Reader, layout: Layout) -> tuple[d.DescribedMarker, ...]:
+    """Return the markers from three consecutive arrays."""
+    number = reader.count(VECTOR.size + 4 + layout.has["marker_names"])
+    positions = reader.array(VECTOR, number)
+    labels = reader.unpack(struct.Struct(f"<{number}i"))
+    names = reader.names(number) if layout.has["marker_names"] else ("",) * number
+    return tuple(map(d.DescribedMarker, positions, labels, names))
+
+
+def _pack_body_markers(markers: tuple[d.DescribedMarker, ...], layout: Layout) -> bytes:
+    number = len(markers)
+    positions, labels = chain.from_iterable(marker.position for marker in markers), (marker.label for marker in markers)
+    names = b"".join(_NAME.pack(marker.name, layout) for marker in markers) if layout.has["marker_names"] else b""
+    return struct.pack(f"<i{3 * number}f{number}i", number, *positions, *labels) + names
+
+
+_NAME = _Field(lambda reader, layout: reader.name(), lambda name, layout: name.encode() + b"\0")
+_INT, _FLOAT, _VECTOR, _QUATERNION = _number("i"), _number("f"), _floats(3), _floats(4)
+_NAMES = _many(_NAME, 1)
+_CORNERS = _Field(
+    lambda reader, layout: tuple(reader.array(VECTOR, 4)),
+    lambda corners, layout: b"".join(VECTOR.pack(*corner) for corner in corners),
+)
+_ROTATION = _since("rotation_offset", _QUATERNION, IDENTITY)
+_BODY_MARKERS = _since("residual", _Field(_read_body_markers, _pack_body_markers), ())
+_BODY = _record(d.RigidBodyDescription, _NAME, _INT, _INT, _VECTOR, _ROTATION, _BODY_MARKERS)
+_BODIES = _many(_BODY, 21)
+_ASSET_MARKERS = _many(_record(d.AssetMarkerDescription, _NAME, _INT, _VECTOR, _FLOAT, _number("h")), 23)
+_PLATE = (_INT, _NAME, _FLOAT, _FLOAT, _VECTOR, _floats(144), _CORNERS, _INT, _INT, _NAMES)
+
+
+class _Kind(NamedTuple):
+    """Type of description.
+
+    Attributes:
+        description: its class.
+        since: first bitstream whose frames contain the described object; before it the description is left out.
+        fields: its payload.
+    """
+
+    description: type[d.Description]
+    since: Version
+    fields: _Field
+
+
+def _kind(description: type[d.Description], *of: _Field, since: Version = FIRST) -> _Kind:
+    return _Kind(description, since, _record(description, *of))
+
+
+_KINDS = {
+    0: _kind(d.MarkerSetDescription, _NAME, _NAMES),
+    1: _Kind(d.RigidBodyDescription, FIRST, _BODY),
+    2: _kind(d.SkeletonDescription, _NAME, _INT, _BODIES),
+    3: _kind(d.ForcePlateDescription, *_PLATE, since=SINCE["force_plates"]),
+    4: _kind(d.DeviceDescription, _INT, _NAME, _NAME, _INT, _INT, _NAMES, since=SINCE["devices"]),
+    5: _kind(d.CameraDescription, _NAME, _VECTOR, _QUATERNION),
+    6: _kind(d.AssetDescription, _NAME, _INT, _INT, _BODIES, _ASSET_MARKERS, since=SINCE["assets"]),
+}
+"""Types by the number before each description. The plate's fields are those of 3.0."""
 
 
 def decode_model(layout: Layout, data: bytes, offset: int = 0, end: int | None = None) -> d.Model:
@@ -36,7 +134,7 @@ def decode_model(layout: Layout, data: bytes, offset: int = 0, end: int | None =
 
 def _read_description(reader: Reader, layout: Layout) -> d.Description | None:
     """Return one description; None for an unknown type."""
-    if not layout.sizes:
+    if not layout.has["sizes"]:
         kind = reader.integer()
         if kind not in _KINDS:
             raise CodecError(
@@ -44,75 +142,14 @@ def _read_description(reader: Reader, layout: Layout) -> d.Description | None:
                 f"description of type {kind} at {reader.offset}; in bitstream {text(layout.version)} it cannot "
                 "be skipped",
             )
-        return _KINDS[kind].read(reader, layout)
-    kind, size = reader.unpack(_TWO)
-    known = _KINDS.get(kind)
-    return reader.sized(size, lambda inner: known.read(inner, layout) if known else None)
+        return _description(reader, layout, kind)
+    kind, size = reader.integer(), reader.integer()
+    return reader.sized(size, lambda inner: _description(inner, layout, kind) if kind in _KINDS else None)
 
 
-def _read_marker_set(reader: Reader, layout: Layout) -> d.MarkerSetDescription:
-    name = reader.name()
-    return d.MarkerSetDescription(name, reader.names(reader.count(1)))
-
-
-def _read_body(reader: Reader, layout: Layout) -> d.RigidBodyDescription:
-    name = reader.name()
-    body, parent = reader.unpack(_TWO)
-    offset = reader.unpack(VECTOR)
-    rotation = reader.unpack(_QUATERNION) if layout.rotation_offset else IDENTITY
-    markers = _read_body_markers(reader, layout) if layout.residual else ()
-    return d.RigidBodyDescription(name, body, parent, offset, rotation, markers)
-
-
-def _read_body_markers(reader: Reader, layout: Layout) -> tuple[d.DescribedMarker, ...]:
-    """Return the markers from three consecutive arrays."""
-    number = reader.count(VECTOR.size + 4 + layout.marker_names)
-    positions = reader.array(VECTOR, number)
-    labels = reader.unpack(struct.Struct(f"<{number}i"))
-    names = reader.names(number) if layout.marker_names else ("",) * number
-    return tuple(map(d.DescribedMarker, positions, labels, names))
-
-
-def _read_bodies(reader: Reader, layout: Layout) -> tuple[d.RigidBodyDescription, ...]:
-    return tuple(_read_body(reader, layout) for _ in range(reader.count(21)))
-
-
-def _read_skeleton(reader: Reader, layout: Layout) -> d.SkeletonDescription:
-    return d.SkeletonDescription(reader.name(), reader.integer(), _read_bodies(reader, layout))
-
-
-def _read_plate(reader: Reader, layout: Layout) -> d.ForcePlateDescription:
-    plate, serial = reader.integer(), reader.name()
-    v = reader.unpack(_PLATE)
-    corners = (v[149:152], v[152:155], v[155:158], v[158:161])
-    channels = reader.names(reader.count(1))
-    return d.ForcePlateDescription(plate, serial, v[0], v[1], v[2:5], v[5:149], corners, v[161], v[162], channels)
-
-
-def _read_device(reader: Reader, layout: Layout) -> d.DeviceDescription:
-    device, name, serial = reader.integer(), reader.name(), reader.name()
-    device_type, data_type = reader.unpack(_TWO)
-    return d.DeviceDescription(device, name, serial, device_type, data_type, reader.names(reader.count(1)))
-
-
-def _read_camera(reader: Reader, layout: Layout) -> d.CameraDescription:
-    name = reader.name()
-    v = reader.unpack(_CAMERA)
-    return d.CameraDescription(name, v[0:3], v[3:7])
-
-
-def _read_asset(reader: Reader, layout: Layout) -> d.AssetDescription:
-    name = reader.name()
-    asset_type, asset = reader.unpack(_TWO)
-    bodies = _read_bodies(reader, layout)
-    markers = tuple(_read_asset_marker(reader) for _ in range(reader.count(1 + _ASSET_MARKER.size)))
-    return d.AssetDescription(name, asset_type, asset, bodies, markers)
-
-
-def _read_asset_marker(reader: Reader) -> d.AssetMarkerDescription:
-    name = reader.name()
-    v = reader.unpack(_ASSET_MARKER)
-    return d.AssetMarkerDescription(name, v[0], v[1:4], v[4], v[5])
+def _description(reader: Reader, layout: Layout, kind: int) -> d.Description:
+    found: d.Description = _KINDS[kind].fields.read(reader, layout)
+    return found
 
 
 def encode_model(layout: Layout, model: d.Model) -> bytes:
@@ -121,94 +158,6 @@ def encode_model(layout: Layout, model: d.Model) -> bytes:
     for description in model.descriptions:
         number, kind = next((number, kind) for number, kind in _KINDS.items() if kind.description is type(description))
         if layout.version >= kind.since:
-            content = kind.pack(description, layout)
-            parts.append(INT.pack(number) + (INT.pack(len(content)) if layout.sizes else b"") + content)
+            content = kind.fields.pack(description, layout)
+            parts.append(INT.pack(number) + (INT.pack(len(content)) if layout.has["sizes"] else b"") + content)
     return INT.pack(len(parts)) + b"".join(parts)
-
-
-def _pack_name(text: str) -> bytes:
-    return text.encode() + b"\0"
-
-
-def _pack_names(names: Iterable[str]) -> bytes:
-    listed = list(names)
-    return INT.pack(len(listed)) + b"".join(map(_pack_name, listed))
-
-
-def _pack_marker_set(markers: d.MarkerSetDescription, layout: Layout) -> bytes:
-    return _pack_name(markers.name) + _pack_names(markers.markers)
-
-
-def _pack_body(body: d.RigidBodyDescription, layout: Layout) -> bytes:
-    head = _pack_name(body.name) + struct.pack("<ii3f", body.id, body.parent, *body.offset)
-    rotation = struct.pack("<4f", *body.rotation) if layout.rotation_offset else b""
-    return head + rotation + (_pack_body_markers(body, layout) if layout.residual else b"")
-
-
-def _pack_body_markers(body: d.RigidBodyDescription, layout: Layout) -> bytes:
-    number = len(body.markers)
-    positions = chain.from_iterable(marker.position for marker in body.markers)
-    labels = (marker.label for marker in body.markers)
-    names = b"".join(_pack_name(marker.name) for marker in body.markers) if layout.marker_names else b""
-    return struct.pack(f"<i{3 * number}f{number}i", number, *positions, *labels) + names
-
-
-def _pack_bodies(bodies: tuple[d.RigidBodyDescription, ...], layout: Layout) -> bytes:
-    return INT.pack(len(bodies)) + b"".join(_pack_body(body, layout) for body in bodies)
-
-
-def _pack_skeleton(skeleton: d.SkeletonDescription, layout: Layout) -> bytes:
-    return _pack_name(skeleton.name) + INT.pack(skeleton.id) + _pack_bodies(skeleton.bodies, layout)
-
-
-def _pack_plate(plate: d.ForcePlateDescription, layout: Layout) -> bytes:
-    numbers = (plate.width, plate.length, *plate.origin, *plate.calibration, *chain.from_iterable(plate.corners))
-    fields = struct.pack("<161fii", *numbers, plate.plate_type, plate.data_type)
-    return INT.pack(plate.id) + _pack_name(plate.serial) + fields + _pack_names(plate.channels)
-
-
-def _pack_device(device: d.DeviceDescription, layout: Layout) -> bytes:
-    kinds = struct.pack("<ii", device.device_type, device.data_type)
-    names = _pack_name(device.name) + _pack_name(device.serial)
-    return INT.pack(device.id) + names + kinds + _pack_names(device.channels)
-
-
-def _pack_camera(camera: d.CameraDescription, layout: Layout) -> bytes:
-    return _pack_name(camera.name) + struct.pack("<7f", *camera.position, *camera.orientation)
-
-
-def _pack_asset(asset: d.AssetDescription, layout: Layout) -> bytes:
-    head = _pack_name(asset.name) + struct.pack("<ii", asset.asset_type, asset.id)
-    markers = INT.pack(len(asset.markers)) + b"".join(map(_pack_asset_marker, asset.markers))
-    return head + _pack_bodies(asset.bodies, layout) + markers
-
-
-def _pack_asset_marker(marker: d.AssetMarkerDescription) -> bytes:
-    return _pack_name(marker.name) + struct.pack("<i3ffh", marker.id, *marker.position, marker.size, marker.flags)
-
-
-class _Kind(NamedTuple):
-    """Type of description.
-
-    Attributes:
-        description: its class.
-        read, pack: functions from and to its payload.
-        since: first bitstream whose frames contain the described object; before it the description is left out.
-    """
-
-    description: type[d.Description]
-    read: Callable[[Reader, Layout], d.Description]
-    pack: Callable[[Any, Layout], bytes]
-    since: Version = FIRST
-
-
-_KINDS = {
-    0: _Kind(d.MarkerSetDescription, _read_marker_set, _pack_marker_set),
-    1: _Kind(d.RigidBodyDescription, _read_body, _pack_body),
-    2: _Kind(d.SkeletonDescription, _read_skeleton, _pack_skeleton),
-    3: _Kind(d.ForcePlateDescription, _read_plate, _pack_plate, SINCE["force_plates"]),
-    4: _Kind(d.DeviceDescription, _read_device, _pack_device, SINCE["devices"]),
-    5: _Kind(d.CameraDescription, _read_camera, _pack_camera),
-    6: _Kind(d.AssetDescription, _read_asset, _pack_asset, SINCE["assets"]),
-}
-"""Types by the number before each description. The plate's fields are those of 3.0."""

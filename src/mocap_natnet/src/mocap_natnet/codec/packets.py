@@ -179,8 +179,7 @@ def decode_echo_request(payload: bytes) -> int:
     """Return the stamp. Raises CodecError."""
     if len(payload) < _ECHO_REQUEST.size:
         raise CodecError("short", f"echo request of {len(payload)} bytes")
-    stamp: int = _ECHO_REQUEST.unpack_from(payload)[0]
-    return stamp
+    return int(_ECHO_REQUEST.unpack_from(payload)[0])
 
 
 def encode_echo_response(stamp: int, ticks: int) -> bytes:

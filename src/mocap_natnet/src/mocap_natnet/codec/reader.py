@@ -47,8 +47,7 @@ class Reader:
 
     def integer(self) -> int:
         """Return an int32."""
-        value: int = self.unpack(INT)[0]
-        return value
+        return int(self.unpack(INT)[0])
 
     def count(self, size: int) -> int:
         """Return a count of elements that take at least `size` bytes each."""

@@ -13,7 +13,7 @@ from hric_core.geometry import Vector
 from hric_core.geometry.poses import z_up
 from hric_core.node import Node
 from hric_core.parameters import Settings, text
-from hric_core.ros.process import NodeApp, run
+from hric_core.ros.process import NodeApp
 from hric_msgs.msg import MocapData
 from mocap_natnet.node.parameters import MOCAP_FRAME, UP_AXIS
 from mocap_natnet.tracking.calibration import Calibration, save
@@ -114,8 +114,3 @@ class CalibrateNode(NodeApp):
         """Remove all pairs."""
         self._calibration = Calibration()
         return "0 pairs"
-
-
-def main(text: str) -> int:
-    """Run the node, and return the exit code; text: for --help."""
-    return run("calibrate_mocap", text, CalibrateNode, CalibrateSettings)

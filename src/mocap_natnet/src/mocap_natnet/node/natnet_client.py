@@ -12,7 +12,7 @@ from tf2_msgs.msg import TFMessage
 from hric_core.errors import HricError
 from hric_core.robot_time.follower import RobotTime
 from hric_core.robot_time.progress import ProgressReport
-from hric_core.ros import RosNode, run
+from hric_core.ros import RosNode
 from hric_core.ros.process import NodeApp
 from mocap_natnet.client import Health, NatNetClient, Received, Settings
 from mocap_natnet.codec.descriptions import Model
@@ -149,8 +149,3 @@ class ClientNode(NodeApp):
         except HricError as error:
             return TriggerResponse(False, str(error))
         return TriggerResponse(True, "done")
-
-
-def main(text: str) -> int:
-    """Run the node, and return the exit code; text: for --help."""
-    return run("natnet_client", text, ClientNode, Settings, Publishing)

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Protocol
 
-from hric_core.errors import HricError, ParameterError
+from hric_core.errors import FailureError, ParameterError
 from hric_core.geometry import UP_AXES
 from hric_core.parameters import Settings as Declared
 from hric_core.parameters import declared
@@ -164,57 +164,24 @@ def serve(
     if not options.duration >= 0:
         raise ParameterError(f"--duration is {options.duration}; valid: 0 or more")
     motive = make_motive(options, live)
-    server = MotiveServer(motive, clock, on_reached)
+    server, stop = MotiveServer(motive, clock, on_reached), threading.Event()
     if live is not None:
         live.run_of = server.robot_time
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: server.stop())
+        signal.signal(number, lambda *_: stop.set())
     settings = motive.settings
     where = f"group {settings.group}" if settings.transport == "multicast" else "unicast"
-    LOG.info(
-        "bitstream %s at %g Hz, %s, commands at %s:%d",
-        text(settings.version),
-        settings.rate,
-        where,
-        settings.ip,
-        server.command_port,
-    )
-    ticker = _Ticker(server, tick, options.duration or math.inf)
+    address = f"{settings.ip}:{server.command_port}"
+    LOG.info("bitstream %s at %g Hz, %s, commands at %s", text(settings.version), settings.rate, where, address)
+    end = time.monotonic() + (options.duration or math.inf)
+    server.start()
     try:
-        server.run()
+        while time.monotonic() < end and not stop.wait(min(TICK, max(0.0, end - time.monotonic()))):
+            tick()
+            if not server.running:
+                raise FailureError("the stream has broken off")
     finally:
-        ticker.end()
         server.close()
-    if ticker.failure is not None:
-        raise ticker.failure
-
-
-class _Ticker:
-    """Thread that calls `tick` each second and stops the server after the duration.
-
-    Attributes:
-        failure: error of `tick`.
-    """
-
-    def __init__(self, server: MotiveServer, tick: Callable[[], None], duration: float) -> None:
-        self._server, self._tick, self._end = server, tick, time.monotonic() + duration
-        self._ended = threading.Event()
-        self.failure: HricError | None = None
-        threading.Thread(target=self._work, name="ticker", daemon=True).start()
-
-    def end(self) -> None:
-        """Stop the calls."""
-        self._ended.set()
-
-    def _work(self) -> None:
-        while not self._ended.wait(min(TICK, max(0.0, self._end - time.monotonic()))):
-            try:
-                self._tick()
-            except HricError as error:
-                self.failure = error
-            if self.failure is not None or time.monotonic() >= self._end:
-                self._server.stop()
-                return
 
 
 def options_of(words: Sequence[str] | None) -> argparse.Namespace:

@@ -181,11 +181,9 @@ class Scene:
 
     def model(self) -> d.Model:
         """Return the description."""
-        found: list[d.Description] = []
-        for body in self.bodies:
-            names = tuple(f"Marker{index}" for index in range(1, len(body.markers) + 1))
-            found.append(d.MarkerSetDescription(body.name, names))
-        found += [d.MarkerSetDescription(skeleton.name, skeleton.markers) for skeleton in self.skeletons]
+        named = {body.name: [f"Marker{index}" for index, _ in enumerate(body.markers, 1)] for body in self.bodies}
+        named |= {skeleton.name: list(skeleton.markers) for skeleton in self.skeletons}
+        found: list[d.Description] = [d.MarkerSetDescription(name, tuple(names)) for name, names in named.items()]
         labels = [f"{body.name}_{index}" for body in self.bodies for index in range(1, len(body.markers) + 1)]
         labels += [f"{skeleton.name}_{name}" for skeleton in self.skeletons for name in skeleton.markers]
         found.append(d.MarkerSetDescription("all", tuple(labels)))

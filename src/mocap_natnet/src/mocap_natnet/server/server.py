@@ -24,7 +24,7 @@ STANDING = 0.005
 
 
 class MotiveServer:
-    """Server of an emulated Motive. Use as a context, or `start()` and `close()`, or `run()` in the calling thread.
+    """Server of an emulated Motive. Use as a context, or `start()` and `close()`.
 
     The scene is evaluated when a frame is sent, its latency after the exposure, so that a source may receive data of
     the exposure until then.
@@ -76,8 +76,7 @@ class MotiveServer:
     @property
     def command_port(self) -> int:
         """Port of requests."""
-        port: int = self._command.getsockname()[1]
-        return port
+        return int(self._command.getsockname()[1])
 
     @property
     def time(self) -> float:
@@ -100,20 +99,21 @@ class MotiveServer:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def stop(self) -> None:
-        """Stop `run()` soon; may be called in a signal handler."""
-        self._stop.set()
+    @property
+    def running(self) -> bool:
+        """True while the thread streams."""
+        return self._thread is not None and self._thread.is_alive()
 
     def close(self) -> None:
         """Stop and release the ports."""
-        self.stop()
+        self._stop.set()
         if self._thread is not None:
             self._thread.join()
             self._thread = None
         self._close_sockets()
 
     def run(self) -> None:
-        """Stream until `stop()`."""
+        """Stream until `close()`."""
         self._time = StreamTime(self._clock)
         self.motive.hardware = self._time.hardware
         pending = _Pending(self.motive)

@@ -1,6 +1,5 @@
 """Pose of the mocap frame in the robot's base, from paired points."""
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,6 +8,7 @@ import yaml
 
 from hric_core.errors import CommandError
 from hric_core.geometry import Pose, Vector, transformed
+from hric_core.kept import write_whole
 from mocap_natnet.rigid_body import Fit
 
 
@@ -53,10 +53,7 @@ def save(path: Path, pose: Pose, base_frame: str, rms: float, pairs: int) -> Non
         "base_frame": base_frame,
         "base_from_mocap": {"xyz": list(pose.position), "xyzw": list(pose.orientation)},
     }
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        beside.write_text(head + yaml.safe_dump(content, sort_keys=False))
-        beside.replace(path)
+        write_whole(path, (head + yaml.safe_dump(content, sort_keys=False)).encode())
     except OSError as error:
-        beside.unlink(missing_ok=True)
         raise CommandError(f"cannot write {path}: {error.strerror or error}") from error

@@ -11,7 +11,7 @@ import opensim
 from hric_core.errors import HricError
 from hric_core.geometry import FloatArray
 from hric_human.muscles.fitting.model import ArmModel, Coordinate, Strengths
-from hric_human.muscles.fitting.sample import Paths
+from hric_human.muscles.fitting.sample import Paths, members
 
 LOG = logging.getLogger("hric.human.muscles")
 _TRANSLATION = 2
@@ -37,7 +37,7 @@ class _Coupler:
         return float(self._scale * self._function.calcValue(given))
 
 
-class OpenSimArm(ArmModel):
+class OpenSimArm(Paths, ArmModel):
     """OpenSim model of an arm. Couplers of coordinates are evaluated; other constraints are ignored.
 
     Raises:
@@ -49,13 +49,12 @@ class OpenSimArm(ArmModel):
         opensim.Logger.setLevelString("error")
         try:
             model = opensim.Model(str(path))
-            for one in _members(model.getCoordinateSet()):
+            for one in members(model.getCoordinateSet()):
                 one.set_clamped(False)
-            self._paths = Paths(model)
+            super().__init__(model)
         except RuntimeError as error:
             raise HricError(f"{path} is no OpenSim model: {str(error).strip().splitlines()[0]}") from error
-        self._model, self._state = model, self._paths.state
-        self.name, self.muscles = model.getName(), self._paths.names
+        self.name, self.muscles = model.getName(), self.names
         self.credits = "; ".join(
             " ".join(text.split())
             for text in (model.getCredits(), model.getPublications())
@@ -63,15 +62,15 @@ class OpenSimArm(ArmModel):
         )
         pathless = [
             muscle.getName()
-            for muscle in _members(model.getMuscles())
+            for muscle in members(model.getMuscles())
             if opensim.GeometryPath.safeDownCast(muscle.getPath()) is None
         ]
         if pathless or not self.muscles:
             raise HricError(f"{path} has no muscles" + (f" with points on bodies: {pathless[0]}" if pathless else ""))
-        self._joints = {_body(joint.getChildFrame()): joint for joint in _members(model.getJointSet())}
-        bodies = [body.getName() for body in _members(model.getBodySet())]
+        self._joints = {_body(joint.getChildFrame()): joint for joint in members(model.getJointSet())}
+        bodies = [body.getName() for body in members(model.getBodySet())]
         self.parents = _sorted({body: self._parent(body) for body in bodies})
-        self._couplers = list(_couplers(model, self._state))
+        self._couplers = list(_couplers(model, self.state))
         given = {coupler.name for coupler in self._couplers}
         self.coordinates = [
             Coordinate(
@@ -81,46 +80,34 @@ class OpenSimArm(ArmModel):
                 one.getRangeMax(),
                 one.getDefaultValue(),
             )
-            for one in _members(model.getCoordinateSet())
-            if one.getName() not in given and one.getMotionType() != _TRANSLATION and not one.getLocked(self._state)
+            for one in members(model.getCoordinateSet())
+            if one.getName() not in given and one.getMotionType() != _TRANSLATION and not one.getLocked(self.state)
         ]
         down = model.getGravity().to_numpy()
         self.up = -down / np.linalg.norm(down) if np.any(down) else np.array([0.0, 1.0, 0.0])
-        self._angles = {one.getName(): one.getDefaultValue() for one in _members(model.getCoordinateSet())}
+        self._angles = {one.getName(): one.getDefaultValue() for one in members(model.getCoordinateSet())}
         self.put({})
 
     def _parent(self, body: str) -> str:
         joint = self._joints.get(body)
         name = _body(joint.getParentFrame()) if joint is not None else ""
-        return "" if name == self._model.getGround().getName() else name
+        return "" if name == self.model.getGround().getName() else name
 
     def put(self, angles: Mapping[str, float]) -> None:
         """Set coordinates by name [rad]; others stay."""
         self._angles |= angles
         for coupler in self._couplers:
             self._angles[coupler.name] = coupler.value(self._angles)
-        self._paths.put(self._angles)
-
-    def frame(self, body: str) -> tuple[FloatArray, FloatArray]:
-        """Return rotation and origin [m] of a body in the ground."""
-        return self._paths.frame(body)
+        super().put(self._angles)
 
     def centre(self, body: str) -> FloatArray:
         """Return the position of the joint before a body, in the ground [m]."""
-        return np.asarray(self._joints[body].getParentFrame().getPositionInGround(self._state).to_numpy())
+        return np.asarray(self._joints[body].getParentFrame().getPositionInGround(self.state).to_numpy())
 
     def mass_centre(self, body: str) -> FloatArray:
         """Return the centre of mass of a body in the ground [m]."""
-        one = self._model.getBodySet().get(body)
-        return np.asarray(one.findStationLocationInGround(self._state, one.getMassCenter()).to_numpy())
-
-    def lengths(self) -> FloatArray:
-        """Return the lengths of muscles with their tendons [m]."""
-        return self._paths.lengths()
-
-    def courses(self) -> list[list[tuple[str, FloatArray]]]:
-        """Return the points of each muscle's line."""
-        return self._paths.courses()
+        one = self.model.getBodySet().get(body)
+        return np.asarray(one.findStationLocationInGround(self.state, one.getMassCenter()).to_numpy())
 
     def pulls(self, body: str) -> FloatArray:
         """Return the force on a body and all distal ones per force of each muscle, in the ground [1]."""
@@ -128,11 +115,11 @@ class OpenSimArm(ArmModel):
         for other, parent in self.parents.items():
             if parent in behind:
                 behind.add(other)
-        return self._paths.lines().pull(self._paths.numbers(sorted(behind)))
+        return self.lines().pull(self.numbers(sorted(behind)))
 
     def strengths(self) -> Strengths:
         """Return the strengths of the muscles."""
-        of = [self._model.getMuscles().get(name) for name in self.muscles]
+        of = [self.model.getMuscles().get(name) for name in self.muscles]
         along = np.cos([muscle.getPennationAngleAtOptimalFiberLength() for muscle in of])
         return Strengths(
             along * [muscle.getMaxIsometricForce() for muscle in of],
@@ -142,7 +129,7 @@ class OpenSimArm(ArmModel):
 
 
 def _couplers(model: Any, state: Any) -> Iterator[_Coupler]:
-    for constraint in _members(model.getConstraintSet()):
+    for constraint in members(model.getConstraintSet()):
         coupler = opensim.CoordinateCouplerConstraint.safeDownCast(constraint)
         if not constraint.isEnforced(state):
             continue
@@ -152,10 +139,6 @@ def _couplers(model: Any, state: Any) -> Iterator[_Coupler]:
             )
         else:
             yield _Coupler(coupler)
-
-
-def _members(group: Any) -> list[Any]:
-    return [group.get(i) for i in range(group.getSize())]
 
 
 def _body(frame: Any) -> str:

@@ -3,7 +3,6 @@
 Axes here are x right, y up, z back of an arm that hangs with its thumb forward, see `hric_human.body.joints`.
 """
 
-import itertools
 import math
 from collections.abc import Mapping
 
@@ -107,21 +106,15 @@ def nearest_axes(axes: FloatArray, what: str) -> FloatArray:
     Raises:
         HricError: the nearest is further than FAR away.
     """
-    quarters = []
-    for order in itertools.permutations(range(3)):
-        for signs in itertools.product((1.0, -1.0), repeat=3):
-            R = np.zeros((3, 3))
-            R[order, range(3)] = signs
-            if np.linalg.det(R) > 0.0:
-                quarters.append(R)
-    nearest = max(quarters, key=lambda R: float(np.sum(R * axes)))
+    quarters = Rotation.create_group("O").as_matrix().round() + 0.0
+    nearest = quarters[np.argmax((quarters * axes).sum(axis=(1, 2)))]
     off = float(np.linalg.norm(rotation_vector(axes @ nearest.T)))
     if off > FAR:
         raise HricError(
             f"{what}: its body's axes are {math.degrees(off):.0f} deg from those of the bone, which are right, up and "
             f"back; valid: along them in any order, up to {math.degrees(FAR):.0f} deg"
         )
-    return nearest
+    return np.asarray(nearest)
 
 
 def circle_centre(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:

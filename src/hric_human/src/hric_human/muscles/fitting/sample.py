@@ -60,17 +60,15 @@ class Paths:
 
     def __init__(self, model: Any) -> None:
         self.model, self.state = model, model.initSystem()
-        muscles, bodies = model.getMuscles(), model.getBodySet()
-        self.names = [muscles.get(i).getName() for i in range(muscles.getSize())]
-        self._paths = [opensim.GeometryPath.safeDownCast(muscles.get(name).getPath()) for name in self.names]
-        self._bodies = {bodies.get(i).getName(): (i, bodies.get(i)) for i in range(bodies.getSize())}
-        coordinates = model.getCoordinateSet()
-        self.coordinates = {name: coordinates.get(name) for name in map(str, _names(coordinates))}
+        self.names = [muscle.getName() for muscle in members(model.getMuscles())]
+        self._paths = [opensim.GeometryPath.safeDownCast(muscle.getPath()) for muscle in members(model.getMuscles())]
+        self._bodies = {body.getName(): (i, body) for i, body in enumerate(members(model.getBodySet()))}
+        self.by_name = {str(one.getName()): one for one in members(model.getCoordinateSet())}
 
     def put(self, angles: Mapping[str, float]) -> None:
         """Set coordinates by name [rad]."""
         for name, angle in angles.items():
-            self.coordinates[name].setValue(self.state, angle, False)
+            self.by_name[name].setValue(self.state, angle, False)
         self.model.realizePosition(self.state)
 
     def lengths(self) -> FloatArray:
@@ -81,8 +79,7 @@ class Paths:
         """Return the points of each line: body ("": ground), position in the ground [m]; both ends of wrapped parts."""
         found = []
         for path in self._paths:
-            points = path.getCurrentPath(self.state)
-            of = [points.get(i) for i in range(points.getSize())]
+            of = members(path.getCurrentPath(self.state))
             names = [point.getParentFrame().findBaseFrame().getName() for point in of]
             positions = [np.array(point.getLocationInGround(self.state).to_numpy()) for point in of]
             bodies = [name if name in self._bodies else "" for name in names]
@@ -92,7 +89,9 @@ class Paths:
     def frame(self, body: str) -> tuple[FloatArray, FloatArray]:
         """Return rotation of shape (3, 3) and origin [m] of a body in the ground."""
         transform = self._bodies[body][1].getTransformInGround(self.state)
-        return _matrix(transform.R()), transform.p().to_numpy()
+        rotation = transform.R()
+        R = np.reshape([rotation.get(i, j) for i in range(3) for j in range(3)], (3, 3))
+        return R, transform.p().to_numpy()
 
     def centres(self, joints: Sequence[str]) -> list[FloatArray]:
         """Return the positions of joints in the ground, each of shape (3,) [m]."""
@@ -105,8 +104,7 @@ class Paths:
         for k, path in enumerate(self._paths):
             given = opensim.ArrayPointForceDirection()
             path.getPointForceDirections(self.state, given)
-            for i in range(given.getSize()):
-                one = given.get(i)
+            for one in members(given):
                 name = one.frame().findBaseFrame().getName()
                 muscle.append(k)
                 body.append(self._bodies[name][0] if name in self._bodies else -1)
@@ -118,12 +116,9 @@ class Paths:
         return np.array([self._bodies[name][0] for name in bodies])
 
 
-def _matrix(rotation: Any) -> FloatArray:
-    return np.reshape([rotation.get(i, j) for i in range(3) for j in range(3)], (3, 3))
-
-
-def _names(coordinates: Any) -> list[str]:
-    return [coordinates.get(i).getName() for i in range(coordinates.getSize())]
+def members(group: Any) -> list[Any]:
+    """Return the members of a set or an array of OpenSim."""
+    return [group.get(i) for i in range(group.getSize())]
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,81 @@
+"""Section `emg` of an experiment file."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from hric_core.parameters import Settings, choice, number, section
+from hric_human.body import describe
+from hric_human.control.surroundings import ControlSettings, hand_side
+from hric_human.participant.settings import HumanSettings
+from hric_perception.emg.envelope import Settings as EnvelopeSettings
+from hric_perception.emg.muscles import AMPLITUDE, PROGRAM, Program, TopicActivation, muscle_names
+from hric_perception.emulation import Faults
+from hric_perception.replayed import RecordedEmg
+from hric_perception.sampled import DeviceSettings, DriverSettings
+from hric_perception.section import SensorSection, for_node
+from hric_perception.simulated import HUMAN
+from hric_perception.trigno.client import Settings as TrignoSettings
+
+
+@dataclass(frozen=True)
+class EmulatedEmg(Settings):
+    """Mapping `emulated` of EMG."""
+
+    activation: Settings = PROGRAM
+    amplitude: float = number(AMPLITUDE, minimum=0.0, maximum=1.0, unit="V")
+    faults: Faults = section(Faults)
+
+
+@dataclass(frozen=True)
+class EmgSection(SensorSection):
+    """Section `emg`."""
+
+    name, emulated_name = "emg", "emulated_emg"
+    driver_keys = ("envelope", "lsl", "trigno")
+    transport: str = choice("lsl", "trigno", text="by which EMG comes")
+    channels: tuple[str, ...] = muscle_names("how many of the usual muscles, or names, which a real stream needs")
+    rate: float = number(2000.0, minimum=100.0, maximum=20_000.0, unit="Hz", text="of the emulated device")
+    envelope: Mapping[str, Any] | None = for_node(section(EnvelopeSettings), "how it is made: hric_perception")
+    trigno: Mapping[str, Any] | None = for_node(section(TrignoSettings), "which server: hric_perception")
+
+    @classmethod
+    def parts(cls) -> tuple[type[DriverSettings], type[DeviceSettings]]:
+        """Return the parameters of both nodes."""
+        from hric_perception.emg.device import EmulatedEmgSettings
+        from hric_perception.emg.publisher import EmgSettings
+
+        return EmgSettings, EmulatedEmgSettings
+
+    def check(self, where: str) -> None:
+        """Refuse values that the emulated device would refuse."""
+        program = EmulatedEmg.of(self.emulated, f"{where}emulated").activation
+        if isinstance(program, RecordedEmg):
+            program.replayed(self.channels)
+        elif isinstance(program, Program):
+            program.activation(len(self.channels))
+
+    def nodes(self, seed: int, person: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+        """Return the private parameters of both nodes; muscles of a simulated human are those of the hand's side."""
+        found, given, names = super().nodes(seed, person), dict(self.trigno or {}), list(self.channels)
+        trigno, device = self.transport == "trigno", found.get(self.emulated_name)
+        if trigno:
+            found[self.name]["trigno"] = {**given, "channels": names + ["time"] * self.time_code}
+        if device is not None:
+            server = {"host": "ip", "command_port": "command_port", "data_port": "data_port"} if trigno else {}
+            device |= {"muscles": names} | {name: given[key] for key, name in server.items() if key in given}
+            if person and isinstance(EmulatedEmg.of(self.emulated, "emulated").activation, TopicActivation):
+                device["activation"] = {"side": _following_side(person["person"]), **device["activation"]}
+        return found
+
+    @property
+    def source(self) -> dict[str, Any]:
+        """Source for the plan of the synchroniser."""
+        return self._source("hric/perception/emg/raw", {"V": self.channels})
+
+
+def _following_side(human: Any) -> str:
+    """Return the side of the hand that follows and feels: "right" or "left"; human: the section `human`."""
+    person = HumanSettings.of(human, HUMAN)
+    control = ControlSettings.of(person.control, f"{person.prefix}control")
+    return hand_side(describe(person.person), control.side, person.prefix)

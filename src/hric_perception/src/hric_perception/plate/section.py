@@ -1,0 +1,115 @@
+"""Section `force_plate` of an experiment file."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hric_core.parameters import Settings, choice, flag, listing, mapping, number, numbers, section
+from hric_perception.emulation import Faults
+from hric_perception.plate import loads
+from hric_perception.plate.geometry import CHANNELS, PLATE_ID, PLATE_SIZE, PlatePose
+from hric_perception.plate.natnet import PlateClient
+from hric_perception.replayed import RecordedLoad
+from hric_perception.sampled import DeviceSettings, DriverSettings
+from hric_perception.section import EMULATED, SensorSection, for_node
+from hric_perception.simulated import measures_him
+
+NATNET_PORTS = {"command_port": 1512, "data_port": 1513}
+"""UDP ports of an emulated plate's Motive, next to that of the motion capture (project default, unconfirmed)."""
+
+
+@dataclass(frozen=True)
+class EmulatedPlate(Settings):
+    """Mapping `emulated` of a force plate."""
+
+    load: Settings = loads.PROGRAM
+    faults: Faults = section(Faults)
+    natnet: Mapping[str, Any] = mapping(default={})
+
+
+def _invertible(rows: Sequence[Sequence[float]]) -> Sequence[Sequence[float]]:
+    if np.linalg.matrix_rank(rows) < 6:
+        raise ValueError
+    return rows
+
+
+CALIBRATION: Any = listing(
+    numbers(6),
+    6,
+    None,
+    made=_invertible,
+    unit="N/V, N m/V",
+    text="(Fx .. Mz) = calibration * signals; c3d files then have the signals (type 4)",
+)
+CALIBRATION.accepts = "six rows of six numbers that can be inverted"
+
+
+@dataclass(frozen=True)
+class PlateSection(SensorSection):
+    """Section `force_plate`."""
+
+    name, emulated_name = "force_plate", "emulated_plate"
+    driver_keys = ("id", "height", "invert", "pose", "lsl", "natnet")
+    described_keys = ("size", "calibration")
+    transport: str = choice("lsl", "natnet", text="by which the samples come")
+    channels: tuple[str, ...] = CHANNELS
+    id: str = PLATE_ID
+    height: float | None = number(None, unit="m", text="of the surface over the origin of the device's moments")
+    invert: bool | None = flag(None, text="whether the device reports the reaction, not the load")
+    pose: Mapping[str, Any] | None = for_node(
+        section(PlatePose), "`frame`, `xyz` [m], `xyzw` of the middle of the surface"
+    )
+    natnet: Mapping[str, Any] | None = for_node(section(PlateClient), "which server and `plate`: hric_perception")
+    size: tuple[float, ...] = numbers(
+        2, PLATE_SIZE, above=0.0, unit="m", text="of the surface along x and y, for c3d files"
+    )
+    calibration: tuple[tuple[float, ...], ...] | None = CALIBRATION
+
+    @classmethod
+    def parts(cls) -> tuple[type[DriverSettings], type[DeviceSettings]]:
+        """Return the parameters of both nodes."""
+        from hric_perception.plate.device import EmulatedPlateSettings
+        from hric_perception.plate.publisher import ForcePlateSettings
+
+        return ForcePlateSettings, EmulatedPlateSettings
+
+    @property
+    def wire(self) -> str:
+        """Part of the plate that needs a wire; over NatNet it is within the frames of a separate Motive."""
+        return super().wire or (f"{self.name} over natnet" if self.transport == "natnet" else "")
+
+    @property
+    def follows(self) -> str:
+        """Key of the load if it is that of the human in the robot's plant."""
+        measured = self.device == EMULATED and measures_him(self.emulated.get("load"))
+        return f"{self.name}.emulated.load" if measured else ""
+
+    def record(self) -> dict[str, Any]:
+        """Return the values for run.yaml; a load that is not measured on anything is called computed."""
+        return super().record() | ({"computed": "load: from the simulated body's motion"} if self.follows else {})
+
+    def check(self, where: str) -> None:
+        """Refuse values that the emulated device would refuse."""
+        load = EmulatedPlate.of(self.emulated, f"{where}emulated").load
+        if isinstance(load, RecordedLoad):
+            load.replayed()
+
+    def nodes(self, seed: int, person: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+        """Return the private parameters of both nodes."""
+        found = super().nodes(seed, person)
+        if (device := found.get(self.emulated_name)) is None:
+            return found
+        pose = {key: value for key, value in (self.pose or {}).items() if key != "frame"}
+        device |= ({"pose": pose} if pose else {}) | ({"person": person["person"]} if self.follows else {})
+        if self.transport == "natnet":
+            device["natnet"] = NATNET_PORTS | dict(self.emulated.get("natnet") or {})
+            found[self.name]["natnet"] = {"server": "127.0.0.1", **NATNET_PORTS, **(self.natnet or {})}
+        return found
+
+    @property
+    def source(self) -> dict[str, Any]:
+        """Source for the plan of the synchroniser."""
+        units = {"N": self.channels[:3], "N m": self.channels[3:]}
+        return self._source(f"hric/perception/force_plate/{self.id}/samples", units)

@@ -1,0 +1,224 @@
+"""Evenly sampled sensor: parameters of its driver and of its emulated device, and both in one process. No ROS node.
+
+A sensor derives from `DriverSettings` and `DeviceSettings`; `hric_perception.sensor` runs both as nodes, `headless`
+both in one process, without transport.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, NamedTuple, Protocol
+
+from hric_core.node import Node
+from hric_core.parameters import Settings, choice, mapping, number, refused, section, text
+from hric_core.robot_time.stream_time import Clock
+from hric_perception.chunk import Chunk, FloatArray, Layout
+from hric_perception.emulation import BLOCK, SEED, Emulator, EvenSensor, Faults, Outlet, Signal
+from hric_perception.lsl import LslOutlet, LslSettings, source_name, use_session
+from hric_perception.replayed import Replayed
+from hric_perception.simulated import KnownTime
+from hric_perception.stream import CHUNK, NS, Driver, SampleStream, StreamHealth
+
+SWITCHED_ON = -1.0
+"""Start of a headless device before the run, so that the first sample has robot time 0 [s]."""
+
+
+class SamplePublisher(Protocol):
+    """Publisher of a sensor's samples; called from one thread."""
+
+    def choose(self, layout: Layout) -> Layout:
+        """Return the layout of a stream as it is published. Raises ParameterError."""
+
+    def publish(self, chunk: Chunk) -> None:
+        """Publish the next chunk, and what is computed from it."""
+
+
+class Closable(Protocol):
+    """Sender of the samples of an emulated sensor."""
+
+    def close(self) -> None:
+        """Stop sending."""
+
+
+class Device(NamedTuple):
+    """Emulated device, without the sender of its samples.
+
+    Attributes:
+        settings: parameters of the device.
+        channels, units: name and unit of each channel of the signal.
+        signal: measured signal.
+        faults: faults of the samples.
+        known: function that returns the time up to which the measured quantity is known [s].
+        replayed: trial that it replays, if any.
+    """
+
+    settings: "DeviceSettings"
+    channels: tuple[str, ...]
+    units: tuple[str, ...]
+    signal: Signal
+    faults: Faults
+    known: Callable[[], float]
+    replayed: Replayed | None
+
+    def sensor(self) -> EvenSensor:
+        """Return the sampled sensor."""
+        return EvenSensor(self.settings.rate, len(self.channels), self.signal, self.faults)
+
+    @property
+    def layout(self) -> Layout:
+        """Layout of the samples as they leave the device; the source is the stream's name."""
+        code, settings = self.faults.time_code, self.settings
+        return Layout(settings.name, self.channels + ("time",) * code, self.units + ("s",) * code, settings.rate)
+
+
+@dataclass(frozen=True)
+class DeviceSettings(Settings):
+    """Parameters of an emulated device."""
+
+    kind: ClassVar[str]
+    """Type of its LSL stream."""
+    transport: str = choice("lsl")
+    session: str = text("", figures=True, text="LSL session, see below")
+    name: str = text("emulated", figures=True, text="of the LSL stream")
+    rate: float = number(minimum=10.0, maximum=20000.0, unit="Hz")
+    faults: Mapping[str, Any] = mapping(default={}, text="see below")
+    seed: int = SEED
+    block: float = BLOCK
+
+    @property
+    def source(self) -> str:
+        """Name of the stream in the driver's messages."""
+        return source_name(self.kind, self.name)
+
+    @property
+    def ahead(self) -> float:
+        """Lead of the device's clock over the time up to which its signal is known [s]."""
+        return 0.0
+
+    @property
+    def title(self) -> str:
+        """Name of the device in the node's log."""
+        return f"emulated {self.kind}"
+
+    def device(self, node: Node) -> Device:
+        """Return the device, which may subscribe to what it measures. Raises HricError."""
+        raise NotImplementedError
+
+    def outlet(self, device: Device) -> Outlet:
+        """Return the outlet of the samples. Raises HricError."""
+        use_session(self.session)
+        return LslOutlet(device.layout, self.kind, self.name)
+
+    def served(self, device: Device, clock: Clock, on_reached: Callable[[float | None], None]) -> Closable | None:
+        """Return a server that samples the device itself, from now on; None: `outlet` takes the samples."""
+        return None
+
+
+@dataclass(frozen=True)
+class DriverSettings(Settings):
+    """Parameters of a driver."""
+
+    kind: ClassVar[str]
+    """Type of the LSL stream that it reads, unless its parameters name another one."""
+    also: ClassVar[tuple[str, ...]] = ()
+    """Parameters of its node that are read elsewhere."""
+    source: str = choice("lsl")
+    lsl: LslSettings = section(LslSettings)
+    chunk: float = CHUNK
+
+    def publisher(self, node: Node, on_trouble: Callable[[str], None]) -> SamplePublisher:
+        """Return the publisher; on_trouble: callback with the reason if something cannot be published."""
+        raise NotImplementedError
+
+    def driver(self, node: Node, publisher: Any, stream: SampleStream, health: StreamHealth) -> Driver:
+        """Return the driver of the source, not started. Raises HricError."""
+        return self.lsl.reader(self.kind, stream, health, publisher.choose)
+
+    def local_outlet(self, device: Device, publisher: SamplePublisher, stream: SampleStream) -> Outlet:
+        """Return the outlet of a device in this process, and begin the stream. Raises ParameterError."""
+        transport = device.settings.transport
+        if self.source != transport:
+            raise refused(f"{self.prefix}source", self.source, f"that of the device, {transport}")
+        if self.source != "lsl":
+            raise refused(f"{self.prefix}source", self.source, "lsl, without a network")
+        stream.begin(publisher.choose(replace(device.layout, source=device.settings.source)))
+        return StampedOutlet(stream)
+
+
+class HeadlessClock:
+    """Clock that is set by hand; its monotonic clock is robot time.
+
+    Attributes:
+        time: robot time [s].
+    """
+
+    def __init__(self) -> None:
+        self.time = SWITCHED_ON
+
+    def now(self) -> float:
+        """Return the robot time [s]."""
+        return self.time
+
+    def monotonic(self, run: float) -> int:
+        """Return the robot time as monotonic time [ns]."""
+        return round(run * NS)
+
+
+class HeadlessSensor:
+    """Emulated sensor that sends due samples block by block.
+
+    Args:
+        device: emulated device.
+        outlet: receiver of the samples.
+    """
+
+    def __init__(self, device: Device, outlet: Outlet) -> None:
+        self._clock, self._block, self._blocks = HeadlessClock(), device.settings.block, 0
+        sensor = device.sensor()
+        self._emulator = Emulator(sensor, outlet, KnownTime(self._clock, device.known))
+        sensor.due(SWITCHED_ON)
+
+    def advance(self, time: float) -> None:
+        """Advance to a time of the run [s]."""
+        if time >= self._blocks * self._block:
+            self._blocks = int(time / self._block) + 1
+            self._clock.time = time
+            self._emulator.step()
+
+
+class StampedOutlet:
+    """Outlet of samples with stamps, as a reader of Lab Streaming Layer receives them.
+
+    Args:
+        stream: receiver of the samples; it has begun.
+    """
+
+    def __init__(self, stream: SampleStream) -> None:
+        self._stream = stream
+
+    def push(self, times: FloatArray, data: FloatArray) -> None:
+        """Pass the samples and their stamps to the stream."""
+        self._stream.stamped(times, data)
+
+    def close(self) -> None:
+        """End the stream."""
+        self._stream.end()
+
+
+def headless(driver: DriverSettings, device: DeviceSettings, driver_node: Node, device_node: Node) -> HeadlessSensor:
+    """Return an emulated device whose samples are published as by the driver's node, without transport.
+
+    The samples pass through the same numbering, stamps and publishers as live ones; results depend only on the seed.
+
+    Args:
+        driver: parameters of the driver.
+        device: parameters of the device.
+        driver_node: private node of the driver, which publishes.
+        device_node: private node of the device, which may subscribe.
+
+    Raises:
+        HricError: a parameter is not valid, or the transport needs a network.
+    """
+    emulated, publisher = device.device(device_node), driver.publisher(driver_node, driver_node.log_error)
+    health = StreamHealth(device.source)
+    stream = SampleStream(lambda monotonic: monotonic / NS, health, publisher.publish, driver.chunk)
+    return HeadlessSensor(emulated, driver.local_outlet(emulated, publisher, stream))

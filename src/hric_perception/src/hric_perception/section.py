@@ -1,0 +1,146 @@
+"""Section of an experiment file for an evenly sampled sensor.
+
+A package exports the sections of its sensors as plugins of the base `hric_perception::Sensor`, by the name of the
+section. From this declaration follow the keys of the file, their schema and overrides, the parameters of the nodes, the
+source of the synchroniser, and the sensor of a headless run.
+"""
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, ClassVar
+from urllib.parse import urlparse
+
+from hric_core.node import Node
+from hric_core.parameters import Parameter, Settings, choice, mapping, number, section
+from hric_core.trial.c3d import located
+from hric_perception.lsl import LslSettings
+from hric_perception.sampled import DeviceSettings, DriverSettings, HeadlessSensor, headless
+
+EMULATED, REAL, NONE = "emulated", "real", "none"
+BLOCK = 0.02
+"""Longest time between two sendings of an emulated device [s of wall time], as of real ones (project default,
+unconfirmed)."""
+CHUNK_GAP = 0.01
+"""Longest time between samples that are interpolated [s]: lost samples are not bridged (project default,
+unconfirmed)."""
+
+
+def session() -> str:
+    """Return the LSL session of emulated devices: bring-ups on one machine have masters with different ports."""
+    return f"hric_{urlparse(os.environ.get('ROS_MASTER_URI', '')).port or 11311}"
+
+
+def for_node(declaration: Parameter, text: str) -> Any:
+    """Return a mapping that a node reads: checked by the node's declaration, stored as it is; None: not set."""
+
+    def convert(value: Any, where: str, joints: Sequence[str]) -> dict[str, Any]:
+        declaration.checked(value, where, joints)
+        return dict(value)
+
+    return Parameter("mapping", declaration.accepts, convert, None, text=text, shape=declaration.shape)
+
+
+@dataclass(frozen=True)
+class SensorSection(Settings):
+    """Section of an evenly sampled sensor; a subclass declares the channels and the source of the samples."""
+
+    name: ClassVar[str]
+    """Name of the section, and of the driver's node."""
+    emulated_name: ClassVar[str]
+    """Name of the emulated device's node, and of its LSL stream."""
+    driver_keys: ClassVar[tuple[str, ...]] = ("lsl",)
+    """Keys that the driver's node reads."""
+    described_keys: ClassVar[tuple[str, ...]] = ()
+    """Keys that only exported files need."""
+    transport: str = choice("lsl", text="by which the samples come")
+    channels: tuple[str, ...] = ()
+    rate: float = number(1000.0, minimum=10.0, maximum=20_000.0, unit="Hz", text="of the emulated device")
+    device: str = choice(EMULATED, REAL, NONE, text="real: without the emulated device; none: without the sensor")
+    chunk: float = number(
+        0.05,
+        minimum=0.001,
+        maximum=1.0,
+        unit="s",
+        text="duration of a message; a few large ones cost less than many small ones (project default, unconfirmed)",
+    )
+    lsl: Mapping[str, Any] | None = for_node(section(LslSettings), "which stream: hric_perception")
+    emulated: Mapping[str, Any] = mapping(default={}, text="what the emulated device measures, and its `faults`")
+
+    @classmethod
+    def parts(cls) -> tuple[type[DriverSettings], type[DeviceSettings]]:
+        """Return the parameters of the driver's node and of the emulated device's; only a run needs their modules."""
+        raise NotImplementedError
+
+    @property
+    def source(self) -> dict[str, Any]:
+        """Source for the plan of the synchroniser, see `_source`."""
+        raise NotImplementedError
+
+    @property
+    def used(self) -> bool:
+        """True if the sensor is part of the run."""
+        return self.device != NONE
+
+    @property
+    def time_code(self) -> bool:
+        """True if a channel has the robot time of each sample."""
+        return self.device == EMULATED and bool((self.emulated.get("faults") or {}).get("time_code", False))
+
+    @property
+    def wire(self) -> str:
+        """Part of the sensor that needs a wire, for messages; "": none."""
+        return f"a real {self.name}" if self.device == REAL else ""
+
+    @property
+    def follows(self) -> str:
+        """Key of the mapping whose program measures the body of the human in the robot's plant; "": none does."""
+        return ""
+
+    def record(self) -> dict[str, Any]:
+        """Return the values for run.yaml; those of the driver's node and those for exported files are grouped."""
+        values = {item.name: getattr(self, item.name) for item in fields(self)}
+        groups = {"driver": self.driver_keys, "described": self.described_keys}
+        return {
+            group: {key: value for key in keys if (value := values.pop(key)) is not None}
+            for group, keys in groups.items()
+        } | values
+
+    def nodes(self, seed: int, person: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+        """Return the private parameters of the driver and of the emulated device, by the names of the nodes.
+
+        Args:
+            seed: seed of all randomness.
+            person: parameters `person` and `world_from_base` that describe the human in the robot's plant; empty: there
+                is none.
+        """
+        emulated = {self.emulated_name: self._emulated(seed)} if self.device == EMULATED else {}
+        return {self.name: self._driver()} | emulated
+
+    def headless(self, node: Node) -> HeadlessSensor:
+        """Return the emulated device with its driver in this process; node: namespace of the robot."""
+        driver_node, device_node = node.child(self.name), node.child(self.emulated_name)
+        driver, device = self.parts()
+        return headless(driver.read(driver_node), device.read(device_node), driver_node, device_node)
+
+    def _driver(self) -> dict[str, Any]:
+        lsl = self._lsl() if self.transport == "lsl" and self.device == EMULATED else self.lsl
+        values = {"source": self.transport, "chunk": self.chunk, **self.record()["driver"]}
+        return values | ({"lsl": lsl} if lsl else {})
+
+    def _emulated(self, seed: int) -> dict[str, Any]:
+        values = {"transport": self.transport, "rate": self.rate, "seed": seed, "block": min(self.chunk / 2, BLOCK)}
+        lsl = {key: self._lsl()[key] for key in ("name", "session")} if self.transport == "lsl" else {}
+        return {**values, **located(self.emulated, Path.cwd()), **lsl}
+
+    def _lsl(self) -> dict[str, Any]:
+        return {"name": self.emulated_name, "session": session(), **(self.lsl or {})}
+
+    def _source(self, topic: str, units: Mapping[str, Sequence[str]]) -> dict[str, Any]:
+        """Return a source with the time code, by which the samples show their own skew; units: channels by unit."""
+        code = {"s": ["time"]} if self.time_code and self.transport == "lsl" else {}
+        signals = [
+            {"field": f"data[{', '.join(channels)}]", "unit": unit} for unit, channels in {**units, **code}.items()
+        ]
+        return {"topic": topic, "type": "hric_msgs/SampleChunk", "max_gap": CHUNK_GAP, "signals": signals}
