@@ -89,7 +89,7 @@ def test_time_that_goes_back_is_counted() -> None:
 
 def test_a_difference_above_its_bound_falls_short_and_one_below_holds(tmp_path: Path) -> None:
     short = run(study_of(), tmp_path, "duration:=0.5")
-    assert not short.passed and "FALLS SHORT" in short.metrics["report"]
+    assert not short.passed and "OUT OF BOUNDS" in short.metrics["report"]
     assert run(study_of(compared=[PAIR | {"at_most": 1.0}]), tmp_path, "duration:=0.5").passed
 
 
@@ -107,7 +107,7 @@ def test_joints_and_grip_force_of_a_human_have_bounds_too(tmp_path: Path) -> Non
     bounded, reported = result.metrics["forms"]["one"]["compared"]
     assert not bounded["passed"] and reported["passed"] is None
     assert bounded["human_force_difference_max"] > 0.1 and 0.0 < bounded["human_joint_difference_max"] < 0.1
-    (line,) = [line for line in result.metrics["report"].splitlines() if "FALLS SHORT" in line]
+    (line,) = [line for line in result.metrics["report"].splitlines() if "OUT OF BOUNDS" in line]
     assert f"{bounded['human_force_difference_max']:.2e}" in line and "1.0e-03" in line
 
 
