@@ -1,6 +1,5 @@
 """Samplers with given points: where they are, what they refuse, and that the same seed gives the same points."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np

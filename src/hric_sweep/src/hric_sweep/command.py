@@ -73,16 +73,15 @@ def _opened(folder: Path) -> tuple[Plan, ReferenceRun]:
 
 def _run(folder: Path | None, plan: Plan, before: ReferenceRun | None, options: argparse.Namespace) -> int:
     """Run a new sweep, or resume one: `folder` and `before` are its folder and its reference run."""
-    memory, total = 1e9 * plan.section.memory, plan.sampler().total
-    with engine_session(options, memory, total, lambda: resume_command(folder)) as engine:
+    memory, total, started = 1e9 * plan.section.memory, plan.sampler().total, None
+    with engine_session(options, memory, total, lambda: resume_command(started)) as engine:
         reference = engine.check(plan.task(0, {}, ""))
         if before is not None:
             same([("this machine and code", reference)], before)
         if folder is None:
             _probe(plan, engine, reference.code)
-            path = RunFolder.create(runs_root(options.runs), plan.name).path
-            begin(path, plan, reference)
-            folder = path
+            folder = _begin(plan, reference, options)
+        started = folder
         print(f"sweep: {folder}", flush=True)
         with Journal(folder) as journal:
             supervisor = _supervise(folder, plan, journal, engine, reference.code, options.quiet)
@@ -99,8 +98,9 @@ def _probe(plan: Plan, engine: Engine, code: str) -> None:
         print(f"warning: {warning}", file=sys.stderr)
 
 
-def begin(folder: Path, plan: Plan, reference: ReferenceRun) -> None:
-    """Write sweep.yaml to the folder of a new sweep."""
+def _begin(plan: Plan, reference: ReferenceRun, options: argparse.Namespace) -> Path:
+    """Create the run folder with sweep.yaml and return its path."""
+    folder = RunFolder.create(runs_root(options.runs), plan.name).path
     content = {
         "name": plan.name,
         "started": iso_now(),
@@ -110,6 +110,7 @@ def begin(folder: Path, plan: Plan, reference: ReferenceRun) -> None:
         **provenance_of(reference.code),
     }
     files.write_yaml(folder / FILE, content)
+    return folder
 
 
 def provenance_of(code: str) -> PlainData:

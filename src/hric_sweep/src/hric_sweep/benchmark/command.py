@@ -125,9 +125,10 @@ def _run(
     from hric_sweep.benchmark import page
 
     runs = definition.runs(benchmark, content["experiments"], controllers, code)
-    with engine_session(options, MEMORY, len(runs), lambda: resume_command(folder)) as engine:
+    started: Path | None = None
+    with engine_session(options, MEMORY, len(runs), lambda: resume_command(started)) as engine:
         engine.check(next(iter(runs.values())))
-        folder = folder or _begin(options, content, code)
+        started = folder = folder or _begin(options, content, code)
         print(f"benchmark: {folder}", flush=True)
         with Journal(folder) as journal, closing(_bar(len(runs), options.quiet)) as bar:
             responses = execute(list(runs.values()), engine, journal, lambda _: bar.update())
