@@ -5,7 +5,7 @@ from pathlib import Path
 
 from hric_sweep import definition
 from hric_sweep.engines.engine import Engine
-from hric_sweep.engines.in_process import InProcessEngine
+from hric_sweep.engines.pebble_engine import InProcessEngine
 from hric_sweep.journal import Journal
 from hric_sweep.records import RunResponse, RunRow, RunTask
 from hric_sweep.supervisor import Supervisor

@@ -70,7 +70,7 @@ def runs_of(plan: Plan) -> int:
 
 
 def _ends(variable: Variable) -> tuple[Any, Any] | None:
-    """Return the first and the last value of a variable; None if it has one value only, or stands for rows."""
+    """Return the first and the last value of a variable; None if it has one value only, or its values are rows."""
     distribution = variable.distribution
     if variable.paths == (ROW,):
         return None

@@ -37,7 +37,7 @@ def file_of(name: str, kind: str, folder: Path) -> Path:
 
 
 def imported(name: str, where: str) -> Any:
-    """Return the object that MODULE:NAME stands for.
+    """Import an object by MODULE:NAME.
 
     Args:
         name: module on Python's path and name of an object in it, such as `my_package.samplers:Halton`.
@@ -54,7 +54,7 @@ def imported(name: str, where: str) -> Any:
 
 
 class Kinds(dict[str, type[Settings]]):
-    """Settings classes by the value of `kind`; MODULE:CLASS stands for a class outside this package."""
+    """Settings classes by the value of `kind`; MODULE:CLASS is a class of another package."""
 
     def __contains__(self, name: object) -> bool:
         return super().__contains__(name) or (isinstance(name, str) and ":" in name)

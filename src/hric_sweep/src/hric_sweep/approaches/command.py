@@ -15,8 +15,7 @@ from hric_core.parameters import read_yaml, whole
 from hric_sweep import definition
 from hric_sweep.approaches.draw import draw
 from hric_sweep.definition import ROW
-from hric_sweep.engines.in_process import InProcessEngine
-from hric_sweep.engines.pebble_engine import PebbleEngine
+from hric_sweep.engines.pebble_engine import InProcessEngine, PebbleEngine
 from hric_sweep.execution import execute
 from hric_sweep.journal import Journal
 from hric_sweep.records import RunResponse

@@ -214,7 +214,7 @@ class DaskEngine:
             if not self._says_lost(error):
                 raise
             raise self._lost_in_handshake() from error
-        expected = same(results.items(), replace(_most_common(results), code=runs.code_version()))
+        expected = same(results.items(), replace(_majority(results), code=runs.code_version()))
         self._handshake = replace(handshake, expected=expected)
         return expected
 
@@ -276,7 +276,7 @@ def _remote(name: str) -> Callable[[bytes], Any]:
     return execute
 
 
-def _most_common(results: Mapping[str, ReferenceRun]) -> ReferenceRun:
+def _majority(results: Mapping[str, ReferenceRun]) -> ReferenceRun:
     """Return the result of most workers."""
     common = Counter(result.state_sha256 for result in results.values()).most_common(1)[0][0]
     return next(result for result in results.values() if result.state_sha256 == common)

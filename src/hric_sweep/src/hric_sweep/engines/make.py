@@ -16,7 +16,7 @@ from hric_sweep.journal import JournalError
 
 JOBS = os.cpu_count() or 1
 LOCAL = "local"
-"""Value of --dask that stands for a cluster of this machine's processors, which ends with the command."""
+"""Value of --dask for a cluster of this machine's processors, which ends with the command."""
 
 
 def add_options(parser: argparse.ArgumentParser, name: str) -> None:

@@ -1,4 +1,4 @@
-"""Engine with processes of this machine, which are reused, and killed if a run exceeds its timeout."""
+"""Engines of this machine: processes that are reused, and killed if a run exceeds its timeout; and this process."""
 
 import ctypes
 import os
@@ -71,6 +71,28 @@ class PebbleEngine:
         else:
             self._pool.close()
         self._pool.join()
+
+
+class InProcessEngine:
+    """Engine without workers, for few runs: a run has no limits of time and memory."""
+
+    window = workers = 1
+
+    def submit(self, task: RunTask) -> "Future[RunResponse]":
+        """Execute a task."""
+        response: Future[RunResponse] = Future()
+        response.set_result(runs.run(task))
+        return response
+
+    def flush(self) -> None:
+        """Do nothing: this engine has no buffer."""
+
+    def check(self, reference: RunTask) -> ReferenceRun:
+        """Execute the reference run."""
+        return runs.reference(reference)
+
+    def close(self, *, now: bool) -> None:
+        """Do nothing: this engine has no workers."""
 
 
 class Patience:

@@ -67,7 +67,7 @@ class Form(Settings):
     )
 
     def check(self, where: str) -> None:
-        """Refuse a pair with an unknown run, and names of runs that are no numbers if there is an abscissa."""
+        """Refuse a pair with an unknown run, and names of runs that are not numeric if there is an abscissa."""
         if self.abscissa and not all(map(_NUMERIC.fullmatch, self.runs)):
             raise refused(f"{where}runs", ", ".join(self.runs), f"names that are numbers, of {self.abscissa}")
         for i, pair in enumerate(self.compared):

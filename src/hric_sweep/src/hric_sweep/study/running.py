@@ -28,8 +28,8 @@ from hric_run.definition.experiment import Experiment
 from hric_run.simulation import Simulation
 from hric_sweep import definition as sweep_definition
 from hric_sweep.definition import ROW, Plan
-from hric_sweep.engines.in_process import InProcessEngine
 from hric_sweep.engines.make import resume_command
+from hric_sweep.engines.pebble_engine import InProcessEngine
 from hric_sweep.journal import Journal
 from hric_sweep.records import PlainData
 from hric_sweep.study import definition, tables
