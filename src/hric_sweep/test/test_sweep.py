@@ -151,7 +151,7 @@ def test_a_full_disk_is_told_and_loses_nothing(tmp_path: Path) -> None:
     (tmp_path / "runs.jsonl").symlink_to("/dev/full")
     with (
         Journal(tmp_path) as journal,
-        pytest.raises(JournalError, match=r"no space left.*0 finished runs are stored") as caught,
+        pytest.raises(JournalError, match=r"No space left.*0 finished runs are stored") as caught,
     ):
         journal.append([RunResponse("a", 0, {})])
     assert caught.value.exit_code == 3
@@ -164,7 +164,7 @@ def test_a_sweep_on_a_full_disk_ends_with_exit_code_3_and_goes_on_when_there_is_
     journal.unlink()
     journal.symlink_to("/dev/full")
     printed = sweep(tmp_path, "--resume", whole, code=3)
-    assert "there is no space left" in printed and f"--resume {whole}" in printed and "Traceback" not in printed
+    assert "No space left on device" in printed and f"--resume {whole}" in printed and "Traceback" not in printed
     journal.unlink()
     journal.write_bytes(kept[0])
     sweep(tmp_path, "--resume", whole)

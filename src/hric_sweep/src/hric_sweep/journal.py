@@ -3,7 +3,6 @@
 It may be cut off at any byte: an incomplete last line is dropped when the journal is opened again.
 """
 
-import errno
 import fcntl
 import json
 import os
@@ -73,10 +72,8 @@ class Journal(AbstractContextManager["Journal"]):
             os.fsync(self._file)
         except OSError as error:
             self._restore()
-            full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-            why = "there is no space left" if full else error.strerror
             raise JournalError(
-                f"cannot write {self.path}: {why}. {len(self.entries)} finished runs are stored; only the last "
+                f"cannot write {self.path}: {error.strerror}. {len(self.entries)} finished runs are stored; only the last "
                 f"{len(entries)} are lost. Free some space"
             ) from error
         self._size += len(lines)

@@ -99,7 +99,7 @@ class Sampler(Protocol):
     total: int
 
     def ask(self) -> Sequence[Point]:
-        """Return the next batch; empty: no more runs. Call it after `tell` got the results of the previous batch."""
+        """Return the next batch; empty: no more runs. Call it with all results of the previous batch received."""
 
     def tell(self, results: Sequence[SamplerResult]) -> None:
         """Receive the results of the complete batch, in order of index."""
