@@ -73,8 +73,8 @@ class Journal(AbstractContextManager["Journal"]):
         except OSError as error:
             self._restore()
             raise JournalError(
-                f"cannot write {self.path}: {error.strerror}. {len(self.entries)} finished runs are stored; only the last "
-                f"{len(entries)} are lost. Free some space"
+                f"cannot write {self.path}: {error.strerror}. {len(self.entries)} finished runs are stored; only the "
+                f"last {len(entries)} are lost. Free some space"
             ) from error
         self._size += len(lines)
         self.entries += entries
