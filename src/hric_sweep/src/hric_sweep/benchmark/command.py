@@ -4,7 +4,6 @@ import argparse
 from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
-from typing import Any
 
 from tqdm import tqdm
 
@@ -130,7 +129,8 @@ def _run(
         engine.check(next(iter(runs.values())))
         started = folder = folder or _begin(options, content, code)
         print(f"benchmark: {folder}", flush=True)
-        with Journal(folder) as journal, closing(_bar(len(runs), options.quiet)) as bar:
+        bar = tqdm(total=len(runs), unit=" runs", desc="benchmark", disable=options.quiet or None)
+        with Journal(folder) as journal, closing(bar):
             responses = execute(list(runs.values()), engine, journal, lambda _: bar.update())
     by_run = dict(zip(runs, responses, strict=True))
     made = results.make(benchmark, content, controllers, scoring.cells(benchmark, by_run), code)
@@ -138,10 +138,6 @@ def _run(
     files.write_json(folder / results.NAME, results.finite(ours))
     page.write(folder, ours)
     return folder, ours
-
-
-def _bar(total: int, quiet: bool) -> Any:
-    return tqdm(total=total, unit=" runs", desc="benchmark", disable=quiet or None)
 
 
 def _compare(ours: PlainData, theirs: PlainData) -> int:

@@ -1,7 +1,6 @@
 """Tables of a benchmark for a terminal."""
 
-from collections.abc import Sequence
-
+from hric_bags import text as text_table
 from hric_sweep.benchmark.results import predicted
 from hric_sweep.records import PlainData
 
@@ -56,19 +55,13 @@ def render(results: PlainData) -> str:
         f"{results['description']}: {', '.join(part['collaborations'])}; bodies {', '.join(part['bodies'])} of "
         f"{results['population']['name']}; seeds {', '.join(map(str, part['seeds']))}",
         "",
-        *_aligned(HEAD, rows(results)),
+        *text_table.rows([HEAD, *rows(results)]),
         "",
         f"rule: {results['rule']}",
     ]
     for name in results["collaborations"]:
-        lines += ["", f"{name}:", *_aligned(*by_collaboration(results, name))]
-    lines += ["", *(f"{name}: predicted rank {said}, found {rank}" for name, said, rank in predicted(results))]
+        head, cells = by_collaboration(results, name)
+        lines += ["", f"{name}:", *text_table.rows([head, *cells])]
+    lines += ["", *(f"{name}: predicted rank {expected}, found {rank}" for name, expected, rank in predicted(results))]
     lines += [f"definition {results['hashes']['definition'][:16]}, tables {results['hashes']['tables'][:16]}"]
     return "\n".join([*lines, results["disclaimer"]])
-
-
-def _aligned(head: Sequence[str], cells: Sequence[Sequence[str]]) -> list[str]:
-    widths = [max(len(row[column]) for row in (head, *cells)) for column in range(len(head))]
-    return [
-        "  ".join(word.ljust(width) for word, width in zip(row, widths, strict=True)).rstrip() for row in (head, *cells)
-    ]

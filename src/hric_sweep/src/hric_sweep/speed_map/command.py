@@ -1,12 +1,11 @@
 """Command `speed_map`."""
 
 import argparse
-import csv
-import io
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import pandas
 from tqdm import tqdm
 
 from franka_sim.franka_hw_sim import FrankaHWSim
@@ -127,16 +126,13 @@ def report(cells_by_point: Measured, request: Request, force: float) -> str:
 
 def as_csv(cells_by_point: Measured) -> str:
     """Return the table as CSV; its first line is the disclaimer."""
-    text = io.StringIO()
-    text.write(f"# {DISCLAIMER}\n")
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(HEAD)
-    for cells in cells_by_point.values():
-        for cell in cells:
-            numbers = (cell.mass, cell.speed, cell.fastest, cell.closed_form, cell.standard)
-            row = (*(f"{x:g}" for x in cell.point), cell.direction, *(f"{value:.5g}" for value in numbers))
-            writer.writerow(row)
-    return text.getvalue()
+    rows = [
+        (*cell.point, cell.direction, cell.mass, cell.speed, cell.fastest, cell.closed_form, cell.standard)
+        for cells in cells_by_point.values()
+        for cell in cells
+    ]
+    table: str = pandas.DataFrame(rows, columns=HEAD).to_csv(index=False, float_format="%.5g")
+    return f"# {DISCLAIMER}\n{table}"
 
 
 def _write(folder: Path, cells_by_point: Measured, request: Request, force: float) -> None:
