@@ -3,7 +3,7 @@
 import argparse
 import shlex
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from tqdm import tqdm
@@ -80,7 +80,8 @@ def measured(robot: FrankaHWSim, speeds: Sequence[float], loads: Sequence[float]
     limits = robot.box.config.limits
     poses = measuring.poses(limits.lower, limits.upper)
     stopping_arm, rows = measuring.Stopping(robot), list[Row]()
-    for load, speed in _shown([(load, speed) for load in loads for speed in speeds]):
+    pairs = [(load, speed) for load in loads for speed in speeds]
+    for load, speed in tqdm(pairs, unit=" speeds", desc="stops", disable=not sys.stderr.isatty(), leave=False):
         if not rows or rows[-1].load != load:
             stopping_arm.carry(load)
         row = measuring.worst(stopping_arm, poses, speed, load, limits.velocity)
@@ -96,7 +97,3 @@ def measured(robot: FrankaHWSim, speeds: Sequence[float], loads: Sequence[float]
         reaction_time=robot.plant.time_step,
         stops=tuple(rows),
     )
-
-
-def _shown(pairs: Sequence[tuple[float, float]]) -> Iterable[tuple[float, float]]:
-    return tqdm(pairs, unit=" speeds", desc="stops", disable=not sys.stderr.isatty(), leave=False)  # type: ignore[no-any-return]
