@@ -19,7 +19,7 @@ from hric_sweep.outputs import Output
 from hric_sweep.records import PlainData
 
 
-class Column(NamedTuple):
+class TableColumn(NamedTuple):
     """Column of a table.
 
     Attributes:
@@ -38,28 +38,28 @@ class Column(NamedTuple):
 
 
 TRACKING_COLUMNS = {
-    "lag": Column("lag [ms]", ".1f", "tracking.lag", factor=1e3),
-    "rms_error": Column("rms error [mm]", ".2f", "tracking.rms_error", factor=1e3),
-    "largest_error": Column("largest [mm]", ".2f", "tracking.largest_error", factor=1e3),
-    "acceleration_ratio": Column("acceleration of ideal", ".2f", "tracking.acceleration.ratio"),
-    "ignored": Column("markers ignored", ".0f", "tracking.ignored"),
-    "losses": Column("markers lost", ".0f", "tracking.losses"),
-    "reflexes": Column("reflexes", ".0f", "reflexes.*", "count"),
+    "lag": TableColumn("lag [ms]", ".1f", "tracking.lag", factor=1e3),
+    "rms_error": TableColumn("rms error [mm]", ".2f", "tracking.rms_error", factor=1e3),
+    "largest_error": TableColumn("largest [mm]", ".2f", "tracking.largest_error", factor=1e3),
+    "acceleration_ratio": TableColumn("acceleration of ideal", ".2f", "tracking.acceleration.ratio"),
+    "ignored": TableColumn("markers ignored", ".0f", "tracking.ignored"),
+    "losses": TableColumn("markers lost", ".0f", "tracking.losses"),
+    "reflexes": TableColumn("reflexes", ".0f", "reflexes.*", "count"),
 }
 """Columns of the runs that follow a marker."""
 HUMAN_COLUMNS = {
-    "grip_force_max": Column("largest grip force [N]", ".2f", "human.grips.*.force_max"),
-    "grip_work": Column("work on the object [J]", ".3f", "human.grips.*.work", "sum"),
-    "grip_work_absolute": Column("absolute work [J]", ".3f", "human.grips.*.work_absolute", "sum"),
-    "load_share": Column("share of the weight that the hand carries [1]", ".3f", ""),
-    "squeeze_max": Column("largest squeeze [N]", ".2f", "human.carried.0.squeeze_max"),
-    "stretch_max": Column("largest stretch [N]", ".2f", "human.carried.0.stretch_max"),
-    "tilt_max": Column("largest tilt [rad]", ".3f", "human.carried.0.tilt_max"),
-    "path": Column("path of the hand [m]", ".3f", "human.hand.path"),
-    "strength_share_max": Column("largest share of a joint's strength [1]", ".3f", "human.strength_share_max"),
-    "activation_max": Column("largest activation of a muscle [1]", ".3f", "human.muscles.activation_max"),
-    "activation_mean": Column("mean activation of all muscles [1]", ".4f", "human.muscles.activation_mean"),
-    "smoothness": Column("log dimensionless jerk [1]", ".2f", "human.hand.smoothness"),
+    "grip_force_max": TableColumn("largest grip force [N]", ".2f", "human.grips.*.force_max"),
+    "grip_work": TableColumn("work on the object [J]", ".3f", "human.grips.*.work", "sum"),
+    "grip_work_absolute": TableColumn("absolute work [J]", ".3f", "human.grips.*.work_absolute", "sum"),
+    "load_share": TableColumn("share of the weight that the hand carries [1]", ".3f", ""),
+    "squeeze_max": TableColumn("largest squeeze [N]", ".2f", "human.carried.0.squeeze_max"),
+    "stretch_max": TableColumn("largest stretch [N]", ".2f", "human.carried.0.stretch_max"),
+    "tilt_max": TableColumn("largest tilt [rad]", ".3f", "human.carried.0.tilt_max"),
+    "path": TableColumn("path of the hand [m]", ".3f", "human.hand.path"),
+    "strength_share_max": TableColumn("largest share of a joint's strength [1]", ".3f", "human.strength_share_max"),
+    "activation_max": TableColumn("largest activation of a muscle [1]", ".3f", "human.muscles.activation_max"),
+    "activation_mean": TableColumn("mean activation of all muscles [1]", ".4f", "human.muscles.activation_mean"),
+    "smoothness": TableColumn("log dimensionless jerk [1]", ".2f", "human.hand.smoothness"),
 }
 """Columns of the runs with a human; a value that no run has is left out."""
 OUTPUTS = {
@@ -71,7 +71,7 @@ OUTPUTS = {
 """Outputs of a study as a sweep, as in a sweep file."""
 
 
-def values(metrics: PlainData, part: str, columns: Mapping[str, Column]) -> dict[str, float | str | None] | None:
+def values(metrics: PlainData, part: str, columns: Mapping[str, TableColumn]) -> dict[str, float | str | None] | None:
     """Return the numbers of a run by column; None: the run has no such part.
 
     Args:
@@ -99,7 +99,7 @@ def _share(metrics: PlainData) -> float:
     return sum(means) if means else np.nan
 
 
-def lines(runs: Mapping[str, PlainData], part: str, title: str, columns: Mapping[str, Column]) -> list[str]:
+def lines(runs: Mapping[str, PlainData], part: str, title: str, columns: Mapping[str, TableColumn]) -> list[str]:
     """Return a table, one line per run; empty if no run has the part.
 
     Args:
@@ -122,7 +122,7 @@ def lines(runs: Mapping[str, PlainData], part: str, title: str, columns: Mapping
     return ["", *text_table.rows(cells)]
 
 
-def _present(runs: Sequence[PlainData], columns: Mapping[str, Column]) -> dict[str, Column]:
+def _present(runs: Sequence[PlainData], columns: Mapping[str, TableColumn]) -> dict[str, TableColumn]:
     return {key: column for key, column in columns.items() if any(run.get(key) is not None for run in runs)}
 
 
