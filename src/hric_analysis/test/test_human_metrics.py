@@ -21,7 +21,7 @@ from hric_report import headless as runner
 from hric_run.definition import experiment
 from hric_run.definition.experiment import ExperimentError
 from hric_sweep.study import definition as study
-from hric_sweep.study import human as study_human
+from hric_sweep.study import tables
 
 JOINTS = (
     "right_sh_flex",
@@ -190,7 +190,7 @@ def test_a_run_with_muscles_says_what_it_cost_them(by_muscles: runner.Result) ->
     summary = (folder / "summary.txt").read_text()
     assert "- muscles: activation at most" in summary and "- contact force between his bones" in summary
     assert {"activation.svg", "joint_contact.svg"} <= {path.name for path in (folder / "figures").iterdir()}
-    assert study_human.chosen(by_muscles.metrics)["activation_max"] == found["activation_max"]
+    assert tables.values(by_muscles.metrics, "human", tables.HUMAN_COLUMNS)["activation_max"] == found["activation_max"]
 
 
 def test_a_run_whose_joints_are_driven_says_nothing_of_muscles(guided: runner.Result) -> None:
@@ -239,8 +239,8 @@ def test_a_run_is_called_unstable_where_all_of_his_impedance_is_late(
 
 
 def test_runs_called_by_numbers_are_drawn_over_them(guided: runner.Result) -> None:
-    values = {"human": study_human.chosen(guided.metrics)}
-    figure = study_human.figure({"100": values, "50": values, "9": values}, "stiffness [N/m]")
+    values = {"human": tables.values(guided.metrics, "human", tables.HUMAN_COLUMNS)}
+    figure = tables.human_figure({"100": values, "50": values, "9": values}, "stiffness [N/m]")
     assert figure is not None and figure.abscissa == "stiffness [N/m]"
     assert all(panel.curves[0].time.tolist() == [9.0, 50.0, 100.0] for panel in figure.panels)
 

@@ -53,7 +53,7 @@ def modules() -> dict[str, str]:
 
 def test_nothing_but_the_doors_reads_limits_of_a_person() -> None:
     found = modules()
-    assert {"hric_assessment/contact/limits.py", "hric_sweep/approaches/meetings.py"} <= set(found)
+    assert {"hric_assessment/contact/limits.py", "hric_sweep/approaches/contact_events.py"} <= set(found)
     assert [offence for path, text in found.items() for offence in offences(path, text)] == []
 
 
@@ -71,8 +71,8 @@ def test_nothing_but_the_doors_reads_limits_of_a_person() -> None:
     ],
 )
 def test_a_judge_of_its_own_elsewhere_is_named(text: str) -> None:
-    (offence,) = offences("hric_sweep/approaches/meetings.py", text)
-    assert offence.startswith("hric_sweep/approaches/meetings.py:")
+    (offence,) = offences("hric_sweep/approaches/contact_events.py", text)
+    assert offence.startswith("hric_sweep/approaches/contact_events.py:")
 
 
 @pytest.mark.parametrize(

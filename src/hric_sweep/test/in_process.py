@@ -1,17 +1,17 @@
-"""An engine of sweeps that carries runs out in this process, as they come, and sweeps that are supervised here."""
+"""Sweeps that are supervised in this process, and an engine that is cut off."""
 
 from concurrent.futures import Future
 from pathlib import Path
-from typing import Any
 
-from hric_sweep import definition, table
-from hric_sweep import task as runs_of_sweeps
+from hric_sweep import definition
 from hric_sweep.engines.engine import Engine
+from hric_sweep.engines.pebble_engine import InProcessEngine
 from hric_sweep.journal import Journal
+from hric_sweep.records import RunResponse, RunRow, RunTask
 from hric_sweep.supervisor import Supervisor
 
 
-class Here:
+class Here(InProcessEngine):
     """One run after the other.
 
     Args:
@@ -21,30 +21,17 @@ class Here:
         begun: runs so far.
     """
 
-    window = workers = 1
-
     def __init__(self, after: int | None = None) -> None:
         self.begun, self._after = 0, after
 
-    def submit(self, task: dict[str, Any]) -> "Future[dict[str, Any]]":
+    def submit(self, task: RunTask) -> "Future[RunResponse]":
         if self.begun == self._after:
             raise KeyboardInterrupt
         self.begun += 1
-        future: Future[dict[str, Any]] = Future()
-        future.set_result(runs_of_sweeps.run(task))
-        return future
-
-    def flush(self) -> None:
-        pass
-
-    def check(self, reference: dict[str, Any]) -> dict[str, Any]:
-        raise NotImplementedError
-
-    def close(self, *, now: bool) -> None:
-        raise NotImplementedError
+        return super().submit(task)
 
 
-def carried_out(folder: Path, plan: definition.Plan, engine: Engine) -> list[table.Row]:
+def carried_out(folder: Path, plan: definition.Plan, engine: Engine) -> list[RunRow]:
     """Supervise a sweep in this process; returns its rows in the order of their indices."""
     with Journal(folder) as journal:
         supervisor = Supervisor(plan, folder, journal, engine, "code")

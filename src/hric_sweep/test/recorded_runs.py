@@ -13,8 +13,9 @@ from hric_run import provenance
 from hric_run.definition import experiment
 from hric_run.definition.experiment import Experiment, to_dict
 from hric_run.simulation import Simulation
-from hric_sweep.benchmark import definition, running
-from hric_sweep.benchmark.running import Run
+from hric_sweep.benchmark import definition
+from hric_sweep.benchmark.definition import BenchmarkRun
+from hric_sweep.records import RunTask
 from hric_sweep.task import definition_of
 
 AREA = 4e-4
@@ -52,18 +53,16 @@ def benchmark() -> Iterator[Recorded]:
 
 def of_benchmark(collaboration: str, controller: str, body: str, seed: int, area: float = AREA) -> Recorded:
     """Record one run of the benchmark."""
-    wanted = collaboration, controller, body, seed
-    (run,) = (one for one in _runs() if (one.collaboration, one.controller, one.body, one.seed) == wanted)
-    return _of(run, area)
+    return _of(BenchmarkRun(controller, collaboration, body, seed), area)
 
 
 @cache
-def _runs() -> list[Run]:
+def _runs() -> dict[BenchmarkRun, RunTask]:
     what, content = definition.load()
     controllers = [definition.controller(name, what) for name in definition.references()]
-    return running.runs(what, content["experiments"], controllers, "")
+    return definition.runs(what, content["experiments"], controllers, "")
 
 
-def _of(run: Run, area: float = AREA) -> Recorded:
+def _of(run: BenchmarkRun, area: float = AREA) -> Recorded:
     name = f"{run.collaboration}, {run.controller}, {run.body}, seed {run.seed}"
-    return recorded(name, definition_of(run.task), run.seed, area)
+    return recorded(name, definition_of(_runs()[run]), run.seed, area)

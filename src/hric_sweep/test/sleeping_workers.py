@@ -2,7 +2,7 @@
 
     python3 sleeping_workers.py ADDRESS COUNT
 
-A task says how long it takes: `sleep` [s].
+A task takes as long as its timeout says [s].
 """
 
 import asyncio
@@ -16,40 +16,32 @@ from distributed import Worker, get_worker
 
 from hric_sweep import task as runs
 from hric_sweep.engines import chunks
-from hric_sweep.engines.engine import Response, Task
+from hric_sweep.records import ReferenceRun, RunResponse, RunTask
 
 SHA256 = "0" * 64
 
 
-def of_reference(packed: bytes) -> Response:
+def of_reference(packed: bytes) -> ReferenceRun:
     """In place of `chunks.reference`."""
-    return {"code": runs.code_version(), "state_sha256": SHA256, "host": platform.node()}
+    return ReferenceRun(runs.code_version(), SHA256, platform.node())
 
 
-def sleeping(packed: bytes) -> chunks.Carried:
-    """In place of `chunks.carry_out`."""
+def sleeping(packed: bytes) -> chunks.ChunkResult:
+    """In place of `chunks.execute`."""
     tasks = pickle.loads(packed).tasks
-    time.sleep(sum(task["sleep"] for task in tasks))
-    return chunks.Carried(str(get_worker().address), [response(task) for task in tasks])
+    time.sleep(sum(task.timeout for task in tasks))
+    return chunks.ChunkResult(str(get_worker().address), [response(task) for task in tasks])
 
 
-def response(task: Task) -> Response:
+def response(task: RunTask) -> RunResponse:
     """As large as one of a run."""
-    return {
-        "id": task["id"],
-        "index": task["index"],
-        "outputs": dict.fromkeys(task["outputs"], task["seed"] / 7.0),
-        "failure": "",
-        "state_sha256": SHA256,
-        "processor": 0.0,
-        "wall": task["sleep"],
-        "host": platform.node(),
-    }
+    outputs = dict.fromkeys(task.outputs, task.seed / 7.0)
+    return RunResponse(task.id, task.index, outputs, "", SHA256, 0.0, task.timeout, platform.node())
 
 
 async def serve(address: str, count: int) -> None:
     """Until the scheduler ends."""
-    chunks.reference, chunks.carry_out = of_reference, sleeping
+    chunks.reference, chunks.execute = of_reference, sleeping
     with tempfile.TemporaryDirectory() as folder:
         here = [
             Worker(address, nthreads=1, host="127.0.0.1", dashboard=False, local_directory=folder, memory_limit=None)

@@ -1,19 +1,22 @@
 """Folders of made-up sweeps, as a sweep leaves them: a contact whose peak force follows from what is varied."""
 
 import hashlib
+import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow
 import yaml
 
 from hric_sweep import table
 from hric_sweep.definition import Plan, Sweep
-from hric_sweep.samplers.sampler import Told
+from hric_sweep.records import RunRow
+from hric_sweep.samplers.sampler import SamplerResult
 from hric_sweep.space import Space
-from hric_sweep.supervisor import judged
+from hric_sweep.supervisor import assessed
 
 VARY: dict[str, Any] = {
     "speed": {
@@ -105,6 +108,13 @@ def values(runs: int, seed: int = 0, failing: float = 0.02) -> dict[str, Any]:
     }
 
 
+def results_sha256(rows: pyarrow.Table) -> str:
+    """Hash of all columns except the cost: equal for equal results, on any machine and in any order."""
+    about = json.loads(rows.schema.metadata[table.KEY])["columns"]
+    kept = rows.select([name for name, column in about.items() if column["role"] != "cost"]).sort_by("index")
+    return hashlib.sha256(json.dumps(kept.to_pydict(), sort_keys=True).encode()).hexdigest()
+
+
 def write(
     folder: Path,
     runs: int,
@@ -133,22 +143,15 @@ def write(
     return _written(folder, made, rows, estimate)
 
 
-def _row(made: Plan, index: int, one: dict[str, Any]) -> table.Row:
+def _row(made: Plan, index: int, one: dict[str, Any]) -> RunRow:
     """A run as the supervisor has it."""
     outputs = {name: None if np.isnan(value := one.pop(name)) else value for name in OUTPUTS}
     values = {name: one.pop(name) for name in made.section.vary}
-    return {
-        "index": index,
-        "seed": index + 1,
-        "state_sha256": one["id"],
-        **one,
-        "values": values,
-        "outputs": outputs,
-        **judged(made, outputs),
-    }
+    about = {"index": index, "seed": index + 1, "state_sha256": one["id"], **one}
+    return assessed(made, RunRow(**about, values=values, outputs=outputs))
 
 
-def _written(folder: Path, made: Plan, rows: Sequence[table.Row], estimate: Mapping[str, Any] | None) -> Path:
+def _written(folder: Path, made: Plan, rows: Sequence[RunRow], estimate: Mapping[str, Any] | None) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     table.write(folder, made, rows, estimate)
     told = {"name": folder.name, "definition": made.content, "experiment": dict(made.experiment), "code": "0.2.0"}
@@ -167,13 +170,13 @@ def sampled(
         measured: outputs of a run, from the values of its variables.
         told: batches after which it was cut off; None: none.
     """
-    sampler, rows, estimate, batch = made.sampler(), list[table.Row](), None, 0
+    sampler, rows, estimate, batch = made.sampler(), list[RunRow](), None, 0
     while (told is None or batch < told) and (points := sampler.ask()):
         begun = len(rows)
         for point, given in zip(points, made.space.values(np.array([point.u for point in points])), strict=True):
             one = {"id": f"{len(rows):016x}", "batch": batch, "weight": point.weight, "failure": "", **COST}
             rows.append(_row(made, len(rows), {**one, **given, **measured(given)}))
-        sampler.tell([Told(row["index"], row["exceeded"], row["objective"], row["margin"]) for row in rows[begun:]])
+        sampler.tell([SamplerResult(row.index, row.exceeded, row.objective, row.margin) for row in rows[begun:]])
         found, batch = sampler.estimate(), batch + 1
         estimate = None if found is None else asdict(found)
     return _written(folder, made, rows, estimate)

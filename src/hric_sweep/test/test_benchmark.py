@@ -12,9 +12,11 @@ from in_process import Here
 
 from hric_core.errors import HricError
 from hric_sweep import task as runs_of_sweeps
-from hric_sweep.benchmark import definition, page, results, running, scoring, text
-from hric_sweep.carrying import carry_out
+from hric_sweep.benchmark import definition, page, results, scoring, text
+from hric_sweep.benchmark.definition import BenchmarkRun
+from hric_sweep.execution import execute
 from hric_sweep.journal import Journal
+from hric_sweep.records import RunResponse, RunTask
 
 BAD = """\
 description: as stiff as it goes, without damping and without a profile
@@ -25,7 +27,9 @@ PART = (["contact", "shared_workspace"], ["p50"], 1)
 
 
 @pytest.fixture(scope="module")
-def quick(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[dict[str, Any], Path, list[running.Run]]]:
+def quick(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Iterator[tuple[dict[str, Any], Path, dict[BenchmarkRun, RunTask]]]:
     """Two collaborations, one body, one seed, the references and a bad one; interrupted once on the way."""
     folder = tmp_path_factory.mktemp("benchmark")
     (folder / "bad.yaml").write_text(BAD)
@@ -34,21 +38,21 @@ def quick(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[dict[str, 
     controllers = [
         definition.controller(name, benchmark) for name in (*definition.references(), str(folder / "bad.yaml"))
     ]
-    todo = running.runs(benchmark, content["experiments"], controllers, "code")
-    tasks = [one.task for one in todo]
+    todo = definition.runs(benchmark, content["experiments"], controllers, "code")
+    tasks = list(todo.values())
     with Journal(folder) as journal, pytest.raises(KeyboardInterrupt):
-        carry_out(tasks, Here(after=3), journal)
+        execute(tasks, Here(after=3), journal)
     engine = Here()
     with Journal(folder) as journal:
-        responses = carry_out(tasks, engine, journal)
+        responses = execute(tasks, engine, journal)
     assert engine.begun == len(todo) - 3  # what had ended was not run again
-    found = results.make(benchmark, content, controllers, scoring.cells(benchmark, todo, responses), "code")
-    found["runs"] = results.run_rows(todo, responses)
-    yield json.loads(json.dumps(found)), folder, todo
+    by_run = dict(zip(todo, responses, strict=True))
+    found = results.make(benchmark, content, controllers, scoring.cells(benchmark, by_run), "code")
+    yield json.loads(json.dumps({**found, "runs": results.run_rows(by_run)})), folder, todo
 
 
 def test_the_references_rank_as_their_design_says_and_a_bad_controller_comes_last(
-    quick: tuple[dict[str, Any], Path, list[running.Run]],
+    quick: tuple[dict[str, Any], Path, dict[BenchmarkRun, RunTask]],
 ) -> None:
     found = quick[0]
     assert [one["name"] for one in found["standings"]] == ["supervised", "compliant", "stiff", "bad"]
@@ -59,17 +63,17 @@ def test_the_references_rank_as_their_design_says_and_a_bad_controller_comes_las
 
 
 def test_a_run_has_the_same_numbers_and_bits_for_the_same_seed(
-    quick: tuple[dict[str, Any], Path, list[running.Run]],
+    quick: tuple[dict[str, Any], Path, dict[BenchmarkRun, RunTask]],
 ) -> None:
     found, _, todo = quick
-    again = runs_of_sweeps.run(todo[0].task)
+    again = runs_of_sweeps.run(next(iter(todo.values())))
     before = found["runs"][0]
-    assert again["failure"] == "" and again["outputs"] == before["outputs"]
-    assert again["state_sha256"] == before["state_sha256"]
+    assert again.failure == "" and again.outputs == before["outputs"]
+    assert again.state_sha256 == before["state_sha256"]
 
 
 def test_table_and_page_show_every_controller_collaboration_and_score(
-    quick: tuple[dict[str, Any], Path, list[running.Run]],
+    quick: tuple[dict[str, Any], Path, dict[BenchmarkRun, RunTask]],
 ) -> None:
     found = quick[0]
     table, shown = text.render(found), page.build(found)
@@ -79,7 +83,7 @@ def test_table_and_page_show_every_controller_collaboration_and_score(
 
 
 def test_results_are_compared_by_the_tolerance_of_their_definition(
-    quick: tuple[dict[str, Any], Path, list[running.Run]],
+    quick: tuple[dict[str, Any], Path, dict[BenchmarkRun, RunTask]],
 ) -> None:
     ours = quick[0]
     assert results.compare(ours, ours) == []
@@ -96,7 +100,7 @@ def test_results_are_compared_by_the_tolerance_of_their_definition(
 
 
 def test_an_infinite_share_is_the_same_as_another_one_alone(
-    quick: tuple[dict[str, Any], Path, list[running.Run]],
+    quick: tuple[dict[str, Any], Path, dict[BenchmarkRun, RunTask]],
 ) -> None:
     ours, theirs = (json.loads(json.dumps(quick[0])) for _ in range(2))
     for one in (ours, theirs):
@@ -109,7 +113,7 @@ def test_an_infinite_share_is_the_same_as_another_one_alone(
 
 @pytest.mark.parametrize("key", ["definition", "tables"])
 def test_results_of_other_definitions_or_tables_are_not_compared(
-    quick: tuple[dict[str, Any], Path, list[running.Run]], key: str
+    quick: tuple[dict[str, Any], Path, dict[BenchmarkRun, RunTask]], key: str
 ) -> None:
     theirs = json.loads(json.dumps(quick[0]))
     theirs["hashes"][key] = "0" * 64
@@ -118,11 +122,11 @@ def test_results_of_other_definitions_or_tables_are_not_compared(
 
 
 def test_a_controller_of_other_overrides_is_not_compared(
-    quick: tuple[dict[str, Any], Path, list[running.Run]],
+    quick: tuple[dict[str, Any], Path, dict[BenchmarkRun, RunTask]],
 ) -> None:
     theirs = json.loads(json.dumps(quick[0]))
     theirs["controllers"]["stiff"]["hash"] = "0" * 64
-    with pytest.raises(HricError, match="controller stiff has other overrides"):
+    with pytest.raises(HricError, match="controller stiff has different overrides"):
         results.compare(quick[0], theirs)
 
 
@@ -157,13 +161,14 @@ def ordered(**responses: tuple[float | None, float, float | None]) -> list[scori
         },
     }
     benchmark = definition.Benchmark.of(content, "")
-    todo = [running.Run(name, "contact", "p50", 0, {}) for name in responses]
     keys = ("findings.share", "ergonomics.effort", "task.error")
-    given = [
-        {"outputs": dict(zip(keys, values, strict=True)), "failure": "" if values[0] is not None else "it diverged"}
-        for values in responses.values()
-    ]
-    return scoring.standings(benchmark, scoring.cells(benchmark, todo, given), list(responses))
+    given = {
+        BenchmarkRun(name, "contact", "p50", 0): RunResponse(
+            name, 0, dict(zip(keys, values, strict=True)), "" if values[0] is not None else "it diverged"
+        )
+        for name, values in responses.items()
+    }
+    return scoring.standings(benchmark, scoring.cells(benchmark, given), list(responses))
 
 
 def test_findings_come_before_ergonomics_and_ergonomics_before_the_task() -> None:

@@ -19,6 +19,7 @@ from hric_assessment.verdict.result import Verdict
 from hric_bags.memory import MemoryBag, nanoseconds
 from hric_bags.reader import LOG_TYPE, Messages
 from hric_bags.reader import read as read_record
+from hric_core.parameters import read_yaml
 from hric_core.robot_time.stamps import to_time
 from hric_human.body import describe
 from hric_human.participant.settings import HumanSettings
@@ -26,11 +27,12 @@ from hric_msgs.msg import ControlLog, JointTorque, RegionContact, RegionContacts
 from hric_report import headline
 from hric_run.definition import experiment
 from hric_run.definition.experiment import to_dict
+from hric_sweep import definition as sweep
 from hric_sweep.approaches import command
-from hric_sweep.approaches import run as approaches
 from hric_sweep.benchmark import definition as benchmark
 from hric_sweep.observed import Observations
 from hric_sweep.outputs import Output
+from hric_sweep.records import RunResponse
 
 HAND = "hand, fingers"
 BEGIN, HELD, END = 0.5, 1.2, 2.0
@@ -128,7 +130,12 @@ def test_approaches_have_the_finding_of_the_verdict(clamp: SimpleNamespace) -> N
     (event,) = clamp.observed.contacts
     assert (event.outcome, event.share, event.reason) == (finding.outcome, finding.share, finding.reason)
     assert event.arm == "standing" and event.peak == 200.0
-    text = command.report([approaches.Outcome(0, 1.0, 0.0, True, contacts=[event])])
+    names = read_yaml(sweep.find("approaches"))["sweep"]["outputs"]
+    outputs = {
+        name: number(values=clamp.observed, **about) for name, about in names.items() if "impact" in about["path"]
+    }
+    rest = dict.fromkeys(names, 0.0)
+    text = command.report([RunResponse("", 0, rest | outputs)], 0, supervised=True)
     assert "contacts with a standing arm, by the person's own speed: in 1 of 1 runs (above limits in 1," in text
 
 

@@ -15,7 +15,7 @@ from hric_core.errors import HricError
 from hric_experiments import cli
 from hric_run.definition import experiment
 from hric_run.simulation import Simulation
-from hric_sweep.stops.measuring import LOAD_RADIUS, POSES, STANDSTILL, Begun, Stopping, standing
+from hric_sweep.stops.measuring import LOAD_RADIUS, POSES, STANDSTILL, Stopping, StopStart, standing
 
 DECELERATION = np.array([15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0])
 """Franka's limits of a Panda's joint acceleration [rad/s^2] (its documentation of the control interface)."""
@@ -30,7 +30,7 @@ def simulation(request: pytest.FixtureRequest) -> Iterator[Simulation]:
         yield made
 
 
-def integrated(simulation: Simulation, begun: Begun, mass: float) -> tuple[float, float]:
+def integrated(simulation: Simulation, begun: StopStart, mass: float) -> tuple[float, float]:
     """(time [s], distance [m]) of the stop, in continuous time: forward dynamics of pinocchio and an integrator
     with step control, under the deceleration law of the box in closed form."""
     model = pinocchio.buildModelFromXML(simulation.tree["robot_description"])

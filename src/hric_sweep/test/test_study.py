@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow.parquet
 import pytest
 
 from hric_core.errors import HricError
@@ -89,7 +90,7 @@ def test_time_that_goes_back_is_counted() -> None:
 
 def test_a_difference_above_its_bound_falls_short_and_one_below_holds(tmp_path: Path) -> None:
     short = run(study_of(), tmp_path, "duration:=0.5")
-    assert not short.passed and "FALLS SHORT" in short.metrics["report"]
+    assert not short.passed and "OUT OF BOUNDS" in short.metrics["report"]
     assert run(study_of(compared=[PAIR | {"at_most": 1.0}]), tmp_path, "duration:=0.5").passed
 
 
@@ -107,8 +108,22 @@ def test_joints_and_grip_force_of_a_human_have_bounds_too(tmp_path: Path) -> Non
     bounded, reported = result.metrics["forms"]["one"]["compared"]
     assert not bounded["passed"] and reported["passed"] is None
     assert bounded["human_force_difference_max"] > 0.1 and 0.0 < bounded["human_joint_difference_max"] < 0.1
-    (line,) = [line for line in result.metrics["report"].splitlines() if "FALLS SHORT" in line]
+    (line,) = [line for line in result.metrics["report"].splitlines() if "OUT OF BOUNDS" in line]
     assert f"{bounded['human_force_difference_max']:.2e}" in line and "1.0e-03" in line
+
+
+def test_a_study_that_was_cut_off_goes_on_with_the_runs_it_lacks(tmp_path: Path) -> None:
+    whole = run(study_of(), tmp_path, "duration:=0.2")
+    journal = whole.folder / "one" / "runs.jsonl"
+    first, second = journal.read_text().splitlines(keepends=True)
+    journal.write_text(first + second[:30])  # the machine went off within a line
+    assert study_run.main(["--resume", str(whole.folder), "--quiet"]) == (0 if whole.passed else 1)
+    again = json.loads((whole.folder / "metrics.json").read_text())["forms"]["one"]
+    expected = whole.metrics["forms"]["one"]
+    assert again["runs"]["a"] == expected["runs"]["a"] and again["runs"]["b"]["run"] != expected["runs"]["b"]["run"]
+    assert again["compared"] == expected["compared"]
+    rows = pyarrow.parquet.read_table(whole.folder / "one" / "runs.parquet")
+    assert rows["row"].to_pylist() == ["a", "b"] and all(rows["state_sha256"].to_pylist())
 
 
 def test_a_pair_without_bound_is_only_reported(tmp_path: Path) -> None:

@@ -1,27 +1,31 @@
 """A supervised run without a master: the arm slows, stops and goes on; what does not obey is stopped; approaches."""
 
 import json
-import math
-from dataclasses import asdict
+import time
 
 import numpy as np
 import pytest
 
 from hric_assessment.contact.limits import PARTED, TRANSIENT_TIME
-from hric_assessment.findings import Outcome as Result
 from hric_assessment.supervisor.app import HeadlessSupervisor
 from hric_assessment.supervisor.arm import ArmShape, ArmState
 from hric_assessment.supervisor.settings import SupervisorSettings
 from hric_control.speed_scale import stopping_time
 from hric_core.errors import HricError
 from hric_core.local.node import LocalNode
+from hric_core.parameters import read_yaml
 from hric_msgs.msg import SafetyEvent, SafetyState, SpeedScaleState
 from hric_run.definition import experiment, parameters
 from hric_run.simulation import Simulation
+from hric_sweep import definition as sweep
+from hric_sweep import task
 from hric_sweep.approaches import command
-from hric_sweep.approaches.draw import LONGEST, SPEEDS, draw
-from hric_sweep.approaches.meetings import ContactEvent
-from hric_sweep.approaches.run import Outcome, Runner
+from hric_sweep.approaches.contact_events import LONGEST, run_until_contact_ends
+from hric_sweep.approaches.draw import SPEEDS, draw
+from hric_sweep.definition import ROW
+from hric_sweep.observed import Observed
+from hric_sweep.outputs import IMPACT, SUPERVISION
+from hric_sweep.records import RunResponse
 
 NAME = "shared_workspace"
 
@@ -181,70 +185,81 @@ def test_what_is_drawn_is_the_seeds_and_within_what_is_said():
 def test_approaches_meet_no_moving_arm_and_without_the_supervisor_they_do(given, count, bound, tmp_path, capsys):
     file = tmp_path / "approaches.jsonl"
     assert command.main([*given, "--jobs", "1", "--output", str(file)]) == 0
-    said = capsys.readouterr().out
-    assert f"in 0 of {count}, at most {bound} % (one-sided 95 %)" in said and "no certified safety function" in said
+    printed = capsys.readouterr().out
+    assert f"in 0 of {count}, at most {bound} % (one-sided 95 %)" in printed
+    assert "no certified safety function" in printed
     rows = [json.loads(line) for line in file.read_text().splitlines()]
-    assert [row["seed"] for row in rows] == list(range(count))
-    assert any(met["arm"] == "standing" for row in rows for met in row["contacts"])  # somebody did come
-    command.main([*given, "--output", str(file)])  # nothing is run again
-    assert capsys.readouterr().out == said
+    assert [row["index"] for row in rows] == list(range(count))
+    assert any(row["outputs"]["standing_above"] for row in rows)  # somebody did come
+    begun = time.process_time()
+    command.main([*given, "--jobs", "1", "--output", str(file)])  # nothing is run again
+    assert time.process_time() - begun < 0.1 * sum(row["processor"] for row in rows) + 2.0
+    assert capsys.readouterr().out == printed and len(file.read_text().splitlines()) == count
     assert command.main(["--count", "2", "--without", "--jobs", "1"]) == 1
     assert "WITHOUT the supervisor" in capsys.readouterr().out
 
 
+def approach(seed, simulator="mujoco"):
+    """Observations of the approach of a seed, and the simulation, at its end."""
+    changes = {"simulator": simulator, "supervisor.active": True, **draw(seed).changes()}
+    with Simulation(NAME, seed=seed, **changes) as simulation:
+        observed = Observed(simulation, {IMPACT, SUPERVISION})
+        run_until_contact_ends(simulation)
+        return observed.values(), simulation.time
+
+
 def test_a_run_goes_on_until_its_contact_has_parted_or_is_a_clamp():
-    runner = Runner()
-    try:
-        outcome = runner.run(draw(0))
-    finally:
-        runner.close()
-    first, last = min(one.time for one in outcome.contacts), max(one.end for one in outcome.contacts)
-    assert outcome.duration - first > TRANSIENT_TIME or outcome.duration - last > PARTED
-    assert outcome.duration - first < LONGEST + 0.1
+    values, duration = approach(0)
+    first, last = min(one.time for one in values.contacts), max(one.end for one in values.contacts)
+    assert duration - first > TRANSIENT_TIME or duration - last > PARTED
+    assert duration - first < LONGEST + 0.1
+
+
+def test_a_run_of_the_sweep_is_the_approach_of_its_seed():
+    content = read_yaml(sweep.find("approaches"))
+    content["sweep"] |= {"runs": 1, "seed": 3}
+    plan = sweep.plan("approaches", content)
+    response = task.run(plan.task(0, {ROW: "3"}, "code"))
+    values, _ = approach(3)
+    assert response.state_sha256 == values.log.state_sha256()
+    assert response.outputs["standing_above"] == sum(row["above"] for row in values["impact"]["standing"])
+
+
+def ended(index, failure="", **outputs):
+    """Response of an approach."""
+    names = read_yaml(sweep.find("approaches"))["sweep"]["outputs"]
+    return RunResponse("", index, dict.fromkeys(names, None if failure else 0.0) | outputs, failure)
 
 
 def test_a_run_that_failed_counts_as_above_in_the_bound_and_is_named():
-    outcomes = [Outcome(seed, 1.0, 0.0, True) for seed in range(20)]
-    outcomes[7].failure = "the simulation diverged at 2.946 s: speed of panda_joint1 is nan rad/s, not finite"
-    text = command.report(outcomes)
+    why = "the simulation diverged at 2.946 s: speed of panda_joint1 is nan rad/s, not finite"
+    text = command.report([ended(seed, why if seed == 7 else "") for seed in range(20)], 0, supervised=True)
     assert "in 0 of 20, at most 21.6 % (one-sided 95 %)" in text  # of 1 in 20
-    assert "nothing is known (above in the bound): 1\n  seed 7: the simulation diverged at 2.946 s" in text
+    assert "(counted as above limits in the bound): 1\n  seed 7: the simulation diverged at 2.946 s" in text
 
 
 def test_a_contact_that_is_not_assessable_is_counted_as_such_and_bounded_as_above():
-    contact = ContactEvent(
-        1.0, 1.1, "contact of a with b", "", "moving", 0.4, None, math.nan, Result.NOT_ASSESSABLE, math.inf, "no area"
-    )
-    outcomes = [Outcome(seed, 1.0, 0.0, True, contacts=[contact] if seed == 3 else []) for seed in range(20)]
-    text = command.report(outcomes)
+    runs = [ended(seed, not_assessable=float(seed == 3)) for seed in range(20)]
+    text = command.report(runs, 0, supervised=True)
     assert "in 0 of 20, at most 21.6 % (one-sided 95 %)" in text  # Clopper-Pearson of 1 in 20
     assert "contacts with a moving arm: in 1 of 20 runs (above limits in 0, not assessable in 1" in text
 
 
-@pytest.mark.parametrize(("result", "code"), [("above limits", 1), ("not assessable", 4), ("warning", 0)])
-def test_the_exit_code_is_that_of_the_worst_contact_with_a_moving_arm(result, code, tmp_path):
-    contact = {"subject": "", "regions": "", "arm_speed": 0.4, "speed": None, "peak": 9.0, "share": 2.0, "reason": ""}
-    rows = []
-    for seed, arm in enumerate(("moving", "standing")):
-        own = {**contact, "time": 1.0, "end": 1.1, "arm": arm, "outcome": result if seed == 0 else "above limits"}
-        rows.append(json.dumps(asdict(Outcome(seed, 1.0, 0.0, True)) | {"contacts": [own]}))
-    file = tmp_path / "approaches.jsonl"
-    file.write_text("\n".join(rows))
-    assert command.main(["--count", "2", "--output", str(file)]) == code
+@pytest.mark.parametrize(("result", "code"), [("above", 1), ("not_assessable", 4), ("warning", 0)])
+def test_the_exit_code_is_that_of_the_worst_contact_with_a_moving_arm(result, code, monkeypatch):
+    runs = [ended(0, **{result: 1.0}), ended(1, standing_above=1.0)]
+    monkeypatch.setattr(command, "run", lambda options: runs)
+    assert command.main(["--count", "2"]) == code
 
 
 def test_a_file_that_is_none_of_its_own_is_refused(tmp_path):
     file = tmp_path / "x.jsonl"
     file.write_text('{"seed": 1}\n')
     with pytest.raises(HricError, match="line 1"):
-        command.read(file, True)
+        command.main(["--count", "1", "--jobs", "1", "--output", str(file)])
 
 
 @pytest.mark.parametrize("engine", ["pybullet", "opensim"])
 def test_on_the_other_engines_an_approach_ends_at_a_standing_arm_too(engine):
-    runner = Runner(engine)
-    try:
-        outcome = runner.run(draw(3))
-    finally:
-        runner.close()
-    assert not outcome.met("moving") and outcome.stopped > 0.1
+    values, _ = approach(3, engine)
+    assert not values["impact"]["moving"] and values["supervision"]["stopped"] > 0.1

@@ -9,13 +9,14 @@ from typing import Any
 
 import pyarrow.parquet
 import pytest
+import sweep_folder
 import yaml
 
 from hric_core.errors import HricError
 from hric_sweep import definition, table, task
 from hric_sweep.definition import EXAMPLE
 from hric_sweep.journal import Journal, JournalError
-from hric_sweep.supervisor import make_task
+from hric_sweep.records import RunResponse
 
 SWEEP: dict[str, Any] = {
     "description": "gain of a short step",
@@ -67,7 +68,7 @@ def folder_of(printed: str) -> Path:
 def test_a_sweep_leaves_a_table_with_units_and_the_same_hash_with_one_worker_and_two(tmp_path: Path) -> None:
     path = written(tmp_path)
     one, two = (folder_of(sweep(tmp_path, path, "--jobs", jobs)) for jobs in ("1", "2"))
-    hashes = {table.results_sha256(table.read(folder)) for folder in (one, two)}
+    hashes = {sweep_folder.results_sha256(table.read(folder)) for folder in (one, two)}
     assert len(hashes) == 1
     frame = table.load_sweep(two)
     assert frame["index"].tolist() == list(range(6)) and frame["seed"].tolist() == list(range(6))
@@ -93,13 +94,13 @@ def test_a_run_of_a_sweep_is_the_run_of_the_command_with_bag_and_page(tmp_path: 
 
 def test_a_sweep_that_was_cut_off_goes_on_to_the_same_table(tmp_path: Path) -> None:
     whole = folder_of(sweep(tmp_path, written(tmp_path)))
-    expected = table.results_sha256(table.read(whole))
+    expected = sweep_folder.results_sha256(table.read(whole))
     journal = whole / "runs.jsonl"
     lines = journal.read_bytes().splitlines(keepends=True)
     journal.write_bytes(b"".join(lines[:3]) + lines[3][:20])  # the machine went off within a line
     (whole / "runs.parquet").unlink()
     sweep(tmp_path, "--resume", whole)
-    assert table.results_sha256(table.read(whole)) == expected
+    assert sweep_folder.results_sha256(table.read(whole)) == expected
     again = journal.read_bytes().splitlines(keepends=True)
     assert again[:3] == lines[:3] and len(again) == 6
 
@@ -133,38 +134,41 @@ def test_five_mistakes_are_told_at_once(tmp_path: Path) -> None:
 
 def test_an_output_that_a_run_has_not_is_a_failure_of_that_run(tmp_path: Path) -> None:
     plan = definition.load(str(written(tmp_path, outputs={"peak": {"path": "joints.*.nothing"}})))
-    answer = task.run(make_task(plan, 0, {"kp": 50.0}, "code"))
-    assert answer["outputs"] == {"peak": None} and "velocity_peak" in answer["failure"]
+    response = task.run(plan.task(0, {"kp": 50.0}, "code"))
+    assert response.outputs == {"peak": None} and "velocity_peak" in response.failure
 
 
 def test_a_journal_belongs_to_one_sweep_at_a_time(tmp_path: Path) -> None:
     with Journal(tmp_path) as journal:
-        journal.append([{"id": "a"}])
+        journal.append([RunResponse("a", 0, {})])
         with pytest.raises(JournalError, match="another program"):
             Journal(tmp_path)
     with Journal(tmp_path) as journal:
-        assert journal.entries == [{"id": "a"}]
+        assert journal.entries == [RunResponse("a", 0, {})]
 
 
 def test_a_full_disk_is_told_and_loses_nothing(tmp_path: Path) -> None:
     (tmp_path / "runs.jsonl").symlink_to("/dev/full")
-    with Journal(tmp_path) as journal, pytest.raises(JournalError, match=r"no space left.*--resume") as caught:
-        journal.append([{"id": "a"}])
+    with (
+        Journal(tmp_path) as journal,
+        pytest.raises(JournalError, match=r"No space left.*0 finished runs are stored") as caught,
+    ):
+        journal.append([RunResponse("a", 0, {})])
     assert caught.value.exit_code == 3
 
 
 def test_a_sweep_on_a_full_disk_ends_with_exit_code_3_and_goes_on_when_there_is_space(tmp_path: Path) -> None:
     whole = folder_of(sweep(tmp_path, written(tmp_path, runs=2)))
-    expected, journal = table.results_sha256(table.read(whole)), whole / "runs.jsonl"
+    expected, journal = sweep_folder.results_sha256(table.read(whole)), whole / "runs.jsonl"
     kept = journal.read_bytes().splitlines(keepends=True)
     journal.unlink()
     journal.symlink_to("/dev/full")
     printed = sweep(tmp_path, "--resume", whole, code=3)
-    assert "there is no space left" in printed and f"--resume {whole}" in printed and "Traceback" not in printed
+    assert "No space left on device" in printed and f"--resume {whole}" in printed and "Traceback" not in printed
     journal.unlink()
     journal.write_bytes(kept[0])
     sweep(tmp_path, "--resume", whole)
-    assert table.results_sha256(table.read(whole)) == expected
+    assert sweep_folder.results_sha256(table.read(whole)) == expected
 
 
 def test_the_example_of_a_sweep_file_is_one(tmp_path: Path) -> None:

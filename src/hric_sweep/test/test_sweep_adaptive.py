@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import sweep_folder
 import test_sweep as sweeps
 
 from hric_sweep import definition, table
 from hric_sweep.definition import Plan
-from hric_sweep.engines.engine import Response, Task
 from hric_sweep.journal import Journal
+from hric_sweep.records import ReferenceRun, RunResponse, RunTask
 from hric_sweep.supervisor import Supervisor
 
 KP = "parameters.joint_pd_controller.kp"
@@ -39,7 +40,7 @@ class AnyOrder:
         self._random, self._after = random.Random(seed), after
         self._threads = ThreadPoolExecutor(self.workers)
 
-    def submit(self, task: Task) -> "Future[Response]":
+    def submit(self, task: RunTask) -> "Future[RunResponse]":
         if self._after == 0:
             raise KeyboardInterrupt
         self._after = None if self._after is None else self._after - 1
@@ -48,27 +49,21 @@ class AnyOrder:
     def flush(self) -> None:
         pass
 
-    def check(self, reference: Task) -> Response:
+    def check(self, reference: RunTask) -> ReferenceRun:
         raise NotImplementedError
 
     def close(self, *, now: bool) -> None:
         self._threads.shutdown()
 
 
-def answer(task: Task, duration: float) -> Response:
+def answer(task: RunTask, duration: float) -> RunResponse:
     """Of a run that fails at the lower end, always."""
     time.sleep(duration)
-    kp = task["changes"][KP]
+    kp = task.changes[KP]
     failed = kp < 45.0
-    return {
-        "id": task["id"],
-        "index": task["index"],
-        "outputs": {"speed": None if failed else kp / 100.0 - 0.017, "error": 0.0},
-        "failure": "HricError: no" if failed else "",
-        "state_sha256": f"{kp}",
-        **dict.fromkeys(("processor", "wall"), 0.0),
-        "host": "here",
-    }
+    outputs = {"speed": None if failed else kp / 100.0 - 0.017, "error": 0.0}
+    failure = "HricError: no" if failed else ""
+    return RunResponse(task.id, task.index, outputs, failure, f"{kp}", 0.0, 0.0, "here")
 
 
 def results(folder: Path, plan: Plan, *engines: AnyOrder) -> tuple[str, Any]:
@@ -85,7 +80,7 @@ def results(folder: Path, plan: Plan, *engines: AnyOrder) -> tuple[str, Any]:
         engine.close(now=False)
         with (folder / "runs.jsonl").open("a") as file:
             file.write('{"id": "')
-    return table.results_sha256(table.read(folder)), supervisor.estimate
+    return sweep_folder.results_sha256(table.read(folder)), supervisor.estimate
 
 
 @pytest.mark.parametrize("sampler", SAMPLERS)

@@ -3,7 +3,7 @@ of docs/howto/cluster.md."""
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +14,11 @@ from dask_cluster import ENOUGH, Cluster, started
 from distributed import Client
 
 from hric_sweep import definition
-from hric_sweep.carrying import carry_out
 from hric_sweep.engines import dask_engine
 from hric_sweep.engines.dask_engine import CHUNK, DaskEngine
-from hric_sweep.engines.engine import Response, Task
+from hric_sweep.execution import execute
 from hric_sweep.journal import Journal
-from hric_sweep.supervisor import make_task
+from hric_sweep.records import RunResponse, RunTask
 from hric_sweep.task import code_version
 
 pytestmark = [pytest.mark.slow, pytest.mark.alone]
@@ -38,12 +37,12 @@ def cluster(tmp_path: Path) -> Iterator[Cluster]:
     yield from started(tmp_path / "cluster")
 
 
-def tasks(count: int, **more: Any) -> list[Task]:
+def tasks(count: int, **more: Any) -> list[RunTask]:
     """Of `peak_force`."""
     plan = definition.load("peak_force", quick=False)
     drawn = np.random.default_rng(0).uniform(size=(count, len(plan.section.vary)))
     values = plan.space.values(drawn)
-    return [{**make_task(plan, index, one, code_version()), **more} for index, one in enumerate(values)]
+    return [replace(plan.task(index, row, code_version()), **more) for index, row in enumerate(values)]
 
 
 @dataclass(frozen=True)
@@ -59,7 +58,7 @@ class Timed:
     wall: float
     own: float
     scheduler: float
-    responses: list[Response]
+    responses: list[RunResponse]
 
     def __str__(self) -> str:
         runs = len(self.responses)
@@ -69,7 +68,7 @@ class Timed:
         )
 
 
-def timed(cluster: Cluster, workers: int, given: list[Task], folder: Path) -> Timed:
+def timed(cluster: Cluster, workers: int, given: list[RunTask], folder: Path) -> Timed:
     """Without the handshake, and with a journal."""
     scheduler = psutil.Process(cluster.scheduler.pid)
     with Client(cluster.address, timeout=ENOUGH) as client:
@@ -80,14 +79,14 @@ def timed(cluster: Cluster, workers: int, given: list[Task], folder: Path) -> Ti
         engine.check(given[0])
         assert engine.workers == workers
         spent, own, begun = sum(scheduler.cpu_times()[:2]), time.process_time(), time.monotonic()
-        responses = carry_out(given, engine, journal)
+        responses = execute(given, engine, journal)
         wall, own, spent = (
             time.monotonic() - begun,
             time.process_time() - own,
             sum(scheduler.cpu_times()[:2]) - spent,
         )
     engine.close(now=False)
-    assert [one["index"] for one in responses] == list(range(len(given)))
+    assert [one.index for one in responses] == list(range(len(given)))
     return Timed(wall, own, spent, responses)
 
 
@@ -95,7 +94,7 @@ def test_workers_are_busy_with_runs_nearly_all_the_time(tmp_path: Path, cluster:
     for workers in (1, 2):
         cluster.start_worker()
         found = timed(cluster, workers, tasks(RUNS * workers), tmp_path / f"{workers}")
-        busy = sum(one["wall"] for one in found.responses) / (workers * found.wall)
+        busy = sum(one.wall or 0.0 for one in found.responses) / (workers * found.wall)
         print(f"\n{workers} real workers: {found}; {100.0 * busy:.0f} % of their time in runs")
         assert busy > 0.8
 
@@ -107,10 +106,10 @@ def test_two_hundred_workers_are_busy_where_tasks_travel_by_twenty(
         cluster.start_sleeping(WORKERS // PROCESSES)
     for chunk in (1, 5, CHUNK):
         monkeypatch.setattr(dask_engine, "CHUNK", chunk)
-        most = timed(cluster, WORKERS, tasks(500 * chunk, sleep=0.0), tmp_path / f"most_{chunk}")
+        most = timed(cluster, WORKERS, tasks(500 * chunk, timeout=0.0), tmp_path / f"most_{chunk}")
         print(f"\nchunks of {chunk}: at most {most}")
         for each in SLEEPS:
-            found = timed(cluster, WORKERS, tasks(SLEEPING, sleep=each), tmp_path / f"{each}_{chunk}")
+            found = timed(cluster, WORKERS, tasks(SLEEPING, timeout=each), tmp_path / f"{each}_{chunk}")
             busy = SLEEPING * each / (WORKERS * found.wall)
             print(f"runs of {each:g} s: {found}; {WORKERS} workers sleep in {100.0 * busy:.0f} % of the time")
     assert busy > 0.8  # the longest runs, in the largest chunks

@@ -11,6 +11,7 @@ import yaml
 
 from hric_run.definition import experiment
 from hric_sweep import definition, table, task
+from hric_sweep.records import RunTask
 
 RUNS, HANDOVERS = 1000, 200
 ENOUGH = 7200.0
@@ -67,8 +68,8 @@ def test_handovers_with_a_muscle_driven_person_go_on_at_a_rate_that_is_printed(t
 def test_a_kept_process_runs_an_experiment_again_with_the_same_bits_on_each_engine(name: str) -> None:
     content, costs = experiment.read(name), list[str]()
     for engine in ("mujoco", "pybullet", "opensim"):
-        given = {"experiment": {"name": name, "content": content}, "changes": {"simulator": engine}, "seed": 0}
-        first, again = (task.run({"id": name, "index": 0, "outputs": {}, **given}) for _ in range(2))
-        assert first["failure"] == again["failure"] == "" and first["state_sha256"] == again["state_sha256"]
-        costs.append(f"{engine} {again['processor']:.2f} s")
+        given = RunTask(0, name, content, {"simulator": engine}, 0, {}, 60.0, "code")
+        first, again = (task.run(given) for _ in range(2))
+        assert first.failure == again.failure == "" and first.state_sha256 == again.state_sha256
+        costs.append(f"{engine} {again.processor:.2f} s")
     print(f"\n{name}, {content['duration']:g} s of robot time: {', '.join(costs)} of processor a run")

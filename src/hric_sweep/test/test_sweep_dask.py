@@ -15,6 +15,7 @@ from typing import Any
 import bad_controller
 import distributed
 import pytest
+import sweep_folder
 import test_sweep as sweeps
 import test_sweep_survives as survives
 from dask_cluster import ENOUGH, ROOT, Cluster, below, started, until
@@ -36,7 +37,7 @@ def cluster(tmp_path: Path) -> Iterator[Cluster]:
 
 
 def sha256(folder: Path) -> str:
-    return table.results_sha256(table.read(folder))
+    return sweep_folder.results_sha256(table.read(folder))
 
 
 def test_the_table_of_a_cluster_is_that_of_one_machine_also_after_kill_9_of_a_worker(
@@ -112,7 +113,11 @@ def test_the_table_is_the_same_after_kill_9_at_random_moments(
             cluster.scheduler.kill()
             printed, _ = process.communicate(timeout=ENOUGH)
             assert process.returncode == 3, printed
-            assert "is lost" in printed and f"sweep --resume {folder}" in printed and "Traceback" not in printed
+            assert (
+                f"scheduler at {cluster.address} lost" in printed
+                and f"sweep --resume {folder}" in printed
+                and "Traceback" not in printed
+            )
             assert table.read(folder).num_rows == survives.ended(folder) < RUNS
             cluster.close()
             cluster.start_scheduler()
@@ -133,7 +138,7 @@ def test_a_client_that_gave_the_scheduler_up_says_that_it_is_lost_whatever_it_fa
         cluster.scheduler.kill()
         until(lambda: engine._client.status == "closed")
         (carried,) = engine._fetched([chunk])
-        with pytest.raises(Lost, match=r"the Dask scheduler at tcp://.* is lost"):
+        with pytest.raises(Lost, match=r"connection to the Dask scheduler at tcp://.* lost"):
             engine._outcomes(chunk, carried, 1)
         with pytest.raises(HricError, match=r"at tcp://.* was lost during the handshake; valid: start it again"):
             engine.check({})
@@ -231,7 +236,7 @@ def test_a_cluster_with_certificates_carries_a_sweep_out_for_those_alone_who_hav
         ("10.0.0.1:8786", r"no address; valid: local, tcp://HOST:PORT"),
         ("tcp://10.0.0.1", r"no address; valid: tcp://HOST:PORT"),
         ("tcp://127.0.0.1:{closed}", r"no Dask scheduler responds at .*refused; valid: start one"),
-        ("tcp://127.0.0.1:{silent}", r"no Dask scheduler responds at .*(says nothing|imed out).*; valid: start one"),
+        ("tcp://127.0.0.1:{silent}", r"no Dask scheduler responds at .*(does not answer|imed out).*; valid: start one"),
         ("tls://127.0.0.1:{silent}", r"no Dask scheduler responds at .*TLS"),
     ],
 )
@@ -262,7 +267,7 @@ def test_an_unreachable_cluster_begins_no_folder(tmp_path: Path) -> None:
 
 def test_jobs_say_nothing_about_a_cluster_elsewhere(tmp_path: Path) -> None:
     told = sweeps.sweep(tmp_path, sweeps.written(tmp_path), "--dask", "tcp://127.0.0.1:9", "--jobs", "2", code=2)
-    assert "--jobs says nothing about the cluster tcp://127.0.0.1:9" in told
+    assert "--jobs has no effect on the cluster tcp://127.0.0.1:9" in told
 
 
 def test_without_dask_the_error_names_the_command_that_installs_it() -> None:

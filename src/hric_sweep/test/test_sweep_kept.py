@@ -23,14 +23,14 @@ def test_the_worst_runs_are_kept_with_the_signals_that_gave_their_numbers_also_a
     engine = Here()
     rows = carried_out(tmp_path, plan, engine)
     assert engine.begun == 1 and first.stat().st_mtime_ns == untouched
-    worst = sorted(rows, key=lambda row: -row["outputs"]["speed"])[:WORST]
-    assert {path.name for path in (tmp_path / "columns").iterdir()} == {f"{row['id']}.npz" for row in worst}
+    worst = sorted(rows, key=lambda row: -row.outputs["speed"])[:WORST]
+    assert {path.name for path in (tmp_path / "columns").iterdir()} == {f"{row.id}.npz" for row in worst}
     for row in worst:
-        kept = np.load(tmp_path / "columns" / f"{row['id']}.npz")
+        kept = np.load(tmp_path / "columns" / f"{row.id}.npz")
         cycles, joints = kept["position"].shape
         assert (cycles, joints) == (300, 7) and kept["joint_names"].tolist()[0] == "panda_joint1"
         assert kept["time"] == pytest.approx(kept["time"][0] + 1e-3 * np.arange(cycles))
-        assert np.abs(kept["velocity"]).max() == pytest.approx(row["outputs"]["speed"], rel=1e-6)
+        assert np.abs(kept["velocity"]).max() == pytest.approx(row.outputs["speed"], rel=1e-6)
         moved = np.diff(kept["position"], axis=0) / 1e-3
         assert np.allclose(moved, kept["velocity"][1:], atol=2e-2) and np.isfinite(kept["command"]).all()
 
@@ -41,8 +41,8 @@ def test_a_run_that_failed_is_kept_up_to_where_it_failed_unless_it_is_not_wanted
     path = bad_controller.sweep(tmp_path, monkeypatch, ["raises late", "not"])
     plan = definition.load(str(path))
     rows = carried_out(tmp_path, plan, Here())
-    assert "ValueError" in rows[0]["failure"] and rows[1]["failure"] == ""
-    kept = np.load(tmp_path / "columns" / f"{rows[0]['id']}.npz")
+    assert "ValueError" in rows[0].failure and rows[1].failure == ""
+    kept = np.load(tmp_path / "columns" / f"{rows[0].id}.npz")
     assert kept["time"][-1] > bad_controller.LATE
     (tmp_path / "others").mkdir()
     path.write_text(path.read_text().replace("sweep:\n", "sweep:\n  keep: {failed: false, worst: 0}\n"))

@@ -1,6 +1,7 @@
 """A worker of a sweep keeps what it has loaded, and no more with each run."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,6 @@ import test_sweep_survives as survives
 
 from hric_sweep import definition
 from hric_sweep.engines.pebble_engine import PebbleEngine
-from hric_sweep.supervisor import make_task
 
 EARLY, LATE = 50, 500
 """Runs after which its memory is compared."""
@@ -38,8 +38,8 @@ def test_a_worker_has_hardly_more_memory_after_500_runs_than_after_50(case: str)
     engine, sizes = PebbleEngine(1, MEMORY), dict[int, int]()
     try:
         for index in range(LATE):
-            task = make_task(plan, index, {"kp": 40.0 + 40.0 * index / LATE}, "code")
-            assert engine.submit({**task, "timeout": survives.ENOUGH}).result()["failure"] == ""
+            task = plan.task(index, {"kp": 40.0 + 40.0 * index / LATE}, "code")
+            assert engine.submit(replace(task, timeout=survives.ENOUGH)).result().failure == ""
             if index + 1 in (EARLY, LATE):
                 (worker,) = survives.children(os.getpid())
                 sizes[index + 1] = resident(worker)

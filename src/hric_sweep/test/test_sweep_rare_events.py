@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from hric_core.errors import HricError
 from hric_sweep.samplers.make import SAMPLER, make
 from hric_sweep.samplers.mixture import DEFENSIVE
-from hric_sweep.samplers.sampler import Estimate, Point, Sampler, Told
+from hric_sweep.samplers.sampler import Estimate, Point, Sampler, SamplerResult
 from hric_sweep.samplers.subset import correlation_factor
 from hric_sweep.space import Space
 from hric_sweep.statistics.intervals import clopper_pearson, effective_size, log_interval
@@ -61,12 +61,14 @@ def bounded_contact(probability: float) -> tuple[Space, float]:
 CONTACTS = {"log-normal": log_normal_contact, "bounded": bounded_contact}
 
 
-def simulate(of: Space, limit: float, points: list[Point], first: int = 0) -> list[Told]:
+def simulate(of: Space, limit: float, points: list[Point], first: int = 0) -> list[SamplerResult]:
     """The run of each point: what the two masses do to each other."""
     values = of.values(np.array([point.u for point in points]))
     forces = [row["speed"] * np.sqrt(row["stiffness"] * REDUCED) for row in values]
     return [
-        Told(index=first + i, exceeded=bool(force > limit), objective=float(force), margin=float(force - limit))
+        SamplerResult(
+            index=first + i, exceeded=bool(force > limit), objective=float(force), margin=float(force - limit)
+        )
         for i, force in enumerate(forces)
     ]
 
@@ -180,7 +182,7 @@ def test_runs_that_failed_widen_the_interval_upwards() -> None:
             results = simulate(of, limit, points, done)
             done += len(points)
             if failing and done > 480:
-                results[:5] = [Told(index=told.index, exceeded=None) for told in results[:5]]
+                results[:5] = [SamplerResult(index=told.index, exceeded=None) for told in results[:5]]
             one.tell(results)
         made = one.estimate()
         assert made is not None
@@ -196,7 +198,7 @@ def test_two_regions_of_failure_are_both_found() -> None:
         one, done = sampler(of, "cross_entropy", 2000, seed), 0
         while points := list(one.ask()):
             speeds = [abs(row["speed"]) for row in of.values(np.array([point.u for point in points]))]
-            one.tell([Told(done + i, bool(v > limit), None, float(v - limit)) for i, v in enumerate(speeds)])
+            one.tell([SamplerResult(done + i, bool(v > limit), None, float(v - limit)) for i, v in enumerate(speeds)])
             done += len(points)
         made = one.estimate()
         assert made is not None
@@ -211,7 +213,7 @@ def around(dimensions: int, kind: str, runs: int, seed: int) -> Estimate:
     limit, one, done = float(stats.chi.isf(1e-3, dimensions)), sampler(of, kind, runs, seed), 0
     while points := list(one.ask()):
         distances = [np.hypot.reduce(list(row.values())) for row in of.values(np.array([point.u for point in points]))]
-        one.tell([Told(done + i, bool(v > limit), None, float(v - limit)) for i, v in enumerate(distances)])
+        one.tell([SamplerResult(done + i, bool(v > limit), None, float(v - limit)) for i, v in enumerate(distances)])
         done += len(points)
     made = one.estimate()
     assert made is not None
@@ -249,7 +251,7 @@ def test_results_without_a_margin_are_refused() -> None:
     of, _ = log_normal_contact(1e-3)
     one = sampler(of, "subset", 600, 0)
     with pytest.raises(HricError, match="margin"):
-        one.tell([Told(index=i, exceeded=False) for i in range(len(one.ask()))])
+        one.tell([SamplerResult(index=i, exceeded=False) for i in range(len(one.ask()))])
 
 
 @pytest.mark.parametrize("kind, words", [("cross_entropy", "80 or more"), ("subset", "460 or more")])

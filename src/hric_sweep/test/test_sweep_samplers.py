@@ -1,6 +1,5 @@
 """Samplers with given points: where they are, what they refuse, and that the same seed gives the same points."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -9,9 +8,9 @@ from scipy import stats
 
 from hric_core.errors import HricError
 from hric_sweep.samplers.make import SAMPLER, make
-from hric_sweep.samplers.sampler import Sampler, Told
+from hric_sweep.samplers.sampler import Sampler, SamplerResult
 from hric_sweep.space import Space
-from hric_sweep.statistics.intervals import clopper_pearson, clopper_pearson_upper, effective_size, log_interval
+from hric_sweep.statistics.intervals import clopper_pearson, effective_size, log_interval
 from hric_sweep.variables import Variable
 
 
@@ -107,7 +106,7 @@ def test_saltellis_design_is_refused_with_correlated_variables() -> None:
 
 def test_random_runs_have_the_exact_interval_of_their_count() -> None:
     one = sampler(space(0), "random", 40)
-    one.tell([Told(index=i, exceeded=point.u[0] > 0.9) for i, point in enumerate(one.ask())])
+    one.tell([SamplerResult(index=i, exceeded=point.u[0] > 0.9) for i, point in enumerate(one.ask())])
     made = one.estimate()
     assert made is not None and made.exceeded > 0 and made.check is None
     same = stats.binomtest(made.exceeded, 40).proportion_ci(0.95, "exact")
@@ -118,7 +117,7 @@ def test_random_runs_have_the_exact_interval_of_their_count() -> None:
 def test_a_failed_run_may_have_exceeded_or_not() -> None:
     one = sampler(space(0), "random", 20)
     one.ask()
-    one.tell([Told(index=i, exceeded=None if i < 2 else i < 5) for i in range(20)])
+    one.tell([SamplerResult(index=i, exceeded=None if i < 2 else i < 5) for i in range(20)])
     made = one.estimate()
     assert made is not None and (made.exceeded, made.failed, made.runs) == (3, 2, 20)
     assert made.low == pytest.approx(clopper_pearson(3, 20).low)
@@ -128,7 +127,7 @@ def test_a_failed_run_may_have_exceeded_or_not() -> None:
 @pytest.mark.parametrize("kind", ["grid", "list"])
 def test_points_that_are_not_drawn_from_the_distributions_have_no_probability(kind: str) -> None:
     one = sampler(space(2), kind)
-    one.tell([Told(index=i, exceeded=True) for i in range(len(one.ask()))])
+    one.tell([SamplerResult(index=i, exceeded=True) for i in range(len(one.ask()))])
     assert one.estimate() is None
 
 
@@ -136,9 +135,9 @@ def test_results_in_another_order_or_of_half_a_batch_are_refused() -> None:
     one = sampler(space(0), "random", 3)
     one.ask()
     with pytest.raises(HricError, match="in order of index"):
-        one.tell([Told(index=i, exceeded=True) for i in (0, 2, 1)])
+        one.tell([SamplerResult(index=i, exceeded=True) for i in (0, 2, 1)])
     with pytest.raises(HricError, match="those of 0 to 2"):
-        one.tell([Told(index=0, exceeded=True)])
+        one.tell([SamplerResult(index=0, exceeded=True)])
 
 
 @pytest.mark.parametrize("exceeded, runs", [(0, 1), (0, 600), (3, 20), (20, 20), (599, 600), (40, 200_000)])
@@ -152,11 +151,11 @@ def test_ends_of_intervals_of_counts_are_quantiles_of_beta_distributions(exceede
     for level in (0.9, 0.95):
         both = clopper_pearson(exceeded, runs, level)
         assert both == pytest.approx((low(0.5 - 0.5 * level), high(0.5 - 0.5 * level)), rel=1e-9, abs=1e-12)
-        assert clopper_pearson_upper(exceeded, runs, level) == pytest.approx(high(1.0 - level), rel=1e-9)
+        assert clopper_pearson(exceeded, runs, level, "less").high == pytest.approx(high(1.0 - level), rel=1e-9)
 
 
 def test_with_none_exceeded_the_upper_limit_is_about_three_by_the_runs() -> None:
-    assert clopper_pearson_upper(0, 1000) == pytest.approx(3.0 / 1000, rel=5e-3)
+    assert clopper_pearson(0, 1000, side="less").high == pytest.approx(3.0 / 1000, rel=5e-3)
 
 
 @pytest.mark.parametrize(
@@ -172,13 +171,6 @@ def test_counts_and_levels_that_cannot_be_have_no_interval(exceeded: int, runs: 
 def test_no_interval_of_a_probability_ends_above_1() -> None:
     found = log_interval(np.ones(4), 4)
     assert found.low < 1.0 and found.high == 1.0
-
-
-@pytest.mark.parametrize("interval", [clopper_pearson, clopper_pearson_upper])
-def test_an_interval_of_counts_is_refused_for_weighted_runs(interval: Callable[..., Any]) -> None:
-    assert interval(1, 3, weights=np.ones(3)) == interval(1, 3)
-    with pytest.raises(HricError, match="unweighted"):
-        interval(1, 3, weights=np.array([1.0, 0.2, 1.0]))
 
 
 def test_the_effective_size_is_the_count_of_equal_weights_and_less_of_unequal_ones() -> None:

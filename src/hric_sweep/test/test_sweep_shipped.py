@@ -5,11 +5,16 @@ import pytest
 
 from hric_sweep import definition, task
 from hric_sweep.space import EDGE
-from hric_sweep.supervisor import make_task
 
 
 def test_the_sweeps_of_the_manual_ship() -> None:
-    assert definition.names() == ["exceedance_probability", "handover_population", "peak_force", "tracking_faults"]
+    assert definition.names() == [
+        "approaches",
+        "exceedance_probability",
+        "handover_population",
+        "peak_force",
+        "tracking_faults",
+    ]
 
 
 @pytest.mark.parametrize("name", definition.names())
@@ -17,9 +22,9 @@ def test_a_quick_run_of_each_gives_all_its_outputs(name: str) -> None:
     plan = definition.load(name, quick=True)
     points = plan.sampler().ask()
     assert len(points) == plan.section.quick.runs
-    response = task.run(make_task(plan, 0, plan.space.values(np.array([points[0].u]))[0], "code"))
-    assert response["failure"] == "" and len(response["state_sha256"]) == 64
-    assert all(value is not None for value in response["outputs"].values()), response["outputs"]
+    response = task.run(plan.task(0, plan.space.values(np.array([points[0].u]))[0], "code"))
+    assert response.failure == "" and len(response.state_sha256) == 64
+    assert all(value is not None for value in response.outputs.values()), response.outputs
 
 
 @pytest.mark.parametrize("end", [EDGE, 1.0 - EDGE])
@@ -27,5 +32,5 @@ def test_a_quick_run_of_each_gives_all_its_outputs(name: str) -> None:
 def test_the_ends_of_all_distributions_can_be_simulated(name: str, end: float) -> None:
     plan = definition.load(name)
     values = plan.space.values(np.full((1, len(plan.space.names)), end))[0]
-    begun = task.reference(make_task(plan, 0, values, "code"))
-    assert len(begun["state_sha256"]) == 64
+    begun = task.reference(plan.task(0, values, "code"))
+    assert len(begun.state_sha256) == 64

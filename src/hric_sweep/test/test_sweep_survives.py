@@ -12,11 +12,12 @@ from pathlib import Path
 
 import bad_controller
 import pytest
+import sweep_folder
 import test_sweep as sweeps
 import test_sweep_adaptive as adaptive
 from in_process import Here, carried_out
 
-from hric_sweep import carrying, definition, table
+from hric_sweep import definition, execution, table
 from hric_sweep.engines.pebble_engine import PebbleEngine
 
 ENOUGH = 580.0
@@ -94,7 +95,7 @@ def test_the_table_is_the_same_after_kill_9_of_a_worker_and_of_the_sweep_at_rand
 ) -> None:
     path = sweeps.written(tmp_path, **SAMPLERS[sampler])
     whole = sweeps.folder_of(sweeps.sweep(tmp_path, path, "--jobs", "1"))
-    runs, expected = ended(whole), table.results_sha256(table.read(whole))
+    runs, expected = ended(whole), sweep_folder.results_sha256(table.read(whole))
     drawn = random.Random(sampler)
     for number in range(3):
         own = tmp_path / f"killed_{number}"
@@ -116,7 +117,7 @@ def test_the_table_is_the_same_after_kill_9_of_a_worker_and_of_the_sweep_at_rand
         folder = folder_in(own / "runs")
         assert ended(folder) < runs
         sweeps.sweep(own, "--resume", folder, "--jobs", str(1 + number % 2))
-        assert table.results_sha256(table.read(folder)) == expected
+        assert sweep_folder.results_sha256(table.read(folder)) == expected
 
 
 def test_ctrl_c_keeps_what_ended_and_says_how_to_go_on(tmp_path: Path) -> None:
@@ -139,7 +140,7 @@ def test_runs_that_end_their_worker_or_take_all_memory_cost_themselves_alone(
     frame = table.load_sweep(sweeps.folder_of(printed)).set_index("index")
     assert frame["how"].tolist() == ways
     assert (frame["failure"][[0, 3]] == "").all() and frame["speed"][[0, 3]].notna().all()
-    assert frame["failure"][1] == "poison: ended its worker (exit code 7) in each of 3 tries"
+    assert frame["failure"][1] == "failed in each of 3 attempts: ended its worker (exit code 7)"
     assert frame["failure"][2]
     assert "4 runs, 2 failed" in printed and "Traceback" not in printed
 
@@ -167,7 +168,7 @@ def test_a_run_that_hangs_is_killed_tried_again_and_marked_and_its_neighbours_ar
     path = bad_controller.sweep(tmp_path, monkeypatch, ways, timeout=PATIENCE)
     frame = table.load_sweep(sweeps.folder_of(sweeps.sweep(tmp_path, path, "--jobs", "2", code=3))).set_index("index")
     assert frame["failure"][1] == (
-        f"poison: took more than {PATIENCE:g} s of processor time, or did nothing so long in each of 3 tries"
+        f"failed in each of 3 attempts: took more than {PATIENCE:g} s of processor time, or did nothing so long"
     )
     others = frame.drop(1)
     assert (others["failure"] == "").all() and (others["attempt"] == 1).all() and others["speed"].notna().all()
@@ -176,7 +177,7 @@ def test_a_run_that_hangs_is_killed_tried_again_and_marked_and_its_neighbours_ar
 def test_a_worker_that_is_killed_costs_no_run_and_a_run_that_hangs_costs_itself_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(carrying, "TRIES", 2)  # a worker begins anew for each
+    monkeypatch.setattr(execution, "TRIES", 2)  # a worker begins anew for each
     ways = ["not"] * HEALTHY
     healthy = definition.load(str(bad_controller.sweep(tmp_path / "healthy", monkeypatch, ways)))
     expected = carried_out(tmp_path / "healthy", healthy, Here())
@@ -195,7 +196,9 @@ def test_a_worker_that_is_killed_costs_no_run_and_a_run_that_hangs_costs_itself_
     finally:
         engine.close(now=True)
     told = "took more than 4 s of processor time, or did nothing so long"
-    assert hung["failure"] == f"poison: {told} in each of 2 tries"
-    assert [row["attempt"] for row in rows].count(2) == 1 and {row["failure"] for row in rows} == {""}
+    assert hung.failure == f"failed in each of 2 attempts: {told}"
+    assert [row.attempt for row in rows].count(2) == 1 and {row.failure for row in rows} == {""}
     same = ("id", "seed", "outputs", "state_sha256")
-    assert [[row[name] for name in same] for row in rows] == [[row[name] for name in same] for row in expected]
+    assert [[getattr(row, name) for name in same] for row in rows] == [
+        [getattr(row, name) for name in same] for row in expected
+    ]

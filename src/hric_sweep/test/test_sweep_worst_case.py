@@ -9,7 +9,7 @@ from scipy.special import erfinv
 
 from hric_core.errors import HricError
 from hric_sweep.samplers.make import SAMPLER, make
-from hric_sweep.samplers.sampler import Point, Sampler, Told
+from hric_sweep.samplers.sampler import Point, Sampler, SamplerResult
 from hric_sweep.space import Space
 from hric_sweep.variables import Variable
 
@@ -53,7 +53,9 @@ def worst(kind: str, seed: int) -> float:
     best, done = 0.0, 0
     while points := list(sampler.ask()):
         found = forces(of, points)
-        sampler.tell([Told(index=done + i, exceeded=None, objective=float(one)) for i, one in enumerate(found)])
+        sampler.tell(
+            [SamplerResult(index=done + i, exceeded=None, objective=float(one)) for i, one in enumerate(found)]
+        )
         best, done = max(best, float(found.max())), done + len(points)
     assert done == 100
     return best
@@ -71,7 +73,9 @@ def test_the_same_results_give_the_same_points_to_the_last_bit() -> None:
     while points := list(one.ask()):
         assert points == list(other.ask())
         found = forces(of, points)
-        results = [Told(done + i, None, None if (done + i) % 7 == 0 else float(f)) for i, f in enumerate(found)]
+        results = [
+            SamplerResult(done + i, None, None if (done + i) % 7 == 0 else float(f)) for i, f in enumerate(found)
+        ]
         for each in (one, other):
             each.tell(results)
         done += len(points)
@@ -81,7 +85,7 @@ def test_the_same_results_give_the_same_points_to_the_last_bit() -> None:
 def test_results_without_an_objective_of_runs_that_did_not_fail_are_refused() -> None:
     one = tpe(0)
     with pytest.raises(HricError, match=r"sweep\.objective"):
-        one.tell([Told(index=i, exceeded=False) for i in range(len(one.ask()))])
+        one.tell([SamplerResult(index=i, exceeded=False) for i in range(len(one.ask()))])
 
 
 def test_without_optuna_the_error_names_the_command_that_installs_it() -> None:

@@ -1,15 +1,14 @@
 """Command `rosrun hric_experiments sweep`: run or resume a sweep, write its page, repeat one of its runs."""
 
 import argparse
+import importlib
 import math
-import signal
 import statistics
 import sys
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
-from typing import Any
 
 from tqdm import tqdm
 
@@ -17,30 +16,34 @@ from hric_bags import files
 from hric_bags.run_folder import RunFolder, iso_now, runs_root
 from hric_core.errors import HricError
 from hric_core.parameters import read_yaml
-from hric_core.processes import INTERRUPTED_CODE
 from hric_run import provenance
 from hric_sweep import definition, table, task
 from hric_sweep.definition import Plan
-from hric_sweep.engines.engine import Engine, Response, going_on_with, same
-from hric_sweep.engines.make import add_options, engine_of
+from hric_sweep.engines.engine import Engine, same
+from hric_sweep.engines.make import add_options, engine_session, resume_command
 from hric_sweep.journal import UNFINISHED_CODE, Journal
-from hric_sweep.supervisor import Supervisor, make_task
+from hric_sweep.records import PlainData, ReferenceRun
+from hric_sweep.supervisor import Supervisor
 
 FILE = "sweep.yaml"
+OTHERS = {"study.yaml": "hric_sweep.study.running", "benchmark.yaml": "hric_sweep.benchmark.command"}
+"""Files of other folders with runs, and the module whose `main` resumes them."""
 
 
 def main(arguments: Sequence[str]) -> int:
     """Run the command and return its exit code."""
-    if arguments and arguments[0] in _OTHERS:
-        return _OTHERS[arguments[0]](arguments[1:])
-    given = _parser().parse_args(list(arguments))
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    if (given.sweep is None) == (given.resume is None):
+    if arguments and arguments[0] in _SUBCOMMANDS:
+        return _SUBCOMMANDS[arguments[0]](arguments[1:])
+    options = _parser().parse_args(list(arguments))
+    if (options.sweep is None) == (options.resume is None):
         raise HricError(f"one sweep is needed; valid: {', '.join(definition.names())}, a YAML file, or --resume DIR")
-    if given.resume is not None:
-        folder = table.find(given.resume)
-        return _run(folder, *_opened(folder), given)
-    return _run(None, definition.load(given.sweep, quick=given.quick), None, given)
+    if options.resume is None:
+        return _run(None, definition.load(options.sweep, quick=options.quick), None, options)
+    for name, module in OTHERS.items():
+        if (Path(options.resume).expanduser() / name).is_file():
+            return int(importlib.import_module(module).main(arguments))
+    folder = table.find(options.resume)
+    return _run(folder, *_opened(folder), options)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -48,19 +51,16 @@ def _parser() -> argparse.ArgumentParser:
         "rosrun hric_experiments sweep",
         description="Run an experiment many times with variables and seeds, on all processors, into one table. "
         "Also: sweep rerun DIR ID, one of its runs again with bag and page; sweep page DIR, its page from its table.",
-        epilog="exit codes: 0 all runs ended; 2 a mistake, and nothing was begun; 3 runs failed, or it could not go on "
-        "(what ended is kept); 130 Ctrl-C (go on with --resume DIR)",
+        epilog="exit codes: 0 all runs finished; 2 user error, nothing was started; 3 runs failed, or the sweep could "
+        "not continue (finished runs are stored); 130 Ctrl-C (resume with --resume DIR)",
     )
     parser.add_argument("sweep", nargs="?", help=f"one of: {', '.join(definition.names())}; or the path of a YAML file")
-    add_options(parser)
     parser.add_argument("--quick", action="store_true", help="the sweep's form with few runs")
-    parser.add_argument("--resume", metavar="DIR", help="go on with a sweep that was ended before its end, by whatever")
-    parser.add_argument("--runs", metavar="DIR", help="folder of all runs (default: $HRIC_RUNS, else runs/)")
-    parser.add_argument("--quiet", action="store_true", help="no progress bar")
+    add_options(parser, "sweep")
     return parser
 
 
-def _opened(folder: Path) -> tuple[Plan, Response]:
+def _opened(folder: Path) -> tuple[Plan, ReferenceRun]:
     """Return the plan and the reference run of an existing sweep.
 
     Raises:
@@ -68,35 +68,28 @@ def _opened(folder: Path) -> tuple[Plan, Response]:
     """
     content = read_yaml(folder / FILE)
     plan = definition.plan(content["name"], content["definition"], base=content["experiment"])
-    return plan, {"code": content["code"], **content["reference"]}
+    return plan, ReferenceRun(content["code"], **content["reference"])
 
 
-def _run(folder: Path | None, plan: Plan, before: Response | None, given: argparse.Namespace) -> int:
+def _run(folder: Path | None, plan: Plan, before: ReferenceRun | None, options: argparse.Namespace) -> int:
     """Run a new sweep, or resume one: `folder` and `before` are its folder and its reference run."""
-    engine = engine_of(given, 1e9 * plan.section.memory, plan.sampler().total)
-    now = True
-    try:
-        own = engine.check(make_task(plan, 0, {}, ""))
+    memory, total, started = 1e9 * plan.section.memory, plan.sampler().total, None
+    with engine_session(options, memory, total, lambda: resume_command(started)) as engine:
+        reference = engine.check(plan.task(0, {}, ""))
         if before is not None:
-            same([("what would run it now", own)], before)
+            same([("this machine and code", reference)], before)
         if folder is None:
-            _probed(plan, engine, own["code"])
-            folder = _begin(plan, own, given)
+            _probe(plan, engine, reference.code)
+            folder = _begin(plan, reference, options)
+        started = folder
         print(f"sweep: {folder}", flush=True)
-        with Journal(folder) as journal, going_on_with(_command(folder)):
-            supervisor = _supervised(folder, plan, journal, engine, own["code"], given.quiet)
-        now = False
-    except KeyboardInterrupt:
-        going_on = "nothing was begun" if folder is None else f"go on: {_command(folder)}"
-        print(f"\ninterrupted; {going_on}", file=sys.stderr)
-        return INTERRUPTED_CODE
-    finally:
-        engine.close(now=now)
+        with Journal(folder) as journal:
+            supervisor = _supervise(folder, plan, journal, engine, reference.code, options.quiet)
     print(summary(folder))
-    return UNFINISHED_CODE if any(row["failure"] for row in supervisor.rows.values()) else 0
+    return UNFINISHED_CODE if any(row.failure for row in supervisor.rows.values()) else 0
 
 
-def _probed(plan: Plan, engine: Engine, code: str) -> None:
+def _probe(plan: Plan, engine: Engine, code: str) -> None:
     """Probe the variables. Raises HricError: a variable has no effect, or the experiment refuses its values."""
     from hric_sweep import probe
 
@@ -105,39 +98,40 @@ def _probed(plan: Plan, engine: Engine, code: str) -> None:
         print(f"warning: {warning}", file=sys.stderr)
 
 
-def _command(folder: Path) -> str:
-    return f"rosrun hric_experiments sweep --resume {folder}"
-
-
-def _begin(plan: Plan, own: Response, given: argparse.Namespace) -> Path:
+def _begin(plan: Plan, reference: ReferenceRun, options: argparse.Namespace) -> Path:
     """Create the run folder with sweep.yaml and return its path."""
-    folder = RunFolder.create(runs_root(given.runs), plan.name).path
-    files.write_yaml(
-        folder / FILE,
-        {
-            "name": plan.name,
-            "started": iso_now(),
-            "definition": plan.content,
-            "experiment": plan.experiment,
-            "code": own["code"],
-            "revision": provenance.revision(),
-            "reference": {"state_sha256": own["state_sha256"]},
-            "versions": provenance.versions(),
-            "platform": provenance.platform_info(),
-        },
-    )
+    folder = RunFolder.create(runs_root(options.runs), plan.name).path
+    content = {
+        "name": plan.name,
+        "started": iso_now(),
+        "definition": plan.content,
+        "experiment": plan.experiment,
+        "reference": {"state_sha256": reference.state_sha256},
+        **provenance_of(reference.code),
+    }
+    files.write_yaml(folder / FILE, content)
     return folder
 
 
-def _supervised(folder: Path, plan: Plan, journal: Journal, engine: Engine, code: str, quiet: bool) -> Supervisor:
+def provenance_of(code: str) -> PlainData:
+    """Return code version, revision, versions and platform, for the file of a folder with runs."""
+    return {
+        "code": code,
+        "revision": provenance.revision(),
+        "versions": provenance.versions(),
+        "platform": provenance.platform_info(),
+    }
+
+
+def _supervise(folder: Path, plan: Plan, journal: Journal, engine: Engine, code: str, quiet: bool) -> Supervisor:
     from hric_sweep.page import build as page
 
-    def shown(folder: Path) -> None:
+    def show(folder: Path) -> None:
         if supervisor.rows:
             page.write(folder, running=True)
 
     with closing(tqdm(total=plan.sampler().total, unit=" runs", disable=quiet or None)) as bar:
-        supervisor = Supervisor(plan, folder, journal, engine, code, lambda _: bar.update(), shown)
+        supervisor = Supervisor(plan, folder, journal, engine, code, lambda _: bar.update(), show)
         try:
             supervisor.run()
         finally:
@@ -174,37 +168,42 @@ def rerun(arguments: Sequence[str]) -> int:
         "compared with that of the sweep.",
     )
     parser.add_argument("sweep", help="folder of the sweep, or its name in the folder of all runs")
-    parser.add_argument("id", help="of the run, or the first characters of it")
+    parser.add_argument("id", help="id of the run, or its first characters")
     parser.add_argument("--runs", metavar="DIR", help="folder of all runs (default: $HRIC_RUNS, else runs/)")
-    given = parser.parse_args(list(arguments))
-    folder = table.find(given.sweep)
+    options = parser.parse_args(list(arguments))
+    folder = table.find(options.sweep)
     plan, before = _opened(folder)
-    row = _row(table.read(folder).to_pylist(), given.id)
-    values = {name: row[name] for name in plan.section.vary}
-    one = make_task(plan, row["index"], values, before["code"])
-    from hric_report import headless as runner
+    row = _row(table.read(folder).to_pylist(), options.id)
+    repeated = plan.task(row["index"], {name: row[name] for name in plan.section.vary}, before.code)
+    from hric_report import headless
     from hric_report import html as report_html
 
-    result = runner.run(
-        task.definition_of(one), definition.written(one["changes"]), seed=one["seed"], root=runs_root(given.runs)
+    result = headless.run(
+        task.definition_of(repeated),
+        definition.written(repeated.changes),
+        seed=repeated.seed,
+        root=runs_root(options.runs),
     )
     print(f"{result.metrics['report']}\nrun folder: {result.folder.path}\npage: {report_html.write(result.folder)}")
-    if result.metrics["state_sha256"] != row["state_sha256"]:
+    state = result.metrics["state_sha256"]
+    if plan.section.until != definition.ENDS[0]:  # the run folder goes on to the end of the experiment
+        state = task.run(repeated).state_sha256
+    if state != row["state_sha256"]:
         raise HricError(
-            f"state_sha256 is {result.metrics['state_sha256']}, and was {row['state_sha256']} in the sweep: code or "
-            f"machine differ (sweep: code {before['code'][:12]}, here {task.code_version()[:12]})"
+            f"state_sha256 is {state}; in the sweep it was {row['state_sha256']}: code or machine differ (sweep: code "
+            f"{before.code[:12]}, here {task.code_version()[:12]})"
         )
     print(f"state_sha256: {row['state_sha256']}, as in the sweep")
     return 0
 
 
-def _row(rows: Sequence[dict[str, Any]], given: str) -> dict[str, Any]:
-    found = [row for row in rows if row["id"].startswith(given)]
-    ids = {row["id"]: None for row in found or rows}
-    if not found or len(ids) > 1:  # rows of a point that was sampled twice share one id
+def _row(rows: Sequence[PlainData], prefix: str) -> PlainData:
+    matches = [row for row in rows if row["id"].startswith(prefix)]
+    ids = {row["id"]: None for row in matches or rows}
+    if not matches or len(ids) > 1:  # rows of a point that was sampled twice share one id
         some = ", ".join(list(ids)[:5])
-        raise HricError(f"{len(ids) if found else 0} runs have an id that begins with {given!r}; valid: {some}, ...")
-    return found[0]
+        raise HricError(f"{len(ids) if matches else 0} runs have an id that begins with {prefix!r}; valid: {some}, ...")
+    return matches[0]
 
 
 def draw(arguments: Sequence[str]) -> int:
@@ -220,4 +219,4 @@ def draw(arguments: Sequence[str]) -> int:
     return 0
 
 
-_OTHERS = {"rerun": rerun, "page": draw}
+_SUBCOMMANDS = {"rerun": rerun, "page": draw}

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hric_core.errors import HricError, ParameterError, UnknownNameError, message_about
+from hric_core.errors import HricError, ParameterError, message_about
 from hric_core.node import REQUIRED
 from hric_core.parameters import (
     Mistakes,
@@ -31,10 +31,12 @@ from hric_run.definition import experiment, overrides
 from hric_run.definition.experiment import ExperimentError
 from hric_run.definition.overrides import in_yaml, once
 from hric_sweep.outputs import Output
+from hric_sweep.records import PlainData, RunTask
+from hric_sweep.registry import FileSettings, file_of, imported
 from hric_sweep.samplers.make import SAMPLER, make
 from hric_sweep.samplers.sampler import Sampler
 from hric_sweep.space import Space
-from hric_sweep.variables import Variable
+from hric_sweep.variables import Choice, Variable
 
 EXAMPLE = """\
 description: how gain and payload change the step
@@ -53,11 +55,16 @@ MEMORY = 4.0
 less than 1."""
 
 
+ENDS = ("duration", "contact")
+"""Ends of a run: the duration of its experiment, or the end of the first contact with the person."""
+ROW = "row"
+"""Name of the variable whose values are the names of the rows."""
+
+
 @dataclass(frozen=True)
-class Exceedance(Settings):
+class Exceedance(FileSettings):
     """Event whose probability is estimated: an output exceeds a limit."""
 
-    separator = "."
     output: str = text(empty=False, text="name of the output")
     above: float | None = number(None, text="limit that it passes upwards, in its unit")
     below: float | None = number(None, text="limit that it passes downwards, in its unit")
@@ -65,7 +72,7 @@ class Exceedance(Settings):
     def check(self, where: str) -> None:
         """Refuse an exceedance with no limit or with two."""
         if (self.above is None) == (self.below is None):
-            raise refused(f"{where}above, {where}below", (self.above, self.below), "one of both")
+            raise refused(f"{where}above, {where}below", (self.above, self.below), "exactly one of the two")
 
     def margin(self, value: float) -> float:
         """Return the distance of a value beyond the limit, negative on the safe side [unit of the output]."""
@@ -73,17 +80,16 @@ class Exceedance(Settings):
 
 
 @dataclass(frozen=True)
-class Objective(Settings):
+class Objective(FileSettings):
     """Objective of a search for the worst or the best case."""
 
-    separator = "."
     maximise: str = text("", text="name of the output; empty: minimise")
     minimise: str = text("", text="name of the output; empty: maximise")
 
     def check(self, where: str) -> None:
         """Refuse an objective with neither or both of `maximise` and `minimise`."""
         if bool(self.maximise) == bool(self.minimise):
-            raise refused(f"{where}maximise, {where}minimise", (self.maximise, self.minimise), "one of both")
+            raise refused(f"{where}maximise, {where}minimise", (self.maximise, self.minimise), "exactly one of the two")
 
     @property
     def output(self) -> str:
@@ -97,39 +103,51 @@ class Objective(Settings):
 
 
 @dataclass(frozen=True)
-class Keep(Settings):
+class Keep(FileSettings):
     """Selection of the runs whose signals are stored; each of them is repeated at the end of the sweep."""
 
-    separator = "."
     worst: int = whole(10, minimum=0, text="runs with the most of the objective, else of the exceedance")
     failed: bool = flag(True, text="up to as many runs that failed")
 
 
 @dataclass(frozen=True)
-class Quick(Settings):
+class Quick(FileSettings):
     """Changes of the sweep for `--quick`: fewer runs."""
 
-    separator = "."
     runs: int = whole(8, minimum=1, text="in place of `runs`")
     changes: tuple[str, ...] = listing(text(empty=False), default=(), made=once, text="further overrides of all runs")
     sampler: Any = anything({}, default_text="none", text="keys that replace those of `sampler`")
 
 
 @dataclass(frozen=True)
-class SweepSection(Settings):
+class SweepSection(FileSettings):
     """Section `sweep` of a sweep file."""
 
-    separator = "."
-    vary: Mapping[str, Variable] = mapping(section(Variable), text="variables by name: `paths`, `unit`, `distribution`")
+    vary: Mapping[str, Variable] = mapping(
+        section(Variable), default={}, text="variables by name: `paths`, `unit`, `distribution`"
+    )
+    rows: Any = anything(
+        (),
+        default_text="none",
+        text="overrides of each run by its name, for the sampler list; or MODULE:FUNCTION, which returns them by seed",
+    )
     correlation: Any = anything((), default_text="none", text="lists of two variables and their correlation")
     sampler: Settings = SAMPLER
     runs: int | None = whole(
-        None, minimum=1, maximum=10_000_000, text="how many, at most; none: the sampler knows it, as grid and list do"
+        None,
+        minimum=1,
+        maximum=10_000_000,
+        text="maximum number of runs; none: the sampler determines it (grid, list)",
     )
     seeds: str = choice(
         "each", "common", text="each: a seed for every run; common: one for all (common random numbers)"
     )
-    seed: int = whole(0, minimum=0, text="of the sampler, and first of the runs")
+    seed: int = whole(0, minimum=0, text="seed of the sampler; also the seed of the first run")
+    until: str = choice(
+        *ENDS,
+        text="end of a run: the duration of the experiment; or the end of the first contact with the person, at the "
+        "latest 1 s after its start, and without a contact 1 s before the duration",
+    )
     outputs: Mapping[str, Output] = mapping(section(Output), text="numbers of each run, by name")
     exceedance: Exceedance | None = section(Exceedance, None, text="what is counted")
     objective: Objective | None = section(Objective, None, text="what a search goes for")
@@ -137,20 +155,42 @@ class SweepSection(Settings):
         60.0,
         above=0.0,
         unit="s",
-        text="of processor time for one run, and of wall time in which it does nothing; its worker is killed then",
+        text="limit of processor time per run, and of wall time without progress; then the worker is killed",
     )
-    memory: float = number(MEMORY, above=0.0, maximum=1000.0, unit="GB", text="that a worker may take")
+    memory: float = number(MEMORY, above=0.0, maximum=1000.0, unit="GB", text="memory limit of a worker")
     keep: Keep = section(Keep)
     quick: Quick = section(Quick)
 
+    def check(self, where: str) -> None:
+        """Make a variable of the rows: its values are their names. Refuse rows that are not overrides."""
+        if not self.rows:
+            return
+        if isinstance(self.rows, str):
+            draw = imported(self.rows, f"{where}rows")
+            rows = {str(seed): draw(seed) for seed in range(self.seed, self.seed + (self.runs or 1))}
+        elif not isinstance(self.rows, Mapping):
+            raise refused(f"{where}rows", self.rows, "a mapping of names to overrides, or MODULE:FUNCTION")
+        else:
+            rows = {name: _overrides(row, f"{where}rows.{name}") for name, row in self.rows.items()}
+        variable = Variable(paths=(ROW,), text="name of the row", distribution=Choice(values=tuple(rows)))
+        object.__setattr__(self, "rows", rows)
+        object.__setattr__(self, "vary", {**self.vary, ROW: variable})
+
+
+def _overrides(row: Any, where: str) -> PlainData:
+    if isinstance(row, Mapping):
+        return row
+    if not isinstance(row, list | tuple) or not all(isinstance(word, str) for word in row):
+        raise refused(where, row, 'overrides, as ["key:=value"] or {key: value}')
+    return dict(map(overrides.split, row))
+
 
 @dataclass(frozen=True)
-class Sweep(Settings):
+class Sweep(FileSettings):
     """Checked content of a sweep file; `name` is the file name without its ending."""
 
-    separator = "."
     name: str = ""
-    description: str = text("", text="one line for people")
+    description: str = text("", text="one-line description")
     extends: str = text(empty=False, text="the experiment: its name, or the path of its YAML file")
     changes: tuple[str, ...] = listing(text(empty=False), default=(), made=once, text="overrides of all runs")
     sweep: SweepSection = section(SweepSection, REQUIRED)
@@ -165,12 +205,14 @@ class Plan:
         content: content of the sweep file as plain data.
         experiment: content of the experiment file.
         space: space of the variables.
+        runs_folder: folder of all runs, in which each run gets a run folder; empty: only numbers are kept.
     """
 
     sweep: Sweep
-    content: Mapping[str, Any]
-    experiment: Mapping[str, Any]
+    content: PlainData
+    experiment: PlainData
     space: Space
+    runs_folder: str = ""
 
     @property
     def name(self) -> str:
@@ -186,15 +228,16 @@ class Plan:
         """Return a new sampler. Raises HricError: it does not fit the variables or the number of runs."""
         return make(self.section.sampler, self.space, self.section.runs, self.section.seed)
 
-    def changes(self, values: Mapping[str, Any]) -> dict[str, Any]:
+    def changes(self, values: PlainData) -> PlainData:
         """Return the overrides of a run, by key; `values` are those of the variables, empty for the reference run."""
-        found = dict(map(overrides.split, self.sweep.changes))
+        changes = dict(map(overrides.split, self.sweep.changes))
         for name, variable in self.section.vary.items():
             if name in values:
-                found |= dict.fromkeys(variable.paths, values[name])
-        return found
+                row = variable.paths == (ROW,)
+                changes |= self.section.rows[values[ROW]] if row else dict.fromkeys(variable.paths, values[name])
+        return changes
 
-    def middle(self) -> dict[str, Any]:
+    def middle(self) -> PlainData:
         """Return the medians of all variables, by name."""
         return self.space.values(np.full((1, len(self.section.vary)), 0.5))[0]
 
@@ -202,8 +245,23 @@ class Plan:
         """Return the seed of the run with this index."""
         return self.section.seed + (index if self.section.seeds == "each" else 0)
 
+    def task(self, index: int, values: PlainData, code: str) -> RunTask:
+        """Return the task of a run.
 
-def written(changes: Mapping[str, Any]) -> list[str]:
+        Args:
+            index: index of the run.
+            values: values of the variables.
+            code: version of the code.
+        """
+        section, changes, seed = self.section, self.changes(values), self.seed(index)
+        return RunTask(
+            *(index, self.name, self.experiment, changes, seed, section.outputs, section.timeout, code),
+            until=section.until,
+            runs_folder=self.runs_folder,
+        )
+
+
+def written(changes: PlainData) -> list[str]:
     """Return overrides as command-line arguments, `key:=value`."""
     return [f"{key}:={in_yaml(value)}" for key, value in changes.items()]
 
@@ -227,26 +285,18 @@ def load(name: str, *, quick: bool = False) -> Plan:
     content = read_yaml(path)
     if not isinstance(content, Mapping):
         raise ExperimentError(f"{path.name} must be a mapping with description, extends, changes and sweep")
-    given = dict(content)
-    extends = given.get("extends")
+    extends = content.get("extends")
     if isinstance(extends, str) and extends.endswith((".yaml", ".yml")):
-        given["extends"] = str(path.parent / Path(extends).expanduser())
-    return plan(path.stem, given, quick=quick)
+        content = {**content, "extends": str(path.parent / Path(extends).expanduser())}
+    return plan(path.stem, content, quick=quick)
 
 
 def find(name: str) -> Path:
     """Return the path of a sweep file. Raises HricError: there is no such file."""
-    if name.endswith((".yaml", ".yml")):
-        path = Path(name).expanduser().absolute()
-        if not path.is_file():
-            raise ExperimentError(f"no sweep file {name}; sweeps by name: {', '.join(names())}")
-        return path
-    if name not in names():
-        raise UnknownNameError("sweep", name, names(), "sweeps")
-    return experiment.config_path("sweeps") / f"{name}.yaml"
+    return file_of(name, "sweep", experiment.config_path("sweeps"))
 
 
-def plan(name: str, content: Mapping[str, Any], *, quick: bool = False, base: Mapping[str, Any] | None = None) -> Plan:
+def plan(name: str, content: PlainData, *, quick: bool = False, base: PlainData | None = None) -> Plan:
     """Check the content of a sweep file, its experiment, and one run with all variables at their medians.
 
     Args:
@@ -259,7 +309,7 @@ def plan(name: str, content: Mapping[str, Any], *, quick: bool = False, base: Ma
         ExperimentError: mistakes, all of them at once.
     """
     mistakes = Mistakes()
-    found: Plan | None = None
+    made: Plan | None = None
     try:
         with _noted(mistakes):
             sweep = replace(Sweep.of(content, ""), name=name)
@@ -268,19 +318,19 @@ def plan(name: str, content: Mapping[str, Any], *, quick: bool = False, base: Ma
                 sweep = replace(Sweep.of(content, ""), name=name)
             base = experiment.read(sweep.extends) if base is None else base
             space = Space(sweep.sweep.vary, sweep.sweep.correlation)
-            found = Plan(sweep, _plain({**content}), _plain(base), space)
+            made = Plan(sweep, _plain({**content}), _plain(base), space)
         _check_names(content, mistakes)
         fits = _check_paths(content, base, mistakes)
-        if found is not None:
+        if made is not None:
             with _noted(mistakes, "sweep.sampler: "):
-                found.sampler()
+                made.sampler()
             if fits:
-                _check_run(found, mistakes)
+                _check_run(made, mistakes)
         mistakes.raise_all()
     except HricError as error:
         raise ExperimentError(message_about(f"sweep {name}", error)) from error
-    assert found is not None, "else there were mistakes"
-    return found
+    assert made is not None, "else there were mistakes"
+    return made
 
 
 @contextmanager
@@ -295,31 +345,31 @@ def _noted(mistakes: Mistakes, where: str = "") -> Iterator[None]:
             raise ParameterError(f"{where}{error}") from error
 
 
-def _part(content: Any, key: str) -> Mapping[str, Any]:
+def _part(content: Any, key: str) -> PlainData:
     """Return the mapping under a key of unchecked content; empty if there is no mapping."""
     part = content.get(key) if isinstance(content, Mapping) else None
     return part if isinstance(part, Mapping) else {}
 
 
-def _check_names(content: Mapping[str, Any], mistakes: Mistakes) -> None:
+def _check_names(content: PlainData, mistakes: Mistakes) -> None:
     """Refuse output names that are missing, unknown or equal to that of a variable, even with other mistakes."""
-    given = _part(content, "sweep")
-    outputs = _part(given, "outputs")
+    sweep = _part(content, "sweep")
+    outputs = _part(sweep, "outputs")
     with mistakes.noted():
         if not outputs:
             raise refused("sweep.outputs", {}, "at least one output")
     with mistakes.noted():
-        if twice := sorted(set(_part(given, "vary")) & set(outputs)):
+        if twice := sorted(set(_part(sweep, "vary")) & set(outputs)):
             raise refused("sweep.outputs", ", ".join(twice), "names that no variable has")
-    named = [("exceedance.output", _part(given, "exceedance").get("output"))]
-    named += [(f"objective.{key}", value) for key, value in _part(given, "objective").items()]
+    named = [("exceedance.output", _part(sweep, "exceedance").get("output"))]
+    named += [(f"objective.{key}", value) for key, value in _part(sweep, "objective").items()]
     for key, name in named:
         with mistakes.noted():
             if isinstance(name, str) and name and outputs and name not in outputs:
                 raise unknown("output", name, outputs, f"sweep.{key}")
 
 
-def _check_paths(content: Mapping[str, Any], base: Mapping[str, Any] | None, mistakes: Mistakes) -> bool:
+def _check_paths(content: PlainData, base: PlainData | None, mistakes: Mistakes) -> bool:
     """Refuse variables whose path is not in the experiment, even with other mistakes; return True if all paths fit."""
     extends, fits = content.get("extends"), True
     if base is None and isinstance(extends, str):
@@ -336,14 +386,14 @@ def _check_paths(content: Mapping[str, Any], base: Mapping[str, Any] | None, mis
     return fits
 
 
-def _check_run(found: Plan, mistakes: Mistakes) -> None:
+def _check_run(checked: Plan, mistakes: Mistakes) -> None:
     """Refuse an experiment that is invalid with all variables at their medians."""
     with _noted(mistakes, "a run with all variables at their medians: "):
-        changes = written(found.changes(found.middle()))
-        experiment.parse(found.name, overrides.apply(found.experiment, changes))
+        changes = written(checked.changes(checked.middle()))
+        experiment.parse(checked.name, overrides.apply(checked.experiment, changes))
 
 
-def _quick(content: Mapping[str, Any], quick: Quick) -> dict[str, Any]:
+def _quick(content: PlainData, quick: Quick) -> PlainData:
     """Return the content of the sweep file with the changes for `--quick`."""
     section = dict(content["sweep"])
     section["runs"] = quick.runs

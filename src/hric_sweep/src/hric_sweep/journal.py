@@ -3,16 +3,16 @@
 It may be cut off at any byte: an incomplete last line is dropped when the journal is opened again.
 """
 
-import errno
 import fcntl
 import json
 import os
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 from types import TracebackType
-from typing import Any
 
 from hric_core.errors import HricError
+from hric_sweep.records import RunResponse
 
 NAME = "runs.jsonl"
 UNFINISHED_CODE = 3
@@ -25,22 +25,23 @@ class JournalError(HricError):
     exit_code = UNFINISHED_CODE
 
 
-class Journal:
+class Journal(AbstractContextManager["Journal"]):
     """Append-only file of responses, locked for one supervisor at a time.
 
     Args:
-        folder: run folder of the sweep.
+        path: run folder of the sweep, in which the file is `NAME`; or path of the file.
 
     Attributes:
-        entries: all entries, in the order in which they were written, including those of earlier sessions.
+        path: path of the file.
+        entries: all responses, in the order in which they were written, including those of earlier sessions.
 
     Raises:
         JournalError: the file cannot be opened, or another sweep has it open.
         HricError: a line before the last one is damaged.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self.path = folder / NAME
+    def __init__(self, path: Path) -> None:
+        self.path = path / NAME if path.is_dir() else path
         try:
             self._file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
         except OSError as error:
@@ -49,7 +50,7 @@ class Journal:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
             os.close(self._file)
-            raise JournalError(f"another program runs the sweep in {folder}; valid: wait for its end") from error
+            raise JournalError(f"another program writes {self.path}; valid: wait for its end") from error
         content = self.path.read_bytes() if self.path.is_file() else b""  # a device file has no content to read
         self._size = content.rfind(b"\n") + 1
         if self._size < len(content):
@@ -57,13 +58,13 @@ class Journal:
         os.lseek(self._file, self._size, os.SEEK_SET)
         self.entries = parse(content[: self._size], self.path)
 
-    def append(self, entries: Sequence[dict[str, Any]]) -> None:
-        """Append entries; when the call returns they are on the disk.
+    def append(self, entries: Sequence[RunResponse]) -> None:
+        """Append responses; when the call returns they are on the disk.
 
         Raises:
             JournalError: they cannot be written; the journal is unchanged.
         """
-        lines = b"".join(json.dumps(entry).encode() + b"\n" for entry in entries)
+        lines = b"".join(json.dumps(vars(entry)).encode() + b"\n" for entry in entries)
         try:
             written = 0
             while written < len(lines):
@@ -71,12 +72,9 @@ class Journal:
             os.fsync(self._file)
         except OSError as error:
             self._restore()
-            full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-            why = "there is no space left" if full else error.strerror
             raise JournalError(
-                f"cannot write {self.path}: {why}; {len(self.entries)} runs are kept there, and no other is lost but "
-                f"what just ended ({len(entries)}); make space, then: rosrun hric_experiments sweep --resume "
-                f"{self.path.parent}"
+                f"cannot write {self.path}: {error.strerror}. {len(self.entries)} finished runs are stored; only the "
+                f"last {len(entries)} are lost. Free some space"
             ) from error
         self._size += len(lines)
         self.entries += entries
@@ -93,25 +91,22 @@ class Journal:
         """Close the file and release the lock."""
         os.close(self._file)
 
-    def __enter__(self) -> "Journal":
-        return self
-
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
 
 
-def parse(content: bytes, path: Path) -> list[dict[str, Any]]:
-    """Return the entries of complete lines.
+def parse(content: bytes, path: Path) -> list[RunResponse]:
+    """Return the responses of complete lines.
 
     Raises:
-        HricError: a line is not valid JSON.
+        HricError: a line is damaged, or was written by a different version.
     """
-    found = []
+    entries = []
     for number, line in enumerate(content.splitlines(), 1):
         try:
-            found.append(json.loads(line))
-        except ValueError:
+            entries.append(RunResponse(**json.loads(line)))
+        except (ValueError, TypeError):
             raise HricError(f"{path}, line {number} is damaged; valid: the lines that a sweep wrote") from None
-    return found
+    return entries

@@ -1,6 +1,7 @@
 """Recording of a simulation's messages in memory, analysed like a bag for the outputs of a sweep."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from functools import cached_property
 from typing import Any
@@ -9,6 +10,7 @@ import roslib.message
 
 from hric_analysis import collaboration, contacts
 from hric_analysis.values import MOTION, Values
+from hric_assessment.findings import Outcome
 from hric_assessment.verdict.given import Given
 from hric_bags.memory import MemoryBag, nanoseconds
 from hric_bags.reader import (
@@ -28,9 +30,9 @@ from hric_bags.records.region_contacts import CONTACTS_TYPE
 from hric_run import provenance
 from hric_run.definition.experiment import to_dict
 from hric_run.simulation import Simulation
-from hric_sweep.approaches import meetings
-from hric_sweep.approaches.meetings import ContactEvent
-from hric_sweep.outputs import COLLABORATION, IMPACT, SUPERVISION
+from hric_sweep.approaches.contact_events import MOVING, ContactEvent, contact_events, supervision
+from hric_sweep.outputs import COLLABORATION, IMPACT, SUPERVISION, SWEEP_GROUPS
+from hric_sweep.records import PlainData
 
 SAFETY_TYPE = "hric_msgs/msg/SafetyState"
 ALL = None
@@ -67,7 +69,7 @@ class Observed:
         self._simulation, self._groups = simulation, groups
         self._bag, self._messages = MemoryBag(), Messages()
         needed = [NEEDS.get(group, ALL) for group in groups]
-        self._kept = None if None in needed else {kind for kinds in needed if kinds for kind in kinds}
+        self._types = None if None in needed else {kind for kinds in needed if kinds for kind in kinds}
         for topic, message, at in simulation.early:
             self._take(topic, message, at)
         self._subscribe()
@@ -85,13 +87,13 @@ class Observed:
         begun = True  # latched messages are in `simulation.early` already
 
     def _wants(self, kind: str) -> bool:
-        return kind in MOVED or self._kept is None or kind in self._kept
+        return kind in MOVED or self._types is None or kind in self._types
 
     def _take(self, topic: str, message: Any, at: float) -> None:
         kind = message._type.replace("/", "/msg/")
         if kind in TYPES:
             self._messages.add(topic, kind, nanoseconds(at), message)
-        if self._kept is None or kind in self._kept:
+        if self._types is None or kind in self._types:
             self._bag.write(topic, message, at)
 
     def values(self) -> "Observations":
@@ -123,13 +125,8 @@ class Observations(Mapping[str, Any]):
         description: URDF of the robot.
     """
 
-    def __init__(self, run: Mapping[str, Any], bag: MemoryBag, record: RunRecord, description: str) -> None:
+    def __init__(self, run: PlainData, bag: MemoryBag, record: RunRecord, description: str) -> None:
         self._run, self._bag, self._record, self._description = run, bag, record, description
-        self._own: dict[str, Callable[[], Any]] = {
-            IMPACT: lambda: self._impact,
-            SUPERVISION: lambda: self._supervision,
-            COLLABORATION: lambda: self._collaboration,
-        }
 
     @property
     def log(self) -> ControlRecord:
@@ -145,33 +142,44 @@ class Observations(Mapping[str, Any]):
         return [self._bag.deserialize(raw, kind) for _, _, raw in chosen]
 
     @cached_property
-    def _given(self) -> Given:
+    def _verdict_input(self) -> Given:
         return contacts.given_of(self._run, self._bag, self._description)
 
     @cached_property
     def contacts(self) -> list[ContactEvent]:
         """Contact events of the person, assessed like in the verdict."""
-        return meetings.contact_events(contacts.findings(self._given), self._record.log, self._description)
-
-    @property
-    def _impact(self) -> dict[str, Any]:
-        """Contact events of the person: `contacts` has all, `moving` those that began while the arm moved."""
-        rows = [{**asdict(one), "above": one.above, "not_assessable": one.not_assessable} for one in self.contacts]
-        return {"contacts": rows, "moving": [row for row in rows if row["arm"] == meetings.MOVING]}
+        return contact_events(contacts.findings(self._verdict_input), self._record.log, self._description)
 
     @cached_property
-    def _supervision(self) -> dict[str, Any] | None:
-        return meetings.supervision(self._messages(SAFETY_TYPE))
+    def _impact(self) -> Mapping[str, Sequence[PlainData]]:
+        """Contact events of the person, with True for their outcome in lower case.
+
+        contacts: all; moving: those that began while the arm moved; standing: the others; exceeding: those with a
+        moving arm that are above limits by a known share.
+        """
+        outcomes = [{outcome.name.lower(): event.outcome == outcome for outcome in Outcome} for event in self.contacts]
+        rows = [{**asdict(event), **states} for event, states in zip(self.contacts, outcomes, strict=True)]
+        moving = [row for row in rows if row["arm"] == MOVING]
+        return {
+            "contacts": rows,
+            "moving": moving,
+            "standing": [row for row in rows if row["arm"] != MOVING],
+            "exceeding": [row for row in moving if row["above"] and math.isfinite(row["share"])],
+        }
 
     @cached_property
-    def _collaboration(self) -> dict[str, Any] | None:
-        return collaboration.values(self._given, self._metrics.person)
+    def _supervision(self) -> dict[str, float] | None:
+        return supervision(self._messages(SAFETY_TYPE))
+
+    @cached_property
+    def _collaboration(self) -> PlainData | None:
+        return collaboration.values(self._verdict_input, self._metrics.person)
 
     def __getitem__(self, key: str) -> Any:
-        return self._own[key]() if key in self._own else self._metrics[key]
+        return getattr(self, f"_{key}") if key in SWEEP_GROUPS else self._metrics[key]
 
     def __iter__(self) -> Iterator[str]:
-        return iter((*self._metrics, *self._own))
+        return iter((*self._metrics, *SWEEP_GROUPS))
 
     def __len__(self) -> int:
-        return len(self._metrics) + len(self._own)
+        return len(self._metrics) + len(SWEEP_GROUPS)

@@ -15,36 +15,43 @@ import numpy as np
 
 from hric_analysis.values import KEYS
 from hric_core.errors import HricError, ParameterError
-from hric_core.parameters import Settings, choice, number, text
+from hric_core.parameters import choice, number, text
+from hric_sweep.registry import FileSettings
 
 IMPACT, SUPERVISION, COLLABORATION = "impact", "supervision", "collaboration"
-GROUPS = (*KEYS, IMPACT, SUPERVISION, COLLABORATION)
+SWEEP_GROUPS = (IMPACT, SUPERVISION, COLLABORATION)
+"""First keys of paths that only sweeps have."""
+GROUPS = (*KEYS, *SWEEP_GROUPS)
 REDUCE: dict[str, Callable[[Sequence[float]], float]] = {
     "max": max,
     "min": min,
-    "mean": lambda found: float(np.mean(found)),
+    "mean": lambda numbers: float(np.mean(numbers)),
     "sum": math.fsum,
-    "largest": lambda found: max(map(abs, found)),
-    "first": lambda found: found[0],
-    "last": lambda found: found[-1],
+    "largest": lambda numbers: max(map(abs, numbers)),
+    "first": lambda numbers: numbers[0],
+    "last": lambda numbers: numbers[-1],
 }
 COUNT = "count"
 
 
 @dataclass(frozen=True)
-class Output(Settings):
+class Output(FileSettings):
     """Definition of one number that each run yields."""
 
-    separator = "."
-    path: str = text(empty=False, text="of the value in the run's metrics; `*`: all items of a list or mapping")
+    path: str = text(
+        empty=False, text="path of the value in the metrics of the run; `*`: all items of a list or mapping"
+    )
     reduce: str = choice(
-        *REDUCE, COUNT, default="max", text="one number of several; largest: in absolute value; count: how many"
+        *REDUCE,
+        COUNT,
+        default="max",
+        text="reduction of several values to one; largest: in absolute value; count: number of values",
     )
     otherwise: float | None = number(
-        None, text="where the run has no such value, such as a peak without a contact; none: not a number"
+        None, text="value if the run has none, such as a peak without a contact; none: NaN"
     )
-    unit: str = text("", text="of the number, for table and page")
-    text: str = text("", text="what it is, for people")
+    unit: str = text("", text="unit of the number")
+    text: str = text("", text="description")
 
     def check(self, where: str) -> None:
         """Refuse a path whose first key is not in the metrics of any run."""

@@ -10,15 +10,14 @@ from functools import cache
 from typing import Any, Protocol
 
 import numpy as np
-import numpy.typing as npt
-from scipy.special import ndtr, ndtri
+from scipy import stats
 
 from hric_core.errors import ParameterError
+from hric_core.geometry import FloatArray
 from hric_core.node import REQUIRED
 from hric_core.parameters import Settings, choice, listing, mapping, number, package_yaml, refused, section, text
 from hric_human.body import subject
 
-FloatArray = npt.NDArray[np.float64]
 QUANTITIES = {"mass": "kg", "height": "m", "strength": "1", "reaction_time": "s"}
 """Quantities with units; strength: factor on all muscles, relative to the subject's sex and mass, as
 `human.muscles.strength`."""
@@ -45,8 +44,8 @@ class Anchor(Settings):
     percentile: float = number(above=0.0, maximum=99.999, unit="%", text="share of the people who have less")
     value: float | None = number(None, above=0.0, text="in the quantity's unit")
     subject: str = text("", text="file in config/subjects of hric_human, without its ending")
-    mark: str = choice(*MARKS, default=REQUIRED, text="of the value as that of this percentile")
-    source: str = text(empty=False, text="where it is from")
+    mark: str = choice(*MARKS, default=REQUIRED, text="mark of the value for this percentile")
+    source: str = text(empty=False, text="source of the value")
 
     def check(self, where: str) -> None:
         """Refuse an anchor with both or neither of value and subject."""
@@ -62,14 +61,19 @@ class Anchor(Settings):
 class Quantity(Settings):
     """Distribution of a quantity in one group of people."""
 
-    shape: str = choice("normal", "log_normal", text="of the distribution")
+    shape: str = choice("normal", "log_normal", text="shape of the distribution")
     anchors: tuple[Anchor, ...] = listing(section(Anchor), 2, text="percentiles that it passes through")
 
-    def spread(self, name: str) -> "ThroughAnchors":
-        """Return the distribution of a quantity in QUANTITIES."""
-        low, high = (anchor.of_quantity(name) for anchor in self.anchors)
-        shares = np.array([anchor.percentile / 100.0 for anchor in self.anchors])
-        return ThroughAnchors(self.shape == "log_normal", shares, np.array([low, high]))
+    def spread(self, name: str) -> Spread:
+        """Return the distribution of a quantity in QUANTITIES: the normal or log-normal one through the anchors."""
+        values = np.array([anchor.of_quantity(name) for anchor in self.anchors])
+        scores = stats.norm.ppf([anchor.percentile / 100.0 for anchor in self.anchors])
+        log = self.shape == "log_normal"
+        ends = np.log(values) if log else values
+        std = (ends[1] - ends[0]) / (scores[1] - scores[0])
+        mean = ends[0] - std * scores[0]
+        frozen: Spread = stats.lognorm(std, scale=np.exp(mean)) if log else stats.norm(mean, std)
+        return frozen
 
 
 @dataclass(frozen=True)
@@ -77,7 +81,7 @@ class People(Settings):
     """Population: its quantities, or the populations of which it is a mixture."""
 
     text: str = text(empty=False, text="who they are")
-    quantities: Mapping[str, Quantity] = mapping(section(Quantity), default={}, text="by name")
+    quantities: Mapping[str, Quantity] = mapping(section(Quantity), default={}, text="quantities by name")
     mixed: Mapping[str, float] = mapping(number(above=0.0), default={}, text="share of each population it is mixed of")
 
     def check(self, where: str) -> None:
@@ -85,34 +89,6 @@ class People(Settings):
         lacking = [name for name in QUANTITIES if name not in self.quantities and not self.mixed]
         if lacking or (self.mixed and self.quantities):
             raise refused(f"{where}quantities", ", ".join(self.quantities), f"{', '.join(QUANTITIES)}, or mixed")
-
-
-class ThroughAnchors:
-    """Normal or log-normal distribution through two percentiles.
-
-    Args:
-        log: True for a log-normal distribution.
-        shares: shares of the people below the values, in (0, 1), shape (2,).
-        values: values at these shares, in the quantity's unit, shape (2,).
-    """
-
-    def __init__(self, log: bool, shares: FloatArray, values: FloatArray) -> None:
-        self._log = log
-        scores, ends = ndtri(shares), np.log(values) if log else values
-        self._std = float((ends[1] - ends[0]) / (scores[1] - scores[0]))
-        self._mean = float(ends[0] - self._std * scores[0])
-
-    def ppf(self, u: FloatArray) -> FloatArray:
-        """Return the values at shares in (0, 1), shape (m,), in closed form."""
-        values: FloatArray = self._mean + self._std * ndtri(u)
-        if self._log:
-            np.exp(values, out=values)
-        return values
-
-    def cdf(self, values: FloatArray) -> FloatArray:
-        """Return the share of the people below each value, shape (m,), in closed form."""
-        shares: FloatArray = ndtr(((np.log(values) if self._log else values) - self._mean) / self._std)
-        return shares
 
 
 class Mixture:
@@ -165,7 +141,7 @@ def quantity(of: str, name: str) -> Spread:
 @cache
 def _populations() -> dict[str, People]:
     content = package_yaml(__file__, "populations")
-    return {name: People.of(given, f"populations.yaml: {name}") for name, given in content.items()}
+    return {name: People.of(people, f"populations.yaml: {name}") for name, people in content.items()}
 
 
 @cache

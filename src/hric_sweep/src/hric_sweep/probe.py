@@ -5,7 +5,7 @@ Cost: two runs per variable and one common run, all with the same seed.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,10 +13,9 @@ import numpy as np
 from hric_core.errors import ParameterError, message_about
 from hric_core.parameters import Mistakes
 from hric_run.definition.experiment import ExperimentError
-from hric_sweep.definition import Plan
-from hric_sweep.engines.engine import Died, Engine, Response, TimedOut
-from hric_sweep.supervisor import make_task
-from hric_sweep.task import REFUSED
+from hric_sweep.definition import ROW, Plan
+from hric_sweep.engines.engine import Died, Engine, TimedOut
+from hric_sweep.records import PlainData, RunResponse
 from hric_sweep.variables import Variable
 
 ENDS = (0.01, 0.99)
@@ -30,12 +29,12 @@ class Trial:
     """Run of the probe: value of its variable, and the response."""
 
     value: Any
-    response: Response
+    response: RunResponse
 
     @property
     def result(self) -> tuple[Any, ...]:
         """Outputs and failure, the part of the response that is compared."""
-        return *self.response["outputs"].items(), self.response["failure"]
+        return *self.response.outputs.items(), self.response.failure
 
 
 def probe(plan: Plan, engine: Engine, code: str) -> list[str]:
@@ -71,15 +70,17 @@ def runs_of(plan: Plan) -> int:
 
 
 def _ends(variable: Variable) -> tuple[Any, Any] | None:
-    """Return the first and the last value of a variable; None if it has one value only."""
+    """Return the first and the last value of a variable; None if it has one value only, or its values are rows."""
     distribution = variable.distribution
+    if variable.paths == (ROW,):
+        return None
     values = distribution.ppf(distribution.middles if distribution.discrete else np.array(ENDS))
     last = next((value for value in reversed(values) if value != values[0]), None)
     return None if last is None else (values[0], last)
 
 
-def _responses(plan: Plan, engine: Engine, code: str, runs: list[dict[str, Any]]) -> list[Response]:
-    tasks = [{**make_task(plan, 0, values, code), "index": index} for index, values in enumerate(runs)]
+def _responses(plan: Plan, engine: Engine, code: str, runs: list[PlainData]) -> list[RunResponse]:
+    tasks = [replace(plan.task(0, values, code), index=index) for index, values in enumerate(runs)]
     futures = [engine.submit(task) for task in tasks]
     engine.flush()
     responses = []
@@ -87,22 +88,22 @@ def _responses(plan: Plan, engine: Engine, code: str, runs: list[dict[str, Any]]
         try:
             responses.append(future.result())
         except (Died, TimedOut) as error:  # a value that kills its worker does have an effect
-            responses.append({"outputs": dict.fromkeys(task["outputs"]), "failure": str(error), "state_sha256": ""})
+            responses.append(RunResponse(task.id, task.index, dict.fromkeys(task.outputs), str(error)))
     return responses
 
 
 def _judged(plan: Plan, name: str, trials: list[Trial]) -> list[str]:
     """Return warnings about a variable. Raises ParameterError: it has no effect, or its values are refused."""
-    refused = [trial for trial in trials if trial.response.get(REFUSED)]
+    refused = [trial for trial in trials if trial.response.refused]
     if len(refused) > MAX_REFUSED:
         first = refused[0]
-        raise ParameterError(f"sweep.vary.{name} at {_short(first.value)}: {first.response['failure']}")
+        raise ParameterError(f"sweep.vary.{name} at {_short(first.value)}: {first.response.failure}")
     if any(trial.result != trials[0].result for trial in trials):
         return []
     tried = ", ".join(_short(trial.value) for trial in trials)
     paths, outputs = ", ".join(plan.section.vary[name].paths), ", ".join(plan.section.outputs)
     text = f"sweep.vary.{name} ({paths}) changes none of the outputs {outputs} at {tried}"
-    moved = {trial.response["state_sha256"] for trial in trials}
+    moved = {trial.response.state_sha256 for trial in trials}
     if plan.section.exceedance is not None and len(moved) > 1:  # the exceedance may occur between the tested values
         return [f"{text}, though the motion"]
     raise ParameterError(f"{text}; valid: another path, an output that it changes, or one value in changes")

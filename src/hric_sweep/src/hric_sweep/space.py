@@ -9,14 +9,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import ndtr, ndtri
 
 from hric_core.errors import HricError
+from hric_core.geometry import FloatArray
 from hric_core.parameters import Mistakes, as_number, refused, unknown
 from hric_sweep.variables import Variable
 
-FloatArray = npt.NDArray[np.float64]
 EDGE = 2.0**-53
 """Minimum distance of a coordinate from 0 and 1, where an unbounded distribution has no value."""
 SMALLEST = 1e-8

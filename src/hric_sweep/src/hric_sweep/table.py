@@ -1,8 +1,8 @@
 """Table of a sweep: a Parquet file with units and one row per finished run."""
 
-import hashlib
 import json
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,29 +14,27 @@ from hric_bags.run_folder import runs_root
 from hric_core.errors import HricError
 from hric_sweep.definition import Plan
 from hric_sweep.journal import JournalError
+from hric_sweep.records import PlainData, RunRow
 
 NAME, KEY = "runs.parquet", b"hric"
-Row = dict[str, Any]
-"""Row of the table: id, index, batch, seed, weight, values, outputs, exceeded, margin, objective, failure, state_sha256
-and the cost."""
 RUN = {
-    "id": "of the run, for `sweep rerun`",
-    "index": "in order of the sampler",
-    "batch": "in which the sampler asked for it",
-    "seed": "of everything random in the run",
+    "id": "id of the run, for `sweep rerun`",
+    "index": "index of the run in sampling order",
+    "batch": "batch of the sampler",
+    "seed": "seed of the run",
     "weight": "likelihood ratio of an importance sample; 1: none",
 }
 RESULT = {
-    "exceeded": "whether it passed the limit of the exceedance",
-    "objective": "that a search goes for",
-    "failure": "why it failed; empty: it did not",
-    "state_sha256": "of the bits of position, velocity and command",
+    "exceeded": "true if the limit was exceeded",
+    "objective": "value of the objective",
+    "failure": "reason of failure; empty: none",
+    "state_sha256": "hash of position, velocity and command",
 }
 COST = {
-    "processor": "time of a processor",
-    "wall": "time that passed",
+    "processor": "processor time",
+    "wall": "wall time",
     "host": "name of the machine",
-    "attempt": "in which it ended",
+    "attempt": "number of the attempt that finished",
 }
 UNITS = {"processor": "s", "wall": "s"}
 _TYPES = {
@@ -64,7 +62,7 @@ def columns(plan: Plan) -> dict[str, dict[str, str]]:
     return about | {name: {"role": "cost", "unit": UNITS.get(name, ""), "text": text} for name, text in COST.items()}
 
 
-def write(folder: Path, plan: Plan, rows: Sequence[Row], estimate: Mapping[str, Any] | None) -> Path:
+def write(folder: Path, plan: Plan, rows: Sequence[RunRow], estimate: PlainData | None) -> Path:
     """Replace the table.
 
     Args:
@@ -77,7 +75,7 @@ def write(folder: Path, plan: Plan, rows: Sequence[Row], estimate: Mapping[str, 
         JournalError: the table cannot be written; the previous one remains.
     """
     about = columns(plan)
-    arrays = {name: _array(name, one["role"], plan, rows) for name, one in about.items()}
+    arrays = {name: _array(name, column["role"], rows) for name, column in about.items()}
     meta = {"columns": about, "sweep": plan.content, "estimate": estimate}
     made = pyarrow.table(arrays).replace_schema_metadata({KEY: json.dumps(meta).encode()})
     path = folder / NAME
@@ -85,35 +83,22 @@ def write(folder: Path, plan: Plan, rows: Sequence[Row], estimate: Mapping[str, 
         with files.atomic(path) as temporary:
             pyarrow.parquet.write_table(made, temporary)
     except files.FileError as error:
-        raise JournalError(
-            f"{error}; all runs that ended are in the journal beside it; make "
-            f"space, then: rosrun hric_experiments sweep --resume {folder}"
-        ) from error
+        raise JournalError(f"{error}; all finished runs are in the journal in the same folder") from error
     return path
 
 
-def _array(name: str, role: str, plan: Plan, rows: Sequence[Row]) -> pyarrow.Array:
+def _array(name: str, role: str, rows: Sequence[RunRow]) -> pyarrow.Array:
     if role == "variable":
-        values = [row["values"][name] for row in rows]
+        values = [row.values[name] for row in rows]
         if all(isinstance(value, bool | int | float | str) for value in values) and len({type(v) for v in values}) < 2:
             return pyarrow.array(values)
         if all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
             return pyarrow.array(values, pyarrow.float64())
         return pyarrow.array([value if isinstance(value, str) else json.dumps(value) for value in values])
-    if role == "output":
-        numbers = [row["outputs"][name] for row in rows]
-        return pyarrow.array([float("nan") if value is None else value for value in numbers], pyarrow.float64())
-    values = [row[name] for row in rows]
-    if name == "objective":
-        values = [float("nan") if value is None else value for value in values]
-    return pyarrow.array(values, _TYPES.get(name, pyarrow.string()))
-
-
-def results_sha256(table: pyarrow.Table) -> str:
-    """Return the hash of all columns except the cost: equal for equal results, on any machine and in any order."""
-    about = json.loads(table.schema.metadata[KEY])["columns"]
-    kept = table.select([name for name, one in about.items() if one["role"] != "cost"]).sort_by("index")
-    return hashlib.sha256(json.dumps(kept.to_pydict(), sort_keys=True).encode()).hexdigest()
+    values = [row.outputs[name] if role == "output" else getattr(row, name) for row in rows]
+    if role == "output" or name == "objective":
+        values = [math.nan if value is None else value for value in values]
+    return pyarrow.array(values, pyarrow.float64() if role == "output" else _TYPES.get(name, pyarrow.string()))
 
 
 def find(folder: str | Path) -> Path:

@@ -9,8 +9,10 @@ import math
 import platform
 import re
 import time
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import cache
-from typing import Any
+from pathlib import Path
 
 import numpy as np
 
@@ -21,9 +23,10 @@ from hric_run import provenance
 from hric_run.definition import experiment, overrides
 from hric_run.definition.experiment import Experiment, package_path
 from hric_run.simulation import Simulation
-from hric_sweep.definition import written
+from hric_sweep.approaches.contact_events import run_until_contact_ends
+from hric_sweep.definition import ENDS, written
 from hric_sweep.observed import Observed
-from hric_sweep.outputs import Output
+from hric_sweep.records import PlainData, ReferenceRun, RunResponse, RunTask
 
 REFERENCE = 0.1
 """Duration of the reference run, in robot time [s]."""
@@ -33,33 +36,24 @@ NOT_SOURCES = {"test", "build", "__pycache__", "sweeps"}
 """Folders without such files; the content of a sweep file is stored in the sweep itself."""
 ADDRESS = re.compile(r" at 0x[0-9a-f]+")
 """Memory address of an object in a text of Python; it differs between processes."""
-REFUSED = "refused"
-"""Response key that marks a run which did not start because its experiment is invalid."""
-LENGTH = 16
-"""Number of characters of an id."""
+RUNNING: Mapping[str, Callable[[Simulation], None]] = dict(
+    zip(ENDS, (Simulation.run, run_until_contact_ends), strict=True)
+)
+"""Function that runs a simulation to its end, by the name of the end."""
 
 
-def run(task: dict[str, Any]) -> dict[str, Any]:
-    """Execute a task.
-
-    Args:
-        task: id, index, experiment (name, content), changes, seed, outputs, columns (True: return the signals).
-
-    Returns:
-        id, index, outputs (name -> number, None: no value), failure (empty, or the reason, which is the same at each
-        repetition), state_sha256, processor [s], wall [s], host; columns, the content of an NPZ file, if signals are
-        requested and exist; and refused, if the run did not start.
-    """
+def run(task: RunTask) -> RunResponse:
+    """Execute a task and return its response."""
     began, wall = time.process_time(), time.perf_counter()
-    response = _carried_out(task)
+    response = _executed(task)
     gc.collect()  # robot and controllers reference each other, and automatic collection would come late
     _load_is_done()
-    return {
-        **response,
-        "processor": round(time.process_time() - began, 4),
-        "wall": round(time.perf_counter() - wall, 4),
-        "host": platform.node(),
-    }
+    return replace(
+        response,
+        processor=round(time.process_time() - began, 4),
+        wall=round(time.perf_counter() - wall, 4),
+        host=platform.node(),
+    )
 
 
 @cache
@@ -68,27 +62,39 @@ def _load_is_done() -> None:
     gc.freeze()
 
 
-def _carried_out(task: dict[str, Any]) -> dict[str, Any]:
-    outputs = {name: Output.of(given, f"outputs.{name}") for name, given in task["outputs"].items()}
-    response: dict[str, Any] = {"id": task["id"], "index": task["index"], "outputs": {name: None for name in outputs}}
-    failure, state = "", ""
+def _executed(task: RunTask) -> RunResponse:
+    outputs: dict[str, float | None] = dict.fromkeys(task.outputs)
+    failure, state, run_folder, refused = "", "", "", False
     simulation: Simulation | None = None
+    values: PlainData
     try:
-        with Simulation(definition_of(task), seed=task["seed"]) as simulation:
-            observed = Observed(simulation, {one.group for one in outputs.values()})
-            simulation.run()
-            values = observed.values()
-            state = values.log.state_sha256()
-            response["outputs"] = {name: _plain(one.measured(values)) for name, one in outputs.items()}
+        if task.runs_folder:
+            run_folder, values = _recorded(task)
+            state = values["state_sha256"]
+        else:
+            with Simulation(definition_of(task), seed=task.seed) as simulation:
+                observed = Observed(simulation, {output.group for output in task.outputs.values()})
+                RUNNING[task.until](simulation)
+                values = observed.values()
+                state = values.log.state_sha256()
+        outputs = {name: _plain(output.measured(values)) for name, output in task.outputs.items()}
     except MemoryError:
         failure = "MemoryError: the run took more memory than a worker may"
     except Exception as error:  # also unexpected errors: they end this run, not the sweep
-        failure = reason(error)
-        if simulation is None and isinstance(error, HricError):
-            response[REFUSED] = True
-    if simulation is not None and task.get("columns"):
-        response.update(_columns(simulation))
-    return {**response, "failure": failure, "state_sha256": state}
+        failure, refused = reason(error), simulation is None and isinstance(error, HricError)
+    signals = _signals(simulation) if task.signals and simulation is not None else None
+    return RunResponse(task.id, task.index, outputs, failure, state, refused=refused, run=run_folder, signals=signals)
+
+
+def _recorded(task: RunTask) -> tuple[str, PlainData]:
+    """Execute a task with a run folder, and return its name and the metrics. Raises KeyboardInterrupt: Ctrl-C."""
+    from hric_report import headless  # imported here: slow to load, and most sweeps record nothing
+
+    root, changes = Path(task.runs_folder), written(task.changes)
+    result = headless.run(definition_of(task), changes, seed=task.seed, root=root, progress=False, figures=False)
+    if result.interrupted:
+        raise KeyboardInterrupt
+    return result.folder.path.name, result.metrics
 
 
 def reason(error: Exception) -> str:
@@ -101,40 +107,36 @@ def _plain(value: float) -> float | None:
     return None if math.isnan(value) else value
 
 
-def _columns(simulation: Simulation) -> dict[str, bytes]:
-    """Return the signals of a run as an NPZ file; empty: the run failed before its first cycle."""
+def _signals(simulation: Simulation) -> bytes | None:
+    """Return the signals of a run as an NPZ file; None: the run failed before its first cycle."""
     try:
         log = simulation.signals
     except HricError:
-        return {}
+        return None
     columns = {name: getattr(log, name).astype(np.float32) for name in ("position", "velocity", "effort", "command")}
     content = io.BytesIO()
     np.savez_compressed(content, joint_names=np.array(log.joint_names), time=log.time, **columns)
-    return {"columns": content.getvalue()}
+    return content.getvalue()
 
 
-def definition_of(task: dict[str, Any]) -> Experiment:
+def definition_of(task: RunTask) -> Experiment:
     """Return the experiment with the values of the run.
 
     Raises:
         HricError: a value is invalid.
     """
-    given = task["experiment"]
-    return experiment.parse(given["name"], overrides.apply(given["content"], written(task["changes"])))
+    return experiment.parse(task.experiment, overrides.apply(task.content, written(task.changes)))
 
 
-def reference(task: dict[str, Any]) -> dict[str, Any]:
-    """Execute a short run that serves to compare workers, and return code (version), state_sha256 and host.
-
-    Args:
-        task: experiment, changes, seed.
+def reference(task: RunTask) -> ReferenceRun:
+    """Execute a short run that serves to compare workers.
 
     Raises:
         HricError: the run fails.
     """
-    with Simulation(definition_of(task), seed=task["seed"]) as simulation:
+    with Simulation(definition_of(task), seed=task.seed) as simulation:
         simulation.run(min(REFERENCE, simulation.definition.duration))
-        return {"code": code_version(), "state_sha256": simulation.state_sha256, "host": platform.node()}
+        return ReferenceRun(code_version(), simulation.state_sha256, platform.node())
 
 
 def prepare() -> None:
@@ -159,12 +161,5 @@ def code_version() -> str:
 
 
 def _used_versions() -> dict[str, str]:
-    found = provenance.versions()
-    return {name: found[name] for name in ("python", *provenance.DISTRIBUTIONS) if name in found}
-
-
-def identity(task: dict[str, Any], code: str) -> str:
-    """Return the id of a task: equal for equal experiment, values, seed, outputs and code."""
-    about = {key: task[key] for key in ("experiment", "changes", "seed", "outputs")}
-    text = json.dumps({**about, "code": code}, sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:LENGTH]
+    versions = provenance.versions()
+    return {name: versions[name] for name in ("python", *provenance.DISTRIBUTIONS) if name in versions}

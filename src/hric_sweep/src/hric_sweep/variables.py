@@ -13,14 +13,14 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 from scipy import stats
 
+from hric_core.geometry import FloatArray
 from hric_core.node import REQUIRED
 from hric_core.parameters import Settings, anything, choice, listing, names, number, numbers, refused, text, variant
 from hric_sweep import populations
+from hric_sweep.registry import Kinds
 
-FloatArray = npt.NDArray[np.float64]
 NARROWEST = 1e-9
 """Minimum share of a distribution between its ends: less has no percentiles in double precision."""
 
@@ -53,7 +53,22 @@ class Distribution(Settings):
 
 
 @dataclass(frozen=True)
-class Uniform(Distribution):
+class Continuous(Distribution):
+    """Distribution of real numbers, defined by one of `scipy.stats`."""
+
+    @property
+    @abstractmethod
+    def frozen(self) -> Any:
+        """Frozen distribution of `scipy.stats`, without truncation."""
+
+    def ppf(self, u: FloatArray) -> Sequence[Any]:
+        """Return the values at percentiles u."""
+        values: list[float] = self.frozen.ppf(u).tolist()
+        return values
+
+
+@dataclass(frozen=True)
+class Uniform(Continuous):
     """Uniform distribution from low to high."""
 
     low: float = number(text="lower end, in the variable's unit")
@@ -61,69 +76,63 @@ class Uniform(Distribution):
 
     def check(self, where: str) -> None:
         """Refuse an empty interval."""
-        _ordered(where, low=self.low, high=self.high)
+        if not self.low < self.high:
+            raise refused(f"{where}high", self.high, f"a finite number above low, {self.low:g}")
 
-    def ppf(self, u: FloatArray) -> Sequence[Any]:
-        """Return the values at percentiles u: linear interpolation between the ends."""
-        return _floats(self.low + u * (self.high - self.low))
+    @property
+    def frozen(self) -> Any:
+        """Uniform distribution."""
+        return stats.uniform(self.low, self.high - self.low)
 
 
 @dataclass(frozen=True)
-class LogUniform(Distribution):
+class LogUniform(Uniform):
     """Distribution whose logarithm is uniform from log(low) to log(high)."""
 
     low: float = number(above=0.0, text="lower end, in the variable's unit")
     high: float = number(above=0.0, text="upper end")
 
-    def check(self, where: str) -> None:
-        """Refuse an empty interval."""
-        _ordered(where, low=self.low, high=self.high)
-
-    def ppf(self, u: FloatArray) -> Sequence[Any]:
-        """Return the values at percentiles u: geometric interpolation between the ends."""
-        return _floats(self.low * np.power(self.high / self.low, u))
+    @property
+    def frozen(self) -> Any:
+        """Log-uniform distribution."""
+        return stats.loguniform(self.low, self.high)
 
 
 @dataclass(frozen=True)
-class Triangular(Distribution):
+class Triangular(Uniform):
     """Triangular distribution: the density rises from low to mode and falls to high."""
 
     low: float = number(text="lower end, in the variable's unit")
-    mode: float = number(text="where the density is highest")
+    mode: float = number(text="value with the highest density")
     high: float = number(text="upper end")
 
     def check(self, where: str) -> None:
         """Refuse an empty interval and a mode outside it."""
-        _ordered(where, low=self.low, high=self.high)
+        super().check(where)
         if not self.low <= self.mode <= self.high:
             raise refused(f"{where}mode", self.mode, f"a finite number from {self.low:g} to {self.high:g}")
 
-    def ppf(self, u: FloatArray) -> Sequence[Any]:
-        """Return the values at percentiles u, from the inverse of the two quadratic branches."""
-        span, rise, fall = self.high - self.low, self.mode - self.low, self.high - self.mode
-        below = self.low + np.sqrt(u * span * rise)
-        above = self.high - np.sqrt((1.0 - u) * span * fall)
-        return _floats(np.where(u * span < rise, below, above))
+    @property
+    def frozen(self) -> Any:
+        """Triangular distribution."""
+        span = self.high - self.low
+        return stats.triang((self.mode - self.low) / span, self.low, span)
 
 
 @dataclass(frozen=True)
-class Truncated(Distribution):
-    """Distribution of scipy, truncated at its lower and upper end if these are set."""
+class Truncated(Continuous):
+    """Distribution that is truncated at its lower and upper end if these are set."""
 
     low: float | None = number(None, text="lower end; none: none")
     high: float | None = number(None, text="upper end; none: none")
 
     @property
-    @abstractmethod
-    def whole(self) -> Any:
-        """Distribution without its ends, a frozen one of `scipy.stats`."""
-
-    @property
     def shares(self) -> tuple[float, float]:
         """Share of the whole distribution below the lower and below the upper end [1]."""
-        ends = -np.inf if self.low is None else self.low, np.inf if self.high is None else self.high
-        low, high = self.whole.cdf(ends).tolist()
-        return low, high
+        low, high = self.frozen.cdf(
+            [-np.inf if self.low is None else self.low, np.inf if self.high is None else self.high]
+        )
+        return float(low), float(high)
 
     def check(self, where: str) -> None:
         """Refuse ends with (almost) nothing of the distribution between them."""
@@ -135,8 +144,8 @@ class Truncated(Distribution):
     def ppf(self, u: FloatArray) -> Sequence[Any]:
         """Return the values at percentiles u of the truncated distribution."""
         low, high = self.shares
-        values = self.whole.ppf(low + u * (high - low))
-        return _floats(values if self.low is self.high is None else np.clip(values, self.low, self.high))
+        values = super().ppf(low + u * (high - low))
+        return values if self.low is self.high is None else np.clip(values, self.low, self.high).tolist()
 
 
 @dataclass(frozen=True)
@@ -147,7 +156,7 @@ class Normal(Truncated):
     std: float = number(above=0.0, text="standard deviation of the whole distribution")
 
     @property
-    def whole(self) -> Any:
+    def frozen(self) -> Any:
         """Normal distribution without its ends."""
         return stats.norm(self.mean, self.std)
 
@@ -160,7 +169,7 @@ class LogNormal(Truncated):
     log_std: float = number(above=0.0, maximum=5.0, text="standard deviation of the natural logarithm")
 
     @property
-    def whole(self) -> Any:
+    def frozen(self) -> Any:
         """Log-normal distribution without its ends."""
         return stats.lognorm(self.log_std, scale=self.median)
 
@@ -170,8 +179,8 @@ class Choice(Distribution):
     """Random choice among listed values."""
 
     discrete: ClassVar[bool] = True
-    values: tuple[Any, ...] = listing(anything(), range(1, 10_000), text="what it may be")
-    weights: tuple[float, ...] = numbers(default=(), above=0.0, text="how likely, relative to each other; empty: alike")
+    values: tuple[Any, ...] = listing(anything(), range(1, 10_000), text="possible values")
+    weights: tuple[float, ...] = numbers(default=(), above=0.0, text="relative weights of the values; empty: equal")
 
     def check(self, where: str) -> None:
         """Refuse weights that do not match the number of values."""
@@ -200,8 +209,8 @@ class Choice(Distribution):
 class Population(Distribution):
     """Distribution of a quantity in a named population."""
 
-    people: str = choice(*populations.names(), default=REQUIRED, name="of", text="whose: a named population")
-    quantity: str = choice(*populations.QUANTITIES, default=REQUIRED, text="which")
+    people: str = choice(*populations.names(), default=REQUIRED, name="of", text="named population")
+    quantity: str = choice(*populations.QUANTITIES, default=REQUIRED, text="quantity of the population")
     percentiles: tuple[float, float] = numbers(
         2,
         (1.0, 99.0),
@@ -219,20 +228,25 @@ class Population(Distribution):
     def ppf(self, u: FloatArray) -> Sequence[Any]:
         """Return the values at percentiles u of the people between `percentiles`."""
         low, high = self.percentiles
-        return _floats(populations.quantity(self.people, self.quantity).ppf((low + u * (high - low)) / 100.0))
+        values: list[float] = (
+            populations.quantity(self.people, self.quantity).ppf((low + u * (high - low)) / 100.0).tolist()
+        )
+        return values
 
 
-KINDS: dict[str, type[Settings]] = {
-    "uniform": Uniform,
-    "log_uniform": LogUniform,
-    "triangular": Triangular,
-    "normal": Normal,
-    "log_normal": LogNormal,
-    "choice": Choice,
-    "population": Population,
-}
-"""Distribution classes, by the value of `kind`."""
-DISTRIBUTION: Any = variant("kind", KINDS, text="how likely which values are")
+KINDS = Kinds(
+    {
+        "uniform": Uniform,
+        "log_uniform": LogUniform,
+        "triangular": Triangular,
+        "normal": Normal,
+        "log_normal": LogNormal,
+        "choice": Choice,
+        "population": Population,
+    }
+)
+"""Distribution classes, by the value of `kind`; `kind: MODULE:CLASS` is one of another package."""
+DISTRIBUTION: Any = variant("kind", KINDS, text="distribution of the values")
 
 
 @dataclass(frozen=True)
@@ -240,8 +254,8 @@ class Variable(Settings):
     """Varied quantity, with its keys in the experiment and its distribution."""
 
     paths: tuple[str, ...] = names(text="dotted paths of the keys of the experiment that get its value, all the same")
-    unit: str = text("", text="of its values; of a population's quantity it is known")
-    text: str = text("", text="what it is, for tables and figures")
+    unit: str = text("", text="unit of the values; set automatically for a population's quantity")
+    text: str = text("", text="description, for tables and figures")
     distribution: Distribution = DISTRIBUTION
 
     def check(self, where: str) -> None:
@@ -252,13 +266,3 @@ class Variable(Settings):
         if self.unit not in ("", unit):
             raise refused(f"{where}unit", self.unit, f"{unit}, that of the population's {self.distribution.quantity}")
         object.__setattr__(self, "unit", unit)
-
-
-def _floats(values: FloatArray) -> list[float]:
-    listed: list[float] = values.tolist()
-    return listed
-
-
-def _ordered(where: str, low: float, high: float) -> None:
-    if not low < high:
-        raise refused(f"{where}high", high, f"a finite number above low, {low:g}")

@@ -1,34 +1,33 @@
-"""Command `approaches`: draw and run random approaches, write each outcome at once, and count the results."""
+"""Command `approaches`: the sweep `approaches` with its counts of contacts in words."""
 
 import argparse
-import json
-import logging
-import math
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict
-from multiprocessing import get_context
+import contextlib
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from hric_analysis.contacts import CONTACT_AREA
-from hric_assessment.findings import DISCLAIMER
-from hric_assessment.findings import Outcome as Result
+from hric_assessment.findings import DISCLAIMER, Outcome
 from hric_assessment.verdict.conclusions import ORDER
 from hric_assessment.verdict.result import EXIT_CODES
-from hric_core.errors import HricError
-from hric_core.parameters import whole
+from hric_core.parameters import read_yaml, whole
+from hric_sweep import definition
 from hric_sweep.approaches.draw import draw
-from hric_sweep.approaches.meetings import MOVING, PUSHED, STANDING_ARM, ContactEvent
-from hric_sweep.approaches.run import Outcome, Runner
-from hric_sweep.statistics.intervals import clopper_pearson_upper
+from hric_sweep.definition import ROW
+from hric_sweep.engines.pebble_engine import InProcessEngine, PebbleEngine
+from hric_sweep.execution import execute
+from hric_sweep.journal import Journal
+from hric_sweep.records import RunResponse
+from hric_sweep.statistics.intervals import clopper_pearson
+from hric_sweep.task import code_version, prepare
 
 COUNT, QUICK = 1000, 20
 """Number of approaches: default, and with --quick."""
 CONFIDENCE = 0.95
 """Confidence level of the one-sided bound [1]."""
+MOVING, STANDING = "", "standing_"
+"""Prefixes of the outputs of the sweep that count contacts with a moving and with a standing arm."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -36,17 +35,17 @@ def parser() -> argparse.ArgumentParser:
     made = argparse.ArgumentParser(
         "rosrun hric_experiments approaches",
         description="Approaches of a person to a working arm, drawn by seed, in the experiment shared_workspace: "
-        "contacts above limits while the arm moves, and those with a standing arm. "
+        "contacts above limits while the arm moves, and those with a standing arm; the sweep `approaches`. "
         "Exit code 1: a contact with the moving arm was above limits; 4: one is not assessable, or a run failed.",
     )
-    made.add_argument("--count", type=int, default=COUNT, help=f"how many (default: {COUNT})")
-    made.add_argument("--quick", action="store_true", help=f"{QUICK} of them")
+    made.add_argument("--count", type=int, default=COUNT, help=f"number of approaches (default: {COUNT})")
+    made.add_argument("--quick", action="store_true", help=f"{QUICK} approaches")
     made.add_argument("--first", type=int, default=0, help="seed of the first; the others follow (default: 0)")
     made.add_argument("--without", action="store_true", help="the supervisor watches and does not act")
     made.add_argument("--simulator", default="mujoco", help="engine (default: mujoco)")
     made.add_argument("--jobs", type=int, default=2, help="processes (default: 2)")
     made.add_argument(
-        "--output", type=Path, metavar="FILE", help="a line of JSON for each; what is there already is not run again"
+        "--output", type=Path, metavar="FILE", help="a line of JSON for each; finished approaches are not run again"
     )
     return made
 
@@ -56,114 +55,74 @@ def main(arguments: Sequence[str]) -> int:
     options = parser().parse_args(arguments)
     for name in ("count", "first", "jobs"):
         whole(minimum=0 if name == "first" else 1).checked(getattr(options, name), f"--{name}")
-    count = QUICK if options.quick else options.count
-    done = {} if options.output is None else read(options.output, not options.without)
-    missing = [seed for seed in range(options.first, options.first + count) if seed not in done]
-    for outcome in _outcomes(missing, options):
-        done[outcome.seed] = outcome
-        if options.output is not None:
-            with options.output.open("a") as file:
-                file.write(json.dumps(asdict(outcome)) + "\n")
-    outcomes = [done[seed] for seed in range(options.first, options.first + count)]
-    print(report(outcomes))
-    results = {contact.outcome for outcome in outcomes for contact in outcome.met(MOVING)}
-    if any(outcome.failure for outcome in outcomes):
-        results.add(Result.NOT_ASSESSABLE)
-    return next((EXIT_CODES[result] for result in ORDER if result in results), 0)
+    responses = run(options)
+    print(report(responses, options.first, supervised=not options.without))
+    outcomes = {outcome for outcome in ORDER if _runs(responses, MOVING, outcome)}
+    if any(response.failure for response in responses):
+        outcomes.add(Outcome.NOT_ASSESSABLE)
+    return next((EXIT_CODES[outcome] for outcome in ORDER if outcome in outcomes), 0)
 
 
-def _outcomes(seeds: Sequence[int], options: argparse.Namespace) -> Iterator[Outcome]:
-    """Run the approaches and yield their outcomes in the order of the seeds."""
-    if options.jobs == 1 or len(seeds) < 2:
-        yield from map(_Worker(options.simulator, not options.without), seeds)
-        return
-    settings = options.simulator, not options.without
-    pool = ProcessPoolExecutor(options.jobs, get_context("spawn"), initializer=_start, initargs=settings)
-    with pool:
-        yield from pool.map(_run, seeds)
+def run(options: argparse.Namespace) -> list[RunResponse]:
+    """Execute the approaches of the options and return their responses in the order of the seeds."""
+    content, count = read_yaml(definition.find("approaches")), QUICK if options.quick else options.count
+    content["changes"] = [f"simulator:={options.simulator}", f"supervisor.active:={not options.without}".lower()]
+    content["sweep"] |= {"runs": count, "seed": options.first}
+    plan, code = definition.plan("approaches", content), code_version()
+    tasks = [plan.task(index, {ROW: name}, code) for index, name in enumerate(plan.section.rows)]
+    prepare()  # reflexes are counted, not logged
+    jobs = min(options.jobs, count)
+    engine = InProcessEngine() if jobs == 1 else PebbleEngine(jobs, 1e9 * plan.section.memory)
+    with contextlib.ExitStack() as stack:
+        stack.callback(engine.close, now=True)
+        journal = None if options.output is None else stack.enter_context(Journal(options.output))
+        return execute(tasks, engine, journal)
 
 
-class _Worker:
-    """Runner of one process, reused for each approach."""
+def report(responses: Sequence[RunResponse], first: int, *, supervised: bool) -> str:
+    """Return the summary for the terminal.
 
-    def __init__(self, simulator: str, supervised: bool) -> None:
-        logging.getLogger("hric").setLevel(logging.CRITICAL)  # reflexes are counted
-        self._runner = Runner(simulator, supervised)
-
-    def __call__(self, seed: int) -> Outcome:
-        return self._runner.run(draw(seed))
-
-
-_workers: list[_Worker] = []
-
-
-def _start(simulator: str, supervised: bool) -> None:
-    _workers.append(_Worker(simulator, supervised))
-
-
-def _run(seed: int) -> Outcome:
-    return _workers[0](seed)
-
-
-def read(path: Path, supervised: bool) -> dict[int, Outcome]:
-    """Return the outcomes in a file, by seed, those with or without the supervisor; empty if there is no file.
-
-    Raises:
-        HricError: a line has a different format or comes from an earlier version.
+    Args:
+        responses: responses in the order of the seeds.
+        first: seed of the first one.
+        supervised: True if the supervisor acted.
     """
-    outcomes: dict[int, Outcome] = {}
-    for number, line in enumerate(path.read_text().splitlines() if path.is_file() else (), 1):
-        try:
-            values: Mapping[str, Any] = json.loads(line)
-            contacts = [ContactEvent(**{**one, "outcome": Result(one["outcome"])}) for one in values["contacts"]]
-            outcome = Outcome(**{**values, "contacts": contacts})
-        except (ValueError, TypeError, KeyError) as error:
-            raise HricError(f"{path}, line {number}: {error}; valid: a file that this version wrote") from None
-        if outcome.supervised is supervised:
-            outcomes[outcome.seed] = outcome
-    return outcomes
-
-
-def report(outcomes: Sequence[Outcome]) -> str:
-    """Return the summary for the terminal."""
-    count, supervised = len(outcomes), outcomes[0].supervised
-    speeds = [one.speed for one in outcomes]
-    moving = [one.met(MOVING) for one in outcomes]
-    standing = [one.met(STANDING_ARM, PUSHED) for one in outcomes]
-    above = _runs(moving, Result.ABOVE)
-    failed = [outcome for outcome in outcomes if outcome.failure]
-    unproven = sum(any(one.above or one.not_assessable for one in contacts) for contacts in moving) + len(failed)
-    bound = 100.0 * clopper_pearson_upper(unproven, count, CONFIDENCE)
+    count, completed = len(responses), [response for response in responses if not response.failure]
+    speeds = [draw(first + index).speed for index in range(count)]
+    counted = Outcome.ABOVE, Outcome.NOT_ASSESSABLE
+    unproven = _runs(responses, MOVING, *counted) + count - len(completed)
+    bound = 100.0 * clopper_pearson(unproven, count, CONFIDENCE, "less").high
+    stopped, slowed = (np.mean([run.outputs[name] or 0.0 for run in completed]) for name in ("stopped", "slowed"))
     lines = [
-        f"{count} approaches, seeds {outcomes[0].seed} to {outcomes[-1].seed}, at {min(speeds):.2f} to "
-        f"{max(speeds):.2f} m/s, {'with the supervisor' if supervised else 'WITHOUT the supervisor'}",
-        f"contacts above limits while the arm moves faster than 10 mm/s: in {above} of {count}, at most {bound:.1f} % "
-        f"(one-sided {100.0 * CONFIDENCE:.0f} %)",
-        f"contacts with a moving arm: {_counts(moving)}",
-        f"contacts with a standing arm, by the person's own speed: {_counts(standing)}",
+        f"{count} approaches, seeds {first} to {first + count - 1}, at {min(speeds):.2f} to {max(speeds):.2f} m/s, "
+        f"{'with the supervisor' if supervised else 'WITHOUT the supervisor'}",
+        f"contacts above limits while the arm moves faster than 10 mm/s: in {_runs(responses, MOVING, Outcome.ABOVE)} "
+        f"of {count}, at most {bound:.1f} % (one-sided {100.0 * CONFIDENCE:.0f} %)",
+        f"contacts with a moving arm: {_counts(responses, MOVING)}",
+        f"contacts with a standing arm, by the person's own speed: {_counts(responses, STANDING)}",
         f"area of a contact: {CONTACT_AREA:g} m^2 (project default); not assessable counts as above in the bound",
-        f"decisions in which the arm moved nearer than the protective distance: {sum(o.violations for o in outcomes)}",
-        f"share of the time stopped {np.mean([outcome.stopped for outcome in outcomes if not outcome.failure]):.2f}, "
-        f"slowed {np.mean([outcome.slowed for outcome in outcomes if not outcome.failure]):.2f}",
+        f"decisions in which the arm moved nearer than the protective distance: "
+        f"{sum(run.outputs['violations'] or 0.0 for run in completed):.0f}",
+        f"share of the time stopped {stopped:.2f}, slowed {slowed:.2f}",
     ]
-    hit = [str(one.seed) for one in outcomes if any(contact.above for contact in one.met(MOVING))]
-    if hit:
-        shares = [one.share for contacts in moving for one in contacts if one.above]
-        largest = max(filter(math.isfinite, shares), default=math.inf)
+    exceeding = [str(first + run.index) for run in completed if run.outputs["above"]]
+    if exceeding:
+        largest = max(run.outputs["known_share"] or 0.0 for run in completed) or np.inf
         lines.append(f"of those above limits: up to {largest:.1f} times the limit")
-        lines.append("seeds: " + ", ".join(hit[:20]) + (", ..." if len(hit) > 20 else ""))
-    if failed:
-        lines.append(f"runs that failed, of whose contacts nothing is known (above in the bound): {len(failed)}")
-        lines += [f"  seed {outcome.seed}: {outcome.failure}" for outcome in failed]
+        lines.append("seeds: " + ", ".join(exceeding[:20]) + (", ..." if len(exceeding) > 20 else ""))
+    if len(completed) < count:
+        lines.append(f"failed runs, contacts unknown (counted as above limits in the bound): {count - len(completed)}")
+        lines += [f"  seed {first + run.index}: {run.failure}" for run in responses if run.failure]
     return "\n".join([*lines, DISCLAIMER])
 
 
-def _runs(contacts: Sequence[Sequence[ContactEvent]], outcome: Result) -> int:
-    """Return the number of runs with an outcome, from the contacts of each run."""
-    return sum(any(one.outcome == outcome for one in own) for own in contacts)
+def _runs(responses: Sequence[RunResponse], arm: str, *outcomes: Outcome) -> int:
+    """Return the number of runs with a contact that has one of the outcomes."""
+    names = [f"{arm}{outcome.name.lower()}" for outcome in outcomes]
+    return sum(any(response.outputs[name] for name in names) for response in responses)
 
 
-def _counts(contacts: Sequence[Sequence[ContactEvent]]) -> str:
-    """Return the number of runs with each outcome as text, from the contacts of each run."""
-    counts = ", ".join(f"{outcome} in {_runs(contacts, outcome)}" for outcome in ORDER)
-    return f"in {sum(map(bool, contacts))} of {len(contacts)} runs ({counts})"
+def _counts(responses: Sequence[RunResponse], arm: str) -> str:
+    """Return the number of runs with each outcome as text."""
+    counts = ", ".join(f"{outcome} in {_runs(responses, arm, outcome)}" for outcome in ORDER)
+    return f"in {_runs(responses, arm, *ORDER)} of {len(responses)} runs ({counts})"

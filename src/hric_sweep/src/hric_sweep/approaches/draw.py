@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from hric_assessment.contact.limits import TRANSIENT_TIME
+from hric_sweep.approaches.contact_events import LONGEST
 
 SPEEDS = (0.5, 2.0)
 """Range of the walk's peak speed, which is reached at the aim [m/s]."""
@@ -18,8 +18,6 @@ BEARING = math.radians(100.0)
 CONTROLLER = "joint_pd_controller"
 SWING = 1.5
 """Time between two setpoints of the arm [s]."""
-LONGEST = 2.0 * TRANSIENT_TIME
-"""Longest time from the first touch to the end of a run [s]: twice the time after which a contact counts as a clamp."""
 BEGIN = 0.5
 """Start of the arm's motion [s]: after the supervisor's first request has taken effect, which takes 0.34 s."""
 
@@ -82,6 +80,11 @@ class Approach:
             "setpoints": sent,
             "duration": self.duration + LONGEST,
         }
+
+
+def changes(seed: int) -> dict[str, Any]:
+    """Return the overrides of the random approach of a seed: the rows of the sweep `approaches`."""
+    return draw(seed).changes()
 
 
 def draw(seed: int) -> Approach:

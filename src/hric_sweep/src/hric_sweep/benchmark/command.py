@@ -1,12 +1,9 @@
 """Command `rosrun hric_experiments benchmark`: compare controllers over collaborations, bodies and seeds."""
 
 import argparse
-import signal
-import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
-from typing import Any
 
 from tqdm import tqdm
 
@@ -14,13 +11,13 @@ from hric_bags import files
 from hric_bags.run_folder import RunFolder, iso_now, runs_root
 from hric_core.errors import HricError
 from hric_core.parameters import read_yaml, whole
-from hric_run import provenance
-from hric_sweep.benchmark import definition, results, running, scoring, text
+from hric_sweep.benchmark import definition, results, scoring, text
 from hric_sweep.benchmark.definition import Benchmark, Controller
-from hric_sweep.carrying import carry_out
-from hric_sweep.engines.engine import going_on_with
-from hric_sweep.engines.make import add_options, engine_of
+from hric_sweep.command import provenance_of
+from hric_sweep.engines.make import add_options, engine_session, resume_command
+from hric_sweep.execution import execute
 from hric_sweep.journal import UNFINISHED_CODE, Journal
+from hric_sweep.records import PlainData
 from hric_sweep.task import code_version
 
 FILE = "benchmark.yaml"
@@ -28,29 +25,33 @@ MEMORY = 4e9
 """Memory limit of a worker [bytes]; project default, unconfirmed."""
 DIFFERS = 1
 """Exit code of a comparison with differences beyond the tolerance."""
+CHOICES = ("without_references", "collaborations", "bodies", "seeds")
+"""Options that choose what is run, beside the definition and the controllers."""
 
 
 def main(arguments: Sequence[str]) -> int:
     """Run the command and return its exit code."""
-    given = _parser().parse_args(list(arguments))
-    if given.seeds is not None:
-        whole(minimum=1).checked(given.seeds, "--seeds")
-    theirs = None if given.compare is None else results.read(given.compare)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    folder = _folder(given.resume) if given.resume else None
-    benchmark, content, controllers = _what(given, folder)
-    code = code_version()
-    if folder is not None and (before := read_yaml(folder / FILE)["code"]) != code:
-        raise HricError(
-            f"{folder} was begun with code {before[:12]}, and this is {code[:12]}; valid: the same, or anew"
-        )
-    folder, found = _run(folder, benchmark, content, controllers, code, given)
-    print(text.render(found))
+    options = _parser().parse_args(list(arguments))
+    if options.seeds is not None:
+        whole(minimum=1).checked(options.seeds, "--seeds")
+    theirs = None if options.compare is None else results.read(options.compare)
+    folder, code = _folder(options.resume), code_version()
+    if folder is not None:
+        before = read_yaml(folder / FILE)
+        if before["code"] != code:
+            raise HricError(
+                f"{folder} was started with code {before['code'][:12]}, but this is code {code[:12]}; valid: the same "
+                "code, or a new benchmark"
+            )
+        vars(options).update(before["given"])
+    benchmark, content, controllers = _chosen(options)
+    folder, ours = _run(folder, benchmark, content, controllers, code, options)
+    print(text.render(ours))
     print(f"page: {folder / 'report.html'}\nresults: {folder / results.NAME}")
     if theirs is not None:
-        return _compared(found, theirs)
-    failed = any(cell["failures"] for one in found["collaborations"].values() for cell in one["controllers"].values())
-    return UNFINISHED_CODE if failed else 0
+        return _compare(ours, theirs)
+    cells = [cell for item in ours["collaborations"].values() for cell in item["controllers"].values()]
+    return UNFINISHED_CODE if any(cell["failures"] for cell in cells) else 0
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -58,120 +59,93 @@ def _parser() -> argparse.ArgumentParser:
         "rosrun hric_experiments benchmark",
         description="Compare controllers over collaborations, bodies and seeds: findings, ergonomics, task and "
         "robustness side by side, in one table, one page and one results file. Needs no ROS master.",
-        epilog=f"order: {scoring.RULE}  exit codes: 0; 1 --compare: not within the tolerance; 2 a mistake, and nothing "
-        "was begun; 3 runs failed (they count as such in the table); 130 Ctrl-C (go on with --resume DIR)",
+        epilog=f"order: {scoring.RULE}  exit codes: 0; 1 --compare: not within the tolerance; 2 user error, nothing "
+        "was started; 3 runs failed (they count as such in the table); 130 Ctrl-C (resume with --resume DIR)",
     )
     references = ", ".join(definition.references())
-    parser.add_argument(
-        "controllers", nargs="*", metavar="CONTROLLER", help=f"YAML files beside the references ({references})"
-    )
     add = parser.add_argument
+    add(
+        "controllers", nargs="*", metavar="CONTROLLER", help=f"YAML files, in addition to the references ({references})"
+    )
     add("--without-references", action="store_true", help="only the controllers given")
-    add("--definition", type=Path, metavar="FILE", help="another definition than the one that comes with it")
+    add("--definition", metavar="FILE", help="another definition than the one that comes with it")
     add("--collaborations", nargs="+", default=[], metavar="NAME", help="only these")
     add("--bodies", nargs="+", default=[], metavar="NAME", help="only these")
     add("--seeds", type=int, metavar="N", help="only the first N seeds")
-    add_options(parser)
-    add("--resume", metavar="DIR", help="go on with a benchmark that was ended before its end, by whatever")
-    add("--compare", type=Path, metavar="FILE", help="results of another laboratory: says what differs from them")
-    add("--runs", metavar="DIR", help="folder of all runs (default: $HRIC_RUNS, else runs/)")
-    add("--quiet", action="store_true", help="no progress bar")
+    add("--compare", type=Path, metavar="FILE", help="results of another laboratory: report the differences")
+    add_options(parser, "benchmark")
     return parser
 
 
-def _folder(given: str) -> Path:
-    folder = Path(given).expanduser()
-    if not (folder / FILE).is_file():
+def _folder(resume: str | None) -> Path | None:
+    folder = None if resume is None else Path(resume).expanduser()
+    if folder is not None and not (folder / FILE).is_file():
         raise HricError(f"no benchmark in {folder}; valid: a folder with {FILE}")
     return folder
 
 
-def _what(given: argparse.Namespace, folder: Path | None) -> tuple[Benchmark, dict[str, Any], list[Controller]]:
-    """Return benchmark, content and controllers, from the arguments or from the benchmark that is resumed."""
-    said = vars(given) if folder is None else read_yaml(folder / FILE)["given"]
-    path = None if said["definition"] is None else Path(said["definition"])
-    benchmark, content = definition.load(path)
-    benchmark = benchmark.only(said["collaborations"], said["bodies"], said["seeds"])
-    names = [*([] if said["without_references"] else definition.references()), *said["controllers"]]
+def _chosen(options: argparse.Namespace) -> tuple[Benchmark, PlainData, list[Controller]]:
+    """Return benchmark, content and controllers of the options."""
+    benchmark, content = definition.load(None if options.definition is None else Path(options.definition))
+    benchmark = benchmark.only(options.collaborations, options.bodies, options.seeds)
+    names = [*([] if options.without_references else definition.references()), *options.controllers]
     if not names:
         raise HricError("nothing to compare: --without-references needs the file of a controller")
     controllers = [definition.controller(name, benchmark) for name in names]
-    if len({one.name for one in controllers}) < len(controllers):
-        raise HricError(f"two controllers have one name: {', '.join(one.name for one in controllers)}")
+    if len({controller.name for controller in controllers}) < len(controllers):
+        raise HricError(f"two controllers have one name: {', '.join(controller.name for controller in controllers)}")
     return benchmark, content, controllers
 
 
-def _begin(given: argparse.Namespace, content: Mapping[str, Any], code: str) -> Path:
+def _begin(options: argparse.Namespace, content: PlainData, code: str) -> Path:
     """Create the run folder with benchmark.yaml and return its path."""
-    folder = RunFolder.create(runs_root(given.runs), "benchmark").path
-    said = {key: getattr(given, key) for key in ("without_references", "collaborations", "bodies", "seeds")}
-    said["definition"] = None if given.definition is None else str(given.definition.expanduser().resolve())
-    said["controllers"] = [
-        str(Path(name).expanduser().resolve()) if name.endswith((".yaml", ".yml")) else name
-        for name in given.controllers
-    ]
-    files.write_yaml(
-        folder / FILE,
-        {
-            "started": iso_now(),
-            "given": said,
-            "code": code,
-            "definition": dict(content),
-            "revision": provenance.revision(),
-            "versions": provenance.versions(),
-            "platform": provenance.platform_info(),
-        },
-    )
+    chosen = {key: getattr(options, key) for key in CHOICES}
+    chosen["definition"] = options.definition and _absolute(options.definition)
+    chosen["controllers"] = list(map(_absolute, options.controllers))
+    folder = RunFolder.create(runs_root(options.runs), "benchmark").path
+    head = {"started": iso_now(), "given": chosen, "definition": content}
+    files.write_yaml(folder / FILE, {**head, **provenance_of(code)})
     return folder
+
+
+def _absolute(name: str) -> str:
+    return str(Path(name).expanduser().resolve()) if name.endswith((".yaml", ".yml")) else name
 
 
 def _run(
     folder: Path | None,
     benchmark: Benchmark,
-    content: Mapping[str, Any],
+    content: PlainData,
     controllers: Sequence[Controller],
     code: str,
-    given: argparse.Namespace,
-) -> tuple[Path, dict[str, Any]]:
+    options: argparse.Namespace,
+) -> tuple[Path, PlainData]:
     """Run a new benchmark, or resume one; return its folder and results."""
     from hric_sweep.benchmark import page
 
-    todo = running.runs(benchmark, content["experiments"], controllers, code)
-    engine, now = engine_of(given, MEMORY, len(todo)), True
-    try:
-        engine.check(todo[0].task)
-        folder = folder or _begin(given, content, code)
+    runs = definition.runs(benchmark, content["experiments"], controllers, code)
+    started: Path | None = None
+    with engine_session(options, MEMORY, len(runs), lambda: resume_command(started)) as engine:
+        engine.check(next(iter(runs.values())))
+        started = folder = folder or _begin(options, content, code)
         print(f"benchmark: {folder}", flush=True)
-        with Journal(folder) as journal, closing(_bar(len(todo), given.quiet)) as bar, going_on_with(_command(folder)):
-            responses = carry_out([one.task for one in todo], engine, journal, lambda _: bar.update())
-        now = False
-    except KeyboardInterrupt:
-        going_on = "nothing was begun" if folder is None else f"go on: {_command(folder)}"
-        print(f"\ninterrupted; {going_on}", file=sys.stderr)
-        raise
-    finally:
-        engine.close(now=now)
-    cells = scoring.cells(benchmark, todo, responses)
-    found = results.make(benchmark, content, controllers, cells, code)
-    found["runs"] = results.run_rows(todo, responses)
-    files.write_json(folder / results.NAME, results.finite(found))
-    page.write(folder, found)
-    return folder, found
+        bar = tqdm(total=len(runs), unit=" runs", desc="benchmark", disable=options.quiet or None)
+        with Journal(folder) as journal, closing(bar):
+            responses = execute(list(runs.values()), engine, journal, lambda _: bar.update())
+    by_run = dict(zip(runs, responses, strict=True))
+    made = results.make(benchmark, content, controllers, scoring.cells(benchmark, by_run), code)
+    ours = {**made, "runs": results.run_rows(by_run)}
+    files.write_json(folder / results.NAME, results.finite(ours))
+    page.write(folder, ours)
+    return folder, ours
 
 
-def _command(folder: Path) -> str:
-    return f"rosrun hric_experiments benchmark --resume {folder}"
-
-
-def _bar(total: int, quiet: bool) -> Any:
-    return tqdm(total=total, unit=" runs", desc="benchmark", disable=quiet or None)
-
-
-def _compared(ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> int:
+def _compare(ours: PlainData, theirs: PlainData) -> int:
+    """Print the differences between two results and return the exit code."""
     differences = results.compare(ours, theirs)
     share = f"{100.0 * ours['tolerance']:g} %"
     if not differences:
         print(f"within {share} of the other results")
         return 0
-    print("\n".join([f"differs from the other results by more than {share}:", *(f"  {one}" for one in differences)]))
+    print("\n".join([f"differs from the other results by more than {share}:", *(f"  {line}" for line in differences)]))
     return DIFFERS

@@ -4,13 +4,13 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from hric_core.errors import HricError, ParameterError, UnknownNameError, message_about
 from hric_core.parameters import (
     Mistakes,
-    Settings,
     choice,
     listing,
     mapping,
@@ -25,7 +25,10 @@ from hric_run import simulation
 from hric_run.definition import experiment, overrides
 from hric_run.definition.experiment import ExperimentError
 from hric_sweep.outputs import Output
+from hric_sweep.records import PlainData, RunTask
+from hric_sweep.registry import FileSettings, file_of
 
+T = TypeVar("T")
 NAME = "collaborations"
 """Name of the definition that comes with the workspace."""
 FINDINGS, ERGONOMICS, TASK = "findings", "ergonomics", "task"
@@ -44,13 +47,12 @@ OVERRIDES: Any = listing(text(empty=False), default=(), different=True)
 class Score(Output):
     """Number of each run by which controllers are compared."""
 
-    separator = "."
     limit: float | None = number(
         None,
         text="largest value that is accepted, or smallest where larger is better: a finding beyond it is out of "
         "limits, a task beyond it not completed",
     )
-    better: str = choice("smaller", "larger", text="which of two values is the better one")
+    better: str = choice("smaller", "larger", text="smaller or larger values are better")
 
     @property
     def sign(self) -> float:
@@ -66,10 +68,9 @@ SCORES: Any = mapping(section(Score), text="scores by name")
 
 
 @dataclass(frozen=True)
-class Collaboration(Settings):
+class Collaboration(FileSettings):
     """Experiment of the benchmark; `name` is its name within the benchmark."""
 
-    separator = "."
     name: str = ""
     extends: str = text(empty=False, text="the experiment: its name, or the path of its YAML file")
     changes: tuple[str, ...] = listing(text(empty=False), default=(), text="overrides of all its runs")
@@ -79,31 +80,29 @@ class Collaboration(Settings):
 
     def scores(self, category: str) -> Mapping[str, Score]:
         """Return the scores of one of CATEGORIES, by name."""
-        found: Mapping[str, Score] = getattr(self, category)
-        return found
+        scores: Mapping[str, Score] = getattr(self, category)
+        return scores
 
     @property
-    def all(self) -> dict[tuple[str, str], Score]:
-        """Scores by category and name."""
-        return {(category, name): one for category in CATEGORIES for name, one in self.scores(category).items()}
+    def all(self) -> dict[str, Score]:
+        """Scores by `CATEGORY.NAME`."""
+        return {f"{category}.{name}": s for category in CATEGORIES for name, s in self.scores(category).items()}
 
 
 @dataclass(frozen=True)
-class Population(Settings):
+class Population(FileSettings):
     """Bodies of the persons in the benchmark."""
 
-    separator = "."
-    name: str = text(empty=False, text="of the population")
-    source: str = text("", text="where its percentiles are from")
+    name: str = text(empty=False, text="name of the population")
+    source: str = text("", text="source of its percentiles")
     bodies: Mapping[str, str] = mapping(text(empty=False), text="subject of each body, by a short name such as p50")
 
 
 @dataclass(frozen=True)
-class Benchmark(Settings):
+class Benchmark(FileSettings):
     """Checked definition of a benchmark."""
 
-    separator = "."
-    description: str = text("", text="one line for people")
+    description: str = text("", text="one-line description")
     population: Population = section(Population)
     seeds: tuple[int, ...] = listing(whole(minimum=0), range(1, 1000), different=True, text="one run each")
     changes: tuple[str, ...] = listing(text(empty=False), default=(), text="overrides of all runs")
@@ -111,12 +110,12 @@ class Benchmark(Settings):
         0.02, minimum=0.0, maximum=1.0, text="share of a value within which two are the same, for ranks and --compare"
     )
     timeout: float = number(
-        600.0, above=0.0, unit="s", text="of processor time for one run, and of wall time in which it does nothing"
+        600.0, above=0.0, unit="s", text="limit of processor time per run, and of wall time without progress"
     )
     collaborations: Mapping[str, Collaboration] = mapping(
         section(Collaboration),
-        made=lambda given: {name: replace(one, name=name) for name, one in given.items()},
-        text="by name",
+        made=lambda items: {name: replace(item, name=name) for name, item in items.items()},
+        text="collaborations by name",
     )
 
     def only(self, collaborations: Sequence[str], bodies: Sequence[str], seeds: int | None) -> "Benchmark":
@@ -139,7 +138,7 @@ class Benchmark(Settings):
         )
 
 
-def _chosen(kind: str, names: Sequence[str], known: Mapping[str, Any]) -> dict[str, Any]:
+def _chosen(kind: str, names: Sequence[str], known: Mapping[str, T]) -> dict[str, T]:
     for name in names:
         if name not in known:
             raise UnknownNameError(kind, name, known, "benchmark")
@@ -147,21 +146,19 @@ def _chosen(kind: str, names: Sequence[str], known: Mapping[str, Any]) -> dict[s
 
 
 @dataclass(frozen=True)
-class Prediction(Settings):
+class Prediction(FileSettings):
     """Rank that a controller's design predicts."""
 
-    separator = "."
     rank: int = whole(minimum=1, text="among the reference controllers")
-    text: str = text(empty=False, text="why")
+    text: str = text(empty=False, text="reason")
 
 
 @dataclass(frozen=True)
-class Controller(Settings):
+class Controller(FileSettings):
     """Checked file of a controller; `name` is the file name without its ending."""
 
-    separator = "."
     name: str = ""
-    description: str = text("", text="one line for people")
+    description: str = text("", text="one-line description")
     prediction: Prediction | None = section(Prediction, None, text="what its design says of the result; none: nothing")
     changes: Mapping[str, tuple[str, ...]] = mapping(
         OVERRIDES,
@@ -169,7 +166,7 @@ class Controller(Settings):
     )
 
 
-def load(path: Path | None = None) -> tuple[Benchmark, dict[str, Any]]:
+def load(path: Path | None = None) -> tuple[Benchmark, PlainData]:
     """Read and check a definition.
 
     Args:
@@ -184,11 +181,11 @@ def load(path: Path | None = None) -> tuple[Benchmark, dict[str, Any]]:
     path = path or folder() / f"{NAME}.yaml"
     content = read_yaml(path)
     try:
-        found = Benchmark.of(content, "")
+        benchmark = Benchmark.of(content, "")
     except ParameterError as error:
         raise ExperimentError(message_about(f"benchmark {path.stem}", error)) from error
-    experiments = {one.extends: experiment.read(one.extends) for one in found.collaborations.values()}
-    return found, plain({"benchmark": content, "experiments": experiments})
+    experiments = {item.extends: experiment.read(item.extends) for item in benchmark.collaborations.values()}
+    return benchmark, plain({"benchmark": content, "experiments": experiments})
 
 
 def folder() -> Path:
@@ -211,47 +208,75 @@ def controller(name: str, benchmark: Benchmark) -> Controller:
     Raises:
         HricError: the controller does not exist, or its file has mistakes, all of them listed at once.
     """
-    if name.endswith((".yaml", ".yml")):
-        path = Path(name).expanduser()
-    elif name in references():
-        path = folder() / "controllers" / f"{name}.yaml"
-    else:
-        raise UnknownNameError("controller", name, references(), "benchmark; or the path of a YAML file")
+    path = file_of(name, "controller", folder() / "controllers")
     try:
-        found = replace(Controller.of(read_yaml(path), ""), name=path.stem)
-        _check(found, benchmark)
+        checked = replace(Controller.of(read_yaml(path), ""), name=path.stem)
+        _check(checked, benchmark)
     except HricError as error:
         example = "\n".join(f"  {line}" for line in EXAMPLE.splitlines())
-        own = "" if name in references() else f"\na controller's file, for example:\n{example}"
-        raise ExperimentError(f"{message_about(f'controller {path.stem}', error)}{own}") from error
-    return found
+        hint = "" if name in references() else f"\na controller's file, for example:\n{example}"
+        raise ExperimentError(f"{message_about(f'controller {path.stem}', error)}{hint}") from error
+    return checked
 
 
-def _check(found: Controller, benchmark: Benchmark) -> None:
+def _check(controller: Controller, benchmark: Benchmark) -> None:
     mistakes, body = Mistakes(), next(iter(benchmark.population.bodies.values()))
     known = {**load()[0].collaborations, **benchmark.collaborations}
-    for name in found.changes:
+    for name in controller.changes:
         with mistakes.noted():
             if name not in known:
                 raise unknown("collaboration", name, known, f"changes.{name}")
-            one = benchmark.collaborations.get(name, known[name])
+            words = arguments(benchmark, known[name], controller, body)
             try:
-                words = arguments(benchmark, one, found, body)
-                simulation.check(experiment.parse(name, overrides.apply(experiment.read(one.extends), words)))
+                content = overrides.apply(experiment.read(known[name].extends), words)
+                simulation.check(experiment.parse(name, content))
             except HricError as error:
                 raise ParameterError(f"changes.{name}: {error}") from error
     mistakes.raise_all()
 
 
-def arguments(benchmark: Benchmark, one: Collaboration, by: Controller, subject: str) -> list[str]:
+def arguments(benchmark: Benchmark, collaboration: Collaboration, by: Controller, subject: str) -> list[str]:
     """Return the overrides of a run: of the benchmark, the collaboration and the body, and last of the controller."""
-    return [*benchmark.changes, *one.changes, f"human.subject:={subject}", *by.changes.get(one.name, ())]
+    body = f"human.subject:={subject}"
+    return [*benchmark.changes, *collaboration.changes, body, *by.changes.get(collaboration.name, ())]
 
 
-def plain(content: Any) -> dict[str, Any]:
+@dataclass(frozen=True)
+class BenchmarkRun:
+    """Run of a controller in a collaboration with a body and a seed."""
+
+    controller: str
+    collaboration: str
+    body: str
+    seed: int
+
+
+def runs(
+    benchmark: Benchmark, experiments: PlainData, controllers: Sequence[Controller], code: str
+) -> dict[BenchmarkRun, RunTask]:
+    """Return all runs with their tasks; controllers alternate, so that the first runs already allow a comparison.
+
+    Args:
+        benchmark: definition of the benchmark.
+        experiments: content of the experiment files, by name.
+        controllers: controllers to compare.
+        code: version of the code.
+    """
+    tasks: dict[BenchmarkRun, RunTask] = {}
+    items = product(
+        benchmark.seeds, benchmark.population.bodies.items(), benchmark.collaborations.values(), controllers
+    )
+    for index, (seed, (body, subject), item, by) in enumerate(items):
+        changes = dict(map(overrides.split, arguments(benchmark, item, by, subject)))
+        about = (index, item.extends, experiments[item.extends], changes, seed)
+        tasks[BenchmarkRun(by.name, item.name, body, seed)] = RunTask(*about, item.all, benchmark.timeout, code)
+    return tasks
+
+
+def plain(content: Any) -> PlainData:
     """Return content as JSON represents it."""
-    found: dict[str, Any] = json.loads(json.dumps(content, default=str))
-    return found
+    represented: PlainData = json.loads(json.dumps(content, default=str))
+    return represented
 
 
 def digest(content: Any) -> str:
@@ -261,7 +286,7 @@ def digest(content: Any) -> str:
 
 def limits_digest() -> str:
     """Return the hash of the tables with the limits for findings."""
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     for path in sorted((experiment.package_path("hric_assessment") / "config" / "tables").glob("*.yaml")):
-        found.update(path.name.encode() + b"\0" + path.read_bytes())
-    return found.hexdigest()
+        digest.update(path.name.encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()

@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +13,15 @@ from hric_sweep.benchmark.definition import (
     ERGONOMICS,
     TASK,
     Benchmark,
+    BenchmarkRun,
     Collaboration,
     Controller,
     digest,
     limits_digest,
     plain,
 )
-from hric_sweep.benchmark.running import Run
-from hric_sweep.benchmark.scoring import RULE, Cell, category_ranks, spread_ranks, standings
+from hric_sweep.benchmark.scoring import ROBUSTNESS, RULE, Cells, Ranks, category_ranks, standings
+from hric_sweep.records import PlainData, RunResponse
 
 VERSION = 1
 NAME = "results.json"
@@ -28,24 +30,19 @@ INFINITE = "infinite"
 
 
 def make(
-    benchmark: Benchmark,
-    content: Mapping[str, Any],
-    controllers: Sequence[Controller],
-    found: Mapping[tuple[str, str], Cell],
-    code: str,
-) -> dict[str, Any]:
+    benchmark: Benchmark, content: PlainData, controllers: Sequence[Controller], cells: Cells, code: str
+) -> PlainData:
     """Return the content of the results file.
 
     Args:
         benchmark: part of the benchmark that was run.
         content: plain data from `definition.load`.
         controllers: controllers that were compared.
-        found: results from `scoring.cells`.
+        cells: results from `scoring.cells`.
         code: version of the code.
     """
-    names = [one.name for one in controllers]
-    by = {category: category_ranks(benchmark, found, names, category) for category in (ERGONOMICS, TASK)}
-    spread = spread_ranks(benchmark, found, names)
+    names = [controller.name for controller in controllers]
+    ranks = {key: category_ranks(benchmark, cells, names, key) for key in (ERGONOMICS, TASK, ROBUSTNESS)}
     return {
         "version": VERSION,
         "disclaimer": DISCLAIMER,
@@ -55,111 +52,72 @@ def make(
         "tolerance": benchmark.tolerance,
         "part": part(benchmark),
         "population": {"name": benchmark.population.name, "source": benchmark.population.source},
-        "controllers": {one.name: _controller(one) for one in controllers},
-        "standings": [vars(one) for one in standings(benchmark, found, names)],
+        "controllers": {controller.name: _controller(controller) for controller in controllers},
+        "standings": [vars(standing) for standing in standings(benchmark, cells, names)],
         "collaborations": {
-            one.name: _collaboration(one, names, found, {**by, "robustness": spread})
-            for one in benchmark.collaborations.values()
+            name: _collaboration(item, names, cells, ranks) for name, item in benchmark.collaborations.items()
         },
     }
 
 
-def part(benchmark: Benchmark) -> dict[str, Any]:
+def part(benchmark: Benchmark) -> PlainData:
     """Return the collaborations, bodies and seeds that were run."""
-    return plain(
-        {
-            "collaborations": list(benchmark.collaborations),
-            "bodies": benchmark.population.bodies,
-            "seeds": benchmark.seeds,
-        }
-    )
+    bodies = benchmark.population.bodies
+    return plain({"collaborations": list(benchmark.collaborations), "bodies": bodies, "seeds": benchmark.seeds})
 
 
-def _collaboration(
-    one: Collaboration,
-    names: Sequence[str],
-    found: Mapping[tuple[str, str], Cell],
-    ranks: Mapping[str, Mapping[tuple[str, str], float]],
-) -> dict[str, Any]:
+def _collaboration(item: Collaboration, names: Sequence[str], cells: Cells, ranks: Mapping[str, Ranks]) -> PlainData:
+    about = ("unit", "text", "limit", "better")
     return {
-        "scores": {".".join(key): _about(score) for key, score in one.all.items()},
+        "scores": {key: {name: getattr(score, name) for name in about} for key, score in item.all.items()},
         "controllers": {
             who: {
-                **_cell(found[one.name, who]),
-                "ranks": {category: own[one.name, who] for category, own in ranks.items()},
+                **asdict(cells[item.name, who]),
+                "ranks": {category: by_cell[item.name, who] for category, by_cell in ranks.items()},
             }
             for who in names
         },
     }
 
 
-def _controller(one: Controller) -> dict[str, Any]:
-    about = {"description": one.description, "changes": plain(one.changes)}
-    prediction = None if one.prediction is None else vars(one.prediction)
-    return {**about, "hash": digest(about["changes"]), "prediction": prediction}
+def _controller(controller: Controller) -> PlainData:
+    changes = plain(controller.changes)
+    prediction = None if controller.prediction is None else vars(controller.prediction)
+    about = {"description": controller.description, "changes": changes}
+    return {**about, "hash": digest(changes), "prediction": prediction}
 
 
-def _about(score: Any) -> dict[str, Any]:
-    return {key: getattr(score, key) for key in ("unit", "text", "limit", "better")}
-
-
-def _cell(one: Cell) -> dict[str, Any]:
-    keys = list(one.values)
-    return {
-        "runs": one.runs,
-        "above": one.above,
-        "unknown": one.unknown,
-        "incomplete": one.incomplete,
-        "failures": dict(one.failures),
-        "scores": {
-            ".".join(key): {
-                "median": one.values[key],
-                "lowest": one.lowest[key],
-                "highest": one.highest[key],
-                "by_body": {body: values[key] for body, values in one.by_body.items()},
-            }
-            for key in keys
-        },
-    }
-
-
-def predicted(results: Mapping[str, Any]) -> list[tuple[str, int, int]]:
+def predicted(results: PlainData) -> list[tuple[str, int, int]]:
     """Return (controller, predicted rank, actual rank among these) for controllers with a prediction."""
-    order = [one["name"] for one in results["standings"]]
-    said = {
-        name: one["prediction"]["rank"] for name, one in results["controllers"].items() if one["prediction"] is not None
-    }
-    own = [name for name in order if name in said]
-    ranks = {one["name"]: one["rank"] for one in results["standings"]}
-    return [(name, said[name], 1 + sum(ranks[other] < ranks[name] for other in own)) for name in own]
-
-
-def run_rows(runs: Sequence[Run], responses: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return one row per run, with all its outputs."""
+    controllers = results["controllers"]
+    ranks = {item["name"]: item["rank"] for item in results["standings"] if controllers[item["name"]]["prediction"]}
     return [
-        {
-            **{key: getattr(run, key) for key in ("controller", "collaboration", "body", "seed")},
-            **{key: response[key] for key in ("outputs", "failure", "state_sha256")},
-        }
-        for run, response in zip(runs, responses, strict=True)
+        (name, controllers[name]["prediction"]["rank"], 1 + sum(other < rank for other in ranks.values()))
+        for name, rank in ranks.items()
     ]
 
 
-def read(path: Path) -> dict[str, Any]:
+def run_rows(responses: Mapping[BenchmarkRun, RunResponse]) -> list[PlainData]:
+    """Return one row per run, with all its outputs."""
+    about = ("outputs", "failure", "state_sha256")
+    return [{**vars(run), **{key: getattr(response, key) for key in about}} for run, response in responses.items()]
+
+
+def read(path: Path) -> PlainData:
     """Read a results file.
 
     Raises:
         HricError: the file is no results file of this version.
     """
     try:
-        found = json.loads(path.read_text())
+        results = json.loads(path.read_text())
     except OSError as error:
         raise HricError(f"cannot read {path}: {error.strerror}") from error
     except ValueError as error:
         raise HricError(f"{path} is not JSON: {error}") from error
-    if not isinstance(found, dict) or found.get("version") != VERSION or "standings" not in found:
+    if not isinstance(results, dict) or results.get("version") != VERSION or "standings" not in results:
         raise HricError(f"{path} is no results file of this version; valid: {NAME} in the folder of a benchmark")
-    return dict(_restored(found))
+    return dict(_restored(results))
 
 
 def finite(value: Any) -> Any:
@@ -180,7 +138,7 @@ def _restored(value: Any) -> Any:
     return math.inf if value == INFINITE else value
 
 
-def compare(ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> list[str]:
+def compare(ours: PlainData, theirs: PlainData) -> list[str]:
     """Return the differences between two results that exceed the tolerance of the definition; empty: none.
 
     Raises:
@@ -197,23 +155,22 @@ def compare(ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> list[str]:
         raise HricError(f"no controller is in both results; here: {', '.join(ours['controllers'])}")
     for name in names:
         if ours["controllers"][name]["hash"] != theirs["controllers"][name]["hash"]:
-            raise HricError(f"controller {name} has other overrides in both results; valid: the same file")
+            raise HricError(f"controller {name} has different overrides in the two results; valid: the same file")
     return [line for name in names for line in _differences(name, ours, theirs)]
 
 
-def _differences(name: str, ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> list[str]:
-    found = []
-    for where, one in ours["collaborations"].items():
-        a, b = one["controllers"][name], theirs["collaborations"][where]["controllers"][name]
+def _differences(name: str, ours: PlainData, theirs: PlainData) -> list[str]:
+    lines = []
+    for where, item in ours["collaborations"].items():
+        a, b = item["controllers"][name], theirs["collaborations"][where]["controllers"][name]
         for key in ("above", "unknown", "incomplete"):
             if a[key] != b[key]:
-                found.append(f"{name}, {where}: runs {key}: {a[key]} here, {b[key]} there")
-        for score, own in a["scores"].items():
-            x, y = own["median"], b["scores"][score]["median"]
+                lines.append(f"{name}, {where}: runs {key}: {a[key]} here, {b[key]} there")
+        for score, values in a["scores"].items():
+            x, y, unit = values["median"], b["scores"][score]["median"], item["scores"][score]["unit"]
             if not _same(x, y, ours["tolerance"]):
-                unit = one["scores"][score]["unit"]
-                found.append(f"{name}, {where}, {score}: {_text(x)} here, {_text(y)} there {unit}".rstrip())
-    return found
+                lines.append(f"{name}, {where}, {score}: {_text(x)} here, {_text(y)} there {unit}".rstrip())
+    return lines
 
 
 def _same(a: float | None, b: float | None, tolerance: float) -> bool:

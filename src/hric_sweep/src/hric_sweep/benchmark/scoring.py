@@ -4,14 +4,24 @@ Categories are never added up. The order follows from `RULE` alone.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from statistics import mean, median
-from typing import Any
 
-from hric_sweep.benchmark.definition import ERGONOMICS, FINDINGS, TASK, Benchmark, Collaboration, Score
-from hric_sweep.benchmark.running import Run
+from hric_sweep.benchmark.definition import (
+    ERGONOMICS,
+    FINDINGS,
+    TASK,
+    Benchmark,
+    BenchmarkRun,
+    Collaboration,
+    Score,
+)
+from hric_sweep.records import RunResponse
 
+ROBUSTNESS = "robustness"
+"""Category of the spread of all scores over bodies and seeds."""
 RULE = (
     "1. findings: fewer runs that are above a limit, or could not be judged; 2. ergonomics, 3. task: smaller mean "
     "rank; 4. robustness: fewer runs not completed, then smaller mean rank of the spread. A later category decides "
@@ -19,6 +29,26 @@ RULE = (
     "score by score, all scores alike; controllers within the tolerance of each other share a rank."
 )
 """Rule by which controllers are ordered."""
+
+
+@dataclass(frozen=True)
+class ScoreSummary:
+    """Values of a score over the runs that have it; None: no run has it.
+
+    Attributes:
+        median, lowest, highest: median and extreme values.
+        by_body: medians by body.
+    """
+
+    median: float | None
+    lowest: float | None
+    highest: float | None
+    by_body: Mapping[str, float | None]
+
+    @property
+    def spread(self) -> float | None:
+        """Largest minus smallest value over all bodies and seeds."""
+        return None if self.lowest is None or self.highest is None else self.highest - self.lowest
 
 
 @dataclass(frozen=True)
@@ -31,9 +61,7 @@ class Cell:
         unknown: runs with an unknown finding, because they failed.
         incomplete: runs that failed, or have a score of the task that is unknown or beyond its limit.
         failures: number of runs by reason of failure.
-        values: median of each score over all runs that have it, by category and name; None: no run has it.
-        lowest, highest: extreme values of the same runs.
-        by_body: medians of each score, by body.
+        scores: summary of each score, by `CATEGORY.NAME`.
     """
 
     runs: int
@@ -41,15 +69,7 @@ class Cell:
     unknown: int
     incomplete: int
     failures: Mapping[str, int]
-    values: Mapping[tuple[str, str], float | None]
-    lowest: Mapping[tuple[str, str], float | None]
-    highest: Mapping[tuple[str, str], float | None]
-    by_body: Mapping[str, Mapping[tuple[str, str], float | None]]
-
-    def spread(self, key: tuple[str, str]) -> float | None:
-        """Return the largest minus the smallest value of a score over all bodies and seeds."""
-        low, high = self.lowest[key], self.highest[key]
-        return None if low is None or high is None else high - low
+    scores: Mapping[str, ScoreSummary]
 
 
 @dataclass(frozen=True)
@@ -75,65 +95,51 @@ class Standing:
     runs: int
 
 
-def cells(
-    benchmark: Benchmark, runs: Sequence[Run], responses: Sequence[Mapping[str, Any]]
-) -> dict[tuple[str, str], Cell]:
-    """Return the results by collaboration and controller.
-
-    Args:
-        benchmark: definition of the benchmark.
-        runs: runs of the benchmark.
-        responses: responses in the order of the runs.
-    """
-    rows: dict[tuple[str, str], list[tuple[Run, Mapping[str, Any]]]] = {}
-    for run, response in zip(runs, responses, strict=True):
-        rows.setdefault((run.collaboration, run.controller), []).append((run, response))
-    return {key: _cell(benchmark.collaborations[key[0]], own) for key, own in rows.items()}
+Cells = Mapping[tuple[str, str], Cell]
+"""Results by collaboration and controller."""
+Ranks = Mapping[tuple[str, str], float]
+"""Mean ranks by collaboration and controller."""
 
 
-def _cell(one: Collaboration, rows: Sequence[tuple[Run, Mapping[str, Any]]]) -> Cell:
-    failures: dict[str, int] = {}
+def cells(benchmark: Benchmark, responses: Mapping[BenchmarkRun, RunResponse]) -> Cells:
+    """Return the results by collaboration and controller, from the response of each run."""
+    rows: dict[tuple[str, str], dict[BenchmarkRun, RunResponse]] = {}
+    for run, response in responses.items():
+        rows.setdefault((run.collaboration, run.controller), {})[run] = response
+    return {key: _cell(benchmark.collaborations[key[0]], part) for key, part in rows.items()}
+
+
+def _cell(collaboration: Collaboration, rows: Mapping[BenchmarkRun, RunResponse]) -> Cell:
     above = unknown = incomplete = 0
-    for _, response in rows:
-        found, failure = response["outputs"], response["failure"]
-        if failure:
-            failures[failure] = failures.get(failure, 0) + 1
-        states = [_state(score, found[f"{FINDINGS}.{name}"]) for name, score in one.findings.items()]
-        above += "beyond" in states
-        unknown += "beyond" not in states and "unknown" in states
-        done = [_state(score, found[f"{TASK}.{name}"]) == "within" for name, score in one.task.items()]
-        incomplete += bool(failure) or not all(done)
-    bodies = list(dict.fromkeys(run.body for run, _ in rows))
-    known = {key: _known(key, rows) for key in one.all}
-    return Cell(
-        len(rows),
-        above,
-        unknown,
-        incomplete,
-        failures,
-        {key: _of(median, values) for key, values in known.items()},
-        {key: _of(min, values) for key, values in known.items()},
-        {key: _of(max, values) for key, values in known.items()},
-        {
-            body: {key: _of(median, _known(key, [row for row in rows if row[0].body == body])) for key in one.all}
-            for body in bodies
-        },
-    )
+    for response in rows.values():
+        findings = _states(collaboration, FINDINGS, response)
+        above += "beyond" in findings
+        unknown += "beyond" not in findings and "unknown" in findings
+        incomplete += bool(response.failure) or _states(collaboration, TASK, response) > {"within"}
+    failures = dict(Counter(response.failure for response in rows.values() if response.failure))
+    scores = {key: _summary(key, rows) for key in collaboration.all}
+    return Cell(len(rows), above, unknown, incomplete, failures, scores)
 
 
-def _known(key: tuple[str, str], rows: Sequence[tuple[Run, Mapping[str, Any]]]) -> list[float]:
-    found = (response["outputs"][".".join(key)] for _, response in rows)
-    return [float(value) for value in found if value is not None]
-
-
-def _of(what: Callable[[list[float]], float], values: list[float]) -> float | None:
-    return float(what(values)) if values else None
+def _states(collaboration: Collaboration, category: str, response: RunResponse) -> set[str]:
+    """Return the states of a run in the scores of a category, with "within"."""
+    scores = collaboration.scores(category).items()
+    return {"within", *(_state(score, response.outputs[f"{category}.{name}"]) for name, score in scores)}
 
 
 def _state(score: Score, value: float | None) -> str:
     if value is None:
         return "unknown"
     return "beyond" if score.beyond(value) else "within"
+
+
+def _summary(key: str, rows: Mapping[BenchmarkRun, RunResponse]) -> ScoreSummary:
+    values: dict[str, list[float]] = {run.body: [] for run in rows}
+    for run, response in rows.items():
+        values[run.body] += [] if (value := response.outputs[key]) is None else [float(value)]
+    known = [value for values_of_body in values.values() for value in values_of_body]
+    by_body = {body: median(values_of_body) if values_of_body else None for body, values_of_body in values.items()}
+    return ScoreSummary(median(known) if known else None, min(known, default=None), max(known, default=None), by_body)
 
 
 def ranks(values: Mapping[str, float | None], sign: float, tolerance: float) -> dict[str, int]:
@@ -148,8 +154,8 @@ def ranks(values: Mapping[str, float | None], sign: float, tolerance: float) -> 
     """
     worst = {name: math.inf if value is None else sign * value for name, value in values.items()}
     return {
-        name: 1 + sum(_better(other, own, tolerance) for who, other in worst.items() if who != name)
-        for name, own in worst.items()
+        name: 1 + sum(_better(other, value, tolerance) for who, other in worst.items() if who != name)
+        for name, value in worst.items()
     }
 
 
@@ -159,62 +165,51 @@ def _better(a: float, b: float, tolerance: float) -> bool:
     return b - a > tolerance * max(abs(a), abs(b))
 
 
-def category_ranks(
-    benchmark: Benchmark, found: Mapping[tuple[str, str], Cell], controllers: Sequence[str], category: str
-) -> dict[tuple[str, str], float]:
-    """Return the mean rank over the scores of a category, by collaboration and controller."""
-    result = {}
-    for one in benchmark.collaborations.values():
-        own = {
-            name: ranks(
-                {who: found[one.name, who].values[category, name] for who in controllers},
-                score.sign,
+def category_ranks(benchmark: Benchmark, results: Cells, controllers: Sequence[str], category: str) -> Ranks:
+    """Return the mean rank over the scores of a category, by collaboration and controller.
+
+    The scores of ROBUSTNESS are the spreads of all scores but findings; smaller is better.
+    """
+    mean_ranks = {}
+    for name, collaboration in benchmark.collaborations.items():
+        scores = {key: score for key, score in collaboration.all.items() if _belongs(key, category)}
+        by_score = [
+            ranks(
+                {who: _value(results[name, who].scores[key], category) for who in controllers},
+                1.0 if category == ROBUSTNESS else score.sign,
                 benchmark.tolerance,
             )
-            for name, score in one.scores(category).items()
-        }
-        for who in controllers:
-            result[one.name, who] = float(mean(rank[who] for rank in own.values())) if own else 1.0
-    return result
-
-
-def spread_ranks(
-    benchmark: Benchmark, found: Mapping[tuple[str, str], Cell], controllers: Sequence[str]
-) -> dict[tuple[str, str], float]:
-    """Return the mean rank by the spread of all scores, by collaboration and controller."""
-    result = {}
-    for one in benchmark.collaborations.values():
-        own = [
-            ranks({who: found[one.name, who].spread(key) for who in controllers}, 1.0, benchmark.tolerance)
-            for key in one.all
-            if key[0] != FINDINGS
+            for key, score in scores.items()
         ]
         for who in controllers:
-            result[one.name, who] = float(mean(rank[who] for rank in own))
-    return result
+            mean_ranks[name, who] = float(mean(rank[who] for rank in by_score)) if by_score else 1.0
+    return mean_ranks
 
 
-def standings(
-    benchmark: Benchmark, found: Mapping[tuple[str, str], Cell], controllers: Sequence[str]
-) -> list[Standing]:
+def _belongs(key: str, category: str) -> bool:
+    return not key.startswith(FINDINGS) if category == ROBUSTNESS else key.startswith(f"{category}.")
+
+
+def _value(score: ScoreSummary, category: str) -> float | None:
+    return score.spread if category == ROBUSTNESS else score.median
+
+
+def standings(benchmark: Benchmark, results: Cells, controllers: Sequence[str]) -> list[Standing]:
     """Return all controllers in the order of RULE."""
     overall = {
-        category: _overall(category_ranks(benchmark, found, controllers, category), controllers)
-        for category in (ERGONOMICS, TASK)
+        category: _overall(category_ranks(benchmark, results, controllers, category), controllers)
+        for category in (ERGONOMICS, TASK, ROBUSTNESS)
     }
-    spread = _overall(spread_ranks(benchmark, found, controllers), controllers)
     rows = []
     for who in controllers:
-        own = [found[name, who] for name in benchmark.collaborations]
-        out, incomplete = sum(one.above + one.unknown for one in own), sum(one.incomplete for one in own)
-        rows.append((who, (out, overall[ERGONOMICS][who], overall[TASK][who], incomplete, spread[who]), own))
-    rows.sort(key=lambda row: (row[1], row[0]))
-    return [
-        Standing(who, 1 + sum(other < key for _, other, _ in rows), *key, sum(one.runs for one in own))
-        for who, key, own in rows
-    ]
+        cells_of = [results[name, who] for name in benchmark.collaborations]
+        out, incomplete = sum(cell.above + cell.unknown for cell in cells_of), sum(cell.incomplete for cell in cells_of)
+        key = (out, overall[ERGONOMICS][who], overall[TASK][who], incomplete, overall[ROBUSTNESS][who])
+        rows.append((key, who, sum(cell.runs for cell in cells_of)))
+    rows.sort()
+    return [Standing(who, 1 + sum(other < key for other, _, _ in rows), *key, runs) for key, who, runs in rows]
 
 
-def _overall(by_cell: Mapping[tuple[str, str], float], controllers: Sequence[str]) -> dict[str, float]:
+def _overall(by_cell: Ranks, controllers: Sequence[str]) -> dict[str, float]:
     """Return the mean over collaborations, rounded so that equal means compare as equal."""
     return {who: round(mean(rank for (_, name), rank in by_cell.items() if name == who), 9) for who in controllers}

@@ -1,74 +1,67 @@
 """Tables of a benchmark for a terminal."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any
-
+from hric_bags import text as text_table
 from hric_sweep.benchmark.results import predicted
+from hric_sweep.records import PlainData
 
 HEAD = ("rank", "controller", "out of limits", "ergonomics", "task", "not completed", "spread")
 
 
-def rows(results: Mapping[str, Any]) -> list[tuple[str, ...]]:
+def rows(results: PlainData) -> list[tuple[str, ...]]:
     """Return a row of text per controller, below HEAD: counts of runs, and mean ranks."""
     return [
         (
-            str(one["rank"]),
-            one["name"],
-            f"{one['out_of_limits']} of {one['runs']}",
-            f"{one['ergonomics']:.2f}",
-            f"{one['task']:.2f}",
-            f"{one['incomplete']} of {one['runs']}",
-            f"{one['spread']:.2f}",
+            str(standing["rank"]),
+            standing["name"],
+            f"{standing['out_of_limits']} of {standing['runs']}",
+            f"{standing['ergonomics']:.2f}",
+            f"{standing['task']:.2f}",
+            f"{standing['incomplete']} of {standing['runs']}",
+            f"{standing['spread']:.2f}",
         )
-        for one in results["standings"]
+        for standing in results["standings"]
     ]
 
 
-def by_collaboration(results: Mapping[str, Any], name: str) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+def by_collaboration(results: PlainData, name: str) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     """Return head and rows for one collaboration: medians of its scores, with the controllers in order."""
-    one, order = results["collaborations"][name], [item["name"] for item in results["standings"]]
-    found = []
-    for key, about in one["scores"].items():
+    collaboration, order = results["collaborations"][name], [item["name"] for item in results["standings"]]
+    lines = []
+    for key, about in collaboration["scores"].items():
         category, _, score = key.partition(".")
         label = f"{score} [{about['unit']}]" if about["unit"] else score
         limit = "" if about["limit"] is None else f"{about['limit']:g}"
-        values = (_value(one["controllers"][who]["scores"][key]) for who in order)
-        found.append((category, label, limit, *values))
+        values = (_value(collaboration["controllers"][who]["scores"][key]) for who in order)
+        lines.append((category, label, limit, *values))
     for category, label, keys in (
         ("findings", "runs out of limits", ("above", "unknown")),
         ("robustness", "runs not completed", ("incomplete",)),
     ):
-        cells = (one["controllers"][who] for who in order)
-        found.append((category, label, "", *(f"{sum(cell[key] for key in keys)} of {cell['runs']}" for cell in cells)))
-    return ("category", "score, median", "limit", *order), found
+        cells = (collaboration["controllers"][who] for who in order)
+        lines.append((category, label, "", *(f"{sum(cell[key] for key in keys)} of {cell['runs']}" for cell in cells)))
+    return ("category", "score, median", "limit", *order), lines
 
 
-def _value(score: Mapping[str, Any]) -> str:
+def _value(score: PlainData) -> str:
     if score["median"] is None:
         return "-"
     return f"{score['median']:.3g} ({score['lowest']:.3g} to {score['highest']:.3g})"
 
 
-def render(results: Mapping[str, Any]) -> str:
+def render(results: PlainData) -> str:
     """Return the complete text of the results."""
     part = results["part"]
     lines = [
         f"{results['description']}: {', '.join(part['collaborations'])}; bodies {', '.join(part['bodies'])} of "
         f"{results['population']['name']}; seeds {', '.join(map(str, part['seeds']))}",
         "",
-        *_aligned(HEAD, rows(results)),
+        *text_table.rows([HEAD, *rows(results)]),
         "",
         f"rule: {results['rule']}",
     ]
     for name in results["collaborations"]:
-        lines += ["", f"{name}:", *_aligned(*by_collaboration(results, name))]
-    lines += ["", *(f"{name}: predicted rank {said}, found {rank}" for name, said, rank in predicted(results))]
+        head, cells = by_collaboration(results, name)
+        lines += ["", f"{name}:", *text_table.rows([head, *cells])]
+    lines += ["", *(f"{name}: predicted rank {expected}, found {rank}" for name, expected, rank in predicted(results))]
     lines += [f"definition {results['hashes']['definition'][:16]}, tables {results['hashes']['tables'][:16]}"]
     return "\n".join([*lines, results["disclaimer"]])
-
-
-def _aligned(head: Sequence[str], cells: Sequence[Sequence[str]]) -> list[str]:
-    widths = [max(len(row[column]) for row in (head, *cells)) for column in range(len(head))]
-    return [
-        "  ".join(word.ljust(width) for word, width in zip(row, widths, strict=True)).rstrip() for row in (head, *cells)
-    ]

@@ -12,8 +12,9 @@ from concurrent.futures import wait
 from dataclasses import dataclass
 from typing import Any
 
-from hric_sweep.engines.engine import Response, Task, difference
+from hric_sweep.engines.engine import difference
 from hric_sweep.engines.pebble_engine import PebbleEngine
+from hric_sweep.records import ReferenceRun, RunResponse, RunTask
 
 LOOK = 1.0
 """Longest time between two checks whether the chunk is still needed [s]."""
@@ -32,20 +33,20 @@ class Handshake:
 
     session: str
     memory: float
-    reference: Task
-    expected: Response | None = None
+    reference: RunTask
+    expected: ReferenceRun | None = None
 
 
 @dataclass(frozen=True)
 class Chunk:
     """Tasks that are sent together, with the handshake for a worker that joined later."""
 
-    tasks: Sequence[Task]
+    tasks: Sequence[RunTask]
     handshake: Handshake
 
 
 @dataclass(frozen=True)
-class Carried:
+class ChunkResult:
     """Result of a chunk.
 
     Attributes:
@@ -55,18 +56,18 @@ class Carried:
     """
 
     worker: str
-    outcomes: Sequence[Response | BaseException]
+    outcomes: Sequence[RunResponse | BaseException]
     differs: str = ""
 
 
-class _Kept:
+class _WorkerState:
     """State that this process keeps between chunks."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._memory = 0.0
         self._engine: PebbleEngine | None = None
-        self._responses: dict[str, Response] = {}
+        self._references: dict[str, ReferenceRun] = {}
 
     def engine(self, memory: float) -> PebbleEngine:
         """Return the engine with the process for runs, whose memory limit is `memory` [bytes]."""
@@ -78,13 +79,11 @@ class _Kept:
                 self._engine, self._memory = PebbleEngine(1, memory), memory
             return self._engine
 
-    def response(self, handshake: Handshake) -> Response:
-        """Return the response to the reference run. Raises Differs: the process for runs has different code."""
-        found = self._responses.get(handshake.session)
-        if found is None:
-            found = self.engine(handshake.memory).check(handshake.reference)
-            self._responses[handshake.session] = found
-        return found
+    def reference(self, handshake: Handshake) -> ReferenceRun:
+        """Return the result of the reference run. Raises Differs: the process for runs has different code."""
+        if handshake.session not in self._references:
+            self._references[handshake.session] = self.engine(handshake.memory).check(handshake.reference)
+        return self._references[handshake.session]
 
     def drop(self) -> None:
         """Kill the process for runs, whatever it is doing."""
@@ -97,11 +96,11 @@ class _Kept:
             self._engine = None
 
 
-_kept = _Kept()
+_cached = _WorkerState()
 
 
-def reference(packed: bytes) -> Response:
-    """Execute the reference run and return its response.
+def reference(packed: bytes) -> ReferenceRun:
+    """Execute the reference run and return its result.
 
     Args:
         packed: pickled Handshake.
@@ -109,32 +108,32 @@ def reference(packed: bytes) -> Response:
     Raises:
         Differs: the code has changed since this worker was started.
     """
-    return _kept.response(pickle.loads(packed))
+    return _cached.reference(pickle.loads(packed))
 
 
-def carry_out(packed: bytes) -> Carried:
+def execute(packed: bytes) -> ChunkResult:
     """Execute a chunk and return its result, without outcomes if the chunk is no longer needed.
 
     Args:
         packed: pickled Chunk.
     """
     chunk: Chunk = pickle.loads(packed)
-    address, needed = _asked()
+    address, needed = _current_task()
     handshake = chunk.handshake
     if handshake.expected is not None:
-        differs = difference(handshake.expected, _kept.response(handshake))
+        differs = difference(handshake.expected, _cached.reference(handshake))
         if differs:
-            return Carried(address, [], differs)
-    engine = _kept.engine(handshake.memory)
+            return ChunkResult(address, [], differs)
+    engine = _cached.engine(handshake.memory)
     futures = [engine.submit(task) for task in chunk.tasks]
     while wait(futures, LOOK).not_done:
         if not needed():
-            _kept.drop()
-            return Carried(address, [])
-    return Carried(address, [future.exception() or future.result() for future in futures])
+            _cached.drop()
+            return ChunkResult(address, [])
+    return ChunkResult(address, [future.exception() or future.result() for future in futures])
 
 
-def _asked() -> tuple[str, Callable[[], bool]]:
+def _current_task() -> tuple[str, Callable[[], bool]]:
     """Return the address of this worker, and a function that is True while the task of this thread is needed.
 
     It is not needed any more if the supervisor has ended or was interrupted.

@@ -14,13 +14,15 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
+from dataclasses import replace
 from queue import SimpleQueue
 from typing import Any
 
 from hric_core.errors import HricError
 from hric_sweep import task as runs
 from hric_sweep.engines import chunks
-from hric_sweep.engines.engine import Died, Differs, Lost, Response, Task, arrived, same
+from hric_sweep.engines.engine import Died, Differs, Lost, arrived, same
+from hric_sweep.records import ReferenceRun, RunResponse, RunTask
 
 CHUNK = 20
 """Tasks that are sent together; fewer only at the end of a batch."""
@@ -38,7 +40,7 @@ SCHEMES = ("tcp://", "tls://")
 ON_WORKERS = chunks.__name__
 """Module whose functions the workers execute."""
 
-Part = Sequence[tuple[Task, "Future[Response]"]]
+Part = Sequence[tuple[RunTask, "Future[RunResponse]"]]
 """Tasks of a chunk, each with the future of its response."""
 
 
@@ -76,7 +78,7 @@ class DaskEngine:
         self._distributed = _distributed()
         self._address, self._memory, self._cluster = address, memory, cluster
         self._lock = threading.Lock()
-        self._buffer: list[tuple[Task, Future[Response]]] = []
+        self._buffer: list[tuple[RunTask, Future[RunResponse]]] = []
         self._open: set[Any] = set()
         self._ended: SimpleQueue[tuple[Any, Part] | None] = SimpleQueue()
         self._handshake: chunks.Handshake | None = None
@@ -105,10 +107,10 @@ class DaskEngine:
 
     # -- tasks ---------------------------------------------------------------------------------------------------------
 
-    def submit(self, task: Task) -> "Future[Response]":
+    def submit(self, task: RunTask) -> "Future[RunResponse]":
         """Add a task to the current chunk, which is sent when it is full or by `flush`. Raises Lost."""
         self._check_lost()
-        response: Future[Response] = Future()
+        response: Future[RunResponse] = Future()
         self._buffer.append((task, response))
         if len(self._buffer) == CHUNK:
             self._send(self._buffer)
@@ -126,7 +128,7 @@ class DaskEngine:
     def _send(self, part: Part) -> None:
         assert self._handshake is not None  # set by `check`
         packed = pickle.dumps(chunks.Chunk([task for task, _ in part], self._handshake))
-        future = self._client.submit(_remote("carry_out"), packed, pure=False)
+        future = self._client.submit(_remote("execute"), packed, pure=False)
         with self._lock:
             self._open.add(future)
         future.add_done_callback(lambda done: self._ended.put((done, part)))
@@ -137,14 +139,14 @@ class DaskEngine:
         while going:
             ended = arrived(self._ended)
             going = None not in ended
-            self._settle([one for one in ended if one is not None])
+            self._settle([chunk for chunk in ended if chunk is not None])
 
     def _settle(self, ended: Sequence[tuple[Any, Part]]) -> None:
         with self._lock:
             self._open.difference_update(done for done, _ in ended)
-        for (done, part), carried in zip(ended, self._fetched([done for done, _ in ended]), strict=True):
+        for (done, part), result in zip(ended, self._fetched([done for done, _ in ended]), strict=True):
             try:
-                outcomes = self._outcomes(done, carried, len(part))
+                outcomes = self._outcomes(done, result, len(part))
             except BaseException as error:
                 outcomes = [error] * len(part)
             for (_, response), outcome in zip(part, outcomes, strict=True):
@@ -153,7 +155,7 @@ class DaskEngine:
                 else:
                     response.set_result(outcome)
 
-    def _fetched(self, ended: Sequence[Any]) -> Sequence[chunks.Carried | BaseException | None]:
+    def _fetched(self, ended: Sequence[Any]) -> Sequence[chunks.ChunkResult | BaseException | None]:
         """Return the results of chunks; None: there is no result, and the chunk's future has the reason."""
         try:
             return list(self._client.gather(dict(enumerate(ended)), errors="skip").values())
@@ -161,31 +163,31 @@ class DaskEngine:
             return [error] * len(ended)
 
     def _outcomes(
-        self, done: Any, carried: chunks.Carried | BaseException | None, count: int
-    ) -> Sequence[Response | BaseException]:
+        self, done: Any, result: chunks.ChunkResult | BaseException | None, count: int
+    ) -> Sequence[RunResponse | BaseException]:
         """Return the outcomes of a chunk. Raises Lost, Differs; HricError: a worker cannot even start."""
-        if carried is None and done.status == "error":
+        if result is None and done.status == "error":
             return [self._about(done.exception())] * count
-        if carried is None or self._says_lost(carried):
-            self._lost = f"the Dask scheduler at {self._address} is lost: it ended, or cannot be reached any more"
+        if result is None or self._says_lost(result):
+            self._lost = f"connection to the Dask scheduler at {self._address} lost"
             raise Lost(self._lost)
-        if isinstance(carried, BaseException):
-            raise carried
-        if carried.differs:
-            raise Differs(f"worker {carried.worker}, which joined later, differs: {carried.differs}")
-        self._known.add(carried.worker)
-        return carried.outcomes
+        if isinstance(result, BaseException):
+            raise result
+        if result.differs:
+            raise Differs(f"worker {result.worker}, which joined later, differs: {result.differs}")
+        self._known.add(result.worker)
+        return result.outcomes
 
-    def _says_lost(self, carried: chunks.Carried | BaseException) -> bool:
+    def _says_lost(self, result: chunks.ChunkResult | BaseException) -> bool:
         """Return True if the scheduler is lost: a client that has given it up raises errors of any type."""
-        if isinstance(carried, self._distributed.client.FutureCancelledError | OSError):
+        if isinstance(result, self._distributed.client.FutureCancelledError | OSError):
             return True
-        return isinstance(carried, Exception) and self._client.status != "running"
+        return isinstance(result, Exception) and self._client.status != "running"
 
     def _about(self, error: BaseException) -> HricError:
         if isinstance(error, self._distributed.scheduler.KilledWorker):
             return Died("ended one Dask worker after the other")
-        return HricError(f"a worker cannot carry runs out: {_reason(error)}; valid: {self._start()}")
+        return HricError(f"a worker cannot execute runs: {_reason(error)}; valid: {self._start()}")
 
     def _start(self) -> str:
         return f"workers started by scripts/worker {self._address}, of the same revision"
@@ -196,7 +198,7 @@ class DaskEngine:
 
     # -- handshake -----------------------------------------------------------------------------------------------------
 
-    def check(self, reference: Task) -> Response:
+    def check(self, reference: RunTask) -> ReferenceRun:
         """Have all workers execute the reference run; a worker that joins later does so before its first chunk.
 
         Raises:
@@ -205,48 +207,47 @@ class DaskEngine:
         """
         handshake = chunks.Handshake(uuid.uuid4().hex, self._memory, reference)
         try:
-            found = self._reference_runs(handshake)
+            results = self._reference_runs(handshake)
         except HricError:
             raise
         except Exception as error:
             if not self._says_lost(error):
                 raise
             raise self._lost_in_handshake() from error
-        own = same(found.items(), {**_usual(found), "code": runs.code_version()})
-        self._handshake = chunks.Handshake(handshake.session, self._memory, reference, own)
-        return own
+        expected = same(results.items(), replace(_majority(results), code=runs.code_version()))
+        self._handshake = replace(handshake, expected=expected)
+        return expected
 
     def _lost_in_handshake(self) -> HricError:
         return HricError(f"the Dask scheduler at {self._address} was lost during the handshake; valid: start it again")
 
-    def _reference_runs(self, handshake: chunks.Handshake) -> dict[str, Response]:
+    def _reference_runs(self, handshake: chunks.Handshake) -> dict[str, ReferenceRun]:
         """Return the responses of all workers by name. Raises Differs, HricError."""
         self._known = set(self._client.nthreads())
         packed = pickle.dumps(handshake)
-        asked = {
+        requests = {
             address: self._client.submit(
                 _remote("reference"), packed, workers=[address], allow_other_workers=False, pure=False
             )
             for address in self._known
         }
         with suppress(TimeoutError, self._distributed.client.FutureCancelledError):
-            self._distributed.wait(list(asked.values()), timeout=STARTING)
-        ended = [address for address, future in asked.items() if future.status == "finished"]
-        responses: list[Response] = self._client.gather([asked[address] for address in ended])
-        found = {f"{address} ({one['host']})": one for address, one in zip(ended, responses, strict=True)}
-        told = []
-        for address, future in asked.items():
+            self._distributed.wait(list(requests.values()), timeout=STARTING)
+        ended = [address for address, future in requests.items() if future.status == "finished"]
+        results: list[ReferenceRun] = self._client.gather([requests[address] for address in ended])
+        problems = []
+        for address, future in requests.items():
             if future.status == "error":
-                told.append(f"{address}: {_reason(future.exception())}")
+                problems.append(f"{address}: {_reason(future.exception())}")
             elif future.status == "pending":
-                told.append(f"{address}: no response within {STARTING:g} s")
+                problems.append(f"{address}: no response within {STARTING:g} s")
             elif future.status != "finished":
                 raise self._lost_in_handshake()
-        if told:
+        if problems:
             raise Differs(
-                "\n  ".join(["workers cannot carry the reference run out:", *told, f"valid: {self._start()}"])
+                "\n  ".join(["workers cannot execute the reference run:", *problems, f"valid: {self._start()}"])
             )
-        return found
+        return {f"{address} ({result.host})": result for address, result in zip(ended, results, strict=True)}
 
     def close(self, *, now: bool) -> None:
         """Disconnect, and end the cluster if it is local; `now`: cancel open tasks."""
@@ -267,18 +268,18 @@ def _remote(name: str) -> Callable[[bytes], Any]:
     """Return a function of ON_WORKERS that only workers import: the scheduler also unpickles tasks, on any machine."""
     module = ON_WORKERS
 
-    def carried(packed: bytes) -> Any:
+    def execute(packed: bytes) -> Any:
         import importlib
 
         return getattr(importlib.import_module(module), name)(packed)
 
-    return carried
+    return execute
 
 
-def _usual(found: Mapping[str, Response]) -> Response:
-    """Return the response of most workers."""
-    usual = Counter(response["state_sha256"] for response in found.values()).most_common(1)[0][0]
-    return next(response for response in found.values() if response["state_sha256"] == usual)
+def _majority(results: Mapping[str, ReferenceRun]) -> ReferenceRun:
+    """Return the result of most workers."""
+    common = Counter(result.state_sha256 for result in results.values()).most_common(1)[0][0]
+    return next(result for result in results.values() if result.state_sha256 == common)
 
 
 def _reason(error: BaseException) -> str:
@@ -300,16 +301,16 @@ def _client(distributed: Any, address: str) -> Any:
     security = distributed.Security()
     try:
         with socket.create_connection(where, CONNECT):
-            found = asyncio.run(asyncio.wait_for(_identity(distributed, address, security), CONNECT))
+            identity = asyncio.run(asyncio.wait_for(_identity(distributed, address, security), CONNECT))
     except (OSError, OverflowError) as error:
-        why = "what listens there says nothing" if isinstance(error, TimeoutError) else str(error)
+        why = "the program at this address does not answer" if isinstance(error, TimeoutError) else str(error)
     except Exception as error:  # any error: an unknown program at the address may send anything
-        why = str(error) if "TLS" in str(error) else "what listens there speaks otherwise"
+        why = str(error) if "TLS" in str(error) else "the program at this address uses a different protocol"
     else:
-        if found.get("type") == "Scheduler":
+        if identity.get("type") == "Scheduler":
             name = f"hric-{platform.node()}-{os.getpid()}"
             return distributed.Client(address, security=security, timeout=CONNECT, name=name)
-        why = f"a {found.get('type')} is there"
+        why = f"a {identity.get('type')} is there"
     raise HricError(
         f"no Dask scheduler responds at {address}: {' '.join(why.split())}; valid: start one there (scripts/scheduler) "
         "and name the address it prints"
@@ -320,8 +321,8 @@ async def _identity(distributed: Any, address: str, security: Any) -> Mapping[st
     """Return the identity that a Dask process reports."""
     arguments = security.get_connection_args("client")
     async with distributed.rpc(address, timeout=CONNECT, connection_args=arguments) as peer:
-        found: Mapping[str, Any] = await peer.identity()
-        return found
+        identity: Mapping[str, Any] = await peer.identity()
+        return identity
 
 
 def _distributed() -> Any:

@@ -1,16 +1,14 @@
 """Interface of an engine of a sweep, which executes tasks and returns responses without knowing what a run is."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from concurrent.futures import Future
-from contextlib import contextmanager
 from queue import Empty, SimpleQueue
-from typing import Any, Protocol, TypeVar
+from typing import Protocol, TypeVar
 
 from hric_core.errors import FailureError, HricError
 from hric_sweep.journal import UNFINISHED_CODE
+from hric_sweep.records import ReferenceRun, RunResponse, RunTask
 
-Task = dict[str, Any]
-Response = dict[str, Any]
 T = TypeVar("T")
 
 
@@ -43,7 +41,7 @@ class Engine(Protocol):
     def workers(self) -> int:
         """Number of runs that are executed at once."""
 
-    def submit(self, task: Task) -> "Future[Response]":
+    def submit(self, task: RunTask) -> "Future[RunResponse]":
         """Submit a task. An engine may buffer tasks until it has a complete chunk.
 
         Returns:
@@ -57,11 +55,8 @@ class Engine(Protocol):
     def flush(self) -> None:
         """Send buffered tasks: the caller waits for one of them before it submits another. Raises Lost."""
 
-    def check(self, reference: Task) -> Response:
-        """Have every worker execute a reference run, or one worker if they cannot differ.
-
-        Returns:
-            Code version and hash, from `task.reference`.
+    def check(self, reference: RunTask) -> ReferenceRun:
+        """Have every worker execute a reference run, or one worker if they cannot differ, and return their result.
 
         Raises:
             Differs: names the workers that differ.
@@ -79,50 +74,37 @@ def arrived(queue: "SimpleQueue[T]", patience: float | None = None) -> list[T]:
         patience: longest wait [s], after which the list may be empty; None: no limit.
     """
     try:
-        found = [queue.get(timeout=patience)]
+        items = [queue.get(timeout=patience)]
     except Empty:
         return []
     while not queue.empty():
-        found.append(queue.get_nowait())
-    return found
+        items.append(queue.get_nowait())
+    return items
 
 
-@contextmanager
-def going_on_with(command: str) -> Iterator[None]:
-    """Add the command that resumes the sweep to errors of a lost engine or a differing worker in the block.
-
-    Raises:
-        Lost: with the command in its message.
-    """
-    try:
-        yield
-    except (Lost, Differs) as error:
-        raise Lost(f"{error}\n  what ended is kept; go on: {command}") from None
-
-
-def same(responses: Iterable[tuple[str, Response]], own: Response) -> Response:
-    """Return the common response of all workers to the reference run.
+def same(results: Iterable[tuple[str, ReferenceRun]], expected: ReferenceRun) -> ReferenceRun:
+    """Return the common result of all workers for the reference run.
 
     Args:
-        responses: (name of a worker, its response).
-        own: response of the supervisor's machine and code, or from the start of the sweep.
+        results: (name of a worker, its result).
+        expected: result of the supervisor's machine and code, or from the start of the sweep.
 
     Raises:
         Differs: names the workers that differ.
     """
-    told = [f"{name}: {why}" for name, response in responses if (why := difference(own, response))]
-    if told:
-        raise Differs("workers differ, so that their runs would not be comparable:\n  " + "\n  ".join(told))
-    return own
+    differing = [f"{name}: {why}" for name, result in results if (why := difference(expected, result))]
+    if differing:
+        raise Differs("workers differ, so that their runs would not be comparable:\n  " + "\n  ".join(differing))
+    return expected
 
 
-def difference(own: Response, other: Response) -> str:
-    """Return what differs between two responses to the reference run, as text; empty: they agree."""
-    if own["code"] != other["code"]:
-        return f"code version {other['code'][:12]}, not {own['code'][:12]}; valid: the same revision, built"
-    if own["state_sha256"] != other["state_sha256"]:
+def difference(expected: ReferenceRun, result: ReferenceRun) -> str:
+    """Return the difference between two results of the reference run, as text; empty: they agree."""
+    if expected.code != result.code:
+        return f"code version {result.code[:12]}, not {expected.code[:12]}; valid: the same revision, built"
+    if expected.state_sha256 != result.state_sha256:
         return (
-            f"the reference run has state_sha256 {other['state_sha256'][:12]}, not {own['state_sha256'][:12]}; valid: "
+            f"the reference run has state_sha256 {result.state_sha256[:12]}, not {expected.state_sha256[:12]}; valid: "
             "the same kind of processor, and the pinned versions of scripts/requirements.txt"
         )
     return ""

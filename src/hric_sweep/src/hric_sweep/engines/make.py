@@ -1,20 +1,26 @@
-"""Choice of the engine from the options of the command line."""
+"""Options of the commands that execute many runs, and the engine that these options choose."""
 
 import argparse
 import os
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
 from hric_core.errors import HricError
 from hric_core.parameters import whole
 from hric_core.wires import host_of, is_local, reached_by_others
-from hric_sweep.engines.engine import Engine
+from hric_sweep.engines.engine import Differs, Engine, Lost
+from hric_sweep.journal import JournalError
 
 JOBS = os.cpu_count() or 1
 LOCAL = "local"
-"""Value of --dask that means a cluster of this machine's processors, which ends with the command."""
+"""Value of --dask for a cluster of this machine's processors, which ends with the command."""
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add --jobs, --dask and --insecure."""
+def add_options(parser: argparse.ArgumentParser, name: str) -> None:
+    """Add the options for engine, resumption, folder and progress bar; `name`: sweep, benchmark."""
     parser.add_argument("--jobs", type=int, help=f"runs at once (default: {JOBS}, the processors)")
     parser.add_argument(
         "--dask",
@@ -28,37 +34,78 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="connect without certificate to a cluster that other machines reach: a network where everybody may run "
         "programs as you",
     )
+    parser.add_argument("--resume", metavar="DIR", help=f"resume an unfinished {name}")
+    parser.add_argument("--runs", metavar="DIR", help="folder of all runs (default: $HRIC_RUNS, else runs/)")
+    parser.add_argument("--quiet", action="store_true", help="no progress bar")
 
 
-def engine_of(given: argparse.Namespace, memory: float, runs: int) -> Engine:
+@contextmanager
+def engine_session(
+    options: argparse.Namespace, memory: float, runs: int, resume: Callable[[], str]
+) -> Iterator[Engine]:
+    """Yield the engine of a command and close it; errors and Ctrl-C come with the command that resumes it.
+
+    Args:
+        options: options of `add_options`.
+        memory: memory limit of a worker [bytes].
+        runs: maximum number of runs.
+        resume: returns the command that resumes the runs; empty: nothing was started.
+
+    Raises:
+        HricError: as `engine_of`.
+        Lost: the engine was lost, a worker differs, or finished runs could not be stored; others are stored.
+    """
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    engine, now = engine_of(options, memory, runs), True
+    try:
+        yield engine
+        now = False
+    except KeyboardInterrupt:
+        print(f"\ninterrupted; {f'resume with: {resume()}' if resume() else 'nothing was started'}", file=sys.stderr)
+        raise
+    except (Lost, Differs, JournalError) as error:
+        if not resume():
+            raise
+        raise Lost(f"{error}\n  finished runs are stored; resume with: {resume()}") from None
+    finally:
+        engine.close(now=now)
+        signal.signal(signal.SIGTERM, before)
+
+
+def resume_command(folder: Path | None) -> str:
+    """Return the command that resumes the runs in a folder; empty: there is no folder yet."""
+    return "" if folder is None else f"rosrun hric_experiments sweep --resume {folder}"
+
+
+def engine_of(options: argparse.Namespace, memory: float, runs: int) -> Engine:
     """Return the engine of a command.
 
     Args:
-        given: arguments with the options of `add_options`.
+        options: options of `add_options`.
         memory: memory limit of a worker [bytes].
         runs: maximum number of runs.
 
     Raises:
         HricError: options exclude each other, or the cluster is not reachable.
     """
-    if given.jobs is not None:
-        whole(minimum=1).checked(given.jobs, "--jobs")
-    jobs = min(given.jobs or JOBS, runs)
-    if given.dask is None:
+    if options.jobs is not None:
+        whole(minimum=1).checked(options.jobs, "--jobs")
+    jobs = min(options.jobs or JOBS, runs)
+    if options.dask is None:
         from hric_sweep.engines.pebble_engine import PebbleEngine
 
         return PebbleEngine(jobs, memory)
     from hric_sweep.engines.dask_engine import DaskEngine
 
-    if given.dask == LOCAL:
+    if options.dask == LOCAL:
         return DaskEngine.local(jobs, memory)
-    if given.jobs is not None:
+    if options.jobs is not None:
         raise HricError(
-            f"--jobs says nothing about the cluster {given.dask}: it has the workers that were started for it; valid: "
-            f"one of the two, and scripts/worker {given.dask} --workers N"
+            f"--jobs has no effect on the cluster {options.dask}: its workers were started separately; valid: one of "
+            f"the two, and scripts/worker {options.dask} --workers N"
         )
-    _check_reach(given.dask, given.insecure)
-    return DaskEngine(given.dask, memory)
+    _check_reach(options.dask, options.insecure)
+    return DaskEngine(options.dask, memory)
 
 
 def _check_reach(address: str, insecure: bool) -> None:

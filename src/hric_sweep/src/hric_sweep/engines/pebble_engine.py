@@ -1,4 +1,4 @@
-"""Engine with processes of this machine, which are reused, and killed if a run exceeds its timeout."""
+"""Engines of this machine: processes that are reused, and killed if a run exceeds its timeout; and this process."""
 
 import ctypes
 import os
@@ -8,7 +8,7 @@ import time
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as Late
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,8 @@ from typing import Any
 from pebble import ProcessExpired, ProcessPool
 
 from hric_sweep import task as runs
-from hric_sweep.engines.engine import Died, Response, Task, TimedOut, same
+from hric_sweep.engines.engine import Died, TimedOut, same
+from hric_sweep.records import ReferenceRun, RunResponse, RunTask
 
 OPEN_EACH = 2
 """Open tasks per worker: one that runs, one that waits."""
@@ -48,20 +49,20 @@ class PebbleEngine:
         )
         self._pool._pool_manager.task_manager.timeout = Patience().exhausted
 
-    def submit(self, task: Task) -> "Future[Response]":
+    def submit(self, task: RunTask) -> "Future[RunResponse]":
         """Submit a task to the pool."""
-        response: Future[Response] = Future()
-        inner = self._pool.schedule(runs.run, args=[task], timeout=task["timeout"])
+        response: Future[RunResponse] = Future()
+        inner = self._pool.schedule(runs.run, args=[task], timeout=task.timeout)
         inner.add_done_callback(lambda done: _pass_on(done, response, task))
         return response
 
     def flush(self) -> None:
         """Do nothing: this engine has no buffer."""
 
-    def check(self, reference: Task) -> Response:
+    def check(self, reference: RunTask) -> ReferenceRun:
         """Have one worker execute the reference run: all workers have this machine and code."""
-        found: Response = self._pool.schedule(runs.reference, args=[reference], timeout=STARTING).result()
-        return same([("worker of this machine", found)], {**found, "code": runs.code_version()})
+        result: ReferenceRun = self._pool.schedule(runs.reference, args=[reference], timeout=STARTING).result()
+        return same([("worker of this machine", result)], replace(result, code=runs.code_version()))
 
     def close(self, *, now: bool) -> None:
         """End all workers; `now`: do not wait for open tasks."""
@@ -70,6 +71,28 @@ class PebbleEngine:
         else:
             self._pool.close()
         self._pool.join()
+
+
+class InProcessEngine:
+    """Engine without workers, for few runs: a run has no limits of time and memory."""
+
+    window = workers = 1
+
+    def submit(self, task: RunTask) -> "Future[RunResponse]":
+        """Execute a task."""
+        response: Future[RunResponse] = Future()
+        response.set_result(runs.run(task))
+        return response
+
+    def flush(self) -> None:
+        """Do nothing: this engine has no buffer."""
+
+    def check(self, reference: RunTask) -> ReferenceRun:
+        """Execute the reference run."""
+        return runs.reference(reference)
+
+    def close(self, *, now: bool) -> None:
+        """Do nothing: this engine has no workers."""
 
 
 class Patience:
@@ -87,20 +110,20 @@ class Patience:
         if not task.started:
             return False
         now, used = time.monotonic(), processor_time(task.worker_id)
-        begun = self._progress.get(task.id)
-        if begun is None:
+        progress = self._progress.get(task.id)
+        if progress is None:
             self._progress = {key: kept for key, kept in self._progress.items() if not kept.future.done()}
-            begun = self._progress[task.id] = _Progress(task.future, used, used, now)
-        if used - begun.last > MIN_PROGRESS:
-            begun.last, begun.at = used, now
-        return bool(used - begun.first > task.timeout or now - begun.at > task.timeout)
+            progress = self._progress[task.id] = _Progress(task.future, used, used, now)
+        if used - progress.last > MIN_PROGRESS:
+            progress.last, progress.at = used, now
+        return bool(used - progress.first > task.timeout or now - progress.at > task.timeout)
 
 
 @dataclass
 class _Progress:
     """Processor time of a run's process at its start and at its last progress [s], and the time of the latter [s]."""
 
-    future: "Future[Response]"
+    future: "Future[RunResponse]"
     first: float
     last: float
     at: float
@@ -115,7 +138,7 @@ def processor_time(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def _pass_on(done: "Future[Response]", response: "Future[Response]", task: Task) -> None:
+def _pass_on(done: "Future[RunResponse]", response: "Future[RunResponse]", task: RunTask) -> None:
     if done.cancelled():
         response.cancel()
         return
@@ -123,9 +146,7 @@ def _pass_on(done: "Future[Response]", response: "Future[Response]", task: Task)
     if error is None:
         response.set_result(done.result())
     elif isinstance(error, Late):
-        response.set_exception(
-            TimedOut(f"took more than {task['timeout']:g} s of processor time, or did nothing so long")
-        )
+        response.set_exception(TimedOut(f"took more than {task.timeout:g} s of processor time, or did nothing so long"))
     elif isinstance(error, ProcessExpired):
         response.set_exception(Died(f"ended its worker ({_how(error.exitcode)})"))
     else:

@@ -16,13 +16,13 @@ import numpy.typing as npt
 from scipy.special import logsumexp, ndtr
 
 from hric_core.errors import HricError
+from hric_core.geometry import FloatArray
 from hric_core.parameters import Settings, refused, whole
 from hric_sweep.samplers.mixture import DEFENSIVE, Proposal, fit, log_normal
-from hric_sweep.samplers.sampler import CrossCheck, Estimate, Point, Told, in_order
+from hric_sweep.samplers.sampler import CrossCheck, Estimate, Point, SamplerResult, in_order
 from hric_sweep.space import EDGE, Space
 from hric_sweep.statistics.intervals import LEVEL, clopper_pearson, effective_size, log_interval
 
-FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 BATCHES = 10
 """Number of batches of a sweep if the size of a batch is not set (project default)."""
@@ -108,11 +108,11 @@ class CrossEntropySampler:
         u = np.clip(ndtr(self._open.z), EDGE, 1.0 - EDGE).tolist()
         return [Point(tuple(row), weight) for row, weight in zip(u, self._open.weights.tolist(), strict=True)]
 
-    def tell(self, results: Sequence[Told]) -> None:
+    def tell(self, results: Sequence[SamplerResult]) -> None:
         """Store the results of the batch and adapt the proposal. Raises HricError: results have no margin."""
         if self._open is None:
             raise HricError("results were given before points; valid: those of a batch that was drawn")
-        first = sum(len(one.z) for one in (*self._adapting, *self._final))
+        first = sum(len(batch.z) for batch in (*self._adapting, *self._final))
         in_order(results, first, len(self._open.z))
         done, self._open = with_results(self._open, results), None
         if self._adapted:
@@ -126,8 +126,8 @@ class CrossEntropySampler:
 
         It is final after two successive fits to points that all exceed, or after ADAPTING of the batches.
         """
-        z = np.concatenate([one.z for one in self._adapting])
-        margins = np.concatenate([one.margins for one in self._adapting])
+        z = np.concatenate([batch.z for batch in self._adapting])
+        margins = np.concatenate([batch.margins for batch in self._adapting])
         elite = max(round(ELITE * self._batch), FEWEST)
         level = min(float(np.sort(margins)[-elite]), 0.0)
         best = (margins >= level) & (margins > -np.inf)
@@ -142,10 +142,10 @@ class CrossEntropySampler:
         """Return log likelihood ratios of points of all adapting batches, against the mixture of their proposals."""
         plain = log_normal(z)
         densities, sizes = [], []
-        for one in self._adapting:
-            share = one.plain / len(one.z)
-            densities.append(plain if one.proposal is None else plain - one.proposal.log_weights(z, share))
-            sizes.append(len(one.z))
+        for batch in self._adapting:
+            share = batch.plain / len(batch.z)
+            densities.append(plain if batch.proposal is None else plain - batch.proposal.log_weights(z, share))
+            sizes.append(len(batch.z))
         weights: FloatArray = plain - logsumexp(densities, axis=0, b=np.array(sizes)[:, None] / sum(sizes))
         return weights
 
@@ -153,9 +153,9 @@ class CrossEntropySampler:
         """Return the estimate from the batches after the adaptation; None if there is none yet."""
         if not self._final:
             return None
-        weights = np.concatenate([one.weights for one in self._final])
-        exceeded = np.concatenate([one.exceeded for one in self._final])
-        failed = np.concatenate([one.failed for one in self._final])
+        weights = np.concatenate([batch.weights for batch in self._final])
+        exceeded = np.concatenate([batch.exceeded for batch in self._final])
+        failed = np.concatenate([batch.failed for batch in self._final])
         check = self._plain_runs()
         counted, runs = weights[exceeded], len(weights)
         low, high = log_interval(counted, runs, LEVEL) if counted.size else (0.0, check.high)
@@ -169,19 +169,21 @@ class CrossEntropySampler:
     def _plain_runs(self) -> CrossCheck:
         """Return count and interval of the runs of all batches that were drawn from the distributions themselves."""
         batches = (*self._adapting, *self._final)
-        runs = sum(one.plain - int(one.failed[: one.plain].sum()) for one in batches)
-        exceeded = sum(int(one.exceeded[: one.plain].sum()) for one in batches)
+        runs = sum(batch.plain - int(batch.failed[: batch.plain].sum()) for batch in batches)
+        exceeded = sum(int(batch.exceeded[: batch.plain].sum()) for batch in batches)
         return CrossCheck(runs, exceeded, *clopper_pearson(exceeded, max(runs, 1), LEVEL), agrees=True)
 
 
-def with_results(batch: Batch, results: Sequence[Told]) -> Batch:
+def with_results(batch: Batch, results: Sequence[SamplerResult]) -> Batch:
     """Return a copy of a batch with its results.
 
     Raises:
         HricError: a run that did not fail has no margin.
     """
-    failed = np.array([one.exceeded is None for one in results])
-    if any(one.margin is None for one in results if one.exceeded is not None):
+    failed = np.array([result.exceeded is None for result in results])
+    if any(result.margin is None for result in results if result.exceeded is not None):
         raise HricError("results have no margin; valid: the output less the limit, with a sampler of rare exceedance")
-    margins = np.array([-np.inf if one.exceeded is None else float(one.margin or 0.0) for one in results])
-    return replace(batch, margins=margins, exceeded=np.array([bool(one.exceeded) for one in results]), failed=failed)
+    margins = np.array([-np.inf if result.exceeded is None else float(result.margin or 0.0) for result in results])
+    return replace(
+        batch, margins=margins, exceeded=np.array([bool(result.exceeded) for result in results]), failed=failed
+    )

@@ -5,15 +5,13 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 from scipy.stats import qmc
 
+from hric_core.geometry import FloatArray
 from hric_core.parameters import Settings, refused
-from hric_sweep.samplers.sampler import Estimate, Point, Told, in_order
+from hric_sweep.samplers.sampler import Estimate, Point, SamplerResult, in_order
 from hric_sweep.space import EDGE, Space
 from hric_sweep.statistics.intervals import LEVEL, clopper_pearson
-
-FloatArray = npt.NDArray[np.float64]
 
 
 class Design:
@@ -26,17 +24,17 @@ class Design:
 
     def __init__(self, u: FloatArray, drawn: bool) -> None:
         self.total = len(u)
-        self._u, self._drawn, self._given = np.clip(u, EDGE, 1.0 - EDGE), drawn, False
-        self._results: Sequence[Told] = ()
+        self._u, self._drawn, self._drawn_all = np.clip(u, EDGE, 1.0 - EDGE), drawn, False
+        self._results: Sequence[SamplerResult] = ()
 
     def ask(self) -> Sequence[Point]:
         """Return all points at the first call, an empty list afterwards."""
-        if self._given:
+        if self._drawn_all:
             return []
-        self._given = True
+        self._drawn_all = True
         return [Point(tuple(row)) for row in self._u.tolist()]
 
-    def tell(self, results: Sequence[Told]) -> None:
+    def tell(self, results: Sequence[SamplerResult]) -> None:
         """Store the results of all runs."""
         in_order(results, 0, self.total)
         self._results = results
@@ -44,7 +42,7 @@ class Design:
     def estimate(self) -> Estimate | None:
         """Return the Clopper-Pearson estimate; None: the points are not drawn from the distributions, or no result."""
         counted = [result.exceeded for result in self._results]
-        if not self._drawn or all(one is None for one in counted):
+        if not self._drawn or all(exceeded is None for exceeded in counted):
             return None
         exceeded, failed, runs = counted.count(True), counted.count(None), len(counted)
         low, high = clopper_pearson(exceeded, runs, LEVEL).low, clopper_pearson(exceeded + failed, runs, LEVEL).high
@@ -59,7 +57,7 @@ class Grid(Settings):
     def sampler(self, space: Space, runs: int | None, seed: int) -> Design:
         """Return the design. Raises ParameterError: a variable is not discrete, or `runs` is not the grid's size."""
         middles = _middles(space, "grid")
-        _all_of(runs, int(np.prod([len(one) for one in middles])), "the whole grid")
+        _all_of(runs, int(np.prod([len(middle) for middle in middles])), "the whole grid")
         axes = np.meshgrid(*middles, indexing="ij")
         return Design(np.stack([axis.ravel() for axis in axes], axis=1), drawn=False)
 
@@ -71,10 +69,10 @@ class Listed(Settings):
     def sampler(self, space: Space, runs: int | None, seed: int) -> Design:
         """Return the design. Raises ParameterError: a variable is not discrete, or its number of values differs."""
         middles = _middles(space, "list")
-        counts = [len(one) for one in middles]
+        counts = [len(middle) for middle in middles]
         if len(set(counts)) > 1:
-            told = ", ".join(f"{name} {count}" for name, count in zip(space.names, counts, strict=True))
-            raise refused("sweep.vary", told, "as many values of each variable with the sampler list")
+            sizes = ", ".join(f"{name} {count}" for name, count in zip(space.names, counts, strict=True))
+            raise refused("sweep.vary", sizes, "as many values of each variable with the sampler list")
         _all_of(runs, counts[0], "one for each value")
         return Design(np.stack(middles, axis=1), drawn=False)
 
@@ -85,7 +83,7 @@ class Random(Settings):
 
     def sampler(self, space: Space, runs: int | None, seed: int) -> Design:
         """Return the design. Raises ParameterError: `runs` is missing."""
-        u = np.random.default_rng(seed).random((_given(runs), len(space.names)))
+        u = np.random.default_rng(seed).random((_required(runs), len(space.names)))
         return Design(u, drawn=True)
 
 
@@ -95,7 +93,7 @@ class Sobol(Settings):
 
     def sampler(self, space: Space, runs: int | None, seed: int) -> Design:
         """Return the design. Raises ParameterError: `runs` is missing or no power of two."""
-        count = _given(runs)
+        count = _required(runs)
         if count & (count - 1):
             raise refused(
                 "sweep.runs", count, f"a power of two with the sampler sobol; the next one is {_above(count)}"
@@ -110,7 +108,7 @@ class Lhs(Settings):
     def sampler(self, space: Space, runs: int | None, seed: int) -> Design:
         """Return the design. Raises ParameterError: `runs` is missing."""
         cube = qmc.LatinHypercube(len(space.names), rng=np.random.default_rng(seed))
-        return Design(cube.random(_given(runs)), drawn=True)
+        return Design(cube.random(_required(runs)), drawn=True)
 
 
 @dataclass(frozen=True)
@@ -128,7 +126,7 @@ class Saltelli(Settings):
             raise refused(
                 "sweep.sampler.kind", "saltelli", "variables without correlation: the indices are defined for those"
             )
-        count, n = _given(runs), len(space.names)
+        count, n = _required(runs), len(space.names)
         rows, rest = divmod(count, n + self.extra)
         if rest or rows < 2 or rows & (rows - 1):
             fits = _above(max(2, -(-count // (n + self.extra)))) * (n + self.extra)
@@ -152,7 +150,7 @@ def _above(count: int) -> int:
 
 def _middles(space: Space, kind: str) -> list[FloatArray]:
     middles = [variable.distribution.middles for variable in space.variables.values()]
-    without = [name for name, one in zip(space.names, middles, strict=True) if not one.size]
+    without = [name for name, middle in zip(space.names, middles, strict=True) if not middle.size]
     if without:
         raise refused("sweep.vary", ", ".join(without), f"distributions of kind choice with the sampler {kind}")
     return middles
@@ -163,7 +161,7 @@ def _all_of(runs: int | None, total: int, what: str) -> None:
         raise refused("sweep.runs", runs, f"{total}, {what}; or leave it out")
 
 
-def _given(runs: int | None) -> int:
+def _required(runs: int | None) -> int:
     if runs is None or runs < 1:
         raise refused("sweep.runs", runs, "a whole number of 1 or more")
     return runs

@@ -14,24 +14,27 @@ sampler: {kind: sobol}
 
 from typing import Any
 
-from hric_core.parameters import Settings, variant
+from hric_core.parameters import variant
+from hric_sweep.registry import Kinds
 from hric_sweep.samplers import cross_entropy, designs, subset, tpe
 from hric_sweep.samplers.sampler import Sampler
 from hric_sweep.space import Space
 
-KINDS: dict[str, type[Settings]] = {
-    "grid": designs.Grid,
-    "list": designs.Listed,
-    "random": designs.Random,
-    "sobol": designs.Sobol,
-    "lhs": designs.Lhs,
-    "saltelli": designs.Saltelli,
-    "tpe": tpe.Tpe,
-    "cross_entropy": cross_entropy.CrossEntropy,
-    "subset": subset.Subset,
-}
-"""Settings class of each sampler, by the value of `kind`."""
-SAMPLER: Any = variant("kind", KINDS, text="where the runs are")
+KINDS = Kinds(
+    {
+        "grid": designs.Grid,
+        "list": designs.Listed,
+        "random": designs.Random,
+        "sobol": designs.Sobol,
+        "lhs": designs.Lhs,
+        "saltelli": designs.Saltelli,
+        "tpe": tpe.Tpe,
+        "cross_entropy": cross_entropy.CrossEntropy,
+        "subset": subset.Subset,
+    }
+)
+"""Settings class of each sampler, by the value of `kind`; `kind: MODULE:CLASS` is one of another package."""
+SAMPLER: Any = variant("kind", KINDS, text="choice of the points")
 
 
 def make(settings: Any, space: Space, runs: int | None, seed: int) -> Sampler:

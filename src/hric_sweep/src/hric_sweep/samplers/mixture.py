@@ -8,10 +8,10 @@ limit, one for each failure region (Kurtz & Song, Struct. Saf. 42:35, 2013).
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import logsumexp
 
-FloatArray = npt.NDArray[np.float64]
+from hric_core.geometry import FloatArray
+
 DEFENSIVE = 0.1
 """Share of each batch that is drawn from the distributions themselves [1]; no weight exceeds its inverse."""
 NARROWEST, WIDEST = 0.35, 1.2
@@ -46,11 +46,11 @@ class Proposal:
 
     def each(self, z: FloatArray) -> FloatArray:
         """Return the log of share times density of each component at points of shape (m, n), shape (k, m)."""
-        found = []
+        densities = []
         for share, mean, factor in zip(self.shares, self.means, self.factors, strict=True):
             scaled = np.linalg.solve(factor, (z - mean).T).T
-            found.append(np.log(share) + log_normal(scaled) - np.log(np.diag(factor)).sum())
-        return np.array(found)
+            densities.append(np.log(share) + log_normal(scaled) - np.log(np.diag(factor)).sum())
+        return np.array(densities)
 
     def log_weights(self, z: FloatArray, defensive: float) -> FloatArray:
         """Return the log likelihood ratios of points drawn from the mixture, shape (m,).
@@ -117,7 +117,7 @@ def _far_apart(z: FloatArray, weights: FloatArray, count: int) -> FloatArray:
     """Return initial means: the heaviest point, then each time that of largest weight times distance squared."""
     chosen = [z[np.argmax(weights)]]
     while len(chosen) < count:
-        nearest = np.min([np.sum((z - one) ** 2, axis=1) for one in chosen], axis=0)
+        nearest = np.min([np.sum((z - point) ** 2, axis=1) for point in chosen], axis=0)
         chosen.append(z[np.argmax(nearest * weights)])
     return np.array(chosen)
 

@@ -27,7 +27,7 @@ class Point(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Told:
+class SamplerResult:
     """Result of one run for the sampler.
 
     Attributes:
@@ -99,16 +99,16 @@ class Sampler(Protocol):
     total: int
 
     def ask(self) -> Sequence[Point]:
-        """Return the next batch; empty: no more runs. The results of the batch before must be known by then."""
+        """Return the next batch; empty: no more runs. Call it with all results of the previous batch received."""
 
-    def tell(self, results: Sequence[Told]) -> None:
+    def tell(self, results: Sequence[SamplerResult]) -> None:
         """Receive the results of the complete batch, in order of index."""
 
     def estimate(self) -> Estimate | None:
         """Return the estimate from all results so far; None: there is no exceedance, no result or no method for it."""
 
 
-def in_order(results: Sequence[Told], first: int, count: int) -> None:
+def in_order(results: Sequence[SamplerResult], first: int, count: int) -> None:
     """Check that the results are those of a complete batch.
 
     Args:

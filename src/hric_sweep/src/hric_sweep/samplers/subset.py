@@ -19,13 +19,13 @@ import numpy.typing as npt
 from scipy.special import ndtr, ndtri
 
 from hric_core.errors import HricError
+from hric_core.geometry import FloatArray
 from hric_core.parameters import Settings, number, refused
 from hric_sweep.samplers.cross_entropy import Batch, with_results
-from hric_sweep.samplers.sampler import CrossCheck, Estimate, Point, Told, in_order
+from hric_sweep.samplers.sampler import CrossCheck, Estimate, Point, SamplerResult, in_order
 from hric_sweep.space import EDGE, Space
 from hric_sweep.statistics.intervals import LEVEL, clopper_pearson
 
-FloatArray = npt.NDArray[np.float64]
 LENGTH = 10
 """Points per chain; the inverse is the probability of each level."""
 FEWEST = 10
@@ -73,7 +73,7 @@ class SubsetSampler:
     def __init__(self, n: int, chains: int, levels: int, seed: int) -> None:
         self._n, self._chains, self._levels, self._seed = n, chains, levels, seed
         self.total = chains * (LENGTH + (levels - 1) * (LENGTH - 1))
-        self._given, self._batches, self._a = 0, 0, FIRST_STEP
+        self._count, self._batches, self._a = 0, 0, FIRST_STEP
         self._open: Batch | None = None
         self._steps: list[Step] = []
         self._level, self._shares, self._variances = -np.inf, 1.0, list[float]()
@@ -95,13 +95,13 @@ class SubsetSampler:
         self._open = Batch(z, len(z), None, np.full(len(z), self._shares))
         return [Point(tuple(row), self._shares) for row in np.clip(ndtr(z), EDGE, 1.0 - EDGE).tolist()]
 
-    def tell(self, results: Sequence[Told]) -> None:
+    def tell(self, results: Sequence[SamplerResult]) -> None:
         """Store the results of the step. Failed runs count as not exceeding. Raises HricError: no margin."""
         if self._open is None:
             raise HricError("results were given before points; valid: those of a batch that was drawn")
-        in_order(results, self._given, len(self._open.z))
+        in_order(results, self._count, len(self._open.z))
         batch, self._open = with_results(self._open, results), None
-        self._given, self._batches = self._given + len(results), self._batches + 1
+        self._count, self._batches = self._count + len(results), self._batches + 1
         self._exceeded += int(batch.exceeded.sum())
         self._failed += int(batch.failed.sum())
         if self._first is None:
@@ -111,7 +111,7 @@ class SubsetSampler:
             return
         self._step(batch)
         if len(self._steps) == LENGTH:
-            z, margins = (np.concatenate([getattr(one, name) for one in self._steps]) for name in ("z", "margins"))
+            z, margins = (np.concatenate([getattr(step, name) for step in self._steps]) for name in ("z", "margins"))
             self._finish(z, margins, chained=True)
 
     def _step(self, batch: Batch) -> None:
@@ -158,7 +158,7 @@ class SubsetSampler:
         agrees = self._first.low <= high and low <= self._first.high
         check = replace(self._first, agrees=agrees)
         size = 1.0 / variance if self._last is None else 0.0
-        counts = self._given, self._exceeded, self._failed
+        counts = self._count, self._exceeded, self._failed
         return Estimate(self._shares, low, high, LEVEL, *counts, size, METHOD, check)
 
 

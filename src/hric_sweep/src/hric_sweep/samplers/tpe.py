@@ -14,7 +14,7 @@ from scipy.special import ndtr, ndtri
 
 from hric_core.errors import HricError
 from hric_core.parameters import Settings, number, refused, whole
-from hric_sweep.samplers.sampler import Point, Told, in_order
+from hric_sweep.samplers.sampler import Point, SamplerResult, in_order
 from hric_sweep.space import Space
 
 BATCH = 5
@@ -58,7 +58,7 @@ class TpeSampler:
     def __init__(self, space: Space, runs: int, batch: int, tail: float, seed: int) -> None:
         optuna = _optuna()
         self.total = runs
-        self._batch, self._given = batch, 0
+        self._batch, self._count = batch, 0
         self._optuna, self._open = optuna, list[Any]()
         self._middles = {name: variable.distribution.middles for name, variable in space.variables.items()}
         end = float(ndtri(1.0 - tail))
@@ -72,29 +72,29 @@ class TpeSampler:
 
     def ask(self) -> Sequence[Point]:
         """Return the next batch of points that Optuna proposes; empty after the last run."""
-        size = min(self._batch, self.total - self._given)
+        size = min(self._batch, self.total - self._count)
         self._open = [self._study.ask(self._axes) for _ in range(size)]
         return [Point(tuple(self._shares(trial.params))) for trial in self._open]
 
-    def _shares(self, found: dict[str, Any]) -> list[float]:
+    def _shares(self, proposed: dict[str, Any]) -> list[float]:
         """Return the percentiles of the proposed values; for a discrete variable, the middle of the value's share."""
         return [
-            float(middles[found[name]] if middles.size else ndtr(found[name]))
+            float(middles[proposed[name]] if middles.size else ndtr(proposed[name]))
             for name, middles in self._middles.items()
         ]
 
-    def tell(self, results: Sequence[Told]) -> None:
+    def tell(self, results: Sequence[SamplerResult]) -> None:
         """Pass the results of the batch to Optuna. Raises HricError: a run that did not fail has no objective."""
-        in_order(results, self._given, len(self._open))
-        if any(one.objective is None and one.exceeded is not None for one in results):
+        in_order(results, self._count, len(self._open))
+        if any(result.objective is None and result.exceeded is not None for result in results):
             raise HricError("results have no objective; valid: sweep.objective with the sampler tpe")
         failed = self._optuna.trial.TrialState.FAIL
-        for trial, one in zip(self._open, results, strict=True):
-            if one.objective is None:
+        for trial, result in zip(self._open, results, strict=True):
+            if result.objective is None:
                 self._study.tell(trial, state=failed)
             else:
-                self._study.tell(trial, one.objective)
-        self._given += len(results)
+                self._study.tell(trial, result.objective)
+        self._count += len(results)
         self._open = []
 
     def estimate(self) -> None:

@@ -1,12 +1,11 @@
 """Command `speed_map`."""
 
 import argparse
-import csv
-import io
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import pandas
 from tqdm import tqdm
 
 from franka_sim.franka_hw_sim import FrankaHWSim
@@ -43,17 +42,17 @@ Measured = Mapping[tuple[float, ...], list[Cell]]
 
 def main(arguments: Sequence[str]) -> int:
     """Measure a map, print its summary, write its table and picture, and return the exit code."""
-    given = _parser().parse_args(list(arguments))
-    number(minimum=0.0).checked(given.damping, "--damping")
-    points = grid.points(given.x, given.y, given.z)
-    request = Request(given.region, Limits.named(), given.damping, Arm(given.arm))
+    options = _parser().parse_args(list(arguments))
+    number(minimum=0.0).checked(options.damping, "--damping")
+    points = grid.points(options.x, options.y, options.z)
+    request = Request(options.region, Limits.named(), options.damping, Arm(options.arm))
     force = request.check()
-    definition = experiment.load(experiment.NONE, ["simulator:=mujoco", *given.overrides])
+    definition = experiment.load(experiment.NONE, ["simulator:=mujoco", *options.overrides])
     with Simulation(definition) as simulation:
         robot = simulation.app.hw
         if not isinstance(robot, FrankaHWSim):
             raise HricError(f"{definition.robot.hw} is no arm with a control box; valid: franka_sim/FrankaHWSim")
-        shown = tqdm(
+        progress = tqdm(
             measure(robot, request, points),
             total=len(points),
             unit=" points",
@@ -61,12 +60,12 @@ def main(arguments: Sequence[str]) -> int:
             disable=not sys.stderr.isatty(),
             leave=False,
         )
-        found = {tuple(map(float, point)): cells for point, cells in shown}
-    if not any(found.values()):
+        cells_by_point = {tuple(map(float, point)): cells for point, cells in progress}
+    if not any(cells_by_point.values()):
         raise HricError(f"the arm reaches none of the {len(points)} points; valid: a grid within its workspace")
-    print(report(found, request, force))
-    if given.out is not None:
-        _write(given.out, found, request, force)
+    print(report(cells_by_point, request, force))
+    if options.out is not None:
+        _write(options.out, cells_by_point, request, force)
     return 0
 
 
@@ -82,11 +81,11 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("overrides", nargs="*", metavar="key:=value", help="simulator:=pybullet, friction:=..., ...")
     add = parser.add_argument
-    add("--region", choices=REGION_MODELS, default=REGION, help=f"that is met (default: {REGION})")
+    add("--region", choices=REGION_MODELS, default=REGION, help=f"body region that the arm hits (default: {REGION})")
     add("--damping", type=float, default=0.0, help="of the device [N s/m] (default: 0)")
     add(
         "--arm",
-        choices=[one.value for one in Arm],
+        choices=[arm.value for arm in Arm],
         default=Arm.DRIVEN.value,
         help="driven: its joints go on at their speeds, with the reflexes of the control box (default); passive: it "
         "only carries its weight, as the closed form assumes",
@@ -104,43 +103,42 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def report(found: Measured, request: Request, force: float) -> str:
+def report(cells_by_point: Measured, request: Request, force: float) -> str:
     """Return the summary for the terminal."""
-    cells = [cell for one in found.values() for cell in one]
+    cells = [cell for cells_of_point in cells_by_point.values() for cell in cells_of_point]
     worst, ratios = lowest(cells), [cell.speed / cell.closed_form for cell in cells]
     unsafe = sum(cell.standard > cell.speed for cell in cells)
     limit = request.limit
     lines = [
         f"{request.region}, {request.arm.value} arm: {force:g} N ({request.limits.table.title}), spring "
         f"{limit.stiffness:g} N/m, mass {REGION_MODELS[request.region].mass:g} kg, damping {request.damping:g} N s/m",
-        f"{len(found)} points, {sum(map(bool, found.values()))} of them within reach; {len(cells)} directions",
+        f"{len(cells_by_point)} points, {sum(map(bool, cells_by_point.values()))} of them within reach; {len(cells)} "
+        "directions",
         f"limit speeds {worst.speed:.3f} to {max(cell.speed for cell in cells):.3f} m/s; the lowest at "
         f"({', '.join(f'{x:.2f}' for x in worst.point)}) m along {worst.direction}, reflected mass {worst.mass:.2f} kg",
-        f"the arm alone moves so fast in {sum(map(alone, cells))} of {len(cells)} directions",
+        f"the arm alone reaches the limit speed in {sum(map(alone, cells))} of {len(cells)} directions",
         f"limit speed over the closed form F/sqrt(mu k): {min(ratios):.3f} to {max(ratios):.3f}",
-        f"by M/2 + m_L more is permitted than by the device: in {unsafe} of {len(cells)}",
+        f"The ISO estimate M/2 + m_L is less strict than the simulated measuring device in {unsafe} of {len(cells)} "
+        "directions.",
     ]
     return "\n".join([*lines, DISCLAIMER])
 
 
-def as_csv(found: Measured) -> str:
+def as_csv(cells_by_point: Measured) -> str:
     """Return the table as CSV; its first line is the disclaimer."""
-    text = io.StringIO()
-    text.write(f"# {DISCLAIMER}\n")
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(HEAD)
-    for cells in found.values():
-        for cell in cells:
-            numbers = (cell.mass, cell.speed, cell.fastest, cell.closed_form, cell.standard)
-            row = (*(f"{x:g}" for x in cell.point), cell.direction, *(f"{value:.5g}" for value in numbers))
-            writer.writerow(row)
-    return text.getvalue()
+    rows = [
+        (*cell.point, cell.direction, cell.mass, cell.speed, cell.fastest, cell.closed_form, cell.standard)
+        for cells in cells_by_point.values()
+        for cell in cells
+    ]
+    table: str = pandas.DataFrame(rows, columns=HEAD).to_csv(index=False, float_format="%.5g")
+    return f"# {DISCLAIMER}\n{table}"
 
 
-def _write(folder: Path, found: Measured, request: Request, force: float) -> None:
+def _write(folder: Path, cells_by_point: Measured, request: Request, force: float) -> None:
     from hric_sweep.speed_map.picture import draw  # imported here: slow to load, and needed for the picture only
 
     files.make_folder(folder)
-    files.write_text(folder / CSV_FILE, as_csv(found))
-    draw(folder / PICTURE, found, f"{request.region}, {request.arm.value} arm, {force:g} N")
+    files.write_text(folder / CSV_FILE, as_csv(cells_by_point))
+    draw(folder / PICTURE, cells_by_point, f"{request.region}, {request.arm.value} arm, {force:g} N")
     print(f"table: {folder / CSV_FILE}\npicture: {folder / PICTURE}")

@@ -71,8 +71,8 @@ class Postures:
             q = self._kinematics.solve(T.T.ravel().tolist(), elbow, q)
             if q is None:
                 return None
-        found = np.array(q)
+        posture = np.array(q)
         low, high = np.array(self._limits.lower) + NEAR_LIMIT, np.array(self._limits.upper) - NEAR_LIMIT
-        if np.any(found < low) or np.any(found > high):
+        if np.any(posture < low) or np.any(posture > high):
             return None
-        return None if self._kinematics.begin(found.tolist()) < MANIPULABLE else found
+        return None if self._kinematics.begin(posture.tolist()) < MANIPULABLE else posture

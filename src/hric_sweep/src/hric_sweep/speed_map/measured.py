@@ -64,9 +64,9 @@ class Request:
     @property
     def limit(self) -> Limit:
         """Limit of the region."""
-        found = self.limits.at((self.region,))
-        assert found is not None, "`check` refuses a region without one"
-        return found
+        limit = self.limits.at((self.region,))
+        assert limit is not None, "`check` refuses a region without one"
+        return limit
 
     def check(self) -> float:
         """Return the limit of a transient contact [N].
@@ -130,7 +130,7 @@ def limit_speed(force_of: Callable[[float], float], limit: float, guess: float) 
         guess: first speed [m/s].
 
     Raises:
-        HricError: the force jumps over the limit.
+        FailureError: the force jumps over the limit.
     """
     low, high, speed = 0.0, math.inf, guess
     for _ in range(TRIES):
@@ -153,10 +153,10 @@ def lowest(cells: Sequence[Cell]) -> Cell:
     return min(cells, key=lambda cell: cell.speed)
 
 
-def by_height(found: Mapping[tuple[float, ...], list[Cell]]) -> dict[float, list[Cell]]:
+def by_height(cells_by_point: Mapping[tuple[float, ...], list[Cell]]) -> dict[float, list[Cell]]:
     """Return the cell with the lowest limit speed of each point, by height [m]."""
     heights: dict[float, list[Cell]] = {}
-    for cells in found.values():
+    for cells in cells_by_point.values():
         if cells:
             heights.setdefault(float(cells[0].point[2]), []).append(lowest(cells))
     return dict(sorted(heights.items()))

@@ -21,18 +21,18 @@ MARGIN = 0.5
 """Margin around the outermost points, in distances between points."""
 
 
-def draw(path: Path, found: Mapping[tuple[float, ...], list[Cell]], title: str) -> None:
+def draw(path: Path, cells_by_point: Mapping[tuple[float, ...], list[Cell]], title: str) -> None:
     """Write the picture as PNG and SVG.
 
     Args:
         path: path of the PNG file.
-        found: cells by point.
+        cells_by_point: cells by point.
         title: region, arm and limit, for the title.
     """
-    heights = by_height(found)
+    heights = by_height(cells_by_point)
     speeds = [cell.speed for cells in heights.values() for cell in cells]
     low, high = min(speeds), max(max(speeds), min(speeds) + 1e-3)
-    lines = {axis: sorted({point[axis] for point in found}) for axis in (0, 1)}
+    lines = {axis: sorted({point[axis] for point in cells_by_point}) for axis in (0, 1)}
     columns = min(len(heights), COLUMNS)
     rows = -(-len(heights) // columns)
     panel = (style.DOUBLE - BESIDE) / columns
@@ -55,11 +55,11 @@ def draw(path: Path, found: Mapping[tuple[float, ...], list[Cell]], title: str) 
             ax.set_xlabel("y [m]")
         for row in axes:
             row[0].set_ylabel("x [m]")
-        shown = plt.cm.ScalarMappable(plt.Normalize(low, high), COLOURS)
-        drawing.colorbar(shown, ax=axes, label="lowest limit speed [m/s]", shrink=0.9)
+        scale = plt.cm.ScalarMappable(plt.Normalize(low, high), COLOURS)
+        drawing.colorbar(scale, ax=axes, label="lowest limit speed [m/s]", shrink=0.9)
         drawing.suptitle(f"Estimated limit speed: {title}", fontsize=style.TYPE + 1.0, fontweight="bold")
         drawing.supxlabel(
-            "Below each speed the direction into which it is lowest. *: faster than the arm alone moves there.\n"
+            "Below each speed: direction of the lowest limit. *: above the arm's own maximum speed there.\n"
             f"{DISCLAIMER}",
             fontsize=style.TYPE - 1.5,
             color="0.35",

@@ -3,13 +3,12 @@
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import stdtrit
 from scipy.stats import binomtest
 
 from hric_core.errors import HricError
+from hric_core.geometry import FloatArray
 
-FloatArray = npt.NDArray[np.float64]
 LEVEL = 0.95
 """Default confidence level: share of sweeps whose interval contains the true probability [1]."""
 
@@ -21,8 +20,8 @@ class Interval(NamedTuple):
     high: float
 
 
-def clopper_pearson(exceeded: int, runs: int, level: float = LEVEL, weights: FloatArray | None = None) -> Interval:
-    """Return the interval of a probability from independent runs drawn from the distributions; it covers `level`.
+def clopper_pearson(exceeded: int, runs: int, level: float = LEVEL, side: str = "two-sided") -> Interval:
+    """Return the interval of a probability from independent unweighted runs; it covers `level`.
 
     Source: Clopper & Pearson, Biometrika 26:404, 1934.
 
@@ -30,26 +29,15 @@ def clopper_pearson(exceeded: int, runs: int, level: float = LEVEL, weights: Flo
         exceeded: number of runs that exceeded.
         runs: number of all runs.
         level: confidence level, in (0, 1).
-        weights: weights of the runs, if they have any.
+        side: two-sided; or less, for the one-sided upper limit: about 3/runs at 95 % if no run exceeded.
 
     Raises:
-        HricError: impossible counts, or weights that are not all 1, since the interval is defined for counts.
+        HricError: impossible counts or level.
     """
-    return _exact("two-sided", exceeded, runs, level, weights)
-
-
-def clopper_pearson_upper(exceeded: int, runs: int, level: float = LEVEL, weights: FloatArray | None = None) -> float:
-    """Return the one-sided upper limit, about 3/runs at 95 % if no run exceeded. Arguments as of `clopper_pearson`."""
-    return _exact("less", exceeded, runs, level, weights).high
-
-
-def _exact(side: str, exceeded: int, runs: int, level: float, weights: FloatArray | None) -> Interval:
     if not 0 <= exceeded <= runs or runs < 1 or not 0.0 < level < 1.0:
         raise HricError(
             f"{exceeded} of {runs} runs at level {level} have no interval; valid: 0 <= exceeded <= runs, 0 < level < 1"
         )
-    if weights is not None and np.any(np.asarray(weights) != 1.0):
-        raise HricError("a Clopper-Pearson interval is for unweighted runs; these have weights, so use their estimate")
     ends = binomtest(exceeded, runs, alternative=side).proportion_ci(level, "exact")
     return Interval(float(ends.low), float(ends.high))
 

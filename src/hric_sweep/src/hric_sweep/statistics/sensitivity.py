@@ -3,14 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy import stats
 
 from hric_core.errors import HricError
+from hric_core.geometry import FloatArray
 from hric_sweep.space import Space
 from hric_sweep.statistics.intervals import LEVEL, effective_size
 
-FloatArray = npt.NDArray[np.float64]
 RESAMPLES = 1000
 """Number of bootstrap resamples."""
 FEWEST = 16
@@ -118,15 +117,15 @@ def rank_correlation(values: FloatArray, output: FloatArray, weights: FloatArray
         HricError: fewer than 3 runs, or one of the two is constant.
     """
     weights = np.ones(values.shape) if weights is None else weights
-    kept = ~np.isnan(values) & ~np.isnan(output) & (weights > 0.0)
-    a, b, counts = values[kept], output[kept], weights[kept]
+    used = ~np.isnan(values) & ~np.isnan(output) & (weights > 0.0)
+    a, b, counts = values[used], output[used], weights[used]
     if effective_size(counts) < 3.0 - 1e-9 or a.min() == a.max() or b.min() == b.max():
         raise HricError("ranks have no correlation; valid: 3 runs or more in which both vary")
     x, y = _ranks(a, counts), _ranks(b, counts)
-    found = float(np.clip(counts @ (x * y) / np.sqrt((counts @ (x * x)) * (counts @ (y * y))), -1.0, 1.0))
+    coefficient = float(np.clip(counts @ (x * y) / np.sqrt((counts @ (x * x)) * (counts @ (y * y))), -1.0, 1.0))
     freedom = effective_size(counts) - 2.0
-    t = np.inf if abs(found) == 1.0 else abs(found) * np.sqrt(freedom / (1.0 - found**2))
-    return found, float(2.0 * stats.t.sf(t, freedom))
+    t = np.inf if abs(coefficient) == 1.0 else abs(coefficient) * np.sqrt(freedom / (1.0 - coefficient**2))
+    return coefficient, float(2.0 * stats.t.sf(t, freedom))
 
 
 def _ranks(values: FloatArray, weights: FloatArray) -> FloatArray:

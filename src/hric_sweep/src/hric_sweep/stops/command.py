@@ -3,7 +3,7 @@
 import argparse
 import shlex
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from tqdm import tqdm
@@ -27,23 +27,23 @@ LOADS = (0.0, 1.0, 2.0, 3.0)
 
 def main(arguments: Sequence[str]) -> int:
     """Measure the stops of the emulated arm, print or write their table, and return the exit code."""
-    given = _parser().parse_args(list(arguments))
-    for name, values, minimum in (("--speeds", given.speeds, 1e-3), ("--loads", given.loads, 0.0)):
+    options = _parser().parse_args(list(arguments))
+    for name, values, minimum in (("--speeds", options.speeds, 1e-3), ("--loads", options.loads, 0.0)):
         for value in values:
             number(minimum=minimum).checked(value, name)
-    definition = experiment.load(experiment.NONE, ["simulator:=mujoco", *given.overrides])
+    definition = experiment.load(experiment.NONE, ["simulator:=mujoco", *options.overrides])
     command = shlex.join([*PROGRAM.split(), *arguments])
     with Simulation(definition) as simulation:
         robot = simulation.app.hw
         if not isinstance(robot, FrankaHWSim):
             raise HricError(f"{definition.robot.hw} has no control box that stops it; valid: franka_sim/FrankaHWSim")
-        found = measured(robot, sorted(set(given.speeds)), sorted(set(given.loads)), command)
-    text = stopping.as_yaml(found)
-    if given.out is None:
+        table = measured(robot, sorted(set(options.speeds)), sorted(set(options.loads)), command)
+    text = stopping.as_yaml(table)
+    if options.out is None:
         print(text, end="")
         return 0
-    files.write_text(given.out, text)
-    print(f"{len(found.stops)} stops, the worst of each speed and load: {given.out}")
+    files.write_text(options.out, text)
+    print(f"{len(table.stops)} stops, the worst of each speed and load: {options.out}")
     print(stopping.NOT_A_BRAKE)
     return 0
 
@@ -59,8 +59,8 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("overrides", nargs="*", metavar="key:=value", help="simulator:=pybullet, friction:=..., ...")
     add = parser.add_argument
-    add("--speeds", nargs="+", type=float, default=SPEEDS, metavar="V", help="of the end effector [m/s]")
-    add("--loads", nargs="+", type=float, default=LOADS, metavar="M", help="at the end effector [kg]")
+    add("--speeds", nargs="+", type=float, default=SPEEDS, metavar="V", help="speeds of the end effector [m/s]")
+    add("--loads", nargs="+", type=float, default=LOADS, metavar="M", help="loads at the end effector [kg]")
     add("-o", dest="out", type=Path, metavar="FILE", help="where to write (default: print)")
     return parser
 
@@ -80,11 +80,12 @@ def measured(robot: FrankaHWSim, speeds: Sequence[float], loads: Sequence[float]
     limits = robot.box.config.limits
     poses = measuring.poses(limits.lower, limits.upper)
     stopping_arm, rows = measuring.Stopping(robot), list[Row]()
-    for load, speed in _shown([(load, speed) for load in loads for speed in speeds]):
+    pairs = [(load, speed) for load in loads for speed in speeds]
+    for load, speed in tqdm(pairs, unit=" speeds", desc="stops", disable=not sys.stderr.isatty(), leave=False):
         if not rows or rows[-1].load != load:
             stopping_arm.carry(load)
-        found = measuring.worst(stopping_arm, poses, speed, load, limits.velocity)
-        rows += [] if found is None else [found]
+        row = measuring.worst(stopping_arm, poses, speed, load, limits.velocity)
+        rows += [] if row is None else [row]
     if not rows:
         raise HricError(f"no pose reaches {speeds[0]:g} m/s within the velocity limits; valid: slower ones")
     return StopTable(
@@ -96,7 +97,3 @@ def measured(robot: FrankaHWSim, speeds: Sequence[float], loads: Sequence[float]
         reaction_time=robot.plant.time_step,
         stops=tuple(rows),
     )
-
-
-def _shown(pairs: Sequence[tuple[float, float]]) -> Iterable[tuple[float, float]]:
-    return tqdm(pairs, unit=" speeds", desc="stops", disable=not sys.stderr.isatty(), leave=False)  # type: ignore[no-any-return]

@@ -37,7 +37,7 @@ ALONE = 6
 
 
 @dataclass(frozen=True)
-class Begun:
+class StopStart:
     """State at the start of a stop.
 
     Attributes:
@@ -49,7 +49,7 @@ class Begun:
 
 
 @dataclass(frozen=True)
-class Stopped:
+class StopResult:
     """Result of a stop.
 
     Attributes:
@@ -90,15 +90,15 @@ class Stopping:
         """Return the Jacobian of the end effector's position, shape (3, 7) [m/rad]."""
         return np.asarray(self._model.zero_jacobian(Frame.END_EFFECTOR, q)[:3])
 
-    def stop(self, begun: Begun) -> Stopped:
+    def stop(self, start: StopStart) -> StopResult:
         """Execute and measure one stop.
 
         Raises:
             HricError: the arm does not come to rest.
         """
         box, robot, dt = self._box, self._robot, self._dt
-        robot.plant.reset(begun.q.tolist(), begun.dq.tolist())
-        box.reset(begun.q.tolist())
+        robot.plant.reset(start.q.tolist(), start.dq.tolist())
+        box.reset(start.q.tolist())
         robot.read(0.0, dt)
         box.move(MoveRequest(ControllerMode.EXTERNAL, GeneratorMode.NONE))
         box.set_user_stop(True)
@@ -110,13 +110,13 @@ class Stopping:
             speeds.append(self._speed())
             if _quiet(speeds, dt):
                 return standing(np.array(speeds), dt)
-        raise HricError(f"the arm does not come to rest within {LONGEST:g} s from q {begun.q.round(3).tolist()} rad")
+        raise HricError(f"the arm does not come to rest within {LONGEST:g} s from q {start.q.round(3).tolist()} rad")
 
     def _speed(self) -> float:
         states = self._robot.states
         return float(np.linalg.norm(self.jacobian(states.position) @ np.array(states.velocity)))
 
-    def begins(self, q: FloatArray, speed: float, max_velocity: Sequence[float]) -> Iterator[Begun]:
+    def begins(self, q: FloatArray, speed: float, max_velocity: Sequence[float]) -> Iterator[StopStart]:
         """Yield starts at an end-effector speed [m/s] in a pose, within the joints' velocity limits.
 
         The directions are the axes of the base, with the smallest joint velocities, and the motion of each joint alone,
@@ -132,7 +132,7 @@ class Stopping:
             for sense in (1.0, -1.0):
                 scaled = dq * (sense * speed / there)
                 if np.all(np.abs(scaled) <= max_velocity):
-                    yield Begun(q, scaled)
+                    yield StopStart(q, scaled)
 
 
 def _quiet(speeds: Sequence[float], dt: float) -> bool:
@@ -140,7 +140,7 @@ def _quiet(speeds: Sequence[float], dt: float) -> bool:
     return len(speeds) > count and max(speeds[-count:]) < STANDSTILL
 
 
-def standing(speed: FloatArray, dt: float) -> Stopped:
+def standing(speed: FloatArray, dt: float) -> StopResult:
     """Return time and distance of a stop from the speed of the end effector.
 
     Args:
@@ -151,7 +151,7 @@ def standing(speed: FloatArray, dt: float) -> Stopped:
     a, b = float(speed[last]), float(speed[last + 1])
     share = (a - STANDSTILL) / (a - b) if a > STANDSTILL else 0.0
     whole = float(np.sum(0.5 * (speed[:last] + speed[1 : last + 1]))) * dt
-    return Stopped((last + share) * dt, whole + 0.5 * (a + STANDSTILL) * share * dt)
+    return StopResult((last + share) * dt, whole + 0.5 * (a + STANDSTILL) * share * dt)
 
 
 def poses(lower: Sequence[float], upper: Sequence[float]) -> list[FloatArray]:
@@ -169,7 +169,7 @@ def worst(
 
     None: no pose reaches that speed.
     """
-    found = [stopping.stop(begun) for q in starts for begun in stopping.begins(q, speed, max_velocity)]
-    if not found:
+    stops = [stopping.stop(start) for q in starts for start in stopping.begins(q, speed, max_velocity)]
+    if not stops:
         return None
-    return Row(speed, load, max(one.time for one in found), max(one.distance for one in found))
+    return Row(speed, load, max(stop.time for stop in stops), max(stop.distance for stop in stops))

@@ -12,6 +12,7 @@ from hric_core.parameters import names as names_
 from hric_run.definition import experiment
 from hric_run.definition.experiment import Experiment, ExperimentError
 from hric_run.definition.overrides import once
+from hric_sweep.registry import file_of
 
 EXAMPLE = """\
 description: how stiffness changes the step
@@ -66,34 +67,35 @@ class Form(Settings):
     )
 
     def check(self, where: str) -> None:
-        """Refuse a pair with an unknown run, and names of runs that are not numbers if there is an abscissa."""
+        """Refuse a pair with an unknown run, and names of runs that are not numeric if there is an abscissa."""
         if self.abscissa and not all(map(_NUMERIC.fullmatch, self.runs)):
             raise refused(f"{where}runs", ", ".join(self.runs), f"names that are numbers, of {self.abscissa}")
         for i, pair in enumerate(self.compared):
             if unknown := [name for name in pair.runs if name not in self.runs]:
                 raise refused(f"{where}compared[{i}].runs", ", ".join(unknown), f"two of {', '.join(self.runs)}")
 
-    def arguments(self, run: str, given: Iterable[str]) -> list[str]:
-        """Return the overrides of one run; `given`: overrides of the user, which come last."""
-        return [*self.changes, *self.runs[run], *given]
+    def arguments(self, run: str, last: Iterable[str]) -> list[str]:
+        """Return the overrides of one run; `last`: overrides of the user, which come last."""
+        return [*self.changes, *self.runs[run], *last]
 
-    def definition(self, run: str, given: Iterable[str]) -> Experiment:
-        """Return the experiment of one run.
+    def definition(self, run: str, last: Iterable[str]) -> Experiment:
+        """Return the experiment of one run; `last`: overrides of the user.
 
         Raises:
             HricError: an override has a mistake.
         """
-        return experiment.load(self.experiment, self.arguments(run, given))
+        return experiment.load(self.experiment, self.arguments(run, last))
 
 
 @dataclass(frozen=True)
 class Study(Settings):
-    """Checked study file; `name` is the file name without its ending."""
+    """Checked study file; `name` is the file name without its ending, `content` the content of the file."""
 
     name: str = ""
-    description: str = text(text="one line for people")
+    content: Any = None
+    description: str = text(text="one-line description")
     forms: Mapping[str, Form] = mapping(
-        section(Form), made=lambda given: {name: replace(form, name=name) for name, form in given.items()}
+        section(Form), made=lambda forms: {name: replace(form, name=name) for name, form in forms.items()}
     )
 
     def check(self, where: str) -> None:
@@ -140,12 +142,7 @@ def load(name: str) -> Study:
     Raises:
         HricError: the study does not exist or has mistakes; the message names the keys and what is valid.
     """
-    if name.endswith((".yaml", ".yml")):
-        path = Path(name).expanduser()
-    elif name in (*names(), *RENAMED):
-        path = experiment.config_path("studies") / f"{RENAMED.get(name, name)}.yaml"
-    else:
-        raise UnknownNameError("study", name, names(), "studies")
+    path = file_of(RENAMED.get(name, name), "study", experiment.config_path("studies"))
     return parse(path.stem, read_yaml(path))
 
 
@@ -156,6 +153,6 @@ def parse(name: str, raw: Any) -> Study:
         ExperimentError: unknown and missing keys, all of them at once, or a pair with an unknown run.
     """
     try:
-        return replace(Study.of(raw, ""), name=name)
+        return replace(Study.of(raw, ""), name=name, content=raw)
     except ParameterError as error:
         raise ExperimentError(message_about(f"study {name}", error)) from error

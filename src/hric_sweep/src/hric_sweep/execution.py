@@ -6,58 +6,60 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import contextmanager
+from dataclasses import replace
 from queue import SimpleQueue
 
-from hric_sweep.engines.engine import Died, Engine, Response, Task, TimedOut, arrived
+from hric_sweep.engines.engine import Died, Engine, TimedOut, arrived
 from hric_sweep.journal import Journal
+from hric_sweep.records import RunResponse, RunTask
 
 TRIES = 3
 """Maximum attempts for a run that ends its worker or exceeds its timeout; after these it is recorded as failed."""
 LOOK = 0.5
 """Longest time between two checks for Ctrl-C [s]."""
 
-Ended = tuple[Future[Response], Task, int]
+Ended = tuple[Future[RunResponse], RunTask, int]
 """Future of a finished task, the task, and the number of the attempt."""
 
 
-def carry_out(
-    tasks: Sequence[Task],
+def execute(
+    tasks: Sequence[RunTask],
     engine: Engine,
     journal: Journal | None,
-    ended: Callable[[Response], object] = lambda entry: None,
-    looked: Callable[[], object] = lambda: None,
-) -> list[Response]:
+    on_response: Callable[[RunResponse], object] = lambda response: None,
+    on_check: Callable[[], object] = lambda: None,
+) -> list[RunResponse]:
     """Execute all tasks and return their responses in the order of the tasks, each with the number of its attempt.
 
     Args:
         tasks: tasks with unique indices; ids may repeat if the same point is sampled more than once.
         engine: engine that executes the tasks.
         journal: stores each response as it arrives; tasks with a stored response are not run again. None: no storage.
-        ended: callback for each response, those from the journal first.
-        looked: callback after each check for finished tasks, at least every `LOOK` seconds.
+        on_response: callback for each response, those from the journal first.
+        on_check: callback after each check for finished tasks, at least every `LOOK` seconds.
 
     Raises:
         JournalError: the responses cannot be stored.
         KeyboardInterrupt: Ctrl-C; all finished responses are stored.
         Exception: an error of an engine that cannot continue; it is not a response and not in the journal.
     """
-    known = {} if journal is None else {entry["id"]: entry for entry in journal.entries}
-    found: dict[int, Response] = {}
+    known = {} if journal is None else {entry.id: entry for entry in journal.entries}
+    responses: dict[int, RunResponse] = {}
 
-    def end(task: Task, response: Response) -> None:
-        found[task["index"]] = entry = {**response, "index": task["index"]}
-        ended(entry)
+    def end(task: RunTask, response: RunResponse) -> None:
+        responses[task.index] = replace(response, index=task.index)
+        on_response(responses[task.index])
 
     for task in tasks:
-        if task["id"] in known:
-            end(task, known[task["id"]])
-    for pairs in _carried([task for task in tasks if task["index"] not in found], engine, looked):
+        if task.id in known:
+            end(task, known[task.id])
+    for pairs in _executed([task for task in tasks if task.index not in responses], engine, on_check):
         with _uninterrupted():
             if journal is not None:
                 journal.append([response for _, response in pairs])
             for task, response in pairs:
                 end(task, response)
-    return [found[task["index"]] for task in tasks]
+    return [responses[task.index] for task in tasks]
 
 
 @contextmanager
@@ -80,50 +82,39 @@ def _uninterrupted() -> Iterator[None]:
             signal.raise_signal(caught)
 
 
-def _carried(
-    tasks: Sequence[Task], engine: Engine, looked: Callable[[], object]
-) -> Iterator[list[tuple[Task, Response]]]:
+def _executed(
+    tasks: Sequence[RunTask], engine: Engine, on_check: Callable[[], object]
+) -> Iterator[list[tuple[RunTask, RunResponse]]]:
     """Yield finished tasks with their responses, in one list per check of the queue."""
-    waiting: deque[tuple[Task, int]] = deque((task, 1) for task in tasks)
+    waiting: deque[tuple[RunTask, int]] = deque((task, 1) for task in tasks)
     ended: SimpleQueue[Ended] = SimpleQueue()
-    open_ = 0
-    while waiting or open_:
-        while waiting and open_ < engine.window:
+    running = 0
+    while waiting or running:
+        while waiting and running < engine.window:
             _begin(engine, *waiting.popleft(), ended)
-            open_ += 1
+            running += 1
         if not waiting:
             engine.flush()
-        pairs, broken = list[tuple[Task, Response]](), list[BaseException]()
+        pairs, broken = list[tuple[RunTask, RunResponse]](), list[BaseException]()
         for future, task, attempt in arrived(ended, LOOK):
-            open_ -= 1
+            running -= 1
             error = future.exception()
             if error is None:
-                pairs.append((task, {**future.result(), "attempt": attempt}))
+                pairs.append((task, replace(future.result(), attempt=attempt)))
             elif not isinstance(error, Died | TimedOut):
                 broken.append(error)
             elif attempt < TRIES:
                 waiting.appendleft((task, attempt + 1))
             else:
-                pairs.append((task, {**_poison(task, str(error)), "attempt": attempt}))
+                failure = f"failed in each of {TRIES} attempts: {error}"
+                poison = RunResponse(task.id, task.index, dict.fromkeys(task.outputs), failure, attempt=attempt)
+                pairs.append((task, poison))
         if pairs:
             yield pairs
         if broken:
             raise broken[0]
-        looked()
+        on_check()
 
 
-def _begin(engine: Engine, task: Task, attempt: int, ended: "SimpleQueue[Ended]") -> None:
+def _begin(engine: Engine, task: RunTask, attempt: int, ended: "SimpleQueue[Ended]") -> None:
     engine.submit(task).add_done_callback(lambda future: ended.put((future, task, attempt)))
-
-
-def _poison(task: Task, why: str) -> Response:
-    return {
-        "id": task["id"],
-        "index": task["index"],
-        "outputs": dict.fromkeys(task["outputs"]),
-        "failure": f"poison: {why} in each of {TRIES} tries",
-        "state_sha256": "",
-        "processor": None,
-        "wall": None,
-        "host": "",
-    }

@@ -9,16 +9,22 @@ from typing import Any
 import numpy as np
 
 from hric_analysis.contacts import counted_share
+from hric_assessment.contact.limits import PARTED, TRANSIENT_TIME
 from hric_assessment.findings import Finding, Outcome
 from hric_assessment.supervisor.arm import ArmShape, ArmState
 from hric_assessment.supervisor.separation import STANDING
 from hric_bags.reader import ControlRecord
-from hric_core.geometry import FloatArray
+from hric_msgs.msg import RegionContacts
+from hric_run.simulation import Simulation
 
 BEFORE = 0.002
 """Time before a contact at which the arm's speed is read, since the contact changes it [s] (project default)."""
 MOVING, STANDING_ARM, PUSHED = "moving", "standing", "pushed"
 """States of the arm as a contact begins; pushed: it stood still until an earlier contact moved it."""
+LONGEST = 2.0 * TRANSIENT_TIME
+"""Longest time from the first touch to the end of a run [s]: twice the time after which a contact counts as a clamp."""
+CHUNK = 0.05
+"""Robot time between two checks whether a run is over [s]."""
 
 
 @dataclass(frozen=True)
@@ -50,16 +56,6 @@ class ContactEvent:
     share: float
     reason: str
 
-    @property
-    def above(self) -> bool:
-        """True if the finding is above limits."""
-        return self.outcome == Outcome.ABOVE
-
-    @property
-    def not_assessable(self) -> bool:
-        """True if the finding is neither within nor above limits."""
-        return self.outcome == Outcome.NOT_ASSESSABLE
-
 
 def contact_events(findings: Sequence[Finding], log: ControlRecord, description: str) -> list[ContactEvent]:
     """Return the contact events in the order in which the contacts began.
@@ -69,15 +65,13 @@ def contact_events(findings: Sequence[Finding], log: ControlRecord, description:
         log: control log of the robot, every cycle.
         description: URDF of the robot.
     """
-    touches = [one for one in findings if not (one.outcome == Outcome.WITHIN and one.share == 0.0)]
-    if not touches:
-        return []
-    arm, events, first = Arm(log, description), list[ContactEvent](), math.inf
-    for finding in sorted(touches, key=lambda one: one.window or (-math.inf, math.inf)):
+    touches = [finding for finding in findings if not (finding.outcome == Outcome.WITHIN and finding.share == 0.0)]
+    events, first = list[ContactEvent](), math.inf
+    for finding in sorted(touches, key=lambda finding: finding.window or (-math.inf, math.inf)):
         begin, end = finding.window or (float(log.time[0]), float(log.time[-1]))
-        speed = arm.speed(begin - BEFORE)
+        speed = _arm_speed(log, description, begin - BEFORE)
         state = STANDING_ARM if speed < STANDING and finding.window else MOVING
-        if state == MOVING and first < begin - BEFORE and arm.speed(first - BEFORE) < STANDING:
+        if state == MOVING and first < begin - BEFORE and _arm_speed(log, description, first - BEFORE) < STANDING:
             state = PUSHED
         first = min(first, begin)
         events.append(_event(finding, (begin, end), state, speed))
@@ -101,29 +95,37 @@ def _event(finding: Finding, window: tuple[float, float], arm: str, arm_speed: f
     )
 
 
-class Arm:
-    """Speed of an arm over time.
-
-    Args:
-        log: control log of the arm.
-        description: URDF of the arm.
-    """
-
-    def __init__(self, log: ControlRecord, description: str) -> None:
-        self._log, self._shape = log, shape(description, log.joint_names)
-
-    def speed(self, time: float) -> float:
-        """Return the speed of the fastest point [m/s] at a robot time [s]."""
-        log = self._log
-        at = int(np.clip(np.searchsorted(log.time, time), 0, len(log.time) - 1))
-        velocities: FloatArray = self._shape.at(ArmState(time, log.position[at], log.velocity[at])).velocities
-        return float(np.linalg.norm(velocities, axis=2).max())
+def _arm_speed(log: ControlRecord, description: str, time: float) -> float:
+    """Return the speed of the arm's fastest point [m/s] at a robot time [s]; `description`: URDF of the robot."""
+    at = int(np.clip(np.searchsorted(log.time, time), 0, len(log.time) - 1))
+    state = ArmState(time, log.position[at], log.velocity[at])
+    return float(np.linalg.norm(_shape(description, log.joint_names).at(state).velocities, axis=2).max())
 
 
 @cache
-def shape(description: str, joints: tuple[str, ...]) -> ArmShape:
+def _shape(description: str, joints: tuple[str, ...]) -> ArmShape:
     """Return the shape of the arm in a URDF, built once per process."""
     return ArmShape(description, joints)
+
+
+def run_until_contact_ends(simulation: Simulation) -> None:
+    """Run until the first contact with the person has ended or lasted LONGEST; else to LONGEST before the duration."""
+    touches, end = list[float](), simulation.definition.duration - LONGEST
+
+    def on_contacts(message: RegionContacts) -> None:
+        if message.touching:
+            touches.append(simulation.time)
+
+    simulation.node.subscribe("hric/human/contacts", RegionContacts, on_contacts)
+    while not _over(simulation.time, end, touches):
+        simulation.run(CHUNK)
+
+
+def _over(time: float, end: float, touches: Sequence[float]) -> bool:
+    """Return True if a run is over; `touches`: robot times of all messages with a contact so far [s]."""
+    if not touches:
+        return time >= end - 1e-9
+    return time > touches[-1] + PARTED + CHUNK or time >= touches[0] + LONGEST
 
 
 def supervision(states: Sequence[Any]) -> dict[str, float] | None:

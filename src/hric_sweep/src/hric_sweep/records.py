@@ -1,0 +1,119 @@
+"""Records of one run of a sweep: the task that an engine executes, its response, and the row of the table."""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from typing import Any
+
+from hric_sweep.outputs import Output
+
+PlainData = Mapping[str, Any]
+"""Content of a YAML or JSON file: mappings, lists, texts, numbers, booleans and None."""
+LENGTH = 16
+"""Number of characters of an id."""
+
+
+@dataclass(frozen=True)
+class RunTask:
+    """Run of an experiment, as an engine executes it.
+
+    Attributes:
+        index: index of the run, in the order of the sampler.
+        experiment: name of the experiment, for messages and for the run folder.
+        content: content of the experiment file.
+        changes: values of overrides, by key.
+        seed: seed of everything random in the run.
+        outputs: outputs to compute, by name.
+        timeout: limit of processor time, and of wall time without progress [s].
+        code: version of the code.
+        until: end of the run, one of `definition.ENDS`.
+        runs_folder: folder of all runs, in which the run gets a run folder with bag and metrics; empty: none.
+        signals: True if the response also has the signals of the run.
+    """
+
+    index: int
+    experiment: str
+    content: PlainData
+    changes: PlainData
+    seed: int
+    outputs: Mapping[str, Output]
+    timeout: float
+    code: str
+    until: str = "duration"
+    runs_folder: str = ""
+    signals: bool = False
+
+    @cached_property
+    def id(self) -> str:
+        """Hash of the experiment, its changes, seed, end, outputs and code: equal for equal runs."""
+        about = (self.experiment, self.content, self.changes, self.seed, self.until, self.code)
+        outputs = {name: asdict(output) for name, output in self.outputs.items()}
+        return hashlib.sha256(json.dumps([about, outputs], sort_keys=True).encode()).hexdigest()[:LENGTH]
+
+
+@dataclass(frozen=True)
+class RunResponse:
+    """Result of a task, and line of the journal.
+
+    Attributes:
+        id, index: those of the task.
+        outputs: numbers by name; None: the run has no such number.
+        failure: reason of failure, the same at each repetition; empty: none.
+        state_sha256: hash of position, velocity and command; empty: the run did not reach its end.
+        processor, wall: processor time and wall time [s]; None: not known.
+        host: name of the machine; empty: the run ended its worker.
+        refused: True if the run did not start because its experiment is invalid.
+        run: name of the run folder; empty: the run has none.
+        attempt: number of the attempt that finished.
+        signals: content of an NPZ file with the signals; None: they were not requested, or do not exist.
+    """
+
+    id: str
+    index: int
+    outputs: Mapping[str, float | None]
+    failure: str = ""
+    state_sha256: str = ""
+    processor: float | None = None
+    wall: float | None = None
+    host: str = ""
+    refused: bool = False
+    run: str = ""
+    attempt: int = 1
+    signals: bytes | None = None
+
+
+@dataclass(frozen=True)
+class RunRow(RunResponse):
+    """Row of the table: a response with its point and its assessment by the sweep.
+
+    Attributes:
+        seed: seed of the run.
+        batch: batch of the sampler.
+        weight: likelihood ratio of the point; 1 if it was drawn from the distributions.
+        values: values of the variables, by name.
+        margin: distance beyond the limit of the exceedance, in the unit of its output; None: not known.
+        objective: value of the objective; None: not known.
+    """
+
+    seed: int = 0
+    batch: int = 0
+    weight: float = 1.0
+    values: PlainData = field(default_factory=dict)
+    margin: float | None = None
+    objective: float | None = None
+
+    @property
+    def exceeded(self) -> bool | None:
+        """True if the limit was exceeded; None: not known."""
+        return None if self.margin is None else self.margin > 0.0
+
+
+@dataclass(frozen=True)
+class ReferenceRun:
+    """Result of the short run by which workers are compared: code version, hash of its states, and machine."""
+
+    code: str
+    state_sha256: str
+    host: str = ""

@@ -1,0 +1,66 @@
+"""Files, classes and functions by name: those of this package by one word, others by path or as MODULE:NAME."""
+
+import importlib
+from pathlib import Path
+from typing import Any
+
+from hric_core.errors import ParameterError, UnknownNameError
+from hric_core.parameters import Settings, refused
+
+
+class FileSettings(Settings):
+    """Settings of a YAML file, whose names are joined by dots in messages and tables."""
+
+    separator = "."
+
+
+def file_of(name: str, kind: str, folder: Path) -> Path:
+    """Return the path of a YAML file.
+
+    Args:
+        name: path of the file, or name of a file in the folder, without its ending.
+        kind: content of the file in one word, for error messages.
+        folder: folder of the files that come with the workspace.
+
+    Raises:
+        HricError: there is no such file.
+    """
+    known = sorted(path.stem for path in folder.glob("*.yaml"))
+    if name.endswith((".yaml", ".yml")):
+        path = Path(name).expanduser().absolute()
+        if not path.is_file():
+            raise ParameterError(f"no {kind} file {name}; by name: {', '.join(known)}")
+        return path
+    if name not in known:
+        raise UnknownNameError(kind, name, known, f"the {kind} files; or the path of a YAML file")
+    return folder / f"{name}.yaml"
+
+
+def imported(name: str, where: str) -> Any:
+    """Import an object by MODULE:NAME.
+
+    Args:
+        name: module on Python's path and name of an object in it, such as `my_package.samplers:Halton`.
+        where: key that has this value, for error messages.
+
+    Raises:
+        ParameterError: there is no such module, or no such object in it.
+    """
+    module, _, attribute = name.partition(":")
+    try:
+        return getattr(importlib.import_module(module), attribute)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise refused(where, name, f"MODULE:NAME that can be imported ({error})") from error
+
+
+class Kinds(dict[str, type[Settings]]):
+    """Settings classes by the value of `kind`; MODULE:CLASS is a class of another package."""
+
+    def __contains__(self, name: object) -> bool:
+        return super().__contains__(name) or (isinstance(name, str) and ":" in name)
+
+    def __missing__(self, name: str) -> type[Settings]:
+        kind = imported(name, "kind")
+        if not (isinstance(kind, type) and issubclass(kind, Settings)):
+            raise ParameterError(f"{name} is no kind; valid: a class of hric_core.parameters.Settings")
+        return kind
