@@ -95,8 +95,9 @@ class World(Models[ModelJoints]):
         self._begin(begin)
 
     def reset(self) -> None:
-        """Reset the models to their start by a new compilation, so that no contact memory or warm start reaches the
-        next run; the robot's joints stay.
+        """Reset the models to their start by a new compilation; the robot's joints stay.
+
+        So no contact memory or warm start reaches the next run.
         """
         self.wrenches.clear()
         states = self.scene.states()

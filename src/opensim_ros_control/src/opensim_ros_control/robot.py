@@ -32,8 +32,10 @@ class OpenSimConfig(WindowlessConfig):
 
 
 class Robot(EngineRobot):
-    """Robot in an OpenSim model, which may contain other models too; vectors are in the description's order of the
-    robot's moving joints, those of all coordinates in the order of OpenSim's tree.
+    """Robot in an OpenSim model, which may contain other models too.
+
+    Vectors are in the description's order of the robot's moving joints, those of all coordinates in the order of
+    OpenSim's tree.
 
     Args:
         model: builder of the model.
