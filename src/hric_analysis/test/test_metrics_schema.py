@@ -17,9 +17,7 @@ SCHEMA = Path(__file__).parents[1] / "config" / "metrics.schema.json"
 
 def test_the_committed_schema_is_that_of_the_dataclasses() -> None:
     made = json.dumps(schema(RunMetrics), indent=2) + "\n"
-    assert SCHEMA.read_text() == made, (
-        "old; write json.dumps(schema(RunMetrics), indent=2) to it"
-    )
+    assert SCHEMA.read_text() == made, "old; write json.dumps(schema(RunMetrics), indent=2) to it"
 
 
 def test_the_metrics_of_a_run_fit_the_schema_and_come_back_equal(tmp_path: Path) -> None:

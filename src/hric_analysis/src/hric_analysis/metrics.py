@@ -175,14 +175,14 @@ class JointMetrics:
 
 
 def joint_metrics(
-    log: ControlRecord, limits: Mapping[str, Mapping[str, float]], counts: Mapping[str, Any] | None
+    log: ControlRecord, limits: Mapping[str, Mapping[str, float]], counts: Any
 ) -> dict[str, JointMetrics]:
     """Return peaks of torque, torque rate and speed of each joint, their ratios to the limits, and limited cycles.
 
     Args:
         log: control log.
         limits: any of lower, upper [rad], velocity [rad/s], effort [N m], effort_rate [N m/s], by joint.
-        counts: last message of the limit counts; None: there was none.
+        counts: last hric_msgs/JointLimitCounts; None: there was none.
     """
     peaks = {
         "velocity_peak": np.abs(log.velocity).max(axis=0),
@@ -213,12 +213,16 @@ def joint_metrics(
     return result
 
 
-def _counted(counts: Mapping[str, Any] | None, joint: str) -> dict[str, Any]:
-    if counts is None or joint not in counts["joint_names"]:
+def _counted(counts: Any, joint: str) -> dict[str, Any]:
+    if counts is None or joint not in counts.joint_names:
         return {}
-    j = counts["joint_names"].index(joint)
-    counted = {key: counts[key][j] for key in ("velocity_ratio_max", "position_excess_max", "started_outside")}
-    return {"limited_cycles": {kind: counts[kind][j] for kind in LIMIT_KINDS}, **counted}
+    j = list(counts.joint_names).index(joint)
+    return {
+        "limited_cycles": {kind: int(getattr(counts, kind)[j]) for kind in LIMIT_KINDS},
+        "velocity_ratio_max": float(counts.velocity_ratio_max[j]),
+        "position_excess_max": float(counts.position_excess_max[j]),
+        "started_outside": bool(counts.started_outside[j]),
+    }
 
 
 @dataclass(frozen=True)
@@ -348,7 +352,7 @@ def compute(
         experiment,
         control_log_metrics(log),
         log.state_sha256(),
-        None if counts is None else {kind: sum(counts[kind]) for kind in LIMIT_KINDS},
+        None if counts is None else {kind: int(sum(getattr(counts, kind))) for kind in LIMIT_KINDS},
         path_metrics(record),
         tuple(setpoint_metrics(log, move, tolerances) for move in moves(record, joints_of)),
         joint_metrics(log, limits, counts),

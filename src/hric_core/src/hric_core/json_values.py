@@ -13,6 +13,8 @@ from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 from hric_core.errors import HricError
 
 T = TypeVar("T")
+JsonSchema = dict[str, Any]
+"""JSON schema."""
 NAMES = {bool: "boolean", int: "integer", float: "number", str: "string", NoneType: "null"}
 """JSON schema's name of each plain type."""
 
@@ -76,11 +78,11 @@ def _value(kind: Any, data: Any, where: str) -> Any:
     raise JsonValueError(f"{where.lstrip('.')} is {json.dumps(data)[:40]}; valid: {getattr(inner, '__name__', inner)}")
 
 
-def schema(kind: Any) -> dict[str, Any]:
+def schema(kind: Any) -> JsonSchema:
     """Return the JSON schema of a dataclass or of a type of its fields."""
     inner, optional = _optional(kind)
     container, parts = get_origin(inner), get_args(inner)
-    made: dict[str, Any]
+    made: JsonSchema
     if is_dataclass(inner):
         required = [item.name for item in fields(inner) if item.default is not None]
         properties = {name: schema(part) for name, part in _types(inner).items()}  # type: ignore[arg-type]

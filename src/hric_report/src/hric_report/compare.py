@@ -102,21 +102,27 @@ def compare(
     compared = comparison.overlay(records[0], records[1], joint_orders(runs[0]), joint_orders(runs[1]), fit=fit)
     shown = _shown(compared.joint_names, joint)
     names = (a.path.name, b.path.name) if labels is None else (labels[0], labels[1])
+    labelled = {"a": _compared_run(a, runs[0], names[0]), "b": _compared_run(b, runs[1], names[1])}
     metrics = ComparisonMetrics(
-        {"a": _compared_run(a, runs[0], names[0]), "b": _compared_run(b, runs[1], names[1])},
+        labelled,
         "positions" if fit else "setpoints",
         compared.shift,
         comparison.difference_metrics(compared),
         _people(bags, records, compared.shift),
         comparison.settings(settings_of(runs[0]), settings_of(runs[1])),
     )
-    result, report = to_json(metrics), render(metrics)
-    files.make_folder(folder)
-    files.write_json(folder / "metrics.json", result)
-    files.write_text(folder / "summary.txt", report)
     if figures:
         _draw(folder, compared, names, shown)
-    return {**result, "report": report}
+    return _written(folder, metrics)
+
+
+def _written(folder: Path, metrics: ComparisonMetrics) -> dict[str, Any]:
+    """Write metrics and text; return the JSON values of the metrics, and the text under "report"."""
+    values, report = to_json(metrics), render(metrics)
+    files.make_folder(folder)
+    files.write_json(folder / "metrics.json", values)
+    files.write_text(folder / "summary.txt", report)
+    return {**values, "report": report}
 
 
 def _draw(folder: Path, compared: Comparison, names: tuple[str, str], shown: int) -> None:
