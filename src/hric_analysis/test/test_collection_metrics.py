@@ -10,10 +10,12 @@ from geometry_msgs.msg import PoseStamped
 from synthetic import log_message, signals
 
 from hric_analysis import collection, collection_record
+from hric_analysis.collection import CollectionMetrics
 from hric_bags import reader as bag_reader
 from hric_core.robot_time.stamps import to_time
 from hric_experiments import cli
 from hric_msgs.msg import MocapData, SampleChunk, SourceCount, SyncedSample, SyncLayout, SyncStatus
+from hric_report import sensor_text
 from hric_run.bag_writer import BagWriter
 
 END, RATE, CHUNK, FRAME_RATE, SYNC_RATE = 4.0, 500.0, 25, 200.0, 50.0
@@ -110,7 +112,7 @@ def synchronised(bag: BagWriter, data: Any, skew: float, lost: Some[int]) -> Non
             bag.write(SYNC, stamped(SyncedSample(values=values, age=[0.0] * 3, valid=[True] * 3), time), time)
 
 
-def judged(path: Path, interval: tuple[float, float] | None = INTERVAL) -> dict[str, Any]:
+def judged(path: Path, interval: tuple[float, float] | None = INTERVAL) -> CollectionMetrics:
     record, data = bag_reader.read(path), collection_record.read(path)
     assert data is not None
     return collection.metrics(data, record.log, record.robot_time, interval)
@@ -118,23 +120,23 @@ def judged(path: Path, interval: tuple[float, float] | None = INTERVAL) -> dict[
 
 def test_a_bag_with_all_that_was_sent_says_so_by_the_numbers_of_the_sources(tmp_path: Path) -> None:
     found = judged(write(tmp_path / "a.bag"))
-    emg_found, frames = found["sources"][EMG], found["sources"][FRAMES]
-    assert (emg_found["sent"], emg_found["recorded"], emg_found["lost"], emg_found["twice"]) == (1000, 1000, 0, 0)
-    assert (frames["sent"], frames["recorded"], frames["lost"]) == (400, 400, 0)
-    assert (emg_found["first"], emg_found["last"]) == (501, 1500)
-    assert found["sources"]["/control_log"]["sent"] == found["sources"]["/control_log"]["recorded"] == 2001
-    assert "1000 samples sent, 1000 recorded, 0 lost" in collection.render(found)
+    emg_found, frames = found.sources[EMG], found.sources[FRAMES]
+    assert (emg_found.sent, emg_found.recorded, emg_found.lost, emg_found.twice) == (1000, 1000, 0, 0)
+    assert (frames.sent, frames.recorded, frames.lost) == (400, 400, 0)
+    assert (emg_found.first, emg_found.last) == (501, 1500)
+    assert found.sources["/control_log"].sent == found.sources["/control_log"].recorded == 2001
+    assert "1000 samples sent, 1000 recorded, 0 lost" in sensor_text.collection(found.sources, found.sync)
 
 
 def test_what_is_not_in_the_bag_is_lost_though_no_driver_reports_it(tmp_path: Path) -> None:
     found = judged(write(tmp_path / "a.bag", lost=[30, 31], frames_lost=[250, 700]))
-    assert (found["sources"][EMG]["lost"], found["sources"][EMG]["driver_lost"]) == (2 * CHUNK, 2 * CHUNK)
-    assert found["sources"][FRAMES]["lost"] == 1, "frame 700 is after the interval"
+    assert (found.sources[EMG].lost, found.sources[EMG].driver_lost) == (2 * CHUNK, 2 * CHUNK)
+    assert found.sources[FRAMES].lost == 1, "frame 700 is after the interval"
 
 
 def test_stamps_are_held_against_the_time_code(tmp_path: Path) -> None:
-    stamps = judged(write(tmp_path / "a.bag", late=0.003))["sources"][EMG]["stamps"]
-    assert stamps["median"] == pytest.approx(0.003, abs=1e-6) and stamps["largest"] == pytest.approx(0.003, abs=1e-6)
+    stamps = judged(write(tmp_path / "a.bag", late=0.003)).sources[EMG].stamps
+    assert stamps.median == pytest.approx(0.003, abs=1e-6) and stamps.largest == pytest.approx(0.003, abs=1e-6)
 
 
 def numbered(codes: Any, stamps: Any, numbers: Any) -> Any:
@@ -173,28 +175,28 @@ def test_frames_go_on_after_the_last_number_of_their_counter(tmp_path: Path) -> 
         bag.write("/control_log", log_message(0, 20, signals(20, 0.0)), 0.0)
         for k, number in enumerate(numbers):
             bag.write(FRAMES, stamped(MocapData(frame_number=number), k / FRAME_RATE, "base"), k / FRAME_RATE)
-    found = judged(tmp_path / "a.bag", None)["sources"][FRAMES]
-    assert (found["recorded"], found["driver_lost"], found["twice"]) == (99, 1, 0)
+    found = judged(tmp_path / "a.bag", None).sources[FRAMES]
+    assert (found.recorded, found.driver_lost, found.twice) == (99, 1, 0)
     assert cli.main(["health", str(tmp_path / "a.bag"), "--quiet"]) == 3
 
 
 def test_without_an_interval_nothing_is_known_to_be_sent(tmp_path: Path) -> None:
     found = judged(write(tmp_path / "a.bag"), None)
-    assert found["sources"][EMG]["sent"] is None and found["sources"][EMG]["recorded"] == int(END * RATE)
-    assert "what was sent is not known" in collection.render(found)
+    assert found.sources[EMG].sent is None and found.sources[EMG].recorded == int(END * RATE)
+    assert "number of sent samples unknown" in sensor_text.collection(found.sources, found.sync)
 
 
 @pytest.mark.parametrize("skew", [0.0, 0.002])
 def test_the_skew_of_each_source_is_measured_by_what_has_its_time(tmp_path: Path, skew: float) -> None:
-    stream = judged(write(tmp_path / "a.bag", skew=skew))["sync"][SYNC]
-    assert {topic: one["by"] for topic, one in stream["sources"].items()} == {
+    stream = judged(write(tmp_path / "a.bag", skew=skew)).sync[SYNC]
+    assert {topic: one.by for topic, one in stream.sources.items()} == {
         "/control_log": "control log",
         FRAMES: "truth of the hand",
         EMG: "time code",
     }
-    for one in stream["sources"].values():
-        assert one["skew"]["median"] == pytest.approx(skew, rel=0.2, abs=5e-5)
-        assert (one["valid"], one["told_skew"]) == (1.0, 0.0)
+    for one in stream.sources.values():
+        assert one.skew.median == pytest.approx(skew, rel=0.2, abs=5e-5)
+        assert (one.valid, one.told_skew) == (1.0, 0.0)
 
 
 def test_a_window_that_has_hardly_begun_when_the_interval_ends_shows_its_noise_and_is_left_out() -> None:
@@ -202,20 +204,20 @@ def test_a_window_that_has_hardly_begun_when_the_interval_ends_shows_its_noise_a
     noise = 1e-4 * np.random.default_rng(4).standard_normal((len(stamps), 3))
     speed = np.column_stack([0.4 * np.cos(3 * stamps), 0.4 * np.sin(3 * stamps), 0 * stamps])
     found = collection._fitted(stamps, noise, speed, np.ones(len(stamps), bool), 0.05)
-    assert found is not None and found["largest"] < 5e-5 and found["uncertainty"] < 5e-5
+    assert found is not None and found.largest < 5e-5 and found.uncertainty < 5e-5
 
 
 def test_ticks_that_are_not_there_are_missing(tmp_path: Path) -> None:
-    stream = judged(write(tmp_path / "a.bag", ticks_lost=[60, 61, 190]))["sync"][SYNC]
-    assert (stream["expected"], stream["ticks"], stream["missing"]) == (101, 99, 2)
-    assert stream["grid_error"] < 1e-9
+    stream = judged(write(tmp_path / "a.bag", ticks_lost=[60, 61, 190])).sync[SYNC]
+    assert (stream.expected, stream.ticks, stream.missing) == (101, 99, 2)
+    assert stream.grid_error < 1e-9
 
 
 def test_a_tick_at_the_end_of_the_interval_is_in_it_whatever_the_sum_rounds_to(tmp_path: Path) -> None:
     begin, end = 0.72, 0.72 + 0.6
     assert end < 1.32
-    stream = judged(write(tmp_path / "a.bag"), (begin, end))["sync"][SYNC]
-    assert (stream["expected"], stream["ticks"], stream["missing"]) == (31, 31, 0)
+    stream = judged(write(tmp_path / "a.bag"), (begin, end)).sync[SYNC]
+    assert (stream.expected, stream.ticks, stream.missing) == (31, 31, 0)
 
 
 @pytest.mark.parametrize("other", [3, collection_record.BLOCK + 3])

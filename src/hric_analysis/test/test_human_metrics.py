@@ -13,11 +13,13 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from hric_analysis import human, human_difference, muscle_metrics, stability
+from hric_analysis.human import Person
 from hric_bags.export import exporting, recording
 from hric_bags.records.human_record import Event, GripRecord, HumanRecord
 from hric_bags.records.muscle_record import MuscleMessages
 from hric_core.trial.opensim_text import read_storage
 from hric_report import headless as runner
+from hric_report import human_text
 from hric_run.definition import experiment
 from hric_run.definition.experiment import ExperimentError
 from hric_sweep.study import definition as study
@@ -59,18 +61,22 @@ def pulse(height: float, begin: float, end: float) -> Any:
     return values
 
 
+def metrics(made: HumanRecord) -> Any:
+    return human.metrics(Person(made), {})
+
+
 def test_work_on_what_is_held_is_force_times_way_with_the_sign_of_the_hand() -> None:
     away = np.zeros((len(TIME), 3))
     away[:, 0] = np.clip(0.1 * (TIME - 1.0), 0.0, 0.2)
-    found = human.metrics(record([grip(force=pulse(-5.0, 0.0, 9.0), point=away)]), {})["grips"]["guide"]
-    assert found["work"] == pytest.approx(5.0 * 0.2, rel=1e-6)
-    assert found["force_max"] == found["force_mean"] == pytest.approx(5.0)
+    found = metrics(record([grip(force=pulse(-5.0, 0.0, 9.0), point=away)])).grips["guide"]
+    assert found.work == pytest.approx(5.0 * 0.2, rel=1e-6)
+    assert found.force_max == found.force_mean == pytest.approx(5.0)
 
 
 def test_a_grip_that_never_closes_has_no_force_and_the_report_says_why() -> None:
-    found = human.metrics(record([grip(closed=(9.0, 9.0))]), {})
-    assert found["grips"]["guide"]["force_max"] is None
-    assert "grip guide never closed" in human.render(found)
+    found = metrics(record([grip(closed=(9.0, 9.0))]))
+    assert found.grips["guide"].force_max is None
+    assert "grip guide never closed" in human_text.render(found)
 
 
 @pytest.mark.parametrize(
@@ -80,22 +86,22 @@ def test_a_grip_that_never_closes_has_no_force_and_the_report_says_why() -> None
 def test_a_grip_that_pulls_longer_than_three_seconds_after_the_motion_is_unstable(
     until: float, verdict: str, after: float | None
 ) -> None:
-    found = human.metrics(record([grip(force=pulse(5.0, 1.0, until))]), {})["settling"]
-    assert found["verdict"] == verdict
-    assert found["after"]["guide"] == (None if after is None else pytest.approx(after, abs=0.011))
+    found = metrics(record([grip(force=pulse(5.0, 1.0, until))])).settling
+    assert found.verdict == verdict
+    assert found.after["guide"] == (None if after is None else pytest.approx(after, abs=0.011))
 
 
 def test_a_run_whose_human_does_not_come_to_rest_is_unstable_and_says_why() -> None:
     def settling(until: float) -> Any:
-        return human.metrics(record([grip(force=pulse(5.0, 1.0, until))]), {})["settling"]
+        return metrics(record([grip(force=pulse(5.0, 1.0, until))])).settling
 
-    judged = {"verdict": stability.STABLE, "loop": stability.STABLE, "reasons": [], "joints": {}}
-    assert stability.also(judged, human.unrest(settling(3.5))) == judged
-    assert stability.also(judged, human.unrest(None)) == judged
-    found = stability.also(judged, human.unrest(settling(9.0)))
-    assert (found["verdict"], found["loop"]) == (stability.UNSTABLE, stability.STABLE)
-    (reason,) = found["reasons"]
-    assert "do not come to rest within 3 s after his motion" in reason and "guide never" in reason
+    judged = stability.Stability(stability.STABLE, stability.STABLE, (), {}, stability.Thresholds())
+    assert judged.also(human.instability_reasons(settling(3.5))) == judged
+    assert judged.also(human.instability_reasons(None)) == judged
+    found = judged.also(human.instability_reasons(settling(9.0)))
+    assert (found.verdict, found.loop) == (stability.UNSTABLE, stability.STABLE)
+    (reason,) = found.reasons
+    assert "do not come to rest within 3 s after the motion" in reason and "guide never" in reason
 
 
 def test_two_humans_are_as_far_apart_as_their_joints_and_grip_forces_since_each_began() -> None:
@@ -106,31 +112,31 @@ def test_two_humans_are_as_far_apart_as_their_joints_and_grip_forces_since_each_
     a = record([grip(force=pulse(5.0, 1.0, 3.0))], way)
     b = record([grip(force=pulse(5.5, 1.25, 3.25)), grip("other")], shifted, late)
     found = human_difference.difference(a, b)
-    assert found["joint_difference_max"] == pytest.approx(2e-3, rel=1e-6)
-    assert found["joints"]["right_el_flex"]["peak_difference"] == found["joint_difference_max"]
-    assert found["joints"]["right_el_flex"]["peak_time"] > 4.0 - 0.75
-    assert found["joints"]["right_sh_flex"]["peak_difference"] < 1e-9
-    assert list(found["grips"]) == ["guide"] and found["force_difference_max"] == pytest.approx(0.5, abs=1e-9)
-    said = human_difference.line(found)
+    assert found.joint_difference_max == pytest.approx(2e-3, rel=1e-6)
+    assert found.joints["right_el_flex"].peak_difference == found.joint_difference_max
+    assert found.joints["right_el_flex"].peak_time > 4.0 - 0.75
+    assert found.joints["right_sh_flex"].peak_difference < 1e-9
+    assert list(found.grips) == ["guide"] and found.force_difference_max == pytest.approx(0.5, abs=1e-9)
+    said = human_text.difference_line(found)
     assert "joints within 2.0e-03 rad (right_el_flex" in said and "grips within 5.0e-01 N (guide" in said
-    assert human_difference.difference(a, a)["joint_difference_max"] == 0.0
+    assert human_difference.difference(a, a).joint_difference_max == 0.0
 
 
 def test_humans_without_a_common_joint_or_time_have_no_difference() -> None:
     a = record()
     other = replace(a, joints=tuple(f"left{name.removeprefix('right')}" for name in JOINTS))
     found = human_difference.difference(a, other)
-    assert found["joint_difference_max"] is None and "nothing that both have" in human_difference.line(found)
+    assert found.joint_difference_max is None and "nothing that both have" in human_text.difference_line(found)
 
 
 def test_a_force_below_a_twentieth_of_the_peak_has_faded() -> None:
     force = pulse(5.0, 1.0, 2.0) + pulse(0.24, 2.1, 9.0)
-    assert human.metrics(record([grip(force=force)]), {})["settling"]["verdict"] == human.SETTLES
+    assert metrics(record([grip(force=force)])).settling.verdict == human.SETTLES
 
 
 def test_a_run_that_ends_too_early_is_not_judged() -> None:
     late = Event(6.0, "ended", "human", 0.0, "")
-    assert human.metrics(record([grip()], events=[STARTED, late]), {})["settling"] is None
+    assert metrics(record([grip()], events=[STARTED, late])).settling is None
 
 
 def test_a_handover_is_from_who_closed_first_and_lasts_while_both_hold() -> None:
@@ -138,15 +144,15 @@ def test_a_handover_is_from_who_closed_first_and_lasts_while_both_hold() -> None
         grip("robot", (0.0, 4.0)),
         grip("hand", (2.5, 9.0), force=pulse(6.0, 3.0, 3.5) + pulse(9.0, 5.0, 6.0)),
     )
-    (found,) = human.metrics(record([taker, giver]), {})["handovers"]
-    assert (found["giver"], found["taker"], found["dropped"]) == ("robot", "hand", False)
-    assert found["overlap"] == pytest.approx(1.5, abs=0.006)
-    assert found["force_max"] == pytest.approx(6.0)
+    (found,) = metrics(record([taker, giver])).handovers
+    assert (found.giver, found.taker, found.dropped) == ("robot", "hand", False)
+    assert found.overlap == pytest.approx(1.5, abs=0.006)
+    assert found.force_max == pytest.approx(6.0)
 
 
 def test_what_nobody_holds_in_between_has_fallen() -> None:
-    (found,) = human.metrics(record([grip("robot", (0.0, 2.0)), grip("hand", (3.0, 9.0))]), {})["handovers"]
-    assert found["dropped"] and found["overlap"] == 0.0
+    (found,) = metrics(record([grip("robot", (0.0, 2.0)), grip("hand", (3.0, 9.0))])).handovers
+    assert found.dropped and found.overlap == 0.0
 
 
 @pytest.fixture(scope="module")
@@ -188,7 +194,7 @@ def test_a_run_with_muscles_says_what_it_cost_them(by_muscles: runner.Result) ->
     assert 0.01 < found["activation_mean"] < found["activation_max"] < 0.5
     assert 100.0 < found["contact"]["right_shoulder"]["force_max"] < 2000.0
     summary = (folder / "summary.txt").read_text()
-    assert "- muscles: activation at most" in summary and "- contact force between his bones" in summary
+    assert "- muscles: activation at most" in summary and "- contact force between bones" in summary
     assert {"activation.svg", "joint_contact.svg"} <= {path.name for path in (folder / "figures").iterdir()}
     assert tables.values(by_muscles.metrics, "human", tables.HUMAN_COLUMNS)["activation_max"] == found["activation_max"]
 
@@ -211,12 +217,12 @@ def test_shares_of_time_count_muscles_above_a_threshold_and_not_actuators() -> N
     made = messages.record(float)
     assert made is not None
     found = muscle_metrics.metrics(made)
-    assert found["above"] == {"0.3": 0.5, "0.5": 0.25} and found["muscles"]["right_b"]["above"]["0.3"] == 0.25
-    assert (found["activation_max"], found["activation_max_muscle"]) == (0.6, "right_a")
-    assert found["activation_mean"] == pytest.approx(np.mean([row[:2] for row in rows]))
-    assert found["muscles"]["right_a"]["force_max"] == 300.0 and found["outside"] == 0.25
-    text = "\n".join(muscle_metrics.render(found))
-    assert "right_a 0.60, right_b 0.35" in text and "right_b (3 times)" in text and "25 % of the time his" in text
+    assert found.above == {"0.3": 0.5, "0.5": 0.25} and found.muscles["right_b"].above["0.3"] == 0.25
+    assert (found.activation_max, found.activation_max_muscle) == (0.6, "right_a")
+    assert found.activation_mean == pytest.approx(np.mean([row[:2] for row in rows]))
+    assert found.muscles["right_a"].force_max == 300.0 and found.outside == 0.25
+    text = "\n".join(human_text.muscle_lines(found))
+    assert "right_a 0.60, right_b 0.35" in text and "right_b (3 times)" in text and "25 % of the time the" in text
 
 
 @pytest.mark.parametrize(("reflex", "delay", "verdict"), [("0.25", "0.15", "stable"), ("1", "0.15", "unstable")])

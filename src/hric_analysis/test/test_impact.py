@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hric_analysis import human
+from hric_analysis.human import HumanMetrics
 from hric_assessment.contact import impact
 from hric_bags.run_folder import RunFolder
+from hric_core.json_values import from_json
 from hric_experiments import cli
-from hric_report import human_figures
+from hric_report import human_figures, human_text
 from hric_report.html import run_data, tables
 
 WALL = "package://hric_experiments/worlds/wall_behind_arm.yaml"
@@ -53,9 +54,9 @@ def test_a_clamped_link_carries_what_the_commanded_torque_balances(found: dict[s
 def test_what_is_expected_is_beside_what_was_found_in_text_table_and_figures(
     clamped: RunFolder, found: dict[str, Any]
 ) -> None:
-    text = human.render(found["human"])
-    assert "v sqrt(mu k) = " in text and "that the commanded torque balances: ratio " in text
-    assert text.count("met panda::panda_hand") == 1 and "they met " in text
+    text = human_text.render(from_json(HumanMetrics, found["human"]))
+    assert "v sqrt(mu k) = " in text and "; commanded torque balances " in text
+    assert text.count("touched panda::panda_hand") == 1 and " contacts, " in text
     data = run_data.load(clamped, found)
     figures = {figure.key: figure for figure in human_figures.human_figures(data.person)}
     blow, press = figures["blow"].panels[0], figures["press"].panels[0]

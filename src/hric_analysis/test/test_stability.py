@@ -25,27 +25,27 @@ def log_of(wrist: FloatArray) -> ControlRecord:
     )
 
 
-def judged(wrist: FloatArray, **run: Any) -> dict[str, Any]:
+def judged(wrist: FloatArray, **run: Any) -> stability.Stability:
     return stability.judge(run, log_of(wrist), LIMITS)
 
 
 @pytest.mark.parametrize("period", [2, 3, 4, 5, 8, 10])
 def test_a_torque_that_swings_within_a_few_cycles_is_unstable_with_joint_amplitude_and_frequency(period: int) -> None:
     found = judged(1.0 + 0.6 * np.cos(2.0 * np.pi * np.arange(2000) / period + 0.3))
-    assert found["verdict"] == "unstable" and list(found["joints"]) == ["wrist"]
-    wrist = found["joints"]["wrist"]
-    assert wrist["frequency"] == pytest.approx(1000.0 / period)
+    assert found.verdict == "unstable" and list(found.joints) == ["wrist"]
+    wrist = found.joints["wrist"]
+    assert wrist.frequency == pytest.approx(1000.0 / period)
     rms = 0.6 * (abs(np.cos(0.3)) if period == 2 else np.sqrt(0.5))
-    assert wrist["ripple"] == pytest.approx(rms, rel=0.1) and wrist["share"] == pytest.approx(wrist["ripple"] / 12.0)
-    assert (wrist["begin"], wrist["end"]) == (0.0, 1.999)
-    (reason,) = found["reasons"]
+    assert wrist.ripple == pytest.approx(rms, rel=0.1) and wrist.share == pytest.approx(wrist.ripple / 12.0)
+    assert (wrist.begin, wrist.end) == (0.0, 1.999)
+    (reason,) = found.reasons
     assert reason.startswith(f"wrist chatters at {1000 / period:.0f} Hz") and "% of its effort limit" in reason
 
 
 def test_it_is_said_when_the_chatter_began_and_ended() -> None:
     wrist = np.where((TIME >= 0.5) & (TIME < 1.0), 2.0 * (-1.0) ** np.arange(2000), 0.0)
-    values = judged(wrist)["joints"]["wrist"]
-    assert values["begin"] == pytest.approx(0.5, abs=0.026) and values["end"] == pytest.approx(1.0, abs=0.026)
+    values = judged(wrist).joints["wrist"]
+    assert values.begin == pytest.approx(0.5, abs=0.026) and values.end == pytest.approx(1.0, abs=0.026)
 
 
 def ring(frequency: float, decay: float) -> FloatArray:
@@ -72,27 +72,27 @@ STABLE = {
 @pytest.mark.parametrize("case", STABLE)
 def test_what_is_no_chatter_is_stable(case: str) -> None:
     found = judged(STABLE[case])
-    assert found["verdict"] == "stable" and not found["reasons"] and not found["joints"]
+    assert found.verdict == "stable" and not found.reasons and not found.joints
 
 
 def test_wild_torque_needs_no_period() -> None:
     found = judged(12.0 * NOISE)
-    assert found["verdict"] == "unstable" and "without a period" in found["reasons"][0]
+    assert found.verdict == "unstable" and "without a period" in found.reasons[0]
 
 
 def test_the_requested_torque_counts_where_the_command_was_an_effort_else_the_measured_one() -> None:
     chatter, calm = 2.0 * (-1.0) ** np.arange(2000), np.zeros(2000)
     log = log_of(chatter)
     by_effort = np.ones((2000, 2), dtype=bool)
-    assert stability.judge({}, replace(log, by_effort=by_effort), LIMITS)["verdict"] == "unstable"
-    assert stability.judge({}, replace(log, by_effort=~by_effort), LIMITS)["verdict"] == "stable"
+    assert stability.judge({}, replace(log, by_effort=by_effort), LIMITS).verdict == "unstable"
+    assert stability.judge({}, replace(log, by_effort=~by_effort), LIMITS).verdict == "stable"
     measured = replace(log_of(calm), effort=log.command_raw, interfaces=("position", "position"))
-    assert stability.judge({}, measured, LIMITS)["verdict"] == "unstable"
+    assert stability.judge({}, measured, LIMITS).verdict == "unstable"
 
 
 def test_a_joint_without_an_effort_limit_is_measured_by_a_stated_one() -> None:
     chatter = log_of(3.0 * (-1.0) ** np.arange(2000))
-    assert stability.judge({}, chatter, {})["joints"]["wrist"]["share"] == pytest.approx(
+    assert stability.judge({}, chatter, {}).joints["wrist"].share == pytest.approx(
         3.0 / stability.NO_LIMIT_EFFORT, rel=0.02
     )
 
@@ -102,26 +102,23 @@ def test_a_run_that_diverged_or_that_the_arm_ended_itself_is_unstable_however_sh
         np.zeros(3),
         error="DivergedError: the simulation diverged at 0.003 s: speed of wrist is -514.5 rad/s, beyond 261 rad/s",
     )
-    assert (found["verdict"], found["reasons"]) == (
+    assert (found.verdict, found.reasons) == (
         "unstable",
-        ["the simulation diverged at 0.003 s: speed of wrist is -514.5 rad/s, beyond 261 rad/s"],
+        ("the simulation diverged at 0.003 s: speed of wrist is -514.5 rad/s, beyond 261 rad/s",),
     )
+    assert judged(np.zeros(2000), arm_error='motion aborted by reflex! ["instability_detected"]').verdict == "unstable"
     assert (
-        judged(np.zeros(2000), arm_error='motion aborted by reflex! ["instability_detected"]')["verdict"] == "unstable"
+        judged(np.zeros(2000), arm_error='motion aborted by reflex! ["joint_velocity_violation"]').verdict == "stable"
     )
-    assert (
-        judged(np.zeros(2000), arm_error='motion aborted by reflex! ["joint_velocity_violation"]')["verdict"]
-        == "stable"
-    )
-    assert judged(np.zeros(2000), error="HricError: controller pd was stopped")["verdict"] == "stable"
+    assert judged(np.zeros(2000), error="HricError: controller pd was stopped").verdict == "stable"
 
 
 def test_too_short_a_run_is_not_judged() -> None:
     found = judged(np.zeros(stability.PIECE * stability.STRETCH - 1))
-    assert found["verdict"] is None
+    assert found.verdict is None
     assert "not judged" in table._stability(found)
 
 
 def test_the_thresholds_stand_in_the_metrics() -> None:
     expected = {"share": 0.02, "periodicity": 0.5, "wild_share": 0.1, "piece": 25, "stretch": 10, "lags": 12}
-    assert judged(np.zeros(2000))["thresholds"] == expected
+    assert judged(np.zeros(2000)).thresholds == stability.Thresholds(**expected)

@@ -80,7 +80,7 @@ def test_what_is_exported_reads_back_equal_with_units_axes_and_rate(
     assert np.array_equal(emg["sample"], np.arange(800)) and np.array_equal(
         emg["stamp"], np.arange(800) * round(1e9 / EMG_RATE)
     )
-    assert about["units"]["biceps"] == "V" and "rate told by the source: 2000 Hz" in about["notes"]
+    assert about["units"]["biceps"] == "V" and "rate reported by the source: 2000 Hz" in about["notes"]
     mocap, about = reader(tmp_path / kind / f"hric.perception.mocap.{kind}")
     assert np.array_equal(mocap["rigid_bodies.hand.pose.position.y"], truth.p[:, 1])
     hidden = np.isnan(mocap["labelled_markers.hand/2.x"])

@@ -12,7 +12,7 @@ import pytest
 from synthetic import JOINTS, write_run
 
 from hric_analysis import comparison
-from hric_analysis.comparison import ComparisonError
+from hric_analysis.comparison import ComparisonError, SettingDifference
 from hric_bags import reader as bag_reader
 from hric_bags.files import FileError
 from hric_bags.reader import ControlRecord, RunRecord, SentSetpoint
@@ -181,7 +181,7 @@ def delayed(record: RunRecord, delay: float) -> RunRecord:
 
 
 def worst(compared: comparison.Comparison) -> float:
-    return max(move["peak_difference_max"] for move in comparison.difference_metrics(compared))
+    return max(move.peak_difference_max for move in comparison.difference_metrics(compared))
 
 
 def test_joints_belong_together_by_name_whatever_their_order(record: RunRecord) -> None:
@@ -233,8 +233,8 @@ def test_each_of_several_setpoints_is_compared_by_itself(record: RunRecord) -> N
     (point,) = record.setpoints
     two = RunRecord(record.log, [point, SentSetpoint(1.0, point.controller, point.positions)])
     moves = comparison.difference_metrics(comparison.overlay(two, two, {}, {}))
-    assert [move["time_a"] for move in moves] == [pytest.approx(point.time), 1.0]
-    assert moves[0]["duration"] == pytest.approx(0.9, abs=2e-3)
+    assert [move.time_a for move in moves] == [pytest.approx(point.time), 1.0]
+    assert moves[0].duration == pytest.approx(0.9, abs=2e-3)
 
 
 def test_an_output_that_cannot_be_written_and_a_joint_that_is_not_there_are_refused(tmp_path: Path) -> None:
@@ -251,6 +251,6 @@ def test_an_output_that_cannot_be_written_and_a_joint_that_is_not_there_are_refu
 def test_settings_are_compared_key_by_key() -> None:
     a, b = {"robot": {"hw": "sim", "plant": {"x": 1}}, "same": [1]}, {"robot": {"hw": "real"}, "same": [1]}
     assert comparison.settings(a, b) == [
-        {"key": "robot.hw", "a": "sim", "b": "real"},
-        {"key": "robot.plant.x", "a": 1, "b": None},
+        SettingDifference("robot.hw", "sim", "real"),
+        SettingDifference("robot.plant.x", 1, None),
     ]

@@ -3,14 +3,11 @@
 from typing import Any
 
 import pytest
+from made_up import run_metrics
 
+from hric_analysis.comparison import JointDifference, SetpointDifference
+from hric_analysis.values import RunMetrics
 from hric_report import headline
-
-STABLE = {"verdict": "stable", "reasons": []}
-
-
-def metrics(**values: Any) -> dict[str, Any]:
-    return {"setpoints": [], "stability": STABLE, "reflexes": [], **values}
 
 
 def move(settled: float | None = 1.5) -> dict[str, Any]:
@@ -19,7 +16,7 @@ def move(settled: float | None = 1.5) -> dict[str, Any]:
     return {"joints": {"j1": other, "j2": worst}}
 
 
-def shown(values: dict[str, Any], run: dict[str, Any] | None = None) -> dict[str, tuple[str, str]]:
+def shown(values: RunMetrics, run: dict[str, Any] | None = None) -> dict[str, tuple[str, str]]:
     return {one.name: (one.value, one.kind) for one in headline.of_run(run or {}, values)}
 
 
@@ -36,7 +33,7 @@ def test_what_is_not_known_is_said_to_be_so() -> None:
 
 
 def test_a_step_is_summed_up_by_its_worst_joint() -> None:
-    found = headline.of_run({}, metrics(setpoints=[move()]))
+    found = headline.of_run({}, run_metrics(setpoints=[move()]))
     assert [(one.name, one.value) for one in found] == [
         ("Final error", "2.50 µrad"),
         ("Settling time", "1.50 s"),
@@ -47,14 +44,14 @@ def test_a_step_is_summed_up_by_its_worst_joint() -> None:
 
 
 def test_a_joint_that_never_settles_is_named() -> None:
-    (found,) = (one for one in headline.of_run({}, metrics(setpoints=[move(None)])) if one.name == "Settling time")
+    (found,) = (one for one in headline.of_run({}, run_metrics(setpoints=[move(None)])) if one.name == "Settling time")
     assert (found.value, found.kind) == ("never", headline.BAD) and "j2" in found.meaning
 
 
 def test_what_went_wrong_comes_before_what_was_measured() -> None:
     unstable = {"verdict": "unstable", "reasons": ["j4 chatters", "j5 chatters"]}
     reflex = [{"time": 1.25, "errors": ["joint_reflex"]}]
-    values = metrics(setpoints=[move()], stability=unstable, reflexes=reflex)
+    values = run_metrics(setpoints=[move()], stability=unstable, reflexes=reflex)
     found = headline.of_run({"status": "failed", "error": "the simulation diverged"}, values)
     assert [one.name for one in found][:3] == ["The run failed", "Stability", "Reflexes"]
     assert found[1].meaning == "j4 chatters; 1 more below"
@@ -64,7 +61,7 @@ def test_what_went_wrong_comes_before_what_was_measured() -> None:
 def test_a_marker_is_followed_with_a_lag_and_an_error() -> None:
     frames = {"received": 100, "lost": 0, "untracked": 0}
     values = {"rms_error": 1.21e-3, "largest_error": 2e-3, "lag": 0.1156, "marker": "truth", "frames": frames}
-    found = shown(metrics(tracking={**values, "acceleration": {"ratio": 1.14}, "losses": 0, "body": "hand"}))
+    found = shown(run_metrics(tracking={**values, "acceleration": {"ratio": 1.14}, "losses": 0, "body": "hand"}))
     assert found["Lag"][0] == "115.6 ms" and found["Error after the lag"][0] == "1.21 mm"
     assert found["Acceleration"][0] == "1.14 ×" and found["Marker lost"] == ("0 times", headline.GOOD)
 
@@ -73,7 +70,7 @@ def test_a_marker_is_followed_with_a_lag_and_an_error() -> None:
 def test_what_was_sent_is_held_against_what_was_recorded(lost: int, kind: str) -> None:
     sources = {topic: {"sent": 1000, "recorded": 1000, "lost": 0} for topic in ("/control_log", "/emg")}
     sources["/plate"] = {"sent": 2000, "recorded": 2000 - lost, "lost": lost}
-    (found,) = (one for one in headline.of_run({}, metrics(sources=sources)) if one.name == "Samples lost")
+    (found,) = (one for one in headline.of_run({}, run_metrics(sources=sources)) if one.name == "Samples lost")
     assert (found.value, found.kind) == (str(lost), kind) and ("/plate" in found.meaning) == bool(lost)
     assert f"{4000 - lost:,} of 4,000" in found.meaning
 
@@ -82,21 +79,17 @@ def test_what_was_sent_is_held_against_what_was_recorded(lost: int, kind: str) -
 def test_the_worst_skew_is_held_against_the_bound_that_is_stated(skew: float, kind: str) -> None:
     parts = {"/emg": {"skew": {"p99": skew}, "by": "time code"}, "/mocap": {"skew": None, "by": None}}
     streams = {"/sync": {"ticks": 99, "missing": 1, "bound": 2e-4, "sources": parts}}
-    found = shown(metrics(sync=streams))
+    found = shown(run_metrics(sync=streams))
     assert found["Skew"] == (f"{1e3 * skew:.3f} ms", kind) and found["Instants missing"] == ("1", headline.BAD)
 
 
 def test_a_comparison_says_how_far_the_runs_are_apart_where_it_is_most() -> None:
-    near = {"peak_difference": 1e-4, "peak_time": 0.1, "steady_difference": 2e-6}
-    far = {"peak_difference": -0.05, "peak_time": 2.291, "steady_difference": 1e-7}
-    found = headline.of_comparison("a", {"b": [{"joints": {"j1": near, "j4": far}}]})
+    near, far = JointDifference(1e-4, 0.1, 2e-6, 0.0), JointDifference(-0.05, 2.291, 1e-7, 0.0)
+    found = headline.of_comparison("a", {"b": [SetpointDifference(0, 0, 3, 0.05, 2e-6, {"j1": near, "j4": far})]})
     assert [(one.name, one.value) for one in found] == [
         ("Peak difference", "50.0 mrad"),
         ("Steady difference", "2.00 µrad"),
     ]
-    same = {"peak_difference": 0.0, "peak_time": 0.0, "steady_difference": 0.0}
-    assert (
-        headline.of_comparison("a", {"b": [{"joints": {"j1": same}}]})[0].meaning
-        == "all positions of a and b are equal"
-    )
+    same = SetpointDifference(0, 0, 3, 0.0, 0.0, {"j1": JointDifference(0.0, 0.0, 0.0, 0.0)})
+    assert headline.of_comparison("a", {"b": [same]})[0].meaning == "all positions of a and b are equal"
     assert found[0].meaning == "j4 after 2.291 s: a minus b"

@@ -194,7 +194,7 @@ def test_what_was_found_comes_first_and_how_it_was_made_last(run: RunFolder) -> 
 
 
 def test_a_note_on_the_page_is_no_disclaimer_before_the_findings(tmp_path: Path) -> None:
-    text = page.render_page(page.Page("a", "b", findings=[headline.Finding("Lag", "1 ms", "late")], notes=["beware"]))
+    text = page.render_page(page.Page("a", "b", findings=[headline.KeyFigure("Lag", "1 ms", "late")], notes=["beware"]))
     assert text.index("Lag") < text.index("beware")
 
 

@@ -59,8 +59,8 @@ def test_a_watched_arm_violates_and_all_of_it_says_so(run: RunFolder, watched: R
         0.01 * len(violated), abs=0.02
     )
     assert found["margin_min_violated"] == pytest.approx(min(one.margin for one in violated))
-    assert "NEARER THAN THE PROTECTIVE DISTANCE" in (watched.path / "summary.txt").read_text()
-    assert "never moved nearer than the protective distance" in (run.path / "summary.txt").read_text()
+    assert "MOVED CLOSER THAN THE PROTECTIVE DISTANCE" in (watched.path / "summary.txt").read_text()
+    assert "never moved closer than the protective distance" in (run.path / "summary.txt").read_text()
 
 
 def test_a_run_without_a_supervisor_has_nothing_of_it(run: RunFolder, tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from geometry_msgs.msg import Point, Vector3
+from made_up import run_metrics
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
@@ -152,9 +153,8 @@ def test_the_benchmark_has_the_finding_of_the_verdict(clamp: SimpleNamespace) ->
 
 
 def test_the_headline_has_the_finding_of_the_verdict(clamp: SimpleNamespace) -> None:
-    metrics = {"setpoints": [], "stability": {"verdict": "stable", "reasons": []}}
     pair = {"body_a": "human::r_wrist", "body_b": "panda::panda_hand", "kind": "penalty", "peak_force": 200.0}
-    lines = headline.of_run({}, metrics | {"contacts": [pair]}, clamp.verdict.to_dict())
+    lines = headline.of_run({}, run_metrics(contacts=[pair]), clamp.verdict.to_dict())
     assert [one.name for one in lines] == ["Contact with the person", "Stability"]  # no bare force beside it
     assert (lines[0].value, lines[0].kind) == ("above limits, 143 % of the limit", headline.BAD)
     assert contact_of(clamp.verdict).reason in lines[0].meaning

@@ -184,58 +184,79 @@ def _excess(
     return np.asarray(force.sum(axis=0) - mass.mass * (acceleration - gravity))
 
 
-def metrics(one: Carried, begin: float, end: float) -> dict[str, Any] | None:
-    """Return the metrics for metrics.json; None: the body was not carried during the human's motion.
+@dataclass(frozen=True)
+class Spread:
+    """Mean, smallest and largest value of a share [1]."""
+
+    mean: float
+    min: float
+    max: float
+
+
+@dataclass(frozen=True)
+class TransportMetrics:
+    """Transport of a body by two grips during the motion of the person.
+
+    Attributes:
+        object: full name of the body.
+        weight: weight [N]; None: not known.
+        time: time for which both held the body [s].
+        load_share: share of the weight by grip; None: weight not known.
+        squeeze_max, stretch_max, squeeze_mean: largest compression and tension, and mean of the internal force [N].
+        tilt_max: largest angle of the line between the grips to the horizontal [rad].
+        path, lift: path of the middle between the grips, and difference of its heights [m].
+        smoothness: log dimensionless jerk of the middle [1]; None: it did not move.
+        excess_rms, excess_max: RMS and maximum of the sum of both forces minus m (a - g) [N]; None: not known.
+    """
+
+    object: str
+    weight: float | None
+    time: float
+    load_share: dict[str, Spread] | None
+    squeeze_max: float
+    stretch_max: float
+    squeeze_mean: float
+    tilt_max: float
+    path: float
+    lift: float
+    smoothness: float | None
+    excess_rms: float | None
+    excess_max: float | None
+
+
+def metrics(transport: Carried, begin: float, end: float) -> TransportMetrics | None:
+    """Return the metrics of a transport; None: the body was not carried during the person's motion.
 
     Args:
-        one: carried body.
-        begin: start of the human's motion [s].
-        end: end of the human's motion [s].
+        transport: time series of the body.
+        begin: start of the person's motion [s].
+        end: end of the person's motion [s].
     """
-    during = (one.time >= begin) & (one.time <= end)
+    during = (transport.time >= begin) & (transport.time <= end)
     if during.sum() < MIN_SAMPLES:
         return None
-    velocity = np.gradient(one.centre, one.time, axis=0)[during]
-    height = one.centre[during, 2]
-    excess = None if one.excess is None or one.weight is None else np.linalg.norm(one.excess, axis=1)[during]
-    return {
-        "object": one.body,
-        "weight": one.weight,
-        "time": float(one.time[-1] - one.time[0]),
-        "load_share": None
-        if one.share is None
-        else {name: _spread(share[during]) for name, share in zip(one.ends, one.share, strict=True)},
-        "squeeze_max": float(one.squeeze[during].max(initial=0.0)),
-        "stretch_max": float(-one.squeeze[during].min(initial=0.0)),
-        "squeeze_mean": float(one.squeeze[during].mean()),
-        "tilt_max": float(np.abs(one.tilt[during]).max()),
-        "path": float(np.trapezoid(np.linalg.norm(velocity, axis=1), one.time[during])),
-        "lift": float(height.max() - height.min()),
-        "smoothness": log_dimensionless_jerk(one.time[during], velocity),
-        "excess_rms": None if excess is None else float(np.sqrt(np.nanmean(excess**2))),
-        "excess_max": None if excess is None else float(np.nanmax(excess)),
-    }
-
-
-def _spread(share: FloatArray) -> dict[str, float]:
-    return {"mean": float(share.mean()), "min": float(share.min()), "max": float(share.max())}
-
-
-def render(found: Mapping[str, Any]) -> str:
-    """Return a line of the report from the result of `metrics`."""
-    if found["load_share"] is None:
-        shares = "its weight is not known"
-    else:
-        parts = [
-            f"{name} {100 * share['mean']:.1f} % ({100 * share['min']:.1f} to {100 * share['max']:.1f})"
-            for name, share in found["load_share"].items()
-        ]
-        shares = f"of its {found['weight']:.1f} N {', '.join(parts)}"
-    line = (
-        f"- both carry {found['object']} for {found['time']:.2f} s: {shares}; at most squeezed by "
-        f"{found['squeeze_max']:.1f} N, stretched by {found['stretch_max']:.1f} N, tilted by "
-        f"{np.rad2deg(found['tilt_max']):.1f} deg; lifted by {1e3 * found['lift']:.0f} mm, moved {found['path']:.2f} m"
+    velocity = np.gradient(transport.centre, transport.time, axis=0)[during]
+    height, squeeze, time = transport.centre[during, 2], transport.squeeze[during], transport.time
+    shares, excess = transport.share, transport.excess
+    size = None if excess is None or transport.weight is None else np.linalg.norm(excess, axis=1)[during]
+    return TransportMetrics(
+        transport.body,
+        transport.weight,
+        float(time[-1] - time[0]),
+        None
+        if shares is None
+        else {name: _spread(share[during]) for name, share in zip(transport.ends, shares, strict=True)},
+        float(squeeze.max(initial=0.0)),
+        float(-squeeze.min(initial=0.0)),
+        float(squeeze.mean()),
+        float(np.abs(transport.tilt[during]).max()),
+        float(np.trapezoid(np.linalg.norm(velocity, axis=1), time[during])),
+        float(height.max() - height.min()),
+        log_dimensionless_jerk(time[during], velocity),
+        None if size is None else float(np.sqrt(np.nanmean(size**2))),
+        None if size is None else float(np.nanmax(size)),
     )
-    if found["excess_rms"] is None:
-        return line
-    return f"{line}; its forces are m (a - g) within {found['excess_rms']:.3f} N RMS"
+
+
+def _spread(share: FloatArray) -> Spread:
+    return Spread(float(share.mean()), float(share.min()), float(share.max()))

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from hric_analysis import contacts
-from hric_analysis.human import Person
+from hric_analysis.human import Person, moved
 from hric_assessment.findings import NotAssessableError, Outcome
 from hric_assessment.verdict.choices import Choices
 from hric_assessment.verdict.given import Given
@@ -27,7 +27,7 @@ AT_REST = 5e-3
 """Distance from its final position within which a hand is at rest [m] (project default, unconfirmed)."""
 
 
-def values(given: Given, person: Person | None) -> dict[str, Any] | None:
+def values(given: Given, person: Person | None) -> dict[str, dict[str, float] | None] | None:
     """Return the metrics of a run; None: there was no person.
 
     Args:
@@ -46,9 +46,9 @@ def values(given: Given, person: Person | None) -> dict[str, Any] | None:
     return {"contact": _contact(given), "separation": _separation(given), "hand": _hand(given.run, person)}
 
 
-def _contact(given: Given) -> dict[str, Any]:
+def _contact(given: Given) -> dict[str, float]:
     findings = contacts.findings(given)
-    outcomes = [one.outcome for one in findings]
+    outcomes = [finding.outcome for finding in findings]
     return {
         "share": max(map(contacts.counted_share, findings), default=math.inf),
         "above": outcomes.count(Outcome.ABOVE),
@@ -56,7 +56,7 @@ def _contact(given: Given) -> dict[str, Any]:
     }
 
 
-def _separation(given: Given) -> dict[str, Any] | None:
+def _separation(given: Given) -> dict[str, float] | None:
     distances = []
     for person in people_of(given):
         try:
@@ -106,7 +106,7 @@ def _reference(run: Mapping[str, Any], person: Person) -> tuple[FloatArray, Floa
     if reference.get("program") != "minimum_jerk" or section.get("walk"):
         return None
     program = read_program(reference, int(acting.get("seed", 0)))
-    record, begin = person.record, person.values["motion"][0]
+    record, begin = person.record, moved(person.record.events, person.record.time)[0]
     rows = record.time >= begin
     settings = HumanSettings.of(section, "human")
     body = describe(settings.person)

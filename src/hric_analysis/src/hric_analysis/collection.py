@@ -6,8 +6,8 @@ sequence numbers of the driver do not count. The count covers the interval of th
 SourceCount in it.
 """
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -37,47 +37,132 @@ SECTIONS = 10
 LOG_TOPIC = "control_log"
 
 
+@dataclass(frozen=True)
+class TimeError:
+    """Statistics of the size of a time error.
+
+    Attributes:
+        median, p99, largest: median, 99 % quantile and maximum [s].
+        within_bound: share that is at most BOUND [1].
+        uncertainty: largest standard deviation due to noise [s]; None: the error was not fitted.
+    """
+
+    median: float
+    p99: float
+    largest: float
+    within_bound: float
+    uncertainty: float | None = None
+
+
+@dataclass(frozen=True)
+class SourceMetrics:
+    """Completeness of one source in the interval of the experiment.
+
+    Attributes:
+        counts: unit of the counts: cycles, frames or samples.
+        sent, recorded, lost, twice: samples sent, recorded, lost and recorded twice; None: not known.
+        driver_lost: missing samples by the sequence numbers of the driver.
+        stamps: difference between stamps and time codes; None: there is no time code.
+        first, last: numbers of the first and the last sample that count; None: not known.
+    """
+
+    counts: str
+    sent: int | None
+    recorded: int
+    lost: int | None
+    twice: int
+    driver_lost: int
+    stamps: TimeError | None
+    first: int | None = None
+    last: int | None = None
+
+
+@dataclass(frozen=True)
+class SkewMetrics:
+    """Validity and skew of one source of a synchronised stream.
+
+    Attributes:
+        valid: share of valid samples [1]; None: no samples.
+        late: number of samples that arrived too late.
+        told_skew: largest skew that the synchroniser reported [s]; None: it reported none.
+        by: reference of the skew: time code, control log, or truth of the hand; None: there is none.
+        skew: time error of the values; None: not known.
+    """
+
+    valid: float | None
+    late: int
+    told_skew: float | None
+    by: str | None
+    skew: TimeError | None
+
+
+@dataclass(frozen=True)
+class StreamMetrics:
+    """Instants of a synchronised stream, and its sources.
+
+    Attributes:
+        rate: sample rate [Hz]; 0: at the stamps of a reference.
+        ticks, expected, missing: instants; None: not known.
+        grid_error: largest distance of a stamp from the grid [s]; None: there is no grid.
+        bound: specified maximum skew [s].
+        sources: skew of each source.
+    """
+
+    rate: float
+    ticks: int
+    expected: int | None
+    missing: int | None
+    grid_error: float | None
+    bound: float
+    sources: dict[str, SkewMetrics]
+
+
+@dataclass(frozen=True)
+class CollectionMetrics:
+    """Completeness of the sensor data; None: there are no sensors.
+
+    Attributes:
+        sources: completeness of each source.
+        sync: synchronised streams.
+    """
+
+    sources: dict[str, SourceMetrics] | None
+    sync: dict[str, StreamMetrics] | None
+
+
 def metrics(
     data: Collection | None, log: ControlRecord, robot_time: RobotTime, interval: Sequence[float] | None
-) -> dict[str, Any]:
-    """Return the keys `sources` and `sync` of metrics.json.
+) -> CollectionMetrics:
+    """Return the completeness of sources and streams.
 
     Args:
-        data: sensor data of the bag; None: there are no sensors, and both keys are None.
+        data: sensor data of the bag; None: there are no sensors.
         log: control log of the robot.
         robot_time: conversion from stamps to the time of the log.
         interval: begin and end of the experiment, by stamps [s]; None: not known, so the complete bag counts and the
             numbers of sent samples are unknown.
     """
     if data is None:
-        return {"sources": None, "sync": None}
+        return CollectionMetrics(None, None)
     begin, end = interval or (-np.inf, np.inf)
     sources = {
-        topic: source_metrics(came, data.counts.get(came.source), begin, end)
-        for topic, came in sorted(data.sources.items())
+        topic: source_metrics(samples, data.counts.get(samples.source), begin, end)
+        for topic, samples in sorted(data.sources.items())
     }
     streams = {
         topic: stream_metrics(stream, data, log, robot_time, begin, end)
         for topic, stream in sorted(data.streams.items())
     }
-    return {"sources": {f"/{LOG_TOPIC}": _robot(log, robot_time, begin, end), **sources}, "sync": streams}
+    return CollectionMetrics({f"/{LOG_TOPIC}": _robot(log, robot_time, begin, end), **sources}, streams)
 
 
-def _robot(log: ControlRecord, robot_time: RobotTime, begin: float, end: float) -> dict[str, Any]:
+def _robot(log: ControlRecord, robot_time: RobotTime, begin: float, end: float) -> SourceMetrics:
     """Return the counts of the robot, whose number of sent cycles follows from the first and last cycle number."""
     low, high = (edge if np.isinf(edge) else robot_time(edge) for edge in (begin, end))
     inside = (log.time >= low) & (log.time <= high)
     missing = sum(count for first, count in log.gaps if inside.any() and _within(log, first, inside))
     count = int(inside.sum())
-    return {
-        "counts": "cycles",
-        "sent": count + missing,
-        "recorded": count,
-        "lost": missing,
-        "twice": 0,
-        "driver_lost": missing,
-        "stamps": None,
-    }
+    return SourceMetrics("cycles", count + missing, count, missing, 0, missing, None)
 
 
 def _within(log: ControlRecord, first: int, inside: BoolArray) -> bool:
@@ -86,36 +171,23 @@ def _within(log: ControlRecord, first: int, inside: BoolArray) -> bool:
     return bool(0 <= before < len(inside) and inside[before])
 
 
-def source_metrics(came: Numbered, counts: Counts | None, begin: float, end: float) -> dict[str, Any]:
+def source_metrics(samples: Numbered, counts: Counts | None, begin: float, end: float) -> SourceMetrics:
     """Return the counts of one source within the interval [s]."""
-    inside = (came.stamps >= begin) & (came.stamps <= end)
-    numbers = came.numbers[inside]
+    inside = (samples.stamps >= begin) & (samples.stamps <= end)
+    numbers = samples.numbers[inside]
     steps = np.diff(numbers)
-    values: dict[str, Any] = {
-        "counts": "samples" if came.source else "frames",
-        "sent": None,
-        "recorded": len(numbers),
-        "lost": None,
-        "twice": len(numbers) - distinct(numbers),
-        "driver_lost": int(np.sum(steps[steps > 1] - 1)),
-        "stamps": None if came.codes is None else _stamp_error(came, inside),
-    }
-    own = source_sequence(came, counts)
-    sent = None if counts is None or own is None else sent_between(counts, begin, end)
-    if sent is None or own is None:
-        return values
+    unit, driver_lost = "samples" if samples.source else "frames", int(np.sum(steps[steps > 1] - 1))
+    stamps = None if samples.codes is None else _stamp_error(samples, inside)
+    sequence = source_sequence(samples, counts)
+    sent = None if counts is None or sequence is None else sent_between(counts, begin, end)
+    if sent is None or sequence is None:
+        twice = len(numbers) - distinct(numbers)
+        return SourceMetrics(unit, None, len(numbers), None, twice, driver_lost, stamps)
     first, following, total = sent
-    recorded = own[(own >= first) & (own < following)]
+    recorded = sequence[(sequence >= first) & (sequence < following)]
     count = distinct(recorded)
-    return {
-        **values,
-        "sent": total,
-        "recorded": count,
-        "lost": total - count,
-        "twice": len(recorded) - count,
-        "first": first,
-        "last": following - 1,
-    }
+    twice = len(recorded) - count
+    return SourceMetrics(unit, total, count, total - count, twice, driver_lost, stamps, first, following - 1)
 
 
 def distinct(numbers: IntArray) -> int:
@@ -123,20 +195,20 @@ def distinct(numbers: IntArray) -> int:
     return int(np.count_nonzero(np.diff(np.sort(numbers, kind="stable")))) + bool(len(numbers))
 
 
-def source_sequence(came: Numbered, counts: Counts | None) -> IntArray | None:
+def source_sequence(samples: Numbered, counts: Counts | None) -> IntArray | None:
     """Return the source's sequence number of each sample that has one; None: not known.
 
     A time code within the second restarts every second. The seconds between two samples follow from the numbers of the
     driver, or from the stamps if the driver restarted; all stamps together give the second of the first sample.
     """
-    if not came.source:
-        return came.numbers
-    known = np.isfinite(came.codes) if came.codes is not None else np.zeros(0, bool)
-    if came.codes is None or counts is None or not known.any():
+    if not samples.source:
+        return samples.numbers
+    known = np.isfinite(samples.codes) if samples.codes is not None else np.zeros(0, bool)
+    if samples.codes is None or counts is None or not known.any():
         return None
-    codes, stamps = came.codes[known], came.stamps[known]
+    codes, stamps = samples.codes[known], samples.stamps[known]
     if codes.max() <= 1.0:
-        steps = np.diff(came.numbers[known]) / counts.rate
+        steps = np.diff(samples.numbers[known]) / counts.rate
         passed = np.where(steps > 0.0, steps, np.diff(stamps)) - np.diff(codes)
         codes = codes + np.concatenate([[0.0], np.cumsum(np.rint(passed))])
         begins = {float(np.rint(np.median(part))) for part in np.array_split(stamps - codes, SECTIONS) if len(part)}
@@ -159,55 +231,50 @@ def sent_between(counts: Counts, begin: float, end: float) -> tuple[int, int, in
     return int(counts.following[a]), int(counts.following[b]), int(counts.sent[b] - counts.sent[a])
 
 
-def _stamp_error(came: Numbered, inside: BoolArray) -> dict[str, float] | None:
-    """Return the statistics of the difference between stamps and time codes, modulo one second [s]."""
-    assert came.codes is not None
-    late = came.stamps[inside] - came.codes[inside]
-    return _spread(late - np.rint(late))
+def _stamp_error(samples: Numbered, inside: BoolArray) -> TimeError | None:
+    """Return the statistics of the difference between stamps and time codes, modulo one second."""
+    assert samples.codes is not None
+    late = samples.stamps[inside] - samples.codes[inside]
+    return _time_error(late - np.rint(late))
 
 
-def _spread(errors: FloatArray) -> dict[str, float] | None:
+def _time_error(errors: FloatArray, uncertainty: float | None = None) -> TimeError | None:
+    """Return the statistics of errors, shape (n,) [s]; None: none is finite."""
     known = np.abs(errors[np.isfinite(errors)])
     if not known.size:
         return None
-    within = float(np.mean(known <= BOUND))
-    return {
-        "median": float(np.median(known)),
-        "p99": float(np.percentile(known, 99)),
-        "largest": float(known.max()),
-        "within_bound": within,
-    }
+    median, largest = float(np.median(known)), float(known.max())
+    return TimeError(median, float(np.percentile(known, 99)), largest, float(np.mean(known <= BOUND)), uncertainty)
 
 
 def stream_metrics(
     stream: Stream, data: Collection, log: ControlRecord, robot_time: RobotTime, begin: float, end: float
-) -> dict[str, Any]:
+) -> StreamMetrics:
     """Return the tick counts of a synchronised stream, and the skew of each of its sources."""
     inside = (stream.stamps >= begin - ROUNDING) & (stream.stamps <= end + ROUNDING)
     stamps, values = stream.stamps[inside], stream.values[inside]
     ticks = np.rint(stamps * stream.rate).astype(np.int64) if stream.rate else np.arange(len(stamps))
-    expected = _expected(stream.rate, begin, end, ticks)
-    found: dict[str, Any] = {}
+    expected, count = _expected(stream.rate, begin, end, ticks), distinct(ticks)
+    gridded = stream.rate and len(ticks)
+    skews = {}
     for column, topic in enumerate(stream.topics):
         valid = stream.valid[inside][:, column]
-        own = [index for index, source in enumerate(stream.sources) if source == topic]
-        found[topic] = {
-            "valid": float(valid.mean()) if len(valid) else None,
-            "late": stream.late.get(topic, 0),
-            "told_skew": stream.skew.get(topic),
-            **_skew(topic, own, stamps, values, valid, stream, data, log, robot_time),
-        }
-    return {
-        "rate": stream.rate,
-        "ticks": distinct(ticks),
-        "expected": expected,
-        "missing": None if expected is None else expected - distinct(ticks),
-        "grid_error": float(np.abs(stamps * stream.rate - ticks).max() / stream.rate)
-        if stream.rate and len(ticks)
-        else None,
-        "bound": BOUND,
-        "sources": found,
-    }
+        columns = [index for index, source in enumerate(stream.sources) if source == topic]
+        skews[topic] = SkewMetrics(
+            float(valid.mean()) if len(valid) else None,
+            stream.late.get(topic, 0),
+            stream.skew.get(topic),
+            *_skew(topic, columns, stamps, values, valid, stream, data, log, robot_time),
+        )
+    return StreamMetrics(
+        stream.rate,
+        count,
+        expected,
+        None if expected is None else expected - count,
+        float(np.abs(stamps * stream.rate - ticks).max() / stream.rate) if gridded else None,
+        BOUND,
+        skews,
+    )
 
 
 def _expected(rate: float, begin: float, end: float, ticks: IntArray) -> int | None:
@@ -221,7 +288,7 @@ def _expected(rate: float, begin: float, end: float, ticks: IntArray) -> int | N
 
 def _skew(
     topic: str,
-    own: list[int],
+    columns: list[int],
     stamps: FloatArray,
     values: FloatArray,
     valid: BoolArray,
@@ -229,42 +296,40 @@ def _skew(
     data: Collection,
     log: ControlRecord,
     robot_time: RobotTime,
-) -> dict[str, Any]:
-    """Return the skew of the values from their instants, by a time code, the control log, or the true hand motion."""
-    names = [stream.names[index].removeprefix(f"{topic}.") for index in own]
+) -> tuple[str | None, TimeError | None]:
+    """Return the reference (a time code, the control log, or the true hand motion), and the skew of the values."""
+    names = [stream.names[index].removeprefix(f"{topic}.") for index in columns]
     if (code := f"data[{TIME_CODE}]") in names:
-        late = stamps - values[:, own[names.index(code)]]
-        return {"by": "time code", "skew": _spread(late[valid])}
+        late = stamps - values[:, columns[names.index(code)]]
+        return "time code", _time_error(late[valid])
     if topic.rsplit("/", 1)[-1] == LOG_TOPIC:
         joints = [joint for joint in log.joint_names if f"position[{joint}]" in names]
-        seen = values[:, [own[names.index(f"position[{joint}]")] for joint in joints]]
-        columns = [log.joint_names.index(joint) for joint in joints]
+        seen = values[:, [columns[names.index(f"position[{joint}]")] for joint in joints]]
+        in_log = [log.joint_names.index(joint) for joint in joints]
         times = np.array([robot_time(float(stamp)) for stamp in stamps])
         true, speed = (
-            np.column_stack([np.interp(times, log.time, part[:, c]) for c in columns])
+            np.column_stack([np.interp(times, log.time, part[:, c]) for c in in_log])
             for part in (log.position, log.velocity)
         )
-        return {"by": "control log", "skew": _fitted(stamps, seen - true, speed, valid, MIN_SPEED["rad"])}
-    axes = [index for index, name in zip(own, names, strict=True) if ".position." in name]
+        return "control log", _fitted(stamps, seen - true, speed, valid, MIN_SPEED["rad"])
+    axes = [index for index, name in zip(columns, names, strict=True) if ".position." in name]
     if data.truth is not None and len(axes) == 3 and data.frame == data.truth[2]:
         spline = scipy.interpolate.CubicSpline(*data.truth[:2])
         inside = valid & (stamps > data.truth[0][0]) & (stamps < data.truth[0][-1])
-        return {
-            "by": "truth of the hand",
-            "skew": _fitted(stamps, values[:, axes] - spline(stamps), spline(stamps, 1), inside, MIN_SPEED["m"]),
-        }
-    return {"by": None, "skew": None}
+        apart, speed = values[:, axes] - spline(stamps), spline(stamps, 1)
+        return "truth of the hand", _fitted(stamps, apart, speed, inside, MIN_SPEED["m"])
+    return None, None
 
 
 def _fitted(
     stamps: FloatArray, apart: FloatArray, speed: FloatArray, valid: BoolArray, min_speed: float
-) -> dict[str, float] | None:
+) -> TimeError | None:
     """Return statistics of the time shift that, with an offset, fits best in each window [s].
 
     `uncertainty` is the largest standard deviation of a shift due to noise of the values. Windows with less than half
     the samples of the fullest, as at the ends, are skipped: few samples show only noise.
     """
-    late, open_ = [], []
+    late, sigmas = [], []
     usable = np.flatnonzero(valid)
     numbers = stamps[usable] // WINDOW
     order = np.argsort(numbers, kind="stable")
@@ -274,46 +339,5 @@ def _fitted(
         if len(use) >= min_count and np.sqrt(np.mean(np.sum(speed[use] ** 2, axis=1))) > min_speed:
             shift, sigma = late_by(speed[use], apart[use])
             late.append(shift)
-            open_.append(sigma)
-    spread = _spread(np.array(late))
-    return None if spread is None else {**spread, "uncertainty": float(max(open_))}
-
-
-def render(values: Mapping[str, Any]) -> str:
-    """Return the lines of the report from the result of `metrics`."""
-    lines = []
-    for topic, one in values["sources"].items():
-        word, stamps = one["counts"], one["stamps"]
-        if one["sent"] is None:
-            text = (
-                f"{one['recorded']} {word} recorded, {one['driver_lost']} lost by the driver's numbers; what was "
-                "sent is not known"
-            )
-        else:
-            text = (
-                f"{one['sent']} {word} sent, {one['recorded']} recorded, {one['lost']} lost"
-                + f", {one['twice']} twice" * bool(one["twice"])
-            )
-        if stamps is not None:
-            text += f"; stamps off by {_milliseconds(stamps)}"
-        lines.append(f"{topic}: {text}")
-    for topic, one in values["sync"].items():
-        missing = "" if one["missing"] is None else f" of {one['expected']}, {one['missing']} missing"
-        lines.append(
-            f"{topic} ({one['rate']:g} Hz): {one['ticks']} ticks{missing}; stated skew: at most "
-            f"{1e3 * one['bound']:g} ms"
-        )
-        for source, part in one["sources"].items():
-            skew = "not known" if part["skew"] is None else f"{_milliseconds(part['skew'])}, by the {part['by']}"
-            share = "" if part["valid"] is None else f"valid at {100 * part['valid']:.2f} %; "
-            lines.append(f"  {source}: {share}skew {skew}")
-    return "\n".join(lines)
-
-
-def _milliseconds(values: Mapping[str, float]) -> str:
-    text = (
-        f"{1e3 * values['median']:.3f} ms (median), {1e3 * values['p99']:.3f} (99 %), "
-        f"{1e3 * values['largest']:.3f} (largest)"
-    )
-    text += f", {100 * values['within_bound']:.1f} % within {1e3 * BOUND:g} ms"
-    return text + (f" +-{1e3 * values['uncertainty']:.3f}" if "uncertainty" in values else "")
+            sigmas.append(sigma)
+    return _time_error(np.array(late), max(sigmas, default=None))

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -181,56 +180,104 @@ def _fitted_shift(a: ControlRecord, b: ControlRecord, columns: list[int], pairs:
     return min(shifts, key=cost)
 
 
-def difference_metrics(compared: Comparison) -> list[dict[str, Any]]:
-    """Return peak with its time, steady and RMS difference, A minus B, by setpoint and joint [rad; N m; s]."""
-    return [_overlay_metrics(compared, laid) for laid in compared.overlays]
+@dataclass(frozen=True)
+class JointDifference:
+    """Difference of a joint, A minus B.
+
+    Attributes:
+        peak_difference, peak_time: largest difference [rad], and its time since the setpoint [s].
+        steady_difference, rms_difference: mean over STEADY_WINDOW, and RMS [rad].
+        effort_peak_difference, effort_peak_time, effort_steady_difference, effort_rms_difference: the same for the
+            torque [N m]; None: not commanded by effort in both runs.
+    """
+
+    peak_difference: float
+    peak_time: float
+    steady_difference: float
+    rms_difference: float
+    effort_peak_difference: float | None = None
+    effort_peak_time: float | None = None
+    effort_steady_difference: float | None = None
+    effort_rms_difference: float | None = None
 
 
-def _overlay_metrics(compared: Comparison, laid: Overlay) -> dict[str, Any]:
-    joints: dict[str, dict[str, float]] = {}
+@dataclass(frozen=True)
+class SetpointDifference:
+    """Difference of two runs from a setpoint on.
+
+    Attributes:
+        time_a, time_b, duration: robot time of the setpoint in both runs, and common time after it [s].
+        peak_difference_max, steady_difference_max: largest of all joints [rad].
+        joints: difference of each joint.
+    """
+
+    time_a: float
+    time_b: float
+    duration: float
+    peak_difference_max: float
+    steady_difference_max: float
+    joints: dict[str, JointDifference]
+
+
+def difference_metrics(compared: Comparison) -> list[SetpointDifference]:
+    """Return the differences by setpoint and joint."""
+    return [_overlay_metrics(compared, overlaid) for overlaid in compared.overlays]
+
+
+def _overlay_metrics(compared: Comparison, overlaid: Overlay) -> SetpointDifference:
+    joints = {}
     for j, name in enumerate(compared.joint_names):
-        joints[name] = _signal(laid.time, laid.position_a[:, j] - laid.position_b[:, j])
+        numbers = _signal(overlaid.time, overlaid.position_a[:, j] - overlaid.position_b[:, j])
         if compared.effort[j]:
-            effort = _signal(laid.time, laid.command_a[:, j] - laid.command_b[:, j])
-            joints[name] |= {f"effort_{key}": value for key, value in effort.items()}
-    return {
-        "time_a": laid.start_a,
-        "time_b": laid.start_b,
-        "duration": float(laid.time[-1]),
-        "peak_difference_max": max(abs(joint["peak_difference"]) for joint in joints.values()),
-        "steady_difference_max": max(abs(joint["steady_difference"]) for joint in joints.values()),
-        "joints": joints,
-    }
+            numbers += _signal(overlaid.time, overlaid.command_a[:, j] - overlaid.command_b[:, j])
+        joints[name] = JointDifference(*numbers)
+    return SetpointDifference(
+        overlaid.start_a,
+        overlaid.start_b,
+        float(overlaid.time[-1]),
+        max(abs(joint.peak_difference) for joint in joints.values()),
+        max(abs(joint.steady_difference) for joint in joints.values()),
+        joints,
+    )
 
 
-def _signal(time: FloatArray, difference: FloatArray) -> dict[str, float]:
+def _signal(time: FloatArray, difference: FloatArray) -> tuple[float, ...]:
+    """Return peak, its time [s], steady value and RMS of a difference."""
     peak = int(np.argmax(np.abs(difference)))
-    return {
-        "peak_difference": float(difference[peak]),
-        "peak_time": float(time[peak]),
-        "steady_difference": float(np.mean(difference[time > time[-1] - STEADY_WINDOW + 1e-9])),
-        "rms_difference": float(np.sqrt(np.mean(difference**2))),
-    }
+    steady = np.mean(difference[time > time[-1] - STEADY_WINDOW + 1e-9])
+    return float(difference[peak]), float(time[peak]), float(steady), float(np.sqrt(np.mean(difference**2)))
 
 
-def settings(a: Mapping[str, Any], b: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return the settings that differ between two experiments: dotted key, value in A and in B; None: not set.
+@dataclass(frozen=True)
+class SettingDifference:
+    """Setting that differs between two experiments.
+
+    Attributes:
+        key: dotted key.
+        a, b: value in A and in B; None: not set.
+    """
+
+    key: str
+    a: object
+    b: object
+
+
+def settings(a: Mapping[str, object], b: Mapping[str, object]) -> list[SettingDifference]:
+    """Return the settings that differ between two experiments.
 
     Args:
         a: tree of plain values, such as `definition` of run.yaml.
         b: tree of the other run.
     """
     flat_a, flat_b = leaves(a), leaves(b)
-    keys = dict.fromkeys([*flat_a, *flat_b])
-    return [
-        {"key": key, "a": flat_a.get(key), "b": flat_b.get(key)} for key in keys if flat_a.get(key) != flat_b.get(key)
-    ]
+    pairs = ((key, flat_a.get(key), flat_b.get(key)) for key in dict.fromkeys([*flat_a, *flat_b]))
+    return [SettingDifference(key, here, there) for key, here, there in pairs if here != there]
 
 
-def leaves(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+def leaves(tree: Mapping[str, object], prefix: str = "") -> dict[str, object]:
     """Return the values of a tree by dotted key, with `prefix` before each key."""
-    found: dict[str, Any] = {}
+    flat: dict[str, object] = {}
     for key, value in tree.items():
         name = f"{prefix}{key}"
-        found |= leaves(value, f"{name}.") if isinstance(value, Mapping) else {name: value}
-    return found
+        flat |= leaves(value, f"{name}.") if isinstance(value, Mapping) else {name: value}
+    return flat

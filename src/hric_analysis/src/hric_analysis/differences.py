@@ -1,9 +1,10 @@
 """Differences between a run and a reference set-up, with their reasons."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
+from hric_analysis.metrics import MotionMetrics
 from hric_core.parameters import read_yaml
 from hric_run.definition.experiment import config_path
 
@@ -42,7 +43,7 @@ class Setup:
     reference: Mapping[str, Any]
     robot: Mapping[str, Any]
     controller: Mapping[str, Any]
-    metrics: Mapping[str, Any]
+    metrics: MotionMetrics
 
     def description(self, key: str, default: Any) -> Any:
         """Return an argument of the robot description."""
@@ -63,10 +64,10 @@ def reference(name: str) -> dict[str, Any]:
     return data
 
 
-def compare(setup: Setup) -> list[dict[str, str]]:
+def compare(setup: Setup) -> tuple[Difference, ...]:
     """Return all differences: first those of the set-up, then those observed in the run."""
-    found = [check(setup) for check in CHECKS]
-    return [asdict(item) for item in found if item is not None]
+    results = (check(setup) for check in CHECKS)
+    return tuple(difference for difference in results if difference is not None)
 
 
 def _engine(setup: Setup) -> Difference:
@@ -134,9 +135,9 @@ def _value(what: str, key: str, used: Callable[[Setup], Any], why: str) -> Check
 def _gains(setup: Setup) -> Difference | None:
     used = {key: setup.controller.get(key) for key in ("kp", "kd")}
     sets: Sequence[Mapping[str, float]] = setup.reference["gains"]
-    if any(all(_same(used[key], given[key]) for key in ("kp", "kd")) for given in sets):
+    if any(all(_same(used[key], gains[key]) for key in ("kp", "kd")) for gains in sets):
         return None
-    listed = " or ".join(f"Kp {given['kp']:g} Kd {given['kd']:g}" for given in sets)
+    listed = " or ".join(f"Kp {gains['kp']:g} Kd {gains['kd']:g}" for gains in sets)
     return Difference(
         "gains",
         listed,
@@ -166,10 +167,10 @@ def _start(setup: Setup) -> Difference | None:
 
 
 def _outside(setup: Setup) -> Difference | None:
-    outside = {name: joint for name, joint in setup.metrics["joints"].items() if joint.get("started_outside")}
+    outside = {name: joint for name, joint in setup.metrics.joints.items() if joint.started_outside}
     if not outside:
         return None
-    names = ", ".join(f"{name} by {joint['position_excess_max']:.4f} rad at most" for name, joint in outside.items())
+    names = ", ".join(f"{name} by {joint.position_excess_max:.4f} rad at most" for name, joint in outside.items())
     return Difference(
         "joint limits at the start",
         "not mentioned",
@@ -180,11 +181,11 @@ def _outside(setup: Setup) -> Difference | None:
 
 
 def _clamped(setup: Setup) -> Difference | None:
-    touched = setup.metrics.get("limits_touched")
+    touched = setup.metrics.limits_touched
     if touched is None or not any(touched.values()):
         return None
     counts = ", ".join(f"{kind} {count}" for kind, count in touched.items() if count)
-    cycles = setup.metrics["control_log"]["cycles"]
+    cycles = setup.metrics.control_log.cycles
     return Difference(
         "limits that acted",
         "enforced by the hardware interface, not counted",
@@ -195,7 +196,8 @@ def _clamped(setup: Setup) -> Difference | None:
 
 def _above(setup: Setup, key: str, bound: float) -> dict[str, float]:
     """Return a metric of those joints for which it is above a bound."""
-    return {name: joint[key] for name, joint in setup.metrics["joints"].items() if joint.get(key, 0.0) > bound}
+    values = {name: getattr(joint, key) or 0.0 for name, joint in setup.metrics.joints.items()}
+    return {name: value for name, value in values.items() if value > bound}
 
 
 def _overspeed(setup: Setup) -> Difference | None:
@@ -243,7 +245,7 @@ CHECKS: tuple[Check, ...] = (
         "self-collision",
         "self_collision",
         lambda setup: setup.plant("self_collision", True),
-        "at q = 0 the hand stands in the forearm; with self-collision the arm is pushed out of the start",
+        "at q = 0 the hand collides with the forearm; with self-collision the arm is pushed out of the start",
     ),
     _gains,
     _value(

@@ -3,20 +3,24 @@
 All values are estimates of a model, never measurements of a person.
 """
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from hric_analysis import carrying, muscle_metrics
-from hric_analysis.carrying import Carried, hands_over
+from hric_analysis.carrying import Carried, TransportMetrics, hands_over
+from hric_analysis.muscle_metrics import MusclesMetrics
 from hric_assessment.contact.impact import Impact, impacts
 from hric_assessment.ergonomics.effort import effort, log_dimensionless_jerk
 from hric_bags.parts import Bag
 from hric_bags.reader import FloatArray, RunRecord
 from hric_bags.records.human_record import Event, GripRecord, HumanRecord, read
+from hric_bags.records.region_contacts import RegionContact
+from hric_core.json_values import from_json
 from hric_human.body import describe
 from hric_human.control.kinematics import HandChain
 from hric_human.participant.settings import HumanSettings
@@ -24,8 +28,6 @@ from hric_human.participant.settings import HumanSettings
 SETTLED, SETTLING_TIME = 0.05, 3.0
 """Share of their peaks below which grip force and hand speed must fall, and the time limit for it after the end of the
 motion [s] (requirement of this project on stable guidance)."""
-SAMPLE = "between two people 2.28 s and 7.3 N in one published sample"
-"""Overlap and force of a handover between people for comparison: the sample in KTH-RPL/handovers_dataset (MIT)."""
 SETTLES, UNSTABLE = "settles", "unstable"
 
 
@@ -35,18 +37,193 @@ class Person:
 
     Attributes:
         record: recording from the bag.
-        values: metrics, the key `human` of metrics.json.
         impacts: contacts with their expected values.
         carried: bodies that two grips carried together.
     """
 
     record: HumanRecord
-    values: dict[str, Any]
     impacts: tuple[Impact, ...] = ()
     carried: Sequence[Carried] = ()
 
 
-def analyse(bag: Bag, run: Mapping[str, Any], description: str, record: RunRecord) -> Person | None:
+@dataclass(frozen=True)
+class GripMetrics:
+    """Force and work of one grip; see `hric_assessment.ergonomics.effort.Effort`.
+
+    Attributes:
+        held, holder: names of both bodies.
+        slips: how many times the body slipped; slipped: largest distance [m].
+    """
+
+    held: str
+    holder: str
+    closed: float
+    force_max: float | None
+    force_max_time: float | None = None
+    force_mean: float | None = None
+    torque_max: float | None = None
+    work: float | None = None
+    work_absolute: float | None = None
+    slips: int | None = None
+    slipped: float | None = None
+
+
+@dataclass(frozen=True)
+class Handover:
+    """Handover of a body.
+
+    Attributes:
+        object, giver, taker: names of the body and of both grips.
+        overlap: time for which both held the body [s].
+        force_max: largest force of the taker in that time [N]; None: they never held it together.
+        dropped: True if no grip held the body for some time.
+    """
+
+    object: str
+    giver: str
+    taker: str
+    overlap: float
+    force_max: float | None
+    dropped: bool
+
+
+@dataclass(frozen=True)
+class JointLoad:
+    """Load of one joint of the person.
+
+    Attributes:
+        torque_max: largest torque [N m].
+        share_max, share_mean: largest and mean share of the strength [1].
+        clipped: how many times the joint reached its strength limit.
+    """
+
+    torque_max: float
+    share_max: float
+    share_mean: float
+    clipped: int
+
+
+@dataclass(frozen=True)
+class HandMetrics:
+    """Motion of the hand.
+
+    Attributes:
+        speed_max: largest speed [m/s].
+        path: length of the path [m].
+        smoothness: log dimensionless jerk [1]; None: it did not move.
+    """
+
+    speed_max: float
+    path: float
+    smoothness: float | None
+
+
+@dataclass(frozen=True)
+class Settling:
+    """Decay of grip forces and hand speed after the motion.
+
+    Attributes:
+        after: time after which the speed or the force of a grip stays low [s]; None: never.
+        verdict: SETTLES or UNSTABLE.
+    """
+
+    after: dict[str, float | None]
+    verdict: str
+
+    @property
+    def decay(self) -> str:
+        """Times of the decay as text."""
+        parts = [f"{name} {'never' if t is None else f'{t:.2f} s'}" for name, t in self.after.items()]
+        return f"below {100 * SETTLED:.0f} % of the peak after: {', '.join(parts)}"
+
+
+@dataclass(frozen=True)
+class ExpectedImpact:
+    """Closed form of an impact; see `hric_assessment.contact.impact`.
+
+    Attributes:
+        measured_peak: recorded peak until the half sine ends [N]; ratio: relative to the expected peak [1].
+    """
+
+    speed: float
+    robot_mass: float
+    human_mass: float
+    stiffness: float
+    mass: float
+    peak: float
+    duration: float
+    impulse: float
+    measured_peak: float
+    ratio: float
+
+
+@dataclass(frozen=True)
+class ClampingMetrics:
+    """Clamping at the instant of judgement.
+
+    Attributes:
+        time: robot time [s].
+        force, balanced: contact force, and the force that the commanded torque balances [N].
+        ratio: force relative to the balanced force [1].
+    """
+
+    time: float
+    force: float
+    balanced: float
+    ratio: float
+
+
+@dataclass(frozen=True)
+class ContactMetrics(RegionContact):
+    """Contact of a region of the person with its expected values.
+
+    Attributes:
+        dominant, area, ended, interrupted: as in `hric_bags.records.region_contacts.RegionForce`.
+        transient: closed form of the impact; None: not known.
+        press: clamping; None: there was none.
+    """
+
+    dominant: bool | None
+    area: float | None
+    ended: bool
+    interrupted: bool
+    transient: ExpectedImpact | None
+    press: ClampingMetrics | None
+
+
+@dataclass(frozen=True)
+class HumanMetrics:
+    """Effort, motion and contacts of the simulated human.
+
+    Attributes:
+        subject: code of the body.
+        motion: begin and end of the motion, robot time [s].
+        grips, handovers, carried: grips, handovers and transports.
+        joints: load of each joint.
+        strength_share_max, strength_share_mean: largest share of strength, and mean of the most loaded joint [1].
+        muscles: use of the muscles; None: no muscle drive.
+        hand: motion of the hand.
+        settling: decay after the motion; None: not judged.
+        contacts: contacts in the order of their ends.
+        events: events of the human.
+    """
+
+    subject: str
+    motion: tuple[float, ...]
+    grips: dict[str, GripMetrics]
+    handovers: tuple[Handover, ...]
+    carried: tuple[TransportMetrics, ...]
+    joints: dict[str, JointLoad]
+    strength_share_max: float
+    strength_share_mean: float
+    muscles: MusclesMetrics | None
+    hand: HandMetrics
+    settling: Settling | None
+    contacts: tuple[ContactMetrics, ...]
+    events: tuple[Event, ...]
+
+
+def analyse(bag: Path | Bag, run: Mapping[str, Any], description: str, record: RunRecord) -> Person | None:
     """Analyse the simulated human of a run; None: there was none.
 
     Args:
@@ -56,12 +233,11 @@ def analyse(bag: Bag, run: Mapping[str, Any], description: str, record: RunRecor
         record: control log with setpoints, profiles and reflexes.
     """
     definition = run.get("definition") or {}
-    section = definition.get("human")
-    found = None if section is None else read(bag, record.robot_time)
-    if found is None or section is None:
+    recorded = None if definition.get("human") is None else read(bag, record.robot_time)
+    if recorded is None:
         return None
-    met, carried = impacts(run, description, record, found), carried_in(found, definition)
-    return Person(found, metrics(found, section, met, carried), tuple(met), carried)
+    contacts = tuple(impacts(run, description, record, recorded))
+    return Person(recorded, contacts, carried_in(recorded, definition))
 
 
 def carried_in(record: HumanRecord, definition: Mapping[str, Any]) -> list[Carried]:
@@ -70,35 +246,28 @@ def carried_in(record: HumanRecord, definition: Mapping[str, Any]) -> list[Carri
     return carrying.carried(record.grips.values(), definition.get("human") or {}, plant)
 
 
-def metrics(
-    record: HumanRecord, section: Mapping[str, Any], met: Sequence[Impact] = (), carried: Sequence[Carried] = ()
-) -> dict[str, Any]:
-    """Return the metrics for metrics.json.
-
-    Args:
-        record: recording of the human from the bag.
-        section: `human` of the experiment, for the body.
-        met: contacts of the human.
-        carried: bodies that two grips carried together.
-    """
+def metrics(person: Person, section: Mapping[str, Any]) -> HumanMetrics:
+    """Return the metrics of the person; section: `human` of the experiment, for the body."""
+    record = person.record
     hand = hand_positions(record, section)
     velocity = np.gradient(hand, record.time, axis=0)
     begin, end = moved(record.events, record.time)
-    return {
-        "subject": HumanSettings.of(section, "human").person.code,
-        "motion": [begin, end],
-        "grips": {name: _grip(grip, record.events) for name, grip in record.grips.items()},
-        "handovers": _handovers(record.grips.values()),
-        "carried": [found for one in carried if (found := carrying.metrics(one, begin, end)) is not None],
-        "joints": {name: _joint(record, index) for index, name in enumerate(record.joints)},
-        "strength_share_max": float(np.abs(record.share).max()),
-        "strength_share_mean": float(np.abs(record.share).max(axis=1).mean()),
-        "muscles": None if record.muscles is None else muscle_metrics.metrics(record.muscles),
-        "hand": _hand(record.time, hand, velocity, begin, end),
-        "settling": _settling(record, velocity, begin, end, {end for one in carried for end in one.ends}),
-        "contacts": [impact.values() for impact in met],
-        "events": [vars(event) for event in record.events],
-    }
+    transports = (carrying.metrics(transport, begin, end) for transport in person.carried)
+    return HumanMetrics(
+        HumanSettings.of(section, "human").person.code,
+        (begin, end),
+        {name: _grip(grip, record.events) for name, grip in record.grips.items()},
+        tuple(_handovers(record.grips.values())),
+        tuple(transport for transport in transports if transport is not None),
+        {name: _joint(record, index) for index, name in enumerate(record.joints)},
+        float(np.abs(record.share).max()),
+        float(np.abs(record.share).max(axis=1).mean()),
+        None if record.muscles is None else muscle_metrics.metrics(record.muscles),
+        _hand(record.time, hand, velocity, begin, end),
+        _settling(record, velocity, begin, end, {end for transport in person.carried for end in transport.ends}),
+        tuple(from_json(ContactMetrics, impact.values()) for impact in person.impacts),
+        tuple(record.events),
+    )
 
 
 def hand_positions(record: HumanRecord, section: Mapping[str, Any]) -> FloatArray:
@@ -117,67 +286,49 @@ def moved(events: Sequence[Event], time: FloatArray) -> tuple[float, float]:
     return begin, ends[-1] if ends and ends[-1] > begin else float(time[-1])
 
 
-def _grip(grip: GripRecord, events: Sequence[Event]) -> dict[str, Any]:
-    own = [event for event in events if event.name == grip.name]
-    found = effort(grip)
-    if found is None:
-        return {"held": grip.held, "holder": grip.holder, "closed": 0.0, "force_max": None}
-    return {
-        "held": grip.held,
-        "holder": grip.holder,
-        **vars(found),
-        "slips": sum(event.kind == "slipped" for event in own),
-        "slipped": float(grip.slipped.max()),
-    }
+def _grip(grip: GripRecord, events: Sequence[Event]) -> GripMetrics:
+    used = effort(grip)
+    if used is None:
+        return GripMetrics(grip.held, grip.holder, 0.0, None)
+    slips = sum(event.kind == "slipped" and event.name == grip.name for event in events)
+    return GripMetrics(grip.held, grip.holder, **vars(used), slips=slips, slipped=float(grip.slipped.max()))
 
 
-def _handovers(grips: Iterable[GripRecord]) -> list[dict[str, Any]]:
-    """Return the handovers: giver, taker, overlap, force of the taker, and if the body fell."""
+def _handovers(grips: Iterable[GripRecord]) -> Iterator[Handover]:
+    """Yield the handovers in the order in which the givers closed."""
     first = {grip.name: float(grip.time[grip.closed][0]) for grip in grips if grip.closed.any()}
     in_order = sorted((grip for grip in grips if grip.name in first), key=lambda grip: first[grip.name])
-    found = []
     for giver, taker in combinations(in_order, 2):
         if giver.held != taker.held or not hands_over(giver, taker):
             continue
         n = min(len(giver.time), len(taker.time))
         both, none = giver.closed[:n] & taker.closed[:n], ~(giver.closed[:n] | taker.closed[:n])
         force = np.linalg.norm(taker.force[:n], axis=1)[both]
-        found.append(
-            {
-                "object": giver.held,
-                "giver": giver.name,
-                "taker": taker.name,
-                "overlap": float(np.gradient(taker.time[:n])[both].sum()),
-                "force_max": float(force.max()) if both.any() else None,
-                "dropped": bool(none[taker.time[:n] > first[giver.name]].any()),
-            }
+        yield Handover(
+            giver.held,
+            giver.name,
+            taker.name,
+            float(np.gradient(taker.time[:n])[both].sum()),
+            float(force.max()) if both.any() else None,
+            bool(none[taker.time[:n] > first[giver.name]].any()),
         )
-    return found
 
 
-def _joint(record: HumanRecord, index: int) -> dict[str, Any]:
-    share = np.abs(record.share[:, index])
-    return {
-        "torque_max": float(np.abs(record.torque[:, index]).max()),
-        "share_max": float(share.max()),
-        "share_mean": float(share.mean()),
-        "clipped": record.clipped[record.joints[index]],
-    }
+def _joint(record: HumanRecord, index: int) -> JointLoad:
+    share, torque = np.abs(record.share[:, index]), float(np.abs(record.torque[:, index]).max())
+    return JointLoad(torque, float(share.max()), float(share.mean()), record.clipped[record.joints[index]])
 
 
-def _hand(time: FloatArray, hand: FloatArray, velocity: FloatArray, begin: float, end: float) -> dict[str, Any]:
+def _hand(time: FloatArray, hand: FloatArray, velocity: FloatArray, begin: float, end: float) -> HandMetrics:
     during = (time >= begin) & (time <= end)
     speed = np.linalg.norm(velocity, axis=1)[during]
-    return {
-        "speed_max": float(speed.max()),
-        "path": float(np.trapezoid(speed, time[during])),
-        "smoothness": log_dimensionless_jerk(time[during], velocity[during]),
-    }
+    path, smoothness = np.trapezoid(speed, time[during]), log_dimensionless_jerk(time[during], velocity[during])
+    return HandMetrics(float(speed.max()), float(path), smoothness)
 
 
 def _settling(
     record: HumanRecord, velocity: FloatArray, begin: float, end: float, carrying_ends: Collection[str]
-) -> dict[str, Any] | None:
+) -> Settling | None:
     """Return the decay of grip forces and hand speed after the motion; None: the run is too short, or no grip closed.
 
     The force of a grip that carries a body is taken relative to its final value, since the weight remains.
@@ -185,21 +336,20 @@ def _settling(
     closed = [grip for grip in record.grips.values() if grip.closed.any()]
     if not closed or record.time[-1] < end + SETTLING_TIME:
         return None
-    speed = np.linalg.norm(velocity, axis=1)
-    curves = {"speed": (record.time, speed)}
+    curves = {"speed": (record.time, np.linalg.norm(velocity, axis=1))}
     for grip in closed:
         force = grip.force - grip.force[-1] if grip.name in carrying_ends else grip.force
         curves[grip.name] = grip.time, np.linalg.norm(force, axis=1)
-    found = {name: _faded(time, values, begin, end) for name, (time, values) in curves.items()}
-    fades = all(value is not None and value <= SETTLING_TIME for value in found.values())
-    return {"after": found, "verdict": SETTLES if fades else UNSTABLE}
+    after = {name: _faded(time, values, begin, end) for name, (time, values) in curves.items()}
+    fades = all(value is not None and value <= SETTLING_TIME for value in after.values())
+    return Settling(after, SETTLES if fades else UNSTABLE)
 
 
-def unrest(settling: Mapping[str, Any] | None) -> list[str]:
-    """Return the reasons why a run is unstable, for `stability.also`; settling: `human.settling` of metrics.json."""
-    if settling is None or settling["verdict"] != UNSTABLE:
+def instability_reasons(settling: Settling | None) -> list[str]:
+    """Return the reasons why a run is unstable because of its human, for `Stability.also`."""
+    if settling is None or settling.verdict != UNSTABLE:
         return []
-    return [f"robot and human do not come to rest within {SETTLING_TIME:g} s after his motion: {_after(settling)}"]
+    return [f"robot and human do not come to rest within {SETTLING_TIME:g} s after the motion: {settling.decay}"]
 
 
 def _faded(time: FloatArray, values: FloatArray, begin: float, end: float) -> float | None:
@@ -209,105 +359,3 @@ def _faded(time: FloatArray, values: FloatArray, begin: float, end: float) -> fl
     if not len(above):
         return 0.0
     return None if above[-1] >= time[-1] else float(above[-1] - end)
-
-
-def render(found: Mapping[str, Any]) -> str:
-    """Return the text of the report from the result of `metrics`."""
-    lines = [
-        f"human {found['subject']} (a model's estimate): at most {100 * found['strength_share_max']:.0f} % of the "
-        f"strength of a joint, {100 * found['strength_share_mean']:.0f} % in the mean of the most loaded one"
-    ]
-    for name, grip in found["grips"].items():
-        if grip["force_max"] is None:
-            lines.append(f"- grip {name} never closed: {grip['holder']} did not come near {grip['held']}")
-            continue
-        lines.append(
-            f"- grip {name} of {grip['held']}: {grip['force_max']:.1f} N at most, {grip['force_mean']:.1f} N in the "
-            f"mean, work on it {grip['work']:+.2f} J ({grip['work_absolute']:.2f} J to and fro), slipped "
-            f"{1e3 * grip['slipped']:.1f} mm ({grip['slips']} times)"
-        )
-    lines += [_handover(one) for one in found["handovers"]]
-    lines += [carrying.render(one) for one in found["carried"]]
-    lines += _contacts(found["contacts"])
-    if found["muscles"] is not None:
-        lines += muscle_metrics.render(found["muscles"])
-    hand, clipped = found["hand"], {name: n for name, joint in found["joints"].items() if (n := joint["clipped"])}
-    smooth = "-" if hand["smoothness"] is None else f"{hand['smoothness']:.2f}"
-    lines.append(f"- hand: {hand['speed_max']:.2f} m/s at most, log dimensionless jerk {smooth}")
-    if clipped:
-        counts = ", ".join(f"{name} ({n} times)" for name, n in clipped.items())
-        lines.append(f"- joints that came to their strength: {counts}")
-    if found["settling"] is not None:
-        lines.append(f"- after the motion: {_settled(found['settling'])}")
-    return "\n".join(lines)
-
-
-def _handover(one: Mapping[str, Any]) -> str:
-    force = "-" if one["force_max"] is None else f"{one['force_max']:.1f} N"
-    end = "IT FELL" if one["dropped"] else "it did not fall"
-    return (
-        f"- {one['giver']} gives {one['object']} to {one['taker']}: both hold it for {one['overlap']:.2f} s, {force} "
-        f"of {one['taker']} at most then; {end} ({SAMPLE})"
-    )
-
-
-def _contacts(contacts: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return the lines on contacts: for each pair of bodies the strongest one and the first clamping."""
-    lines = []
-    for same in together(contacts):
-        hardest = strongest(same)
-        lines += [_contact(hardest), *_expected(hardest), *[_press(one) for one in same if one["press"]][:1]]
-        if len(same) > 1:
-            peak, lasted = max(one["peak"] or 0.0 for one in same), sum(one["duration"] for one in same)
-            force = f", {peak:.1f} N at most" if peak else ""
-            lines.append(f"  they met {len(same)} times, for {lasted:.3f} s together{force}")
-    return lines
-
-
-def together(contacts: Sequence[Mapping[str, Any]]) -> list[list[Mapping[str, Any]]]:
-    """Group the contacts by pair of bodies, in the order of the first end of a contact."""
-    found: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
-    for one in contacts:
-        found.setdefault((one["link"], one["other"]), []).append(one)
-    return list(found.values())
-
-
-def strongest(same: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
-    """Return the contact with the largest peak force by the closed form, or with the largest recorded peak."""
-    return max(same, key=lambda one: ((one["transient"] or {}).get("peak", 0.0), one["peak"] or 0.0))
-
-
-def _contact(one: Mapping[str, Any]) -> str:
-    where = f"{', '.join(one['regions']) or one['link']} met {one['other']} at {one['begin']:.3f} s"
-    if one["peak"] is None:
-        return f"- {where}, rigid: no force that could be called one on a person"
-    return f"- {where} for {one['duration']:.3f} s: {one['peak']:.1f} N at most, {one['impulse']:.2f} N s"
-
-
-def _expected(one: Mapping[str, Any]) -> list[str]:
-    form = one["transient"]
-    if form is None:
-        return []
-    return [
-        f"  at {form['speed']:.3f} m/s with reflected masses of {form['robot_mass']:.2f} kg (robot with rotors) and "
-        f"{form['human_mass']:.2f} kg (human) on {1e-3 * form['stiffness']:.0f} N/mm",
-        f"  first peak {form['measured_peak']:.1f} N beside v sqrt(mu k) = {form['peak']:.1f} N: ratio "
-        f"{form['ratio']:.3f}; its half sine {form['duration']:.3f} s, {form['impulse']:.2f} N s",
-    ]
-
-
-def _press(one: Mapping[str, Any]) -> str:
-    press = one["press"]
-    return (
-        f"  pressed with {press['force']:.1f} N at {press['time']:.3f} s beside {press['balanced']:.1f} N that the "
-        f"commanded torque balances: ratio {press['ratio']:.3f}"
-    )
-
-
-def _settled(settling: Mapping[str, Any]) -> str:
-    return f"{settling['verdict']} ({_after(settling)})"
-
-
-def _after(settling: Mapping[str, Any]) -> str:
-    parts = [f"{name} {'never' if t is None else f'{t:.2f} s'}" for name, t in settling["after"].items()]
-    return f"below {100 * SETTLED:.0f} % of the peak after: {', '.join(parts)}"

@@ -75,34 +75,58 @@ def overshoot(position: FloatArray, target: float) -> float:
     return float(max(np.max((position - target) * np.sign(distance)), 0.0))
 
 
-def move_metrics(log: ControlRecord, move: Move, tolerances: Sequence[float]) -> dict[str, Any]:
+@dataclass(frozen=True)
+class JointStep:
+    """Response of one joint to a setpoint.
+
+    Attributes:
+        start, target: position at the setpoint's time, and target [rad].
+        settling_time: time until the error stays within each tolerance [s]; None: it never does.
+        overshoot: largest excursion past the target [rad].
+        final_error: error at the end [rad].
+    """
+
+    start: float
+    target: float
+    settling_time: dict[str, float | None]
+    overshoot: float
+    final_error: float
+
+
+@dataclass(frozen=True)
+class SetpointMetrics:
+    """Response of all joints to a setpoint.
+
+    Attributes:
+        time, duration: robot time of the setpoint, and time until the next one [s].
+        controller: name of the controller.
+        final_error_max: largest final error of a joint [rad].
+        settling_time_max: settling time of the slowest joint for each tolerance [s]; None: a joint never settles.
+        joints: response of each joint.
+    """
+
+    time: float
+    duration: float
+    controller: str
+    final_error_max: float
+    settling_time_max: dict[str, float | None]
+    joints: dict[str, JointStep]
+
+
+def setpoint_metrics(log: ControlRecord, move: Move, tolerances: Sequence[float]) -> SetpointMetrics:
     """Return start, target, settling times, overshoot and final error of each joint, and the worst of all joints."""
     part = slice(move.first, move.last)
     time = log.time[part]
-    joints: dict[str, dict[str, Any]] = {}
+    joints = {}
     for j, name in enumerate(log.joint_names):
         position, target = log.position[part, j], float(move.target[j])
         error = target - position
-        joints[name] = {
-            "start": float(position[0]),
-            "target": target,
-            "settling_time": {f"{tolerance:g}": settling_time(time, error, tolerance) for tolerance in tolerances},
-            "overshoot": overshoot(position, target),
-            "final_error": float(error[-1]),
-        }
-    worst = max(abs(values["final_error"]) for values in joints.values())
-    times = {
-        f"{tolerance:g}": _slowest([values["settling_time"][f"{tolerance:g}"] for values in joints.values()])
-        for tolerance in tolerances
-    }
-    return {
-        "time": float(time[0]),
-        "duration": float(time[-1] - time[0]),
-        "controller": move.setpoint.controller,
-        "final_error_max": worst,
-        "settling_time_max": times,
-        "joints": joints,
-    }
+        times = {f"{tolerance:g}": settling_time(time, error, tolerance) for tolerance in tolerances}
+        joints[name] = JointStep(float(position[0]), target, times, overshoot(position, target), float(error[-1]))
+    slowest = {key: _slowest([joint.settling_time[key] for joint in joints.values()]) for key in times}
+    worst = max(abs(joint.final_error) for joint in joints.values())
+    controller = move.setpoint.controller
+    return SetpointMetrics(float(time[0]), float(time[-1] - time[0]), controller, worst, slowest, joints)
 
 
 def _slowest(times: Sequence[float | None]) -> float | None:
@@ -118,15 +142,47 @@ def rate(values: FloatArray, time: FloatArray) -> FloatArray:
     return result
 
 
+@dataclass(frozen=True, kw_only=True)
+class JointMetrics:
+    """Peaks of one joint over the run; None: not known, or not commanded by effort.
+
+    Attributes:
+        velocity_peak, position_min, position_max: extremes [rad/s], [rad].
+        effort_peak, effort_raw_peak: largest torque sent, and requested [N m].
+        rotatum_peak, rotatum_raw_peak: largest torque rate sent, and requested [N m/s].
+        effort_ripple: torque sent, peak to peak in RIPPLE_WINDOW [N m].
+        velocity_ratio, effort_ratio, rotatum_ratio: peak relative to the limit [1].
+        limited_cycles: number of cycles in which each kind of limit acted.
+        velocity_ratio_max, position_excess_max: counted by the robot in all cycles [1], [rad].
+        started_outside: True if the joint started outside its position range.
+    """
+
+    velocity_peak: float
+    position_min: float
+    position_max: float
+    effort_peak: float | None = None
+    effort_raw_peak: float | None = None
+    rotatum_peak: float | None = None
+    effort_ripple: float | None = None
+    rotatum_raw_peak: float | None = None
+    velocity_ratio: float | None = None
+    effort_ratio: float | None = None
+    rotatum_ratio: float | None = None
+    limited_cycles: dict[str, int] | None = None
+    velocity_ratio_max: float | None = None
+    position_excess_max: float | None = None
+    started_outside: bool | None = None
+
+
 def joint_metrics(
-    log: ControlRecord, limits: Mapping[str, Mapping[str, float]], counts: Mapping[str, Any] | None
-) -> dict[str, Any]:
+    log: ControlRecord, limits: Mapping[str, Mapping[str, float]], counts: Any
+) -> dict[str, JointMetrics]:
     """Return peaks of torque, torque rate and speed of each joint, their ratios to the limits, and limited cycles.
 
     Args:
         log: control log.
         limits: any of lower, upper [rad], velocity [rad/s], effort [N m], effort_rate [N m/s], by joint.
-        counts: last message of the limit counts; None: there was none.
+        counts: last hric_msgs/JointLimitCounts; None: there was none.
     """
     peaks = {
         "velocity_peak": np.abs(log.velocity).max(axis=0),
@@ -142,39 +198,63 @@ def joint_metrics(
         peaks["rotatum_raw_peak"] = np.abs(rate(log.command_raw, log.time)).max(axis=0)
     result = {}
     for j, name in enumerate(log.joint_names):
-        values: dict[str, Any] = {
+        values = {
             key: float(array[j])
             for key, array in peaks.items()
             if effort[j] or key.startswith(("velocity", "position"))
         }
         bounds = limits.get(name, {})
-        for key, peak in (("velocity", "velocity_peak"), ("effort", "effort_peak"), ("effort_rate", "rotatum_peak")):
-            if bounds.get(key) and peak in values:
-                values[f"{peak.removesuffix('_peak')}_ratio"] = values[peak] / bounds[key]
-        result[name] = values | _counted(counts, name)
+        ratios = {
+            f"{peak.removesuffix('_peak')}_ratio": values[peak] / bounds[key]
+            for key, peak in (("velocity", "velocity_peak"), ("effort", "effort_peak"), ("effort_rate", "rotatum_peak"))
+            if bounds.get(key) and peak in values
+        }
+        result[name] = JointMetrics(**(_counted(counts, name) | values | ratios))
     return result
 
 
-def _counted(counts: Mapping[str, Any] | None, joint: str) -> dict[str, Any]:
-    if counts is None or joint not in counts["joint_names"]:
+def _counted(counts: Any, joint: str) -> dict[str, Any]:
+    if counts is None or joint not in counts.joint_names:
         return {}
-    j = counts["joint_names"].index(joint)
+    j = list(counts.joint_names).index(joint)
     return {
-        "limited_cycles": {kind: counts[kind][j] for kind in LIMIT_KINDS},
-        "velocity_ratio_max": counts["velocity_ratio_max"][j],
-        "position_excess_max": counts["position_excess_max"][j],
-        "started_outside": counts["started_outside"][j],
+        "limited_cycles": {kind: int(getattr(counts, kind)[j]) for kind in LIMIT_KINDS},
+        "velocity_ratio_max": float(counts.velocity_ratio_max[j]),
+        "position_excess_max": float(counts.position_excess_max[j]),
+        "started_outside": bool(counts.started_outside[j]),
     }
 
 
-def path_metrics(record: RunRecord) -> dict[str, Any] | None:
+@dataclass(frozen=True)
+class ProfileError:
+    """Distance of a joint from the profile of its controller.
+
+    Attributes:
+        largest_error, rms_error: largest and RMS distance [rad].
+    """
+
+    largest_error: float
+    rms_error: float
+
+
+@dataclass(frozen=True)
+class PathMetrics(ProfileError):
+    """Distance of the worst joint from the profile of a controller.
+
+    Attributes:
+        joints: distance of each joint.
+    """
+
+    joints: dict[str, ProfileError]
+
+
+def path_metrics(record: RunRecord) -> dict[str, PathMetrics] | None:
     """Compare the joint positions with the profile that each controller published, at the instants of its messages.
 
     Returns:
-        largest_error and rms_error of the worst joint and of each of `joints` [rad], by controller; None: no controller
-        published a profile.
+        The errors by controller; None: no controller published a profile.
     """
-    log, found = record.log, {}
+    log, result = record.log, {}
     for controller, (times, desired, names) in record.profiles.items():
         led = [name for name in names if name in log.joint_names]
         if not led:
@@ -183,34 +263,80 @@ def path_metrics(record: RunRecord) -> dict[str, Any] | None:
         measured = log.position[:, [log.joint_names.index(name) for name in led]][cycles]
         error = desired[:, [names.index(name) for name in led]] - measured
         largest, rms = np.abs(error).max(axis=0).tolist(), np.sqrt(np.mean(np.square(error), axis=0)).tolist()
-        found[controller] = {
-            **{"largest_error": max(largest), "rms_error": max(rms)},
-            "joints": {
-                name: {"largest_error": a, "rms_error": b} for name, a, b in zip(led, largest, rms, strict=True)
-            },
-        }
-    return found or None
+        joints = {name: ProfileError(a, b) for name, a, b in zip(led, largest, rms, strict=True)}
+        result[controller] = PathMetrics(max(largest), max(rms), joints)
+    return result or None
 
 
 def _period(log: ControlRecord) -> float:
     return float(np.median(np.diff(log.time))) if log.cycles > 1 else 0.0
 
 
-def control_log_metrics(log: ControlRecord) -> dict[str, Any]:
+@dataclass(frozen=True)
+class ControlLogMetrics:
+    """Completeness of the control log.
+
+    Attributes:
+        cycles, first_cycle: number of recorded cycles, and number of the first one.
+        gaps, repeats: (first cycle, number of cycles) of each gap, and of each repetition.
+        missing_cycles, repeated_cycles: their sums.
+        duration: time from the first to the last cycle [s].
+        period_min, period_max: shortest and longest time step [s].
+        limited_cycles: number of cycles in which a limit changed a command.
+    """
+
+    cycles: int
+    first_cycle: int
+    gaps: tuple[tuple[int, int], ...]
+    repeats: tuple[tuple[int, int], ...]
+    missing_cycles: int
+    repeated_cycles: int
+    duration: float
+    period_min: float
+    period_max: float
+    limited_cycles: int
+
+
+def control_log_metrics(log: ControlRecord) -> ControlLogMetrics:
     """Return the completeness of the control log: cycles, gaps, repeats, and the shortest and longest time step."""
     steps = np.diff(log.time) if log.cycles > 1 else np.zeros(1)
-    return {
-        "cycles": log.cycles,
-        "first_cycle": log.first_cycle,
-        "gaps": [list(gap) for gap in log.gaps],
-        "repeats": [list(repeat) for repeat in log.repeats],
-        "missing_cycles": sum(count for _, count in log.gaps),
-        "repeated_cycles": sum(count for _, count in log.repeats),
-        "duration": float(log.time[-1] - log.time[0]),
-        "period_min": float(steps.min()),
-        "period_max": float(steps.max()),
-        "limited_cycles": int(np.count_nonzero(np.any(log.command_raw != log.command, axis=1))),
-    }
+    return ControlLogMetrics(
+        log.cycles,
+        log.first_cycle,
+        tuple(log.gaps),
+        tuple(log.repeats),
+        sum(count for _, count in log.gaps),
+        sum(count for _, count in log.repeats),
+        float(log.time[-1] - log.time[0]),
+        float(steps.min()),
+        float(steps.max()),
+        int(np.count_nonzero(np.any(log.command_raw != log.command, axis=1))),
+    )
+
+
+@dataclass(frozen=True)
+class MotionMetrics:
+    """Metrics that need only the control log, the setpoints, the controller states and the limit counts.
+
+    Attributes:
+        experiment: name of the experiment.
+        control_log: completeness of the control log.
+        state_sha256: hash of position, velocity and command of each cycle.
+        limits_touched: number of cycles in which each kind of limit acted, summed over the joints; None: not known.
+        path: distance from the profile of each controller; None: no controller published a profile.
+        setpoints: response to each setpoint.
+        joints: peaks of each joint.
+        topics: number of messages of each topic.
+    """
+
+    experiment: str
+    control_log: ControlLogMetrics
+    state_sha256: str
+    limits_touched: dict[str, int] | None
+    path: dict[str, PathMetrics] | None
+    setpoints: tuple[SetpointMetrics, ...]
+    joints: dict[str, JointMetrics]
+    topics: dict[str, int]
 
 
 def compute(
@@ -218,18 +344,17 @@ def compute(
     limits: Mapping[str, Mapping[str, float]],
     joints_of: Mapping[str, Sequence[str]],
     tolerances: Sequence[float],
-) -> dict[str, Any]:
-    """Compute all metrics that need only the recording of the run and the limits.
-
-    `limits_touched` is the number of cycles in which each kind of limit acted, summed over the joints.
-    """
+    experiment: str,
+) -> MotionMetrics:
+    """Compute all metrics that need only the recording of the run and the limits."""
     log, counts = record.log, record.limit_counts
-    return {
-        "control_log": control_log_metrics(log),
-        "state_sha256": log.state_sha256(),
-        "limits_touched": None if counts is None else {kind: sum(counts[kind]) for kind in LIMIT_KINDS},
-        "path": path_metrics(record),
-        "setpoints": [move_metrics(log, move, tolerances) for move in moves(record, joints_of)],
-        "joints": joint_metrics(log, limits, counts),
-        "topics": dict(sorted(record.topics.items())),
-    }
+    return MotionMetrics(
+        experiment,
+        control_log_metrics(log),
+        log.state_sha256(),
+        None if counts is None else {kind: int(sum(getattr(counts, kind))) for kind in LIMIT_KINDS},
+        path_metrics(record),
+        tuple(setpoint_metrics(log, move, tolerances) for move in moves(record, joints_of)),
+        joint_metrics(log, limits, counts),
+        dict(sorted(record.topics.items())),
+    )

@@ -1,61 +1,88 @@
 """Muscle metrics of the simulated human of a run: estimates of a model. No ROS."""
 
-from collections.abc import Mapping
-from typing import Any
+from dataclasses import dataclass
 
+import numpy as np
+
+from hric_bags.reader import FloatArray
 from hric_bags.records.muscle_record import MuscleRecord
 
 THRESHOLDS = (0.3, 0.5)
 """Activations for which the share of time above them is reported [1]; project defaults, unconfirmed."""
-NAMED = 3
-"""Number of muscles that are named in the text of a report."""
 
 
-def metrics(record: MuscleRecord) -> dict[str, Any]:
-    """Return the metrics for metrics.json."""
-    own = record.activation[:, record.is_muscle]
-    names = record.muscles
-    return {
-        "activation_max": float(own.max()),
-        "activation_max_muscle": names[int(own.max(axis=0).argmax())],
-        "activation_mean": float(own.mean()),
-        "above": {f"{level:g}": float((own.max(axis=1) > level).mean()) for level in THRESHOLDS},
-        "outside": record.outside,
-        "muscles": {
-            name: {
-                "activation_max": float(values.max()),
-                "activation_mean": float(values.mean()),
-                "above": {f"{level:g}": float((values > level).mean()) for level in THRESHOLDS},
-                "force_max": record.force[name],
-                "limited": record.limited[name],
-            }
-            for name, values in zip(names, own.T, strict=True)
+@dataclass(frozen=True)
+class ContactSize:
+    """Contact force between the bones of a joint.
+
+    Attributes:
+        force_max, force_mean: largest and mean force [N].
+    """
+
+    force_max: float
+    force_mean: float
+
+
+@dataclass(frozen=True)
+class MuscleMetrics:
+    """Use of one muscle.
+
+    Attributes:
+        activation_max, activation_mean: largest and mean activation [1].
+        above: share of the time with a larger activation, by threshold [1].
+        force_max: largest force [N].
+        limited: how many times the muscle was saturated at maximum strength.
+    """
+
+    activation_max: float
+    activation_mean: float
+    above: dict[str, float]
+    force_max: float
+    limited: int
+
+
+@dataclass(frozen=True)
+class MusclesMetrics:
+    """Use of all muscles.
+
+    Attributes:
+        activation_max: largest activation of a muscle [1].
+        activation_max_muscle: name of that muscle.
+        activation_mean: mean activation of all muscles [1].
+        above: share of the time in which a muscle has a larger activation, by threshold [1].
+        outside: share of the time in which the posture was outside the range of the muscle paths [1].
+        muscles: use of each muscle.
+        contact: contact force of each joint.
+    """
+
+    activation_max: float
+    activation_max_muscle: str
+    activation_mean: float
+    above: dict[str, float]
+    outside: float
+    muscles: dict[str, MuscleMetrics]
+    contact: dict[str, ContactSize]
+
+
+def metrics(record: MuscleRecord) -> MusclesMetrics:
+    """Return the metrics of a recording."""
+    activation, names = record.activation[:, record.is_muscle], record.muscles
+    return MusclesMetrics(
+        float(activation.max()),
+        names[int(activation.max(axis=0).argmax())],
+        float(activation.mean()),
+        _above(activation.max(axis=1)),
+        record.outside,
+        {
+            name: MuscleMetrics(
+                float(values.max()), float(values.mean()), _above(values), record.force[name], record.limited[name]
+            )
+            for name, values in zip(names, activation.T, strict=True)
         },
-        "contact": {
-            joint: {"force_max": float(size.max()), "force_mean": float(size.mean())}
-            for joint, size in record.contact.items()
-        },
-    }
+        {joint: ContactSize(float(size.max()), float(size.mean())) for joint, size in record.contact.items()},
+    )
 
 
-def render(found: Mapping[str, Any]) -> list[str]:
-    """Return the lines of the report from the result of `metrics`."""
-    muscles = found["muscles"]
-    hardest = sorted(muscles, key=lambda name: -muscles[name]["activation_max"])[:NAMED]
-    named = ", ".join(f"{name} {muscles[name]['activation_max']:.2f}" for name in hardest)
-    above = ", ".join(f"above {level} for {100 * share:.0f} % of the time" for level, share in found["above"].items())
-    lines = [
-        f"- muscles: activation at most {named}; {found['activation_mean']:.3f} in the mean of all; one of them {above}"
-    ]
-    if found["contact"]:
-        sizes = (f"{joint} {size['force_max']:.0f} N at most" for joint, size in found["contact"].items())
-        lines.append(f"- contact force between his bones: {', '.join(sizes)}")
-    if limited := {name: one["limited"] for name, one in muscles.items() if one["limited"]}:
-        counts = ", ".join(f"{name} ({n} times)" for name, n in limited.items())
-        lines.append(f"- muscles that gave all that they can: {counts}")
-    if found["outside"] > 0.0:
-        lines.append(
-            f"- for {100 * found['outside']:.0f} % of the time his posture was outside the range of muscle paths: "
-            "muscles are those of its edge then"
-        )
-    return lines
+def _above(activation: FloatArray) -> dict[str, float]:
+    """Return the share of samples above each threshold, by threshold; activation: shape (n,) [1]."""
+    return {f"{level:g}": float(np.mean(activation > level)) for level in THRESHOLDS}

@@ -16,7 +16,7 @@ A joint chatters if share >= CHATTER_SHARE and periodicity >= PERIODICITY, or if
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -92,11 +92,61 @@ def stretches(torque: FloatArray) -> Stretches:
     )  # the shortest lag, not a multiple of the period
 
 
-def chatter(log: ControlRecord, limits: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
-    """Return the joints that chatter, the worst first.
+@dataclass(frozen=True)
+class Chatter:
+    """Chatter of one joint.
 
-    Each has ripple [N m], share [1], periodicity [1] and frequency [Hz] of its worst stretch, and begin and end of all
-    chatter [s].
+    Attributes:
+        ripple, share, periodicity, frequency: those of the worst stretch [N m], [1], [1], [Hz].
+        begin, end: robot time of the first and the last chatter [s].
+    """
+
+    ripple: float
+    share: float
+    periodicity: float
+    frequency: float
+    begin: float
+    end: float
+
+
+@dataclass(frozen=True)
+class Thresholds:
+    """Thresholds of the verdict; see the constants of this module."""
+
+    share: float = CHATTER_SHARE
+    periodicity: float = PERIODICITY
+    wild_share: float = WILD_SHARE
+    piece: int = PIECE
+    stretch: int = STRETCH
+    lags: int = LAGS
+
+
+@dataclass(frozen=True)
+class Stability:
+    """Stability verdict of a run.
+
+    Attributes:
+        verdict: stable, unstable; None: the run is too short.
+        loop: the same for the control loop alone, without the person.
+        reasons: reasons why the run is unstable.
+        joints: joints that chatter, the worst first.
+        thresholds: thresholds of the verdict.
+    """
+
+    verdict: str | None
+    loop: str | None
+    reasons: tuple[str, ...]
+    joints: dict[str, Chatter]
+    thresholds: Thresholds
+
+    def also(self, reasons: Sequence[str]) -> "Stability":
+        """Return the verdict with further reasons why the run is unstable; `loop` remains."""
+        verdict = UNSTABLE if reasons else self.verdict
+        return replace(self, verdict=verdict, reasons=(*self.reasons, *reasons))
+
+
+def chatter(log: ControlRecord, limits: Mapping[str, Mapping[str, float]]) -> dict[str, Chatter]:
+    """Return the joints that chatter, the worst first.
 
     Args:
         log: control log.
@@ -104,29 +154,29 @@ def chatter(log: ControlRecord, limits: Mapping[str, Mapping[str, float]]) -> di
     """
     if log.cycles < PIECE * STRETCH:
         return {}
-    found = stretches(log.torque)
+    ripples = stretches(log.torque)
     efforts = np.array([limits.get(name, {}).get("effort") or NO_LIMIT_EFFORT for name in log.joint_names])
-    share = found.ripple / efforts
-    bad = ((share >= CHATTER_SHARE) & (found.periodicity >= PERIODICITY)) | (share >= WILD_SHARE)
+    share = ripples.ripple / efforts
+    bad = ((share >= CHATTER_SHARE) & (ripples.periodicity >= PERIODICITY)) | (share >= WILD_SHARE)
     result = {}
     for j in np.flatnonzero(bad.any(axis=0)):
-        bad_ones = np.flatnonzero(bad[:, j])
-        worst = bad_ones[share[bad_ones, j].argmax()]
-        begin, end = PIECE * bad_ones[0], min(PIECE * (bad_ones[-1] + STRETCH), log.cycles - 1)
+        rows = np.flatnonzero(bad[:, j])
+        worst = rows[share[rows, j].argmax()]
+        begin, end = PIECE * rows[0], min(PIECE * (rows[-1] + STRETCH), log.cycles - 1)
         step = (log.time[PIECE * (worst + STRETCH) - 1] - log.time[PIECE * worst]) / (PIECE * STRETCH - 1)
-        result[log.joint_names[j]] = {
-            "ripple": float(found.ripple[worst, j]),
-            "share": float(share[worst, j]),
-            "periodicity": float(found.periodicity[worst, j]),
-            "frequency": float(1.0 / (found.period[worst, j] * step)),
-            "begin": float(log.time[begin]),
-            "end": float(log.time[end]),
-        }
-    return dict(sorted(result.items(), key=lambda item: -item[1]["share"]))
+        result[log.joint_names[j]] = Chatter(
+            float(ripples.ripple[worst, j]),
+            float(share[worst, j]),
+            float(ripples.periodicity[worst, j]),
+            float(1.0 / (ripples.period[worst, j] * step)),
+            float(log.time[begin]),
+            float(log.time[end]),
+        )
+    return dict(sorted(result.items(), key=lambda item: -item[1].share))
 
 
-def judge(run: Mapping[str, Any], log: ControlRecord, limits: Mapping[str, Mapping[str, float]]) -> dict[str, Any]:
-    """Return the stability verdict with its reasons for metrics.json, see INTERFACE.md.
+def judge(run: Mapping[str, Any], log: ControlRecord, limits: Mapping[str, Mapping[str, float]]) -> Stability:
+    """Return the stability verdict with its reasons, see INTERFACE.md.
 
     Args:
         run: contents of run.yaml.
@@ -142,27 +192,11 @@ def judge(run: Mapping[str, Any], log: ControlRecord, limits: Mapping[str, Mappi
         reasons.insert(0, text)
     judged = bool(reasons) or log.cycles >= PIECE * STRETCH
     verdict = (UNSTABLE if reasons else STABLE) if judged else None
-    thresholds = {
-        "share": CHATTER_SHARE,
-        "periodicity": PERIODICITY,
-        "wild_share": WILD_SHARE,
-        "piece": PIECE,
-        "stretch": STRETCH,
-        "lags": LAGS,
-    }
-    return {"verdict": verdict, "loop": verdict, "reasons": reasons, "joints": joints, "thresholds": thresholds}
+    return Stability(verdict, verdict, tuple(reasons), joints, Thresholds())
 
 
-def also(found: Mapping[str, Any], reasons: Sequence[str]) -> dict[str, Any]:
-    """Return the result of `judge` with further reasons why the run is unstable; its verdict remains as `loop`."""
-    verdict = UNSTABLE if reasons else found["verdict"]
-    return {**found, "verdict": verdict, "reasons": [*found["reasons"], *reasons]}
-
-
-def _text(name: str, values: Mapping[str, float]) -> str:
-    share, how = (
-        100.0 * values["share"],
-        f"at {values['frequency']:.0f} Hz" if values["periodicity"] >= PERIODICITY else "without a period",
-    )
-    when = f"from {values['begin']:.2f} to {values['end']:.2f} s"
-    return f"{name} chatters {how}, {values['ripple']:.3g} N m RMS ({share:.3g} % of its effort limit), {when}"
+def _text(name: str, values: Chatter) -> str:
+    how = f"at {values.frequency:.0f} Hz" if values.periodicity >= PERIODICITY else "without a period"
+    when = f"from {values.begin:.2f} to {values.end:.2f} s"
+    share = 100.0 * values.share
+    return f"{name} chatters {how}, {values.ripple:.3g} N m RMS ({share:.3g} % of its effort limit), {when}"

@@ -9,9 +9,7 @@ within the stretch that began at t_0; p_0 is the position of the end effector th
 The lag is that of the largest normalised cross-correlation of the two displacements.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -30,7 +28,6 @@ MIN_MOTION = 1e-3
 """Standard deviation of the marker position below which no lag is computed [m]. Project default, unconfirmed."""
 SMOOTHED = 10
 """Number of cycles over which the smoothed acceleration is taken, longer than the noise of real encoders."""
-STAMP_VALUES = (("mean", "uncertainty"), ("largest", "largest_uncertainty"))
 STAMP_WINDOW = 2.0
 """Window in which the stamp error is taken as constant [s]."""
 
@@ -179,23 +176,120 @@ def acceleration(time: FloatArray, path: FloatArray, cycles: int = 1) -> float:
     return rms(second[whole])
 
 
-def frames_metrics(frames: Frames) -> dict[str, Any]:
+@dataclass(frozen=True)
+class FramesMetrics:
+    """Numbers of motion capture frames.
+
+    Attributes:
+        received, lost, not_in_order: frames, by their numbers.
+        untracked: frames without the body.
+        rate: rate [Hz]; None: a single frame.
+        latency_median, latency_max: time from exposure to arrival [s]; None: not known.
+    """
+
+    received: int
+    lost: int
+    not_in_order: int
+    untracked: int
+    rate: float | None
+    latency_median: float | None
+    latency_max: float | None
+
+
+@dataclass(frozen=True)
+class StampError:
+    """Error of the stamps against the true hand motion, with its standard deviation.
+
+    Attributes:
+        mean, uncertainty: error over the whole recording [s].
+        largest, largest_uncertainty: largest error in a window [s].
+        window: length of the windows [s].
+    """
+
+    mean: float
+    uncertainty: float
+    largest: float
+    largest_uncertainty: float
+    window: float
+
+
+@dataclass(frozen=True)
+class Accelerations:
+    """RMS accelerations [m/s^2].
+
+    Attributes:
+        measured, measured_smoothed: acceleration of the end effector over 1 and over SMOOTHED cycles.
+        ideal: acceleration of the marker; None: the true motion is not known.
+        ratio, ratio_smoothed: accelerations of the end effector relative to the marker's [1].
+    """
+
+    measured: float
+    measured_smoothed: float
+    ideal: float | None
+    ratio: float | None
+    ratio_smoothed: float | None
+
+
+@dataclass(frozen=True)
+class Phase:
+    """Phase of the emulated human that starts at a robot time [s]."""
+
+    time: float
+    phase: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackingMetrics:
+    """Marker tracking of a run; None: no valid marker, or not known.
+
+    Attributes:
+        controller, body: names of the controller and of the tracked body.
+        marker: source of the marker's position, "truth" or "motion capture".
+        frames: motion capture frames.
+        stamp_error: error of the stamps.
+        losses, ignored, clamped, refused: counts of the controller.
+        phases: phases of the emulated human.
+        first_marker: robot time of the first valid marker [s].
+        lag, correlation: lag of the end effector [s], and correlation at it [1].
+        rms_error, largest_error: error after the lag [m].
+        acceleration: accelerations of end effector and marker.
+    """
+
+    controller: str
+    body: str
+    marker: str
+    frames: FramesMetrics
+    stamp_error: StampError | None
+    losses: int
+    ignored: int
+    clamped: int
+    refused: dict[str, int]
+    phases: tuple[Phase, ...]
+    first_marker: float | None
+    lag: float | None
+    correlation: float | None
+    rms_error: float | None
+    largest_error: float | None
+    acceleration: Accelerations | None
+
+
+def frames_metrics(frames: Frames) -> FramesMetrics:
     """Return the numbers of received, lost, unordered and untracked frames, their rate and latency."""
     steps = np.diff(frames.number)
     known = frames.latency[np.isfinite(frames.latency)]
     span = float(frames.time[-1] - frames.time[0])
-    return {
-        "received": len(frames.number),
-        "lost": int(np.sum(steps[steps > 1] - 1)),
-        "not_in_order": int(np.count_nonzero(steps < 1)),
-        "untracked": int(np.count_nonzero(~frames.valid)),
-        "rate": (len(frames.number) - 1) / span if span > 0 else None,
-        "latency_median": float(np.median(known)) if known.size else None,
-        "latency_max": float(known.max()) if known.size else None,
-    }
+    return FramesMetrics(
+        len(frames.number),
+        int(np.sum(steps[steps > 1] - 1)),
+        int(np.count_nonzero(steps < 1)),
+        int(np.count_nonzero(~frames.valid)),
+        (len(frames.number) - 1) / span if span > 0 else None,
+        float(np.median(known)) if known.size else None,
+        float(known.max()) if known.size else None,
+    )
 
 
-def stamp_error(record: TrackingRecord, R_base_marker: FloatArray) -> dict[str, Any] | None:
+def stamp_error(record: TrackingRecord, R_base_marker: FloatArray) -> StampError | None:
     """Return the error of the stamps against the true hand motion [s]; None: the true motion is not known.
 
     The error is the time shift that, with an offset, fits best. Frames have the position at their exposure, so a frame
@@ -213,13 +307,7 @@ def stamp_error(record: TrackingRecord, R_base_marker: FloatArray) -> dict[str, 
     windows = [time // STAMP_WINDOW == k for k in np.unique(time // STAMP_WINDOW)]
     parts = [late_by(speed[w], apart[w]) for w in windows if rms(speed[w]) > 0.5 * rms(speed)]
     worst = max(parts, key=lambda part: abs(part[0]))
-    return {
-        "mean": whole,
-        "uncertainty": sigma,
-        "largest": worst[0],
-        "largest_uncertainty": worst[1],
-        "window": STAMP_WINDOW,
-    }
+    return StampError(whole, sigma, *worst, STAMP_WINDOW)
 
 
 def late_by(speed: FloatArray, apart: FloatArray) -> tuple[float, float]:
@@ -233,44 +321,29 @@ def late_by(speed: FloatArray, apart: FloatArray) -> tuple[float, float]:
 
 def metrics(
     data: Followed | None, record: TrackingRecord, times: FloatArray, ee: FloatArray, R_base_marker: FloatArray
-) -> dict[str, Any]:
-    """Return the key `tracking` of metrics.json; `times` and `ee` are those of each cycle, not resampled."""
-    last = record.states.last
-    result: dict[str, Any] = {
-        "controller": record.states.controller,
-        "body": record.frames.body,
-        "marker": "truth" if record.truth is not None else "motion capture",
-        "frames": frames_metrics(record.frames),
-        "stamp_error": stamp_error(record, R_base_marker),
-        "losses": int(last.losses),
-        "ignored": int(last.ignored),
-        "clamped": int(last.clamped),
-        "refused": dict(zip(map(str, last.refused_reasons), map(int, last.refused_counts), strict=True)),
-        "phases": [{"time": time, "phase": phase} for time, phase in record.phases],
-    }
-    if data is None:
-        return {
-            **result,
-            "first_marker": None,
-            "lag": None,
-            "correlation": None,
-            "rms_error": None,
-            "largest_error": None,
-            "acceleration": None,
-        }
-    found = lag_of(data)
-    lag, correlation = found or (0.0, None)
-    error = data.error(round(lag / STEP))
-    lengths = np.linalg.norm(error, axis=1)
-    return {
-        **result,
-        "first_marker": float(data.time[0]),
-        "lag": None if found is None else lag,
-        "correlation": correlation,
-        "rms_error": rms(error),
-        "largest_error": float(np.nanmax(lengths)),
-        "acceleration": _accelerations(data, record, times, ee),
-    }
+) -> TrackingMetrics:
+    """Return the metrics of a recording; `times` and `ee` are those of each cycle, not resampled."""
+    last, lag, error = record.states.last, None if data is None else lag_of(data), None
+    if data is not None:
+        error = data.error(round((0.0 if lag is None else lag[0]) / STEP))
+    return TrackingMetrics(
+        controller=record.states.controller,
+        body=record.frames.body,
+        marker="truth" if record.truth is not None else "motion capture",
+        frames=frames_metrics(record.frames),
+        stamp_error=stamp_error(record, R_base_marker),
+        losses=int(last.losses),
+        ignored=int(last.ignored),
+        clamped=int(last.clamped),
+        refused=dict(zip(map(str, last.refused_reasons), map(int, last.refused_counts), strict=True)),
+        phases=tuple(Phase(time, phase) for time, phase in record.phases),
+        first_marker=None if data is None else float(data.time[0]),
+        lag=None if lag is None else lag[0],
+        correlation=None if lag is None else lag[1],
+        rms_error=None if error is None else rms(error),
+        largest_error=None if error is None else float(np.nanmax(np.linalg.norm(error, axis=1))),
+        acceleration=None if data is None else _accelerations(data, record, times, ee),
+    )
 
 
 def _ideal(data: Followed, record: TrackingRecord) -> float | None:
@@ -286,63 +359,9 @@ def _ideal(data: Followed, record: TrackingRecord) -> float | None:
     return acceleration(time, scipy.interpolate.CubicSpline(own, record.truth[1])(time), SMOOTHED)
 
 
-def _accelerations(
-    data: Followed, record: TrackingRecord, times: FloatArray, ee: FloatArray
-) -> dict[str, float | None]:
+def _accelerations(data: Followed, record: TrackingRecord, times: FloatArray, ee: FloatArray) -> Accelerations:
     use = (times >= data.time[0]) & (times <= data.time[-1])
     measured, smoothed = (acceleration(times[use], ee[use], cycles) for cycles in (1, SMOOTHED))
     ideal = _ideal(data, record)
     ratios = [value / ideal if ideal else None for value in (measured, smoothed)]
-    return {
-        "measured": measured,
-        "measured_smoothed": smoothed,
-        "ideal": ideal,
-        "ratio": ratios[0],
-        "ratio_smoothed": ratios[1],
-    }
-
-
-def render(values: dict[str, Any]) -> str:
-    """Return the lines of the report from the result of `metrics`."""
-    frames, stamps, parts = values["frames"], values["stamp_error"], []
-    lag = "not known: too little motion" if values["lag"] is None else f"{1e3 * values['lag']:.1f} ms"
-    if values["rms_error"] is None:
-        parts.append(f"{values['controller']}: no valid marker of {values['body'] or 'any body'} came")
-    else:
-        parts.append(
-            f"{values['controller']} follows {values['body']} (against the {values['marker']}), from "
-            f"{values['first_marker']:.3f} s on:"
-        )
-        parts.append(
-            f"  lag {lag}, RMS error after it {1e3 * values['rms_error']:.2f} mm, largest "
-            f"{1e3 * values['largest_error']:.2f} mm"
-        )
-        parts.append("  " + _acceleration_line(values["acceleration"]))
-    latency = "" if frames["latency_median"] is None else f", latency {1e3 * frames['latency_median']:.1f} ms (median)"
-    parts.append(
-        f"  frames: {frames['received']} received, {frames['lost']} lost, {frames['untracked']} without the "
-        f"body{latency}; "
-        f"marker lost {values['losses']} times" + _refused(values)
-    )
-    if stamps is not None:
-        mean, largest = (f"{1e3 * stamps[a]:+.3f} ms (+-{1e3 * stamps[b]:.3f})" for a, b in STAMP_VALUES)
-        parts.append(
-            f"  stamps: {mean} from the truth, at most {largest} over {stamps['window']:g} s; +- is what the "
-            "noise leaves open"
-        )
-    return "\n".join(parts)
-
-
-def _acceleration_line(values: dict[str, float | None]) -> str:
-    text = f"RMS acceleration {values['measured']:.3f} m/s2"
-    if values["ideal"]:
-        text += (
-            f", {values['ratio']:.2f} times the marker's own {values['ideal']:.3f} "
-            f"({values['ratio_smoothed']:.2f} over {SMOOTHED} cycles)"
-        )
-    return text
-
-
-def _refused(values: dict[str, Any]) -> str:
-    counts: Sequence[str] = [f"{count} {reason}" for reason, count in values["refused"].items()]
-    return f"; markers refused: {', '.join(counts)}" if counts else ""
+    return Accelerations(measured, smoothed, ideal, *ratios)

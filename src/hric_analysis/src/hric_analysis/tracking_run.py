@@ -10,7 +10,7 @@ import numpy.typing as npt
 import scipy
 
 from hric_analysis import tracking, tracking_record
-from hric_analysis.tracking import Followed
+from hric_analysis.tracking import Followed, TrackingMetrics
 from hric_analysis.tracking_record import TrackingRecord
 from hric_bags.parts import Bag
 from hric_bags.reader import BagError, ControlRecord, RunRecord
@@ -26,12 +26,12 @@ class Tracking:
     Attributes:
         record: recording from the bag.
         data: marker and end effector on a common time axis; None: there was no valid marker.
-        values: metrics, the key `tracking` of metrics.json.
+        values: metrics.
     """
 
     record: TrackingRecord
     data: Followed | None
-    values: dict[str, Any]
+    values: TrackingMetrics
 
 
 def analyse(description: str, bag: Path | Bag, run: Mapping[str, Any], record: RunRecord) -> Tracking | None:
@@ -57,7 +57,7 @@ def analyse(description: str, bag: Path | Bag, run: Mapping[str, Any], record: R
         else np.array(own.get("frame_rotation", tracking.THESIS_ROTATION), dtype=float)
     )
     if not description:
-        raise BagError("a marker was followed, and there is no description of the robot (robot.urdf) beside the bag")
+        raise BagError("a marker was followed, but the run folder has no robot description (robot.urdf)")
     arm_id = str(own.get("arm_id") or "panda")
     ee = tip_positions(description, record.log, f"{arm_id}_link0", f"{arm_id}_link8", found.p_flange_ee)
     data = tracking.followed(found, record.log.time, ee, R, catch_up=own.get("on_return") == "catch_up")

@@ -1,32 +1,82 @@
 """Metrics of a run with a bag on disk or in memory, each computed on first access."""
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any
 
 from hric_analysis import collection, collection_record, differences, human, metrics, stability, supervised
 from hric_analysis import tracking_run as tracking_analysis
-from hric_analysis.human import Person
+from hric_analysis.collection import CollectionMetrics, SourceMetrics, StreamMetrics
+from hric_analysis.differences import Difference
+from hric_analysis.human import HumanMetrics, Person
+from hric_analysis.metrics import MotionMetrics
+from hric_analysis.stability import Stability
+from hric_analysis.supervised import SupervisorMetrics
+from hric_analysis.tracking import TrackingMetrics
 from hric_analysis.tracking_run import Tracking
 from hric_bags.parts import Bag
 from hric_bags.reader import RunRecord
 from hric_bags.records import contact_record, safety_record
+from hric_bags.records.contact_record import PairForce
 from hric_bags.records.safety_record import SafetyRecord
+from hric_core.json_values import to_json
 from hric_run.definition.experiment import MetricsSpec
 
-MOTION = ("control_log", "state_sha256", "limits_touched", "path", "setpoints", "joints", "topics")
-"""Metrics that need only the control log, the setpoints, the controller states and the limit counts."""
-KEYS = (
-    "experiment",
-    *MOTION,
-    *("real_time_factor", "missed_deadlines", "reflexes", "contacts", "stability", "sources", "sync"),
-    *("human", "supervisor", "tracking"),
-)
+
+@dataclass(frozen=True)
+class Reflex:
+    """Error of a Franka arm: robot time [s], and libfranka's names."""
+
+    time: float
+    errors: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Reference set-up: its name, and the title for a report."""
+
+    name: str
+    title: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunMetrics(MotionMetrics):
+    """Contents of metrics.json; None: there was no such part in the run. See also INTERFACE.md of hric_experiments.
+
+    Attributes:
+        real_time_factor: robot time per wall time [1].
+        missed_deadlines: number of cycles that started late; None: not published (headless).
+        reflexes: errors of the arm.
+        contacts: pairs of bodies that touched.
+        stability: stability verdict.
+        sources, sync: completeness of the sensor data, and synchronised streams.
+        human, supervisor, tracking: simulated human, supervisor, and marker tracking.
+        reference, differences: reference set-up, and differences from it; left out without one.
+    """
+
+    real_time_factor: float | None
+    missed_deadlines: int | None
+    reflexes: tuple[Reflex, ...]
+    contacts: tuple[PairForce, ...] | None
+    stability: Stability
+    sources: dict[str, SourceMetrics] | None
+    sync: dict[str, StreamMetrics] | None
+    human: HumanMetrics | None
+    supervisor: SupervisorMetrics | None
+    tracking: TrackingMetrics | None
+    reference: Reference | None = None
+    differences: tuple[Difference, ...] | None = None
+
+
+KEYS = tuple(item.name for item in fields(RunMetrics) if item.default is not None)
 """Metrics of every run; a run with a reference set-up also has `reference` and `differences`."""
+MOTION = tuple(item.name for item in fields(MotionMetrics) if item.name != "experiment")
+"""Metrics that need only the control log, the setpoints, the controller states and the limit counts."""
 
 
 class Values(Mapping[str, Any]):
-    """Contents of metrics.json, computed on access.
+    """Metrics of a run as JSON values by name, each computed on first access.
 
     Args:
         run: contents of run.yaml.
@@ -39,10 +89,28 @@ class Values(Mapping[str, Any]):
         self._run, self._bag, self._record, self._description = run, bag, record, description
         self._definition: Mapping[str, Any] = run.get("definition") or {}
         self._limits: Mapping[str, Mapping[str, float]] = run.get("limits") or {}
-        given = (self._definition.get("metrics") or {}).get("tolerances")
-        self.tolerances = tuple(given or MetricsSpec().tolerances)
-        self._reference = str((self._definition.get("metrics") or {}).get("reference") or "")
+        settings = self._definition.get("metrics") or {}
+        self.tolerances = tuple(settings.get("tolerances") or MetricsSpec().tolerances)
+        self._reference = str(settings.get("reference") or "")
         self._parts: dict[str, Any] = {}
+        self._others: dict[str, Callable[[], object]] = {
+            "real_time_factor": lambda: run.get("real_time_factor"),
+            "missed_deadlines": lambda: collection_record.missed_deadlines(bag),
+            "reflexes": lambda: tuple(Reflex(*reflex) for reflex in record.reflexes),
+            "contacts": lambda: tuple(contact_record.read(bag, record.robot_time)) or None,
+            "stability": self._stability,
+            "sources": lambda: self._collected.sources,
+            "sync": lambda: self._collected.sync,
+            "human": lambda: self._human,
+            "supervisor": lambda: supervised.metrics(self.safety),
+            "tracking": lambda: None if self.followed is None else self.followed.values,
+        }
+        if self._reference:
+            self._others |= {"reference": lambda: self._compared[0], "differences": lambda: self._compared[1]}
+
+    def all(self) -> RunMetrics:
+        """Return all metrics."""
+        return RunMetrics(**{key: self._part(key) for key in self})
 
     @cached_property
     def followed(self) -> Tracking | None:
@@ -51,7 +119,7 @@ class Values(Mapping[str, Any]):
 
     @cached_property
     def person(self) -> Person | None:
-        """Human of the run, with metrics of effort and contacts; None: there was none."""
+        """Human of the run, with contacts and transports; None: there was none."""
         return human.analyse(self._bag, self._run, self._description, self._record)
 
     @cached_property
@@ -60,57 +128,38 @@ class Values(Mapping[str, Any]):
         return safety_record.read(self._bag, self._record.robot_time)
 
     @cached_property
-    def _motion(self) -> dict[str, Any]:
-        return metrics.compute(self._record, self._limits, joint_orders(self._run), self.tolerances)
+    def _motion(self) -> MotionMetrics:
+        orders, name = joint_orders(self._run), self._run.get("experiment", "")
+        return metrics.compute(self._record, self._limits, orders, self.tolerances, name)
 
     @cached_property
-    def _collected(self) -> dict[str, Any]:
-        record = self._record
-        found = collection_record.read(self._bag)
-        return collection.metrics(found, record.log, record.robot_time, self._run.get("interval"))
+    def _collected(self) -> CollectionMetrics:
+        record, data = self._record, collection_record.read(self._bag)
+        return collection.metrics(data, record.log, record.robot_time, self._run.get("interval"))
 
     @cached_property
-    def _compared(self) -> dict[str, Any]:
-        if not self._reference:
-            return {}
+    def _human(self) -> HumanMetrics | None:
+        return None if self.person is None else human.metrics(self.person, self._definition["human"])
+
+    @cached_property
+    def _compared(self) -> tuple[Reference, tuple[Difference, ...]]:
         reference = differences.reference(self._reference)
         setpoints, parameters = self._definition.get("setpoints") or [], self._run.get("parameters") or {}
         controller = parameters.get(setpoints[0]["controller"], {}) if setpoints else {}
-        setup = differences.Setup(reference, self._definition.get("robot") or {}, controller, self)
-        named = {"name": self._reference, "title": reference["title"]}
-        return {"reference": named, "differences": differences.compare(setup)}
+        setup = differences.Setup(reference, self._definition.get("robot") or {}, controller, self._motion)
+        return Reference(self._reference, reference["title"]), differences.compare(setup)
 
-    def _stability(self) -> dict[str, Any]:
+    def _stability(self) -> Stability:
         judged = stability.judge(self._run, self._record.log, self._limits)
-        if self.person is None:
-            return judged
-        return stability.also(judged, human.unrest(self.person.values["settling"]))
+        return judged.also([] if self._human is None else human.instability_reasons(self._human.settling))
 
-    def _computed(self, key: str) -> Any:
-        record = self._record
-        if key in MOTION:
-            return self._motion[key]
-        if key in ("sources", "sync"):
-            return self._collected[key]
-        if key in ("reference", "differences"):
-            return self._compared[key]
-        others: dict[str, Callable[[], Any]] = {
-            "experiment": lambda: self._run.get("experiment", ""),
-            "real_time_factor": lambda: self._run.get("real_time_factor"),
-            "missed_deadlines": lambda: collection_record.missed_deadlines(self._bag),
-            "reflexes": lambda: [{"time": time, "errors": list(names)} for time, names in record.reflexes],
-            "contacts": lambda: contact_record.metrics(contact_record.read(self._bag, record.robot_time)),
-            "stability": self._stability,
-            "human": lambda: None if self.person is None else self.person.values,
-            "supervisor": lambda: supervised.metrics(self.safety),
-            "tracking": lambda: None if self.followed is None else self.followed.values,
-        }
-        return others[key]()
+    def _part(self, key: str) -> Any:
+        if key not in self._parts:
+            self._parts[key] = self._others[key]() if key in self._others else getattr(self._motion, key)
+        return self._parts[key]
 
     def __getitem__(self, key: str) -> Any:
-        if key not in self._parts:
-            self._parts[key] = self._computed(key)
-        return self._parts[key]
+        return to_json(self._part(key))
 
     def __iter__(self) -> Iterator[str]:
         return iter((*KEYS, *(("reference", "differences") if self._reference else ())))
@@ -121,8 +170,8 @@ class Values(Mapping[str, Any]):
 
 def joint_orders(run: Mapping[str, Any]) -> dict[str, list[str]]:
     """Return the joint order of each controller that has a parameter `joints`; run: contents of run.yaml."""
-    found = {}
+    orders = {}
     for name, values in (run.get("parameters") or {}).items():
         if isinstance(values, Mapping) and isinstance(values.get("joints"), list) and values["joints"]:
-            found[name] = [str(joint) for joint in values["joints"]]
-    return found
+            orders[name] = [str(joint) for joint in values["joints"]]
+    return orders

@@ -102,7 +102,7 @@ class RunRecord:
         log: the control log.
         setpoints: setpoints in order of time.
         profiles: desired motion of each controller: (time (n,) [s], desired position (n, j) [rad], joint names).
-        limit_counts: last limit counts, by field name; None if there were none.
+        limit_counts: last hric_msgs/JointLimitCounts; None if there were none.
         topics: message count per topic.
         duration: time from the first to the last message [s].
         reflexes: (robot time [s], names of the errors) of each time a Franka arm entered an error.
@@ -112,7 +112,7 @@ class RunRecord:
     log: ControlRecord
     setpoints: list[SentSetpoint] = field(default_factory=list)
     profiles: dict[str, tuple[FloatArray, FloatArray, tuple[str, ...]]] = field(default_factory=dict)
-    limit_counts: dict[str, Any] | None = None
+    limit_counts: Any = None
     topics: dict[str, int] = field(default_factory=dict)
     duration: float = 0.0
     reflexes: list[tuple[float, tuple[str, ...]]] = field(default_factory=list)
@@ -205,7 +205,7 @@ class Messages:
             self._log.record(),
             [_setpoint(*item, robot_time) for item in self._commands],
             {topic.strip("/").split("/")[-2]: _profile(rows, robot_time) for topic, rows in self._desired.items()},
-            None if self._counts is None else _counts(self._counts),
+            self._counts,
             topics,
             bag.duration * 1e-9 if bag.message_count else 0.0,
             [(robot_time(stamp), errors) for stamp, errors in self._reflexes],
@@ -320,16 +320,6 @@ def robot_time_of(clock: Sequence[tuple[float, float]]) -> RobotTime:
 
 def _setpoint(topic: str, stamp: float, message: Any, robot_time: RobotTime) -> SentSetpoint:
     return SentSetpoint(robot_time(stamp), topic.strip("/").split("/")[-2], np.asarray(message.data, dtype=float))
-
-
-def _counts(message: Any) -> dict[str, Any]:
-    result: dict[str, Any] = {"joint_names": list(message.joint_names), "cycles": int(message.cycles)}
-    for name in ("position", "velocity", "effort", "effort_rate"):
-        result[name] = [int(value) for value in getattr(message, name)]
-    for name in ("velocity_ratio_max", "position_excess_max"):
-        result[name] = [float(value) for value in getattr(message, name)]
-    result["started_outside"] = [bool(value) for value in message.started_outside]
-    return result
 
 
 def _profile(

@@ -4,11 +4,10 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from hric_core.errors import check_known
-from hric_core.node import LiveParameter
+from hric_core.node import LiveParameter, OnChange
 from hric_core.parameters import Settings, declared, flag, number, text, whole
 
 _KINDS: dict[type, Callable[..., Any]] = {bool: flag, int: whole, float: number, str: text}
-OnChange = Callable[[dict[str, Any]], dict[str, Any]]
 
 
 def live_parameters(settings: Settings) -> list[LiveParameter]:

@@ -13,6 +13,9 @@ from typing import Any, Protocol, runtime_checkable
 from hric_core import names
 from hric_core.errors import ParameterError
 
+OnChange = Callable[[dict[str, Any]], dict[str, Any]]
+"""Callback for changes of live parameters by name; returns all values that are in force then."""
+
 
 class _Required:
     """Marker of a parameter without default."""
@@ -238,9 +241,7 @@ class Node(Protocol):
     ) -> Registration:
         """Offer an action with actionlib's topics."""
 
-    def live_parameters(
-        self, parameters: Sequence[LiveParameter], on_change: Callable[[dict[str, Any]], dict[str, Any]]
-    ) -> Registration:
+    def live_parameters(self, parameters: Sequence[LiveParameter], on_change: OnChange) -> Registration:
         """Offer parameters that change while running (dynamic_reconfigure's services and topics in this namespace).
 
         `on_change` gets all values and returns those in force afterwards (it restores a refused value).

@@ -46,6 +46,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Self, TypedDict, Unpack
 
 from hric_core.errors import HricError, ParameterError, ParameterErrors, UnknownParameterError
+from hric_core.json_values import JsonSchema
 from hric_core.magnitudes import first_beyond, largest, likely_unit
 from hric_core.node import REQUIRED, Node
 
@@ -124,7 +125,7 @@ class Parameter:
     maximum: float = math.inf
     live: bool = False
     nested: "type[Settings] | None" = None
-    shape: Callable[[], dict[str, Any]] = dict
+    shape: Callable[[], JsonSchema] = dict
 
     def __set_name__(self, owner: object, name: str) -> None:
         self.name = self.name or name
@@ -436,7 +437,7 @@ def _flag(value: Any, where: str, joints: Sequence[str]) -> bool:
     return value
 
 
-def _shape(**schema: Any) -> Callable[[], dict[str, Any]]:
+def _shape(**schema: Any) -> Callable[[], JsonSchema]:
     return lambda: dict(schema)
 
 
@@ -517,7 +518,7 @@ def listing(
             raise ValueError
         return tuple(result)
 
-    def shape() -> dict[str, Any]:
+    def shape() -> JsonSchema:
         return _one_or_list(schema_of(of), counts, single) | ({"uniqueItems": True} if different else {})
 
     kind = of.kind if of.kind.startswith("`") else f"{of.kind.split()[0]}s"
@@ -526,7 +527,7 @@ def listing(
     return Parameter(made, accepts, convert, default, nested=of.nested, shape=shape, **about)
 
 
-def _one_or_list(item: dict[str, Any], counts: Sequence[int], single: bool) -> dict[str, Any]:
+def _one_or_list(item: JsonSchema, counts: Sequence[int], single: bool) -> JsonSchema:
     length = {"minItems": min(counts), "maxItems": max(counts)} if counts else {}
     listed = {"type": ["array"] if counts else ["array", "null"], "items": item, **length}
     return {"anyOf": [item, listed]} if single else listed
@@ -591,7 +592,7 @@ def mapping(of: Parameter | None = None, default: Any = REQUIRED, **about: Unpac
         mistakes.raise_all()
         return result
 
-    def shape() -> dict[str, Any]:
+    def shape() -> JsonSchema:
         return {"type": ["object", "null"], "additionalProperties": True if of is None else schema_of(of)}
 
     accepts = "a mapping of names to values" + (f", each {of.valid}" if of else "")
@@ -632,7 +633,7 @@ def variant(
             raise unknown(key, word, kinds, where)
         return kinds[word].of(given, where, joints)
 
-    def shape() -> dict[str, Any]:
+    def shape() -> JsonSchema:
         forms = []
         for word, kind in kinds.items():
             form = json_schema(kind)
@@ -661,7 +662,7 @@ def per_joint(of: Parameter, default: Any = REQUIRED, *, others: Any = REQUIRED,
         labels = joints or range(len(value))
         return tuple(of.checked(item, f"{below(where)}{label}") for label, item in zip(labels, value, strict=True))
 
-    def shape() -> dict[str, Any]:
+    def shape() -> JsonSchema:
         one = schema_of(of)
         lists = {"type": "array", "items": one}, {"type": "object", "additionalProperties": one}
         return {"anyOf": [one, *lists]}
@@ -692,14 +693,14 @@ def either(*kinds: Parameter, default: Any = REQUIRED, **about: Unpack[About]) -
                 return kind.converted(value, where, joints)
         raise ValueError
 
-    def shape() -> dict[str, Any]:
+    def shape() -> JsonSchema:
         return {"anyOf": [schema_of(kind) for kind in kinds]}
 
     kind, accepts = " or ".join(k.type for k in kinds), ", or ".join(k.valid for k in kinds)
     return Parameter(kind, accepts, convert, default, shape=shape, **about)
 
 
-def json_schema(settings: type[Settings]) -> dict[str, Any]:
+def json_schema(settings: type[Settings]) -> JsonSchema:
     """Return the JSON schema of a mapping with these parameters; editors complete and check by it."""
     parameters = declared(settings).values()
     base = settings.defaults()
@@ -709,7 +710,7 @@ def json_schema(settings: type[Settings]) -> dict[str, Any]:
     return {"type": kind, "properties": properties, "required": required, "additionalProperties": False}
 
 
-def schema_of(parameter: Parameter) -> dict[str, Any]:
+def schema_of(parameter: Parameter) -> JsonSchema:
     """Return the JSON schema of one parameter."""
     shape = parameter.shape()
     bounds = {

@@ -5,7 +5,7 @@ No topic or service of a controller outlives it, and no parameter that it never 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, TypeVar
 
-from hric_core.node import REQUIRED, GoalHandle, LiveParameter, Node, Publisher, Registration
+from hric_core.node import REQUIRED, GoalHandle, LiveParameter, Node, OnChange, Publisher, Registration
 from hric_core.parameters import refuse_unknown
 
 MadeT = TypeVar("MadeT", bound=Publisher | Registration)
@@ -104,9 +104,7 @@ class ScopedNode:
         """Offer an action."""
         return self.keep(self._node.action_server(name, action_type, on_goal, on_cancel))
 
-    def live_parameters(
-        self, parameters: Sequence[LiveParameter], on_change: Callable[[dict[str, Any]], dict[str, Any]]
-    ) -> Registration:
+    def live_parameters(self, parameters: Sequence[LiveParameter], on_change: OnChange) -> Registration:
         """Offer live parameters."""
         self._read.update(self.resolve(parameter.name) for parameter in parameters)
         return self.keep(self._node.live_parameters(parameters, on_change))

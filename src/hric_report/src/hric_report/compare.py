@@ -1,11 +1,13 @@
 """Comparison of two run folders, written to a folder as metrics.json, figures and summary.txt; needs no ROS."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from hric_analysis import comparison, human_difference
-from hric_analysis.comparison import Comparison
+from hric_analysis.comparison import Comparison, JointDifference, SetpointDifference, SettingDifference
+from hric_analysis.human_difference import HumanDifference
 from hric_analysis.values import joint_orders
 from hric_bags import files
 from hric_bags import reader as bag_reader
@@ -14,12 +16,57 @@ from hric_bags.reader import RunRecord
 from hric_bags.records import human_record
 from hric_bags.run_folder import RunFolder
 from hric_core.errors import UnknownNameError
+from hric_core.json_values import to_json
+from hric_report import human_text
 from hric_report.run import bag_of
 
 SHOWN_JOINT = 5
 """Column of the joint that is shown large: the sixth, as in figure 13 of the thesis."""
 SHOWN_SETTINGS = ("robot", "controllers", "parameters", "human", "mocap", "duration")
 """Keys of an experiment whose values are compared between two runs."""
+
+
+@dataclass(frozen=True)
+class ComparedRun:
+    """Run of a comparison.
+
+    Attributes:
+        label: label in text and figures.
+        run: name of the run folder.
+        hw: plugin type of the robot; None: not known.
+        experiment, mode, status, arguments, seed, state_sha256: as in run.yaml; None: not known.
+    """
+
+    label: str
+    run: str
+    hw: str | None
+    experiment: str | None
+    mode: str | None
+    status: str | None
+    arguments: list[str] | None
+    seed: int | None
+    state_sha256: str | None
+
+
+@dataclass(frozen=True)
+class ComparisonMetrics:
+    """Contents of metrics.json of a comparison.
+
+    Attributes:
+        runs: both runs, "a" and "b".
+        aligned_by: setpoints or positions.
+        shift: time shift of run B [s].
+        setpoints: difference from each setpoint on.
+        human: difference of the simulated humans; None: one of the runs has none.
+        settings: settings that differ.
+    """
+
+    runs: dict[str, ComparedRun]
+    aligned_by: str
+    shift: float
+    setpoints: list[SetpointDifference]
+    human: HumanDifference | None
+    settings: list[SettingDifference]
 
 
 def compare(
@@ -55,18 +102,27 @@ def compare(
     compared = comparison.overlay(records[0], records[1], joint_orders(runs[0]), joint_orders(runs[1]), fit=fit)
     shown = _shown(compared.joint_names, joint)
     names = (a.path.name, b.path.name) if labels is None else (labels[0], labels[1])
-    result = {
-        "runs": {"a": _head(a, runs[0], names[0]), "b": _head(b, runs[1], names[1])},
-        "aligned_by": "positions" if fit else "setpoints",
-        "shift": compared.shift,
-        "setpoints": comparison.difference_metrics(compared),
-        "human": _people(bags, records, compared.shift),
-        "settings": comparison.settings(settings_of(runs[0]), settings_of(runs[1])),
-    }
-    _write(folder, result, report := render(result))
+    labelled = {"a": _compared_run(a, runs[0], names[0]), "b": _compared_run(b, runs[1], names[1])}
+    metrics = ComparisonMetrics(
+        labelled,
+        "positions" if fit else "setpoints",
+        compared.shift,
+        comparison.difference_metrics(compared),
+        _people(bags, records, compared.shift),
+        comparison.settings(settings_of(runs[0]), settings_of(runs[1])),
+    )
     if figures:
         _draw(folder, compared, names, shown)
-    return {**result, "report": report}
+    return _written(folder, metrics)
+
+
+def _written(folder: Path, metrics: ComparisonMetrics) -> dict[str, Any]:
+    """Write metrics and text; return the JSON values of the metrics, and the text under "report"."""
+    values, report = to_json(metrics), render(metrics)
+    files.make_folder(folder)
+    files.write_json(folder / "metrics.json", values)
+    files.write_text(folder / "summary.txt", report)
+    return {**values, "report": report}
 
 
 def _draw(folder: Path, compared: Comparison, names: tuple[str, str], shown: int) -> None:
@@ -76,16 +132,10 @@ def _draw(folder: Path, compared: Comparison, names: tuple[str, str], shown: int
     drawing.draw(folder / drawing.FOLDER, pair, " and ".join(names))
 
 
-def _people(bags: Sequence[Path], records: Sequence[RunRecord], shift: float) -> dict[str, Any] | None:
+def _people(bags: Sequence[Path], records: Sequence[RunRecord], shift: float) -> HumanDifference | None:
     """Return the differences between the simulated humans of two runs; None: one of the runs has no human."""
     a, b = (human_record.read(bag, record.robot_time) for bag, record in zip(bags, records, strict=True))
     return None if a is None or b is None else human_difference.difference(a, b, shift)
-
-
-def _write(folder: Path, result: Mapping[str, Any], report: str) -> None:
-    files.make_folder(folder)
-    files.write_json(folder / "metrics.json", result)
-    files.write_text(folder / "summary.txt", report)
 
 
 def _shown(names: Sequence[str], joint: str | None) -> int:
@@ -96,14 +146,10 @@ def _shown(names: Sequence[str], joint: str | None) -> int:
     return list(names).index(joint)
 
 
-def _head(folder: RunFolder, run: Mapping[str, Any], label: str) -> dict[str, Any]:
-    kept = {key: run.get(key) for key in ("experiment", "mode", "status", "arguments", "seed", "state_sha256")}
-    return {
-        "label": label,
-        "run": folder.path.name,
-        "hw": ((run.get("definition") or {}).get("robot") or {}).get("hw"),
-        **kept,
-    }
+def _compared_run(folder: RunFolder, run: Mapping[str, Any], label: str) -> ComparedRun:
+    hw = ((run.get("definition") or {}).get("robot") or {}).get("hw")
+    keys = ("experiment", "mode", "status", "arguments", "seed", "state_sha256")
+    return ComparedRun(label, folder.path.name, hw, **{key: run.get(key) for key in keys})
 
 
 def settings_of(run: Mapping[str, Any]) -> dict[str, Any]:
@@ -112,65 +158,52 @@ def settings_of(run: Mapping[str, Any]) -> dict[str, Any]:
     return {key: definition[key] for key in SHOWN_SETTINGS if key in definition}
 
 
-def render(result: Mapping[str, Any]) -> str:
-    """Return the comparison as text, for the terminal and summary.txt; `result` is the contents of metrics.json."""
-    a, b = (result["runs"][key] for key in "ab")
-    lines = [f"{key.upper()}: {run['label']} ({_labelled(run)})" for key, run in zip("ab", (a, b), strict=True)]
-    lines.append(
-        f"overlaid on each other by their {result['aligned_by']}"
-        + (f", B shifted by {1e3 * result['shift']:+.3f} ms" if result["shift"] else "")
-    )
-    parts = ["\n".join(lines), *(_move(move) for move in result["setpoints"])]
-    if result["human"]:
-        parts.append(human_difference.line(result["human"]))
-    if result["settings"]:
-        settings = (f"- {item['key']}: {_set(item['a'])}; {_set(item['b'])}" for item in result["settings"])
+def render(metrics: ComparisonMetrics) -> str:
+    """Return the comparison as text, for the terminal and summary.txt."""
+    lines = [f"{key.upper()}: {run.label} ({_described(run)})" for key, run in metrics.runs.items()]
+    shift = f", B shifted by {1e3 * metrics.shift:+.3f} ms" if metrics.shift else ""
+    lines.append(f"overlaid on each other by their {metrics.aligned_by}{shift}")
+    parts = ["\n".join(lines), *map(_setpoint, metrics.setpoints)]
+    if metrics.human:
+        parts.append(human_text.difference_line(metrics.human))
+    if metrics.settings:
+        settings = (f"- {item.key}: {_set(item.a)}; {_set(item.b)}" for item in metrics.settings)
         parts.append("\n".join(["set differently (A; B):", *settings]))
-    if any(item["key"].endswith(".gravity") or item["key"] == "robot.hw" for item in result["settings"]):
+    if any(item.key.endswith(".gravity") or item.key == "robot.hw" for item in metrics.settings):
         parts.append(
             "torques compare only if both robots compensate gravity and friction at the same place (thesis ch. 4.4)"
         )
     return "\n\n".join(parts) + "\n"
 
 
-def _set(value: Any) -> str:
+def _set(value: object) -> str:
     return "not set" if value is None else str(value)
 
 
-def _labelled(run: Mapping[str, Any]) -> str:
-    arguments = " ".join(run["arguments"] or [])
-    return ", ".join(
-        str(item) for item in (run["experiment"], run["hw"], run["mode"], run["status"], arguments) if item
-    )
+def _described(run: ComparedRun) -> str:
+    arguments = " ".join(run.arguments or [])
+    return ", ".join(str(item) for item in (run.experiment, run.hw, run.mode, run.status, arguments) if item)
 
 
-def _move(move: Mapping[str, Any]) -> str:
-    efforts = any("effort_peak_difference" in joint for joint in move["joints"].values())
+def _setpoint(setpoint: SetpointDifference) -> str:
+    efforts = any(joint.effort_peak_difference is not None for joint in setpoint.joints.values())
     cells = [["joint", "peak", "at", "steady", "rms", *(["peak", "at", "steady"] if efforts else [])]]
     cells.append(["A - B", "rad", "s", "rad", "rad", *(["N m", "s", "N m"] if efforts else [])])
-    for name, joint in move["joints"].items():
-        row = [
-            name,
-            _small(joint["peak_difference"]),
-            f"{joint['peak_time']:.3f}",
-            _small(joint["steady_difference"]),
-            _small(joint["rms_difference"]),
-        ]
-        if efforts:
-            row += [_effort(joint, key) for key in ("peak_difference", "peak_time", "steady_difference")]
-        cells.append(row)
-    lines = text_table.rows(cells)
-    lines[1], lines[2] = lines[2], lines[1]
+    cells += [[name, *_cells(joint, efforts)] for name, joint in setpoint.joints.items()]
+    lines = text_table.rows(cells, head=2)
     title = (
-        f"from the setpoint at {move['time_a']:.3f} s (A), {move['time_b']:.3f} s (B), {move['duration']:.3f} s long"
+        f"from the setpoint at {setpoint.time_a:.3f} s (A), {setpoint.time_b:.3f} s (B), {setpoint.duration:.3f} s long"
     )
-    worst = f"largest difference {move['peak_difference_max']:.2e} rad, steady {move['steady_difference_max']:.2e} rad"
-    return "\n".join([f"{title}: {worst}", "", *lines])
+    worst, steady = setpoint.peak_difference_max, setpoint.steady_difference_max
+    return "\n".join([f"{title}: largest difference {worst:.2e} rad, steady {steady:.2e} rad", "", *lines])
+
+
+def _cells(joint: JointDifference, efforts: bool) -> list[str]:
+    row = [_small(joint.peak_difference), f"{joint.peak_time:.3f}"]
+    row += [_small(joint.steady_difference), _small(joint.rms_difference)]
+    torque = (joint.effort_peak_difference, joint.effort_peak_time, joint.effort_steady_difference)
+    return row + ["-" if value is None else f"{value:.3f}" for value in torque] * efforts
 
 
 def _small(value: float) -> str:
     return f"{value:.4f}" if abs(value) >= 1e-3 or value == 0.0 else f"{value:.1e}"
-
-
-def _effort(joint: Mapping[str, float], key: str) -> str:
-    return f"{joint[f'effort_{key}']:.3f}" if f"effort_{key}" in joint else "-"

@@ -15,6 +15,7 @@ from hric_bags.reader import Messages, RunRecord
 from hric_bags.records.safety_record import SafetyRecord
 from hric_bags.run_folder import RunFolder
 from hric_control.plants import WindowlessConfig
+from hric_core.json_values import to_json
 from hric_report import text as report_text
 
 OPENSIM = "opensim_ros_control/OpenSimPlant"
@@ -56,15 +57,15 @@ def analyse(
         step("how a marker was followed")
         followed = values.followed
         step("metrics of motion, contacts and samples")
-        result = dict(values)
+        result = values.all()
         person = values.person
-        files.write_json(folder.metrics_path, result)
+        files.write_json(folder.metrics_path, to_json(result))
         report = report_text.render(run, result)
         files.write_text(folder.path / "summary.txt", report)
         _export(folder, run, record, person)
         if figures:
             _draw(folder, run, reader, record, followed, person, values.safety, values.tolerances, step)
-    return {**result, "report": report}
+    return {**to_json(result), "report": report}
 
 
 def _export(folder: RunFolder, run: Mapping[str, Any], record: RunRecord, person: Person | None) -> None:

@@ -111,7 +111,7 @@ def tracking_figures(found: Tracking | None) -> list[Figure]:
     if found is None or found.data is None:
         return []
     data, record = found.data, found.record
-    lag = round((found.values["lag"] or 0.0) / STEP)
+    lag = round((found.values.lag or 0.0) / STEP)
     names = [f"{axis} in {record.base}" for axis in AXES]
     curves = _followed(found, data.desired(0))
     caption = (

@@ -1,158 +1,174 @@
 """Text of a report, for the terminal and summary.txt."""
 
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Mapping
 from typing import Any
 
-from hric_analysis import collection, human, stability, supervised, tracking
+from hric_analysis import stability
+from hric_analysis.metrics import JointMetrics, SetpointMetrics
+from hric_analysis.supervised import SupervisorMetrics
+from hric_analysis.values import RunMetrics
+from hric_assessment.findings import DISCLAIMER
 from hric_bags import text
 from hric_bags.records import contact_record
+from hric_report import human_text, sensor_text
+
+SHOWN_EVENTS = 12
+"""Maximum number of events of the supervisor in the text; metrics.json has all. Project default, unconfirmed."""
 
 
-def render(run: Mapping[str, Any], metrics: Mapping[str, Any]) -> str:
-    """Return the text of the complete report.
-
-    Args:
-        run: contents of run.yaml.
-        metrics: contents of metrics.json.
-    """
+def render(run: Mapping[str, Any], metrics: RunMetrics) -> str:
+    """Return the text of the complete report; run: contents of run.yaml."""
     parts = [_head(run, metrics)]
-    parts += [
-        f"THE ARM PROTECTED ITSELF at {one['time']:.3f} s: {', '.join(one['errors'])}"
-        for one in metrics.get("reflexes", ())
-    ]
-    parts.append(_stability(metrics["stability"]))
-    parts += [_move(move, metrics["joints"]) for move in metrics["setpoints"]]
-    if metrics.get("human"):
-        parts.append(human.render(metrics["human"]))
-    if metrics.get("supervisor"):
-        parts.append(supervised.render(metrics["supervisor"]))
-    if metrics.get("tracking"):
-        parts.append(tracking.render(metrics["tracking"]))
-    elif not metrics["setpoints"] and not metrics.get("human"):
+    parts += [f"THE ARM PROTECTED ITSELF at {one.time:.3f} s: {', '.join(one.errors)}" for one in metrics.reflexes]
+    parts.append(_stability(metrics.stability))
+    parts += [_setpoint(setpoint, metrics.joints) for setpoint in metrics.setpoints]
+    if metrics.human:
+        parts.append(human_text.render(metrics.human))
+    if metrics.supervisor:
+        parts.append(_supervisor(metrics.supervisor))
+    if metrics.tracking:
+        parts.append(sensor_text.tracking(metrics.tracking))
+    elif not metrics.setpoints and not metrics.human:
         parts.append("no setpoint was recorded")
-    if metrics.get("contacts"):
-        parts.append(_contacts(metrics["contacts"]))
+    if metrics.contacts:
+        lines = text.rows([contact_record.HEAD, *contact_record.cells(metrics.contacts)])
+        parts.append("\n".join([*lines, *filter(None, [contact_record.note(metrics.contacts)])]))
     parts += [_limits(metrics), _log(metrics)]
-    if metrics.get("sources"):
-        parts.append(collection.render(metrics))
-    if metrics.get("differences"):
-        parts.append(_differences(metrics))
+    if metrics.sources:
+        parts.append(sensor_text.collection(metrics.sources, metrics.sync or {}))
+    if metrics.reference and metrics.differences:
+        lines = [f"differences from {metrics.reference.title}:"]
+        for item in metrics.differences:
+            lines += [f"- {item.what}: there {item.reference}; here {item.here}", f"  {item.why}"]
+        parts.append("\n".join(lines))
     return "\n\n".join(parts) + "\n"
 
 
-def _head(run: Mapping[str, Any], metrics: Mapping[str, Any]) -> str:
+def _head(run: Mapping[str, Any], metrics: RunMetrics) -> str:
     arguments = " ".join(run.get("arguments") or []) or "none"
     rtf = run.get("real_time_factor")
     pace = f", {rtf:.2f} times real time" if isinstance(rtf, int | float) else ""
-    if (missed := metrics.get("missed_deadlines")) is not None:
-        pace += f", {missed} deadlines missed"
-    cycles = metrics["control_log"]
+    if metrics.missed_deadlines is not None:
+        pace += f", {metrics.missed_deadlines} deadlines missed"
+    log = metrics.control_log
     error = f": {reason}" if (reason := run.get("error") or run.get("reason")) else ""
     return (
         f"{run.get('experiment', 'run')}: {run.get('description', '')}\n"
         f"{run.get('status', '')} ({run.get('mode', '')}){error}, arguments: {arguments}, seed {run.get('seed', 0)}\n"
-        f"{cycles['cycles']} cycles, {cycles['duration']:.3f} s of robot time{pace}"
+        f"{log.cycles} cycles, {log.duration:.3f} s of robot time{pace}"
     )
 
 
-def _stability(found: Mapping[str, Any]) -> str:
-    if found["verdict"] is None:
+def _stability(judged: stability.Stability) -> str:
+    if judged.verdict is None:
         return "stability: not judged, the run is too short"
-    if found["verdict"] == stability.STABLE:
+    if judged.verdict == stability.STABLE:
         return "stability: stable"
-    return "\n".join(["stability: UNSTABLE", *(f"- {reason}" for reason in found["reasons"])])
+    return "\n".join(["stability: UNSTABLE", *(f"- {reason}" for reason in judged.reasons)])
 
 
-def setpoint_cells(move: Mapping[str, Any]) -> tuple[list[tuple[str, str]], list[list[str]]]:
-    """Return the table of one setpoint: (name, unit) of each column, and a row per joint with its name first.
-
-    Args:
-        move: entry of `setpoints` in metrics.json.
-    """
-    tolerances = list(move["settling_time_max"])
+def setpoint_cells(setpoint: SetpointMetrics) -> tuple[list[tuple[str, str]], list[list[str]]]:
+    """Return the table of one setpoint: (name, unit) of each column, and a row per joint with its name first."""
+    tolerances = list(setpoint.settling_time_max)
     columns = [("joint", ""), ("start", "rad"), ("setpoint", "rad"), ("final error", "rad")]
     columns += [*((f"settled {t}", "s") for t in tolerances), ("overshoot", "rad")]
     rows = [
         [
             name,
-            f"{joint['start']:.4f}",
-            f"{joint['target']:.4f}",
-            f"{joint['final_error']:.2e}",
-            *("never" if (time := joint["settling_time"][t]) is None else f"{time:.3f}" for t in tolerances),
-            f"{joint['overshoot']:.2e}",
+            f"{joint.start:.4f}",
+            f"{joint.target:.4f}",
+            f"{joint.final_error:.2e}",
+            *("never" if (time := joint.settling_time[t]) is None else f"{time:.3f}" for t in tolerances),
+            f"{joint.overshoot:.2e}",
         ]
-        for name, joint in move["joints"].items()
+        for name, joint in setpoint.joints.items()
     ]
     return columns, rows
 
 
-def _move(move: Mapping[str, Any], peaks: Mapping[str, Any]) -> str:
-    columns, rows = setpoint_cells(move)
+def _setpoint(setpoint: SetpointMetrics, joints: Mapping[str, JointMetrics]) -> str:
+    columns, rows = setpoint_cells(setpoint)
     columns += [("|tau| max", "N m"), ("rotatum max", "N m/s"), ("|dq| max", "rad/s"), ("of limit", "")]
     for row in rows:
-        peak = peaks[row[0]]
-        row += [f"{peak[key]:.2f}" if key in peak else "-" for key in ("effort_peak", "rotatum_peak", "velocity_peak")]
-        row.append("-" if (ratio := peak.get("velocity_ratio")) is None else f"{100 * ratio:.0f} %")
+        joint = joints[row[0]]
+        peaks = (joint.effort_peak, joint.rotatum_peak, joint.velocity_peak)
+        row += ["-" if peak is None else f"{peak:.2f}" for peak in peaks]
+        row.append("-" if joint.velocity_ratio is None else f"{100 * joint.velocity_ratio:.0f} %")
     lines = text.rows([*zip(*columns, strict=True), *rows], head=2)
     bands = ", ".join(
         f"within {t} rad {'never' if time is None else f'after {time:.3f} s'}"
-        for t, time in move["settling_time_max"].items()
+        for t, time in setpoint.settling_time_max.items()
     )
     title = (
-        f"setpoint at {move['time']:.3f} s through {move['controller']}: largest final error "
-        f"{move['final_error_max']:.2e} rad"
+        f"setpoint at {setpoint.time:.3f} s through {setpoint.controller}: largest final error "
+        f"{setpoint.final_error_max:.2e} rad"
     )
     return "\n".join([f"{title}; all joints {bands}", "", *lines])
 
 
-def _contacts(found: Sequence[Mapping[str, Any]]) -> str:
-    lines, note = text.rows([contact_record.HEAD, *contact_record.cells(found)]), contact_record.note(found)
-    return "\n".join([*lines, note] if note else lines)
-
-
-def _limits(metrics: Mapping[str, Any]) -> str:
-    touched = metrics["limits_touched"]
+def _limits(metrics: RunMetrics) -> str:
+    touched = metrics.limits_touched
     if touched is None:
         return "limits: the robot published no counts"
     if not any(touched.values()):
-        text = "limits: none was touched"
+        lines = ["limits: none was touched"]
     else:
-        text = "limits acted (cycles, summed over the joints): " + ", ".join(
-            f"{kind} {count}" for kind, count in touched.items()
-        )
-        text += "\n" + "\n".join(_limited(metrics["joints"]))
-    outside = [name for name, joint in metrics["joints"].items() if joint.get("started_outside")]
-    if outside:
-        excess = ", ".join(
-            f"{name} (at most {metrics['joints'][name]['position_excess_max']:.4f} rad outside)" for name in outside
-        )
-        text += f"\nstarted outside the position range: {excess}"
-    return text
+        counts = ", ".join(f"{kind} {count}" for kind, count in touched.items())
+        lines = [f"limits acted (cycles, summed over the joints): {counts}", *_limited(metrics.joints)]
+    if outside := ", ".join(
+        f"{name} (at most {joint.position_excess_max:.4f} rad outside)"
+        for name, joint in metrics.joints.items()
+        if joint.started_outside
+    ):
+        lines.append(f"started outside the position range: {outside}")
+    return "\n".join(lines)
 
 
-def _limited(joints: Mapping[str, Any]) -> list[str]:
+def _limited(joints: Mapping[str, JointMetrics]) -> list[str]:
     cells = [["joint", "position", "velocity", "effort", "rotatum", "|dq| of limit", "outside [rad]"]]
     for name, joint in joints.items():
-        counts = joint.get("limited_cycles")
-        if counts:
+        if counts := joint.limited_cycles:
             row = [str(counts[kind]) for kind in ("position", "velocity", "effort", "effort_rate")]
-            cells.append([name, *row, f"{joint['velocity_ratio_max']:.3f}", f"{joint['position_excess_max']:.4f}"])
+            cells.append([name, *row, f"{joint.velocity_ratio_max:.3f}", f"{joint.position_excess_max:.4f}"])
     return text.rows(cells)
 
 
-def _log(metrics: Mapping[str, Any]) -> str:
-    log = metrics["control_log"]
-    if log["missing_cycles"] or log["repeated_cycles"]:
+def _log(metrics: RunMetrics) -> str:
+    log = metrics.control_log
+    if log.missing_cycles or log.repeated_cycles:
         return (
-            f"control log: {log['missing_cycles']} cycles MISSING in {len(log['gaps'])} gaps, "
-            f"{log['repeated_cycles']} repeated"
+            f"control log: {log.missing_cycles} cycles MISSING in {len(log.gaps)} gaps, {log.repeated_cycles} repeated"
         )
-    start = f" from cycle {log['first_cycle']} on" if log["first_cycle"] else ""
-    return f"control log: every cycle once{start}, state_sha256 {metrics['state_sha256'][:16]}"
+    start = f" from cycle {log.first_cycle} on" if log.first_cycle else ""
+    return f"control log: every cycle once{start}, state_sha256 {metrics.state_sha256[:16]}"
 
 
-def _differences(metrics: Mapping[str, Any]) -> str:
-    lines = [f"differences from {metrics['reference']['title']}:"]
-    for item in metrics["differences"]:
-        lines += [f"- {item['what']}: there {item['reference']}; here {item['here']}", f"  {item['why']}"]
-    return "\n".join(lines)
+def violations(supervisor: SupervisorMetrics) -> str:
+    """Return a sentence that says if the arm moved closer than the protective distance."""
+    if not supervisor.violations:
+        return "the arm never moved closer than the protective distance"
+    duration = sum(interval.end - interval.begin for interval in supervisor.violations)
+    return (
+        f"THE ARM MOVED CLOSER THAN THE PROTECTIVE DISTANCE for {duration:.2f} s ({len(supervisor.violations)} times), "
+        f"by up to {-(supervisor.margin_min_violated or 0.0):.3f} m"
+    )
+
+
+def _supervisor(supervisor: SupervisorMetrics) -> str:
+    nearest, late = supervisor.separation_min, supervisor.latency
+    distance = "distance not known" if nearest is None else f"smallest distance {nearest:.3f} m"
+    lines = [
+        f"supervisor, {supervisor.mode}: stopped for {100.0 * supervisor.share_stopped:.1f} % of the time, slowed for "
+        f"{100.0 * supervisor.share_slowed:.1f} %; {distance}; {violations(supervisor)}"
+    ]
+    if late.median is not None and late.p99 is not None:
+        lines.append(
+            f"- from a pose to the cycle that applied its request: median {1e3 * late.median:.1f} ms, 99 % "
+            f"{1e3 * late.p99:.1f} ms"
+        )
+    events = supervisor.events
+    lines += [f"- {event.time:.3f} s {event.kind}: {event.text}" for event in events[:SHOWN_EVENTS]]
+    if others := Counter(event.kind for event in events[SHOWN_EVENTS:]):
+        lines.append("- and " + ", ".join(f"{count} {kind}" for kind, count in others.items()))
+    return "\n".join([*lines, DISCLAIMER])

@@ -264,14 +264,14 @@ def _refuse_wires(definition: Experiment) -> None:
     """
     if "person" in (definition.supervisor or {}).get("source", ()):
         raise HricError(
-            f"{definition.name}: supervisor.source has person, whom a node tracks; valid: scripts/bringup "
-            f"experiment:={definition.name}, or another source"
+            f"{definition.name}: supervisor.source person needs a tracking node, which a headless run does not have; "
+            f"valid: scripts/bringup experiment:={definition.name}, or another source"
         )
     wired = [sensor.wire for sensor in definition.sensors if sensor.wire] + ["sync"] * (definition.sync is not None)
     if wired:
         raise HricError(
-            f"{definition.name} has {', '.join(wired)}, which come{'s' * (len(wired) == 1)} by wire; valid: "
-            f"scripts/bringup experiment:={definition.name}"
+            f"{definition.name} has {', '.join(wired)}, which needs a network connection and cannot run headless; "
+            f"valid: scripts/bringup experiment:={definition.name}"
         )
 
 

@@ -51,8 +51,8 @@ LONGEST = 60
 TEMPLATES = 4
 """Largest number of templates for messages of one size on a topic; project default, unconfirmed."""
 STAYS = (
-    "The signals themselves are as recorded: positions of markers, angles, torques, EMG and activations have the size "
-    "and the strength of a body for who computes them."
+    "The signals are unchanged: body size and strength can be computed from markers, angles, torques, EMG and "
+    "activations."
 )
 _ANONYMOUS_NODE = re.compile(r"_\d+_\d{13}")
 """End of a node's name with its process number and start date."""
@@ -124,7 +124,7 @@ class Anonymiser:
         bare = _ANONYMOUS_NODE.sub("", text)
         if self.is_public(bare):
             return bare
-        self._note("names of other than the project's own words: numbered")
+        self._note("names with other words than the project's: replaced by numbers")
         return self._pseudonyms.setdefault(text, f"name_{len(self._pseudonyms) + 1}")
 
     def is_public(self, text: str) -> bool:
@@ -228,7 +228,7 @@ class Anonymiser:
             return text
         if key == "arguments" or (self.is_public(text) and not text.startswith("/")):
             return text
-        self._note("texts of other than the project's own words: dropped")
+        self._note("texts with other words than the project's: dropped")
         return _LEFT_OUT
 
     def _argument(self, argument: Any) -> Any:

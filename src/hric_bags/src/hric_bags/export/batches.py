@@ -71,7 +71,10 @@ def chunks(topic: str, messages: Sequence[Any], timing: Timing, clock: str) -> T
     missing = sum(max(0, int(b[0]) - int(a[-1]) - 1) for a, b in itertools.pairwise(numbers) if len(a) and len(b))
     rates = sorted({float(message.rate) for message in messages})
     ends = rates[:1] + rates[1:][-1:]  # first and last; lost time gives many rates between them
-    notes = [f"source {messages[0].source}", f"rate told by the source: {' to '.join(f'{rate:g}' for rate in ends)} Hz"]
+    notes = [
+        f"source {messages[0].source}",
+        f"rate reported by the source: {' to '.join(f'{rate:g}' for rate in ends)} Hz",
+    ]
     notes += [f"{missing} samples are missing"] if missing else []
     return Table(
         topic,

@@ -219,8 +219,7 @@ def _notes(
         )
     if plates:
         notes["FORCES"] = (
-            "what the plate does to the body on it, in the plate's axes with z down; moments about the origin of "
-            "the plate"
+            "load of the plate on the body, in the plate's axes with z down; moments about the origin of the plate"
         )
     if sampled:
         notes["RESAMPLING"] = f"analog samples at {grid.rate * grid.per_frame:g} Hz: " + "; ".join(

@@ -42,7 +42,10 @@ class Frames:
             )
         if frame == MOCAP and self.mocap_up == "y":
             return np.eye(4), "axes of the stream, which has y up"
-        return turned, f"frame {frame or 'not told'} of the bag taken for z up and for the robot's root, turned to y up"
+        return (
+            turned,
+            f"frame {frame or '(unnamed)'} of the bag, assumed z up and equal to the robot's root, turned to y up",
+        )
 
     def _in_root(self, frame: str) -> FloatArray | None:
         if not self.root or not frame:

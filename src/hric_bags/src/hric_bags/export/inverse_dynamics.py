@@ -134,7 +134,7 @@ def _compared(
         logged[:, j] = np.interp(time, effort_time, effort[name])
     about = {
         "units": "time s; N m",
-        "torque": "inverse dynamics with the rotor inertia that was given",
+        "torque": "inverse dynamics with the rotor inertia of the option",
         "logged": f"effort of {log.topic}",
     }
     both = {f"torque.{name}": torque[:, j] for j, name in enumerate(names)} | {

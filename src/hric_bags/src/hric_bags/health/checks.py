@@ -24,8 +24,8 @@ DAMAGED, PROBLEM, NOTE = "damaged", "problem", "note"
 
 
 @dataclass(frozen=True)
-class Finding:
-    """One finding of the report.
+class HealthFinding:
+    """One finding of a health report.
 
     Attributes:
         level: DAMAGED: readers fail, or miss something; PROBLEM: a stream is faulty; NOTE: information.
@@ -50,25 +50,27 @@ def is_regular(stream: Stream) -> bool:
     return median > 0.0 and float(np.mean(np.abs(periods - median) < 0.5 * median)) >= REGULAR_SHARE
 
 
-def of_file(scan: BagScan) -> list[Finding]:
+def of_file(scan: BagScan) -> list[HealthFinding]:
     """Return the damage of the file; scan: a scan whose messages were read."""
-    return [Finding(DAMAGED, "", text) for text in scan.damage]
+    return [HealthFinding(DAMAGED, "", text) for text in scan.damage]
 
 
-def of_streams(streams: list[Stream]) -> list[Finding]:
+def of_streams(streams: list[Stream]) -> list[HealthFinding]:
     """Return the problems of the streams of a bag."""
     offset = _clock_offset(streams)
     found = []
     if abs(offset) > LATE:
-        found.append(Finding(NOTE, "", f"stamps and times of recording are on different clocks, {offset:+.3f} s apart"))
+        found.append(
+            HealthFinding(NOTE, "", f"stamps and times of recording are on different clocks, {offset:+.3f} s apart")
+        )
     for stream in streams:
         problems = (*_numbers(stream), *_gaps(stream), *_order(stream), *_clock(stream, offset))
-        found += [Finding(PROBLEM, stream.topic, text) for text in problems]
+        found += [HealthFinding(PROBLEM, stream.topic, text) for text in problems]
     return found
 
 
 def _numbers(stream: Stream) -> Iterator[str]:
-    spans_by_word = {"are missing": stream.missing, "came twice, or the source began again": stream.repeated}
+    spans_by_word = {"are missing": stream.missing, "are repeated, or the source restarted": stream.repeated}
     for word, spans in spans_by_word.items():
         if spans:
             count, (first, length) = sum(count for _, count in spans), spans[0]

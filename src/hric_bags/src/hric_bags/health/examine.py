@@ -12,7 +12,7 @@ from tqdm import tqdm
 from hric_bags import foreign, text
 from hric_bags.health import checks
 from hric_bags.health.bag_records import BagScan
-from hric_bags.health.checks import Finding
+from hric_bags.health.checks import HealthFinding
 from hric_bags.health.salvage import ACTIVE
 from hric_bags.health.streams import Stream, StreamGatherer
 from hric_bags.run_folder import RunFolder, runs_root
@@ -40,7 +40,7 @@ class Health:
     path: Path
     size: int
     streams: list[Stream]
-    findings: list[Finding]
+    findings: list[HealthFinding]
 
     @property
     def code(self) -> int:
@@ -48,7 +48,7 @@ class Health:
         return code_of(self.findings)
 
 
-def code_of(findings: list[Finding]) -> int:
+def code_of(findings: list[HealthFinding]) -> int:
     """Return the exit code of some findings."""
     levels = {finding.level for finding in findings}
     return DAMAGED if checks.DAMAGED in levels else PROBLEMS if checks.PROBLEM in levels else HEALTHY
@@ -122,13 +122,11 @@ def examine(path: Path, *, progress: bool = False, doubtful: Sequence[str] = ())
         raise HealthError(f"cannot read {path}: {error.strerror or error}") from error
     streams = gatherer.streams()
     findings = checks.of_file(scan) + checks.of_streams(streams)
-    findings += [Finding(checks.PROBLEM, "", text) for text in (*scan.doubtful, *doubtful)]
+    findings += [HealthFinding(checks.PROBLEM, "", text) for text in (*scan.doubtful, *doubtful)]
     if unknown:
-        findings.insert(
-            0, Finding(checks.DAMAGED, "", f"{unknown} messages belong to topics of which nothing is known")
-        )
+        findings.insert(0, HealthFinding(checks.DAMAGED, "", f"{unknown} messages belong to unknown topics"))
     if not streams:
-        findings.append(Finding(checks.PROBLEM, "", "it holds no message"))
+        findings.append(HealthFinding(checks.PROBLEM, "", "the bag has no messages"))
     return Health(path, size, streams, findings)
 
 

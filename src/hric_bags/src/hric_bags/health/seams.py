@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from hric_bags.health import checks
-from hric_bags.health.checks import NOTE, PROBLEM, Finding
+from hric_bags.health.checks import NOTE, PROBLEM, HealthFinding
 from hric_bags.health.streams import Stream
 
 
@@ -25,7 +25,7 @@ class Seam:
     before: str
     after: str
     overlap: float
-    findings: list[Finding]
+    findings: list[HealthFinding]
 
     def render(self, quiet: bool = False) -> str:
         """Return the seam as text; quiet: its findings only."""
@@ -50,17 +50,17 @@ def _seam(before: str, old: Sequence[Stream], after: str, new: Sequence[Stream])
     overlap = float(times[0].max() - times[1].min()) * 1e-9
     found = []
     if times[1].min() < times[0].min():
-        found.append(Finding(PROBLEM, "", f"{after} begins before {before}: the parts are not in order"))
+        found.append(HealthFinding(PROBLEM, "", f"{after} begins before {before}: the parts are not in order"))
     later = {stream.topic: stream for stream in new}
     notes = []
     for stream in old:
         if stream.topic in later:
-            found += [Finding(PROBLEM, stream.topic, text) for text in _problems(stream, later[stream.topic])]
+            found += [HealthFinding(PROBLEM, stream.topic, text) for text in _problems(stream, later[stream.topic])]
             continue
         rest = float(times[0].max() - stream.recorded.max()) * 1e-9
         if checks.is_regular(stream) and rest <= checks.longest_period(stream.period):
             text = f"is not in {after}, although it went on to the end of {before}"
-            notes.append(Finding(NOTE, stream.topic, text))
+            notes.append(HealthFinding(NOTE, stream.topic, text))
     return Seam(before, after, overlap, found + notes)
 
 
@@ -71,7 +71,7 @@ def _problems(before: Stream, after: Stream) -> Iterator[str]:
     if before.counts and after.first > before.next:
         yield f"{after.first - before.next} {before.counts} are missing between the parts, from number {before.next} on"
     elif before.counts and after.first < before.next and after.recorded.min() > before.recorded.max():
-        yield f"the {before.counts} of the two parts overlap in number but not in time: the source began again"
+        yield f"the {before.counts} of the two parts overlap in number but not in time: the source restarted"
     elif not before.counts and before.stamps is not None and after.stamps is not None and checks.is_regular(before):
         gap = float(after.stamps.min() - before.stamps.max()) * 1e-9
         if gap > checks.longest_period(before.period):

@@ -1,8 +1,8 @@
 """Contact forces of a run from gazebo_msgs/ContactsState in its bag, and which of them may be assessed. No ROS."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -94,36 +94,30 @@ def assessable(pairs: Iterable[PairForce]) -> list[PairForce]:
     return found
 
 
-def metrics(pairs: Sequence[PairForce]) -> list[dict[str, Any]] | None:
-    """Return the pairs for metrics.json; None: nothing touched."""
-    return [asdict(pair) for pair in pairs] or None
-
-
-def cells(found: Sequence[Mapping[str, Any]]) -> list[tuple[str, ...]]:
-    """Return a row of text for each pair of metrics.json."""
+def cells(pairs: Sequence[PairForce]) -> list[tuple[str, ...]]:
+    """Return a row of text for each pair."""
     return [
         (
-            f"{p['body_a']}, {p['body_b']}",
-            p["kind"],
-            f"{p['peak_force']:.2f}",
-            f"{p['time']:.3f}",
-            f"{p['first']:.3f}",
-            f"{p['last']:.3f}",
+            f"{pair.body_a}, {pair.body_b}",
+            pair.kind,
+            f"{pair.peak_force:.2f}",
+            f"{pair.time:.3f}",
+            f"{pair.first:.3f}",
+            f"{pair.last:.3f}",
         )
-        for p in found
+        for pair in pairs
     ]
 
 
-HEAD = ("contact between", "kind", "peak force [N]", "told at [s]", "first [s]", "last [s]")
+HEAD = ("contact between", "kind", "peak force [N]", "time of peak [s]", "first [s]", "last [s]")
 """Head of the table of `cells`."""
 
 
-def note(found: Sequence[Mapping[str, Any]]) -> str:
+def note(pairs: Sequence[PairForce]) -> str:
     """Return a warning about forces that may not be assessed; empty: all may be assessed."""
-    rigid = any(pair["kind"] != PENALTY for pair in found)
+    if all(pair.kind == PENALTY for pair in pairs):
+        return ""
     return (
         "Forces that are not of penalty contact read two to six times the elastic transient: not to be "
         f"assessed; {REMEDY}."
-        if rigid
-        else ""
     )

@@ -136,9 +136,9 @@ class _Body:
         for values, width in ((self._numbers, 1), (self._stamps, 1), (self._positions, positions.shape[-1])):
             del values[: max(len(stamps) - WINDOW, 0) * width]
         if numbers.any() and (at := _many(np.diff(numbers) <= 0)) is not None:
-            return f"sequence numbers that were there before, from {stamps[at]:.3f} s on"
+            return f"repeated sequence numbers, from {stamps[at]:.3f} s on"
         if (at := _many(_away_and_back(stamps, positions, FASTEST_JOINT if self.person else FASTEST_AXIS))) is not None:
-            return f"poses that are those of somebody else than before and after, from {stamps[at]:.3f} s on"
+            return f"poses of another body than before and after, from {stamps[at]:.3f} s on"
         steps = np.diff(stamps)
         pairs = steps[:-1] < 0.5 * steps[1:]
         for own in (pairs[::2], pairs[1::2]):

@@ -60,7 +60,7 @@ class Course:
 
 
 @dataclass(frozen=True)
-class RegionForce:
+class RegionContact:
     """One contact of a region, from the first touch until the bodies parted or the recording ended.
 
     Attributes:
@@ -73,11 +73,6 @@ class RegionForce:
         point, normal: point of the first touch, and unit vector along which the force then acted on the person, world
             frame, 3 floats each [m]; None: not known.
         speed: approach speed along the normal at the first touch [m/s]; None: rigid, or not known.
-        course: time series with one row for each message that has the contact.
-        dominant: True if the messages place it on the side of the dominant hand; None: they differ.
-        area: smallest contact area in its messages [m^2], as recorded; None: some message does not have it.
-        ended: True if a message says that the bodies parted.
-        interrupted: True if there are messages between two of it at another instant, without the contact and its end.
     """
 
     regions: tuple[str, ...]
@@ -92,6 +87,20 @@ class RegionForce:
     point: Vector | None
     normal: Vector | None
     speed: float | None
+
+
+@dataclass(frozen=True)
+class RegionForce(RegionContact):
+    """Contact of a region with its time series.
+
+    Attributes:
+        course: time series with one row for each message that has the contact.
+        dominant: True if the messages place it on the side of the dominant hand; None: they differ.
+        area: smallest contact area in its messages [m^2], as recorded; None: some message does not have it.
+        ended: True if a message says that the bodies parted.
+        interrupted: True if there are messages between two of it at another instant, without the contact and its end.
+    """
+
     course: Course
     dominant: bool | None = False
     area: float | None = None

@@ -72,9 +72,9 @@ def tracked(
     if found is None:
         raise BagError(
             f"the bag has {frames} frames of motion capture, and none of them shows the person; a load needs some of "
-            f"{', '.join(settings.worn)}, three or more on his trunk"
+            f"{', '.join(settings.worn)}, at least three of them on the trunk"
         )
-    fitted = "fitted to him in a still pose" if calibrated else "NOT calibrated"
+    fitted = "fitted to the person in a still pose" if calibrated else "NOT calibrated"
     note = f"motion: {frames} frames, markers {1e3 * np.nanmean(residuals):.1f} mm from those of the body, {fitted}"
     return Tracked(found, body, (note, _of_force(found, settings), *_of_arms(found)))
 
@@ -90,7 +90,7 @@ def _messages(
 
 def _of_force(found: PersonLoad, settings: PersonSettings) -> str:
     if settings.side is None:
-        return "forces act on: none; nothing measured one (person.force.source)"
+        return "external forces: none measured (person.force.source)"
     shares = {state: 100.0 * np.mean(np.array(found.force) == state) for state in (MISSING, AWAY)}
     return (
         f"forces act on: the {settings.side} hand, measured by the {settings.force.source}; not on it for "

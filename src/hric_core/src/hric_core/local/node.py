@@ -12,7 +12,7 @@ from hric_core.errors import HricError, ParameterError, check_known
 from hric_core.live import LiveValues
 from hric_core.local.action import LocalActionServer, LocalGoal
 from hric_core.local.core import LocalCore, LocalTopic, Tap
-from hric_core.node import REQUIRED, GoalHandle, LiveParameter, LogThrottle, Namespaced, Undoable
+from hric_core.node import REQUIRED, GoalHandle, LiveParameter, LogThrottle, Namespaced, OnChange, Undoable
 from hric_core.robot_time import stamps
 
 _log = logging.getLogger("hric")
@@ -201,9 +201,7 @@ class LocalNode(Namespaced):
         self._core.goals += 1
         return server.send(goal, f"local-{self._core.goals}")
 
-    def live_parameters(
-        self, parameters: Sequence[LiveParameter], on_change: Callable[[dict[str, Any]], dict[str, Any]]
-    ) -> Undoable:
+    def live_parameters(self, parameters: Sequence[LiveParameter], on_change: OnChange) -> Undoable:
         """Offer live parameters, which `set_live` changes. Values in the parameter tree replace the defaults."""
         if self._namespace in self._core.live:
             raise HricError(f"{self._namespace} offers live parameters already")

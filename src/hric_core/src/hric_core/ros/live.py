@@ -12,7 +12,7 @@ import rospy
 
 from hric_core.errors import HricError
 from hric_core.live import LiveValues
-from hric_core.node import LiveParameter
+from hric_core.node import LiveParameter, OnChange
 
 # Importing dynamic_reconfigure queries rospack for Python paths, which only packages older than catkin need, and
 # rospack complains about rosdep.
@@ -96,7 +96,7 @@ class RosLiveParameters:
         self,
         namespace: str,
         parameters: Sequence[LiveParameter],
-        on_change: Callable[[dict[str, Any]], dict[str, Any]],
+        on_change: OnChange,
         report: Callable[[str], None],
     ) -> None:
         self._report = report

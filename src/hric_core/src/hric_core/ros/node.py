@@ -14,7 +14,7 @@ from rospy.msg import serialize_message
 from hric_core import names
 from hric_core.errors import FailureError, HricError, ParameterError
 from hric_core.listeners import DISPATCHER, NOTHING, Parcel
-from hric_core.node import REQUIRED, GoalHandle, LiveParameter, LogThrottle, Namespaced, Undoable
+from hric_core.node import REQUIRED, GoalHandle, LiveParameter, LogThrottle, Namespaced, OnChange, Undoable
 from hric_core.publishing import OnError
 from hric_core.robot_time import stamps
 from hric_core.ros.action import RosActionServer
@@ -235,9 +235,7 @@ class RosNode(Namespaced):
         server = RosActionServer(self.resolve(name), action_type, on_goal, on_cancel, self.log_error)
         return Undoable(server.close)
 
-    def live_parameters(
-        self, parameters: Sequence[LiveParameter], on_change: Callable[[dict[str, Any]], dict[str, Any]]
-    ) -> Undoable:
+    def live_parameters(self, parameters: Sequence[LiveParameter], on_change: OnChange) -> Undoable:
         """Offer live parameters through dynamic_reconfigure."""
         live = RosLiveParameters(self._namespace, parameters, on_change, self.log_error)
         return Undoable(live.close)

@@ -9,7 +9,8 @@ import numpy as np
 
 from hric_analysis import comparison
 from hric_analysis.comparison import Comparison
-from hric_analysis.values import joint_orders
+from hric_analysis.values import RunMetrics, joint_orders
+from hric_core.json_values import from_json
 from hric_report import comparison_figures, headline, run_figures, sections
 from hric_report.figure import Curve, Figure, FloatArray, per_joint
 from hric_report.html import beside, moving, run_page, tables
@@ -94,11 +95,12 @@ def build(laid: Sequence[Laid], settings: Sequence[Mapping[str, Any]]) -> Page:
     )
 
 
-def _problems(laid: Sequence[Laid]) -> list[headline.Finding]:
+def _problems(laid: Sequence[Laid]) -> list[headline.KeyFigure]:
     """Return the bad key figures of all runs, and the tracking lag and error of each."""
     found = []
     for one in laid:
-        for finding in headline.of_run(one.data.run, {**one.data.values, "setpoints": [], "sources": None}):
+        metrics = replace(from_json(RunMetrics, one.data.values), setpoints=(), sources=None)
+        for finding in headline.of_run(one.data.run, metrics):
             if finding.kind == headline.BAD or finding.name in ("Lag", "Error after the lag"):
                 found.append(replace(finding, name=f"{one.label}: {finding.name}"))
     return found
@@ -108,7 +110,7 @@ def differing(runs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Return the settings that differ between runs, with the value in each; runs: trees of plain values."""
     found: dict[str, None] = {}
     for run in runs[1:]:
-        found |= dict.fromkeys(item["key"] for item in comparison.settings(runs[0], run))
+        found |= dict.fromkeys(item.key for item in comparison.settings(runs[0], run))
     leaves = [comparison.leaves(run) for run in runs]
     return [{"key": key, "values": [one.get(key) for one in leaves]} for key in found]
 
@@ -185,7 +187,7 @@ def _difference_tables(first: str, one: Laid) -> list[Table]:
     assert one.compared is not None
     found = []
     for move in comparison.difference_metrics(one.compared):
-        efforts = any("effort_peak_difference" in joint for joint in move["joints"].values())
+        efforts = any(joint.effort_peak_difference is not None for joint in move.joints.values())
         head = ["joint", "peak [rad]", "at [s]", "steady [rad]", "rms [rad]"]
         kinds = ["", "effort_"] if efforts else [""]
         head += ["torque, peak [N m]", "at [s]", "steady [N m]", "rms [N m]"] if efforts else []
@@ -194,9 +196,9 @@ def _difference_tables(first: str, one: Laid) -> list[Table]:
             for kind in kinds
             for key in ("peak_difference", "peak_time", "steady_difference", "rms_difference")
         ]
-        rows = tuple((name, *(number(joint.get(key), 3) for key in keys)) for name, joint in move["joints"].items())
-        since = f"from the setpoint at {move['time_a']:.3f} s on" if one.data.moves else "from the begin on"
-        title = f"{first} minus {one.label}, {since}, {move['duration']:.3f} s long"
+        rows = tuple((name, *(number(getattr(joint, key), 3) for key in keys)) for name, joint in move.joints.items())
+        since = f"from the setpoint at {move.time_a:.3f} s on" if one.data.moves else "from the begin on"
+        title = f"{first} minus {one.label}, {since}, {move.duration:.3f} s long"
         found.append(Table(title, tuple(head), rows, section=sections.RESULTS))
     return found
 

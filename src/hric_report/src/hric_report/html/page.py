@@ -6,7 +6,7 @@ from typing import Any
 
 from hric_report import sections, style
 from hric_report.figure import Figure
-from hric_report.headline import Finding
+from hric_report.headline import KeyFigure
 from hric_report.heat import HeatMap
 from hric_report.html import libraries
 from hric_report.html.document import ASSETS, document, embedded, links, script, titled
@@ -43,7 +43,7 @@ class Page:
     title: str
     subtitle: str
     verdicts: list[tuple[str, str]] = field(default_factory=list)
-    findings: list[Finding] = field(default_factory=list)
+    findings: list[KeyFigure] = field(default_factory=list)
     figures: list[Figure] = field(default_factory=list)
     tables: list[Table] = field(default_factory=list)
     robots: list[Robot] = field(default_factory=list)
@@ -107,7 +107,7 @@ def _parts(page: Page, figures: Sequence[Figure], notes: Sequence[str]) -> dict[
     return found
 
 
-def _findings(findings: Sequence[Finding]) -> str:
+def _findings(findings: Sequence[KeyFigure]) -> str:
     cards = (
         f'<dl class="finding {one.kind}"><dt>{escape(one.name)}</dt><dd class=value>{escape(one.value)}</dd>'
         f"<dd class=meaning>{escape(one.meaning)}</dd></dl>"

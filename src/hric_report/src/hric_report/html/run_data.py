@@ -10,10 +10,9 @@ from hric_analysis.human import Person
 from hric_analysis.recordings import Recordings
 from hric_analysis.tracking_run import Tracking
 from hric_analysis.values import joint_orders
-from hric_assessment.contact import impact
 from hric_bags import reader as bag_reader
 from hric_bags.reader import RunRecord
-from hric_bags.records import human_record, object_record, safety_record
+from hric_bags.records import object_record, safety_record
 from hric_bags.records.object_record import ObjectRecord
 from hric_bags.records.safety_record import SafetyRecord
 from hric_bags.run_folder import RunFolder
@@ -74,11 +73,7 @@ def load(folder: RunFolder, values: Mapping[str, Any], *, progress: bool = False
     followed = tracking_analysis.analyse(description, bag, run, record) if description else None
     found = recordings.read(bag, record.robot_time, progress=progress)
     definition = run.get("definition") or {}
-    beside = definition.get("human") and human_record.read(bag, record.robot_time)
-    person = None
-    if beside:
-        met = tuple(impact.impacts(run, description, record, beside))
-        person = Person(beside, values.get("human") or {}, met, human.carried_in(beside, definition))
+    person = human.analyse(bag, run, description, record)
     plant = (definition.get("robot") or {}).get("plant") or {}
     objects = object_record.read(bag, plant, record.robot_time)
     safety = safety_record.read(bag, record.robot_time)

@@ -5,8 +5,11 @@ from typing import Any
 
 from hric_analysis import stability
 from hric_analysis.recordings import Event
+from hric_analysis.values import RunMetrics
 from hric_bags.records import contact_record
+from hric_bags.records.contact_record import PairForce
 from hric_bags.run_folder import COMPLETED
+from hric_core.json_values import from_json
 from hric_report import headline, human_figures, run_figures, safety_figures, sections, signal_figures
 from hric_report.html import beside, moving, supervisor, tables, verdict
 from hric_report.html.page import Page, replay_rate
@@ -23,7 +26,7 @@ def build(data: RunData) -> Page:
         title=f"{run.get('experiment', 'run')}",
         subtitle=f"{data.folder.path.name}: {run.get('description', '')}",
         verdicts=verdicts(run, values),
-        findings=headline.of_run(run, values, data.verdict),
+        findings=headline.of_run(run, from_json(RunMetrics, values), data.verdict),
         figures=[
             *run_figures.robot_figures(data.record, data.moves, run.get("limits") or {}, tolerances),
             *human_figures.human_figures(data.person),
@@ -68,10 +71,11 @@ def _tables(data: RunData) -> list[tables.Table]:
     values, run = data.values, data.run
     found = [tables.move_table(move) for move in values["setpoints"]]
     if values.get("contacts"):
-        cells, note = tuple(contact_record.cells(values["contacts"])), contact_record.note(values["contacts"])
+        pairs = [from_json(PairForce, pair) for pair in values["contacts"]]
+        cells, note = tuple(contact_record.cells(pairs)), contact_record.note(pairs)
         found.append(tables.Table("Contact forces", contact_record.HEAD, cells, note, section=sections.FORCES))
-    if data.person is not None and any(one["transient"] for one in data.person.values["contacts"]):
-        found.append(tables.blows_table(data.person.values["contacts"]))
+    if values.get("human") and any(one["transient"] for one in values["human"]["contacts"]):
+        found.append(tables.blows_table(values["human"]["contacts"]))
     if values.get("tracking"):
         # The phases are in the table of events.
         tree = {key: value for key, value in values["tracking"].items() if key != "phases"}

@@ -9,7 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from hric_analysis.metrics import SetpointMetrics
 from hric_analysis.recordings import Event, Recordings
+from hric_core.json_values import from_json
 from hric_report import sections
 from hric_report.text import setpoint_cells
 
@@ -165,7 +167,7 @@ def overview(run: Mapping[str, Any], metrics: Mapping[str, Any]) -> Table:
 
 def move_table(move: Mapping[str, Any]) -> Table:
     """Return the table of one setpoint; move: entry of `setpoints` in metrics.json."""
-    columns, rows = setpoint_cells(move)
+    columns, rows = setpoint_cells(from_json(SetpointMetrics, move))
     head = tuple(f"{name} [{unit}]" if unit else name for name, unit in columns)
     title = f"Setpoint at {move['time']:.3f} s through {move['controller']}"
     return Table(title, head, tuple(map(tuple, rows)), section=sections.MOTION)

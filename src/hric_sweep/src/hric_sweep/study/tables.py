@@ -169,7 +169,7 @@ def _panels(name: str, part: Tracking) -> tuple[Panel, Panel]:
     data, states, numbers = part.data, part.record.states, part.values
     assert data is not None
     axis = int(np.argmax(np.ptp(data.marker, axis=0)))
-    lag = round((numbers["lag"] or 0.0) / STEP)
+    lag = round((numbers.lag or 0.0) / STEP)
     curves = (
         Curve("marker, from the origins", "setpoint", data.time, data.desired(0)[:, axis]),
         Curve("desired", "desired", states.time, states.desired[:, axis]),
@@ -178,5 +178,5 @@ def _panels(name: str, part: Tracking) -> tuple[Panel, Panel]:
     error = Curve("actual", "measured", data.time, 1e3 * np.linalg.norm(data.error(lag), axis=1))
     return (
         Panel(f"{name}: lag {lag * STEP * 1e3:.0f} ms", curves, unit=f"{'xyz'[axis]} in {part.record.base} [m]"),
-        Panel(f"rms error {1e3 * numbers['rms_error']:.2f} mm", (error,), unit="error [mm]"),
+        Panel(f"rms error {1e3 * (numbers.rms_error or 0.0):.2f} mm", (error,), unit="error [mm]"),
     )
