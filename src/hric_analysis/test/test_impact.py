@@ -12,7 +12,7 @@ from hric_analysis import human
 from hric_assessment.contact import impact
 from hric_bags.run_folder import RunFolder
 from hric_experiments import cli
-from hric_report import human_figures
+from hric_report.figures import human as human_figures
 from hric_report.html import run_data, tables
 
 WALL = "package://hric_experiments/worlds/wall_behind_arm.yaml"
@@ -57,7 +57,7 @@ def test_what_is_expected_is_beside_what_was_found_in_text_table_and_figures(
     assert "v sqrt(mu k) = " in text and "that the commanded torque balances: ratio " in text
     assert text.count("met panda::panda_hand") == 1 and "they met " in text
     data = run_data.load(clamped, found)
-    figures = {figure.key: figure for figure in human_figures.human_figures(data.person)}
+    figures = {figure.key: figure for figure in human_figures.figures(data)}
     blow, press = figures["blow"].panels[0], figures["press"].panels[0]
     expected, simulated = blow.curves
     ((_, peak),) = blow.bounds

@@ -10,8 +10,9 @@ import numpy as np
 from hric_analysis import comparison
 from hric_analysis.comparison import Comparison
 from hric_analysis.values import joint_orders
-from hric_report import comparison_figures, headline, run_figures, sections
+from hric_report import comparison_figures, headline, sections
 from hric_report.figure import Curve, Figure, FloatArray, per_joint
+from hric_report.figures import marker, robot
 from hric_report.html import beside, moving, run_page, tables
 from hric_report.html.page import Page, replay_rate
 from hric_report.html.run_data import RunData
@@ -137,7 +138,7 @@ def _figures(laid: Sequence[Laid]) -> list[Figure]:
     first, names = laid[0], laid[0].data.record.log.joint_names
     positions = [
         replace(curve, time=curve.time - first.zero)
-        for curve in run_figures.setpoints(first.data.record.log, first.data.moves)
+        for curve in robot.setpoints(first.data.record.log, first.data.moves)
     ]
     torques = []
     for k, one in enumerate(laid):
@@ -164,7 +165,7 @@ def _figures(laid: Sequence[Laid]) -> list[Figure]:
 
 def _paths(laid: Sequence[Laid]) -> list[Figure]:
     """Return the figure of the end effectors that follow a marker; empty unless all runs have tracking."""
-    followed = [figures[0] for one in laid if (figures := run_figures.tracking_figures(one.data.followed))]
+    followed = [figures[0] for one in laid if (figures := marker.tracking_figures(one.data.followed))]
     if len(followed) != len(laid):
         return []
     panels = []

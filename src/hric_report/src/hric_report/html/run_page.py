@@ -7,7 +7,8 @@ from hric_analysis import stability
 from hric_analysis.recordings import Event
 from hric_bags.records import contact_record
 from hric_bags.run_folder import COMPLETED
-from hric_report import headline, human_figures, run_figures, safety_figures, sections, signal_figures
+from hric_report import figures, headline, sections
+from hric_report.figures import FigureData
 from hric_report.html import beside, moving, supervisor, tables, verdict
 from hric_report.html.page import Page, replay_rate
 from hric_report.html.run_data import RunData
@@ -17,20 +18,24 @@ def build(data: RunData) -> Page:
     """Return the contents of the page of a run."""
     run, values = data.run, data.values
     notes: list[str] = []
-    tolerances = sorted({float(value) for move in values["setpoints"] for value in move["settling_time_max"]})
     rate = replay_rate(data.record.log.time[-1] - data.record.log.time[0], moving.width(data) + beside.width(data))
     return Page(
         title=f"{run.get('experiment', 'run')}",
         subtitle=f"{data.folder.path.name}: {run.get('description', '')}",
         verdicts=verdicts(run, values),
         findings=headline.of_run(run, values, data.verdict),
-        figures=[
-            *run_figures.robot_figures(data.record, data.moves, run.get("limits") or {}, tolerances),
-            *human_figures.human_figures(data.person),
-            *safety_figures.safety_figures(data.safety),
-            *run_figures.tracking_figures(data.followed),
-            *signal_figures.signal_figures(data.found.signals),
-        ],
+        figures=figures.of_run(
+            FigureData(
+                data.record,
+                data.moves,
+                run.get("limits") or {},
+                sorted({float(value) for move in values["setpoints"] for value in move["settling_time_max"]}),
+                data.person,
+                data.safety,
+                data.followed,
+                data.found.signals,
+            )
+        ),
         tables=_tables(data),
         robots=[moving.robot(data, rate, notes), *beside.human(data, rate), *beside.objects(data)]
         if data.description
