@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
+from markupsafe import Markup
+
 from hric_analysis import stability
 from hric_analysis.recordings import Event
 from hric_bags.records import contact_record
@@ -12,6 +14,7 @@ from hric_report.figures import FigureData
 from hric_report.html import beside, moving, supervisor, tables, verdict
 from hric_report.html.page import Page, replay_rate
 from hric_report.html.run_data import RunData
+from hric_report.html.templates import number
 
 
 def build(data: RunData) -> Page:
@@ -41,8 +44,8 @@ def build(data: RunData) -> Page:
         if data.description
         else [],
         notes=notes if data.description else ["The run folder has no robot.urdf: there is no replay."],
-        verdict="" if data.verdict is None else verdict.part(data.verdict),
-        supervisor=supervisor.part(data.safety),
+        verdict=Markup() if data.verdict is None else verdict.part(data.verdict),
+        supervisor=supervisor.strip(data.safety),
         name=data.folder.path.name,
     )
 
@@ -109,7 +112,7 @@ def events(data: RunData) -> list[Event]:
     """Return the events of the bag, setpoints, reflexes and supervisor events in the order of time."""
     found = list(data.found.events)
     found += [
-        Event(s.time, "setpoint", s.controller, ", ".join(tables.number(float(q)) for q in s.positions) + " rad")
+        Event(s.time, "setpoint", s.controller, ", ".join(number(float(q)) for q in s.positions) + " rad")
         for s in data.record.setpoints
     ]
     found += [Event(time, "reflex", "arm", ", ".join(names)) for time, names in data.record.reflexes]

@@ -1,7 +1,5 @@
-"""Tables of a page, as plain cells and as HTML."""
+"""Tables of a page, as plain cells."""
 
-import html
-import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,6 +9,7 @@ import numpy as np
 
 from hric_analysis.recordings import Event, Recordings
 from hric_report import sections
+from hric_report.html.templates import number
 from hric_report.text import setpoint_cells
 
 NUMERIC = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?( %)?$|[-–]$|never$")
@@ -40,26 +39,11 @@ class Table:
     times: tuple[float, ...] = ()
     section: str = ""
 
-
-def render(table: Table) -> str:
-    """Return the HTML of a table."""
-    numeric = [bool(table.rows) and all(NUMERIC.match(row[k]) for row in table.rows) for k in range(len(table.head))]
-    head = "".join(
-        f"<th{' class=num' if right else ''}>{escape(name)}</th>"
-        for name, right in zip(table.head, numeric, strict=True)
-    )
-    body = []
-    for number, row in enumerate(table.rows):
-        jump = f' class="event" data-time="{table.times[number]:.6f}"' if table.times else ""
-        cells = (
-            f"<td{' class=num' if right else ''}>{escape(text)}</td>" for text, right in zip(row, numeric, strict=True)
-        )
-        body.append(f"<tr{jump}>" + "".join(cells) + "</tr>")
-    note = f"<p class=note>{escape(table.note)}</p>" if table.note else ""
-    content = f"{note}<div class=wide><table><thead><tr>{head}</tr></thead><tbody>{''.join(body)}</tbody></table></div>"
-    if table.folded:
-        return f"<details><summary>{escape(table.title)}</summary>{content}</details>"
-    return (f"<h3>{escape(table.title)}</h3>" if table.title else "") + content
+    @property
+    def numeric(self) -> list[bool]:
+        """True for each column of numbers."""
+        columns = zip(*self.rows, strict=True) if self.rows else [("",)] * len(self.head)
+        return [all(map(NUMERIC.match, column)) for column in columns]
 
 
 def blows_table(contacts: Sequence[Mapping[str, Any]]) -> Table:
@@ -105,20 +89,6 @@ def blows_table(contacts: Sequence[Mapping[str, Any]]) -> Table:
         "spring's: a slow touch of a robot that pushes exceeds it."
     )
     return Table("Blows", head, tuple(rows), note, section=sections.HUMAN)
-
-
-def escape(text: object) -> str:
-    """Return the text with HTML special characters escaped."""
-    return html.escape(str(text))
-
-
-def number(value: Any, digits: int = 4) -> str:
-    """Format a number with `digits` significant digits; None or not finite: a dash; anything else as text."""
-    if value is None or (isinstance(value, float) and not math.isfinite(value)):
-        return "-"
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return str(value)
-    return f"{value:.{digits}g}"
 
 
 def flat(tree: Any, prefix: str = "") -> list[tuple[str, str]]:
