@@ -17,8 +17,7 @@ from hric_report.html import beside, moving, run_page, tables
 from hric_report.html.page import Page, replay_rate
 from hric_report.html.run_data import RunData
 from hric_report.html.scene import Robot
-from hric_report.html.tables import Table
-from hric_report.html.templates import number
+from hric_report.html.table import Table, number
 
 
 @dataclass(frozen=True)

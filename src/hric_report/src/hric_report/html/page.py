@@ -12,7 +12,7 @@ from hric_report.heat import HeatMap
 from hric_report.html import libraries, templates
 from hric_report.html.scene import Blob, Robot, Scene
 from hric_report.html.strip import Strip
-from hric_report.html.tables import Table
+from hric_report.html.table import Table
 from hric_report.thinning import thin
 
 PLOT_VALUES, REPLAY_VALUES = 1_100_000, 600_000

@@ -14,7 +14,7 @@ from hric_report.figures import FigureData
 from hric_report.html import beside, moving, supervisor, tables, verdict
 from hric_report.html.page import Page, replay_rate
 from hric_report.html.run_data import RunData
-from hric_report.html.templates import number
+from hric_report.html.table import number
 
 
 def build(data: RunData) -> Page:

@@ -1,49 +1,17 @@
 """Tables of a page, as plain cells."""
 
-import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from hric_analysis.recordings import Event, Recordings
 from hric_report import sections
-from hric_report.html.templates import number
+from hric_report.html.table import Table, number
 from hric_report.text import setpoint_cells
 
-NUMERIC = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?( %)?$|[-–]$|never$")
 SHOWN_EVENTS = 500
 """Maximum number of listed events; the rest is only counted. Project default, unconfirmed."""
-
-
-@dataclass(frozen=True)
-class Table:
-    """Table of a page.
-
-    Attributes:
-        title: heading; "": none.
-        head: names of the columns, with units.
-        rows: cells of each row; columns of numbers are right-aligned.
-        note: text below the heading.
-        folded: True if the table is collapsed until it is clicked; it is printed anyway.
-        times: replay time that a click on each row shows [s]; empty: rows cannot be clicked.
-        section: section of the report, from `hric_report.sections`.
-    """
-
-    title: str
-    head: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    note: str = ""
-    folded: bool = False
-    times: tuple[float, ...] = ()
-    section: str = ""
-
-    @property
-    def numeric(self) -> list[bool]:
-        """True for each column of numbers."""
-        columns = zip(*self.rows, strict=True) if self.rows else [("",)] * len(self.head)
-        return [all(map(NUMERIC.match, column)) for column in columns]
 
 
 def blows_table(contacts: Sequence[Mapping[str, Any]]) -> Table:

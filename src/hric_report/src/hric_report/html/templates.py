@@ -4,7 +4,6 @@ Every text is escaped, and an unknown name in a template is an error. A template
 which shows its variables `title`, `subtitle`, `verdicts`, `main`, `foot`, and, if it may run scripts, `scripts`.
 """
 
-import math
 import re
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from hric_report import style
+from hric_report.html.table import Table, number
 
 ASSETS = Path(__file__).parent / "assets"
 SECTION = re.compile(r'<section id="([^"]*)"><h2>(.*?)</h2>')
@@ -34,7 +34,7 @@ def environment(folder: Path = ASSETS, **filters: Any) -> Environment:
     )
     made.policies["json.dumps_kwargs"] = {"allow_nan": False, "separators": (",", ":")}
     made.filters |= {"links": _links, "number": number, "scaled": _scaled, **filters}
-    made.globals |= {"asset": lambda name: Markup(_text(folder, name)), "style": style}
+    made.globals |= {"asset": lambda name: Markup(_text(folder, name)), "style": style, "Table": Table}
     return made
 
 
@@ -52,12 +52,3 @@ def _links(main: str) -> Markup:
 def _scaled(value: float, digits: int = 1) -> str:
     """Return a coordinate of a picture."""
     return f"{value:.{digits}f}"
-
-
-def number(value: Any, digits: int = 4) -> str:
-    """Format a number with `digits` significant digits; None or not finite: a dash; anything else as text."""
-    if value is None or (isinstance(value, float) and not math.isfinite(value)):
-        return "-"
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return str(value)
-    return f"{value:.{digits}g}"

@@ -21,12 +21,9 @@ from hric_assessment.verdict.given import Given
 from hric_assessment.verdict.result import VERSION
 from hric_bags import files
 from hric_bags.run_folder import RunFolder
-from hric_report import sections
 from hric_report.html import body_picture, templates
 from hric_report.html.chart import Axis
 from hric_report.html.strip import Bar, Strip, time_axis
-from hric_report.html.tables import Table
-from hric_report.html.templates import number
 
 Verdict = Mapping[str, Any]
 KINDS = {"within limits": "within", "warning": "warning", "above limits": "above", "not assessable": "unknown"}
@@ -115,7 +112,7 @@ def part(verdict: Verdict) -> Markup:
             moment=scene and Markup(moment.picture(scene)),
             body=body_picture.picture(verdict["findings"], sides),
             strips=list(_strips(verdict, time_axis(verdict["input"]["begin"], verdict["input"]["end"]))),
-            tables=list(_tables(verdict)),
+            shown=SHOWN,
         )
     )
     return Markup(text)
@@ -198,41 +195,3 @@ def _heat(activation: Mapping[str, Any], axis: Axis) -> Strip:
     names = [str(activation["name"][row]) for row in rows]
     title = f"Activation of muscles, 0 (light) to {top:.1g} (dark) of the largest; an estimate of a model"
     return Strip("activation", title, names, axis, image=base64.b64encode(buffer.getvalue()).decode(), row=12.0)
-
-
-def _tables(verdict: Verdict) -> Iterator[Table]:
-    """Yield the tables of findings, figures without a limit, assumptions and missing signals."""
-    findings = verdict["findings"]
-    shown = findings[:SHOWN]
-    rows = tuple(
-        (
-            one["outcome"],
-            one["subject"],
-            "-" if one["share"] is None else f"{100.0 * one['share']:.0f} %",
-            "-" if one["window"] is None else f"{one['window'][0]:.3f} to {one['window'][1]:.3f}",
-            one["reason"] + (f"; to know it: {one['remedy']}" if one["remedy"] else ""),
-            one["table"],
-        )
-        for one in shown
-    )
-    left = len(findings) - len(shown)
-    note = f"From the worst on; {left} more are in verdict.json." if left else "From the worst on."
-    times = tuple(one["window"][0] if one["window"] else verdict["input"]["begin"] for one in shown)
-    head = ("outcome", "of", "share of the limit", "time [s]", "why", "held against")
-    yield Table("Findings", head, rows, note, times=times, section=sections.VERDICT)
-    basis = tuple(
-        (one["subject"], "; ".join(f"{name} {number(value)}" for name, value in one["values"].items()),
-         ", ".join(one["signals"]), "; ".join(one["notes"]))
-        for one in shown
-    )  # fmt: skip
-    yield Table("What the findings stand on", ("of", "values", "signals", "notes"), basis, folded=True)
-    figures = tuple(
-        (one["group"], one["name"], f"{number(one['value'])} {one['unit']}", one["note"]) for one in verdict["figures"]
-    )
-    if figures:
-        yield Table("Figures without a limit", ("of", "what", "value", "how"), figures, folded=True)
-    if verdict["assumptions"]:
-        yield Table("Assumed of the person", ("what",), tuple((one,) for one in verdict["assumptions"]), folded=True)
-    if verdict["missing"]:
-        lacking = tuple((one["signal"], one["gives"]) for one in verdict["missing"])
-        yield Table("Missing signals", ("signal", "would give"), lacking, folded=True)

@@ -7,7 +7,7 @@ from typing import Any
 from hric_bags import files
 from hric_report.html import templates
 from hric_report.html.chart import Axis
-from hric_report.html.tables import Table
+from hric_report.html.table import Table
 from hric_sweep.benchmark import text
 from hric_sweep.benchmark.results import predicted
 

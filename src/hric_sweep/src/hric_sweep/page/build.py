@@ -83,4 +83,6 @@ def _made(study: Study) -> list[Table]:
     made = {**study.made, "definition": study.definition}
     trees: dict[str, Any] = {title: made.pop(key, None) for title, key in TABLES.items()}
     head = ("what", "value")
-    return [Table(title, head, tuple(flat(tree)), folded=bool(title)) for title, tree in {"": made, **trees}.items() if tree]
+    return [
+        Table(title, head, tuple(flat(tree)), folded=bool(title)) for title, tree in {"": made, **trees}.items() if tree
+    ]

@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from hric_report.html.tables import Table
-from hric_report.html.templates import number
+from hric_report.html.table import Table, number
 from hric_sweep.page.study import EXCEEDED, FAILED, Study
 from hric_sweep.page.words import CROSS_ENTROPY, GRID, LIST, RANDOM, SALTELLI, SPREAD, TPE
 from hric_sweep.statistics.intervals import LEVEL, clopper_pearson

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hric_report.html.tables import Table
-from hric_report.html.templates import number
+from hric_report.html.table import Table, number
 from hric_sweep.page.study import FAILED, Study
 
 WORST = 10

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hric_core.geometry import FloatArray
-from hric_report.html.templates import number
+from hric_report.html.table import number
 from hric_sweep.page.study import Study
 from hric_sweep.page.words import CROSS_ENTROPY, RANDOM, SPREAD, SUBSET, TPE
 from hric_sweep.statistics.intervals import effective_size

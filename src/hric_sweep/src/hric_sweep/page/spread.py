@@ -8,7 +8,7 @@ import numpy as np
 
 from hric_core.geometry import FloatArray
 from hric_report.html import chart
-from hric_report.html.tables import Table
+from hric_report.html.table import Table
 from hric_sweep.page import quantiles
 from hric_sweep.page.quantiles import Quantile
 from hric_sweep.page.sample import Sample

@@ -4,8 +4,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from hric_report.html.tables import Table
-from hric_report.html.templates import number
+from hric_report.html.table import Table, number
 from hric_sweep.page.study import Study
 
 RANDOM, GRID, LIST, TPE, SALTELLI = "random", "grid", "list", "tpe", "saltelli"
