@@ -1,18 +1,21 @@
 """Rendering of a page into one HTML file that needs no network: sections, scripts, libraries and numbers."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from markupsafe import Markup
 
+from hric_analysis.recordings import Event
 from hric_report import sections, style
 from hric_report.figure import Figure
 from hric_report.headline import Finding
 from hric_report.heat import HeatMap
-from hric_report.html import libraries, templates
+from hric_report.html import libraries, tables, templates
+from hric_report.html.run_data import RunData
 from hric_report.html.scene import Blob, Robot, Scene
 from hric_report.html.strip import Strip
-from hric_report.html.table import Table
+from hric_report.text import setpoint_cells
 from hric_report.thinning import thin
 
 PLOT_VALUES, REPLAY_VALUES = 1_100_000, 600_000
@@ -32,9 +35,12 @@ class Page:
         subtitle: line below the title.
         verdicts: short labels next to the title, as (kind, text) with kind good, bad or plain.
         findings: key figures.
-        figures, tables: figures and tables in order, shown in their sections; a figure without panels is skipped.
+        figures: figures in order, shown in their sections; a figure without panels is skipped.
         robots: robots, persons and objects of the replay.
         notes: remarks on the page itself, e.g. what could not be drawn.
+        run: data of a single run, whose tables follow; None: there are several runs, or none.
+        events: events of that run.
+        compared: runs that are compared, for their tables; None: there is one run, or none.
         verdict: safety and ergonomics of the person in the run; empty: there was no person.
         supervisor: the supervisor's states over time; None: there was no supervisor.
         name: name of the run, for captions and file names; "": the title.
@@ -45,9 +51,11 @@ class Page:
     verdicts: list[tuple[str, str]] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
     figures: list[Figure] = field(default_factory=list)
-    tables: list[Table] = field(default_factory=list)
     robots: list[Robot] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    run: RunData | None = None
+    events: Sequence[Event] = ()
+    compared: Mapping[str, Any] | None = None
     verdict: Markup = field(default_factory=Markup)
     supervisor: Strip | None = None
     name: str = ""
@@ -73,18 +81,23 @@ def render_page(page: Page) -> str:
     roles = {name: {"width": r.width, "dash": r.dash, "opacity": r.opacity} for name, r in style.ROLES.items()}
     plots = [_figure(figure, blob) for figure in figures]
     data = {"plots": plots, "roles": roles, "scene": scene.data(), "name": page.name or page.title}
-    return (
-        templates.environment()
-        .get_template("report.html")
-        .render(
-            page=page,
-            sections=sections,
-            figures=figures,
-            notes=[*notes, *dict.fromkeys(scene.notes)],
-            libraries=(libraries.plotly(), libraries.three()),
-            data=data,
-            numbers=blob.text(),
-        )
+    environment = templates.environment(
+        contact_table=tables.contact_table,
+        flat=tables.flat,
+        known=tables.known,
+        overview=tables.overview,
+        setpoint_cells=setpoint_cells,
+        sync_tables=tables.sync_tables,
+    )
+    return environment.get_template("report.html").render(
+        page=page,
+        sections=sections,
+        figures=figures,
+        notes=[*notes, *dict.fromkeys(scene.notes)],
+        libraries=(libraries.plotly(), libraries.three()),
+        data=data,
+        numbers=blob.text(),
+        most_events=tables.SHOWN_EVENTS,
     )
 
 

@@ -7,11 +7,10 @@ from markupsafe import Markup
 
 from hric_analysis import stability
 from hric_analysis.recordings import Event
-from hric_bags.records import contact_record
 from hric_bags.run_folder import COMPLETED
-from hric_report import figures, headline, sections
+from hric_report import figures, headline
 from hric_report.figures import FigureData
-from hric_report.html import beside, moving, supervisor, tables, verdict
+from hric_report.html import beside, moving, supervisor, verdict
 from hric_report.html.page import Page, replay_rate
 from hric_report.html.run_data import RunData
 from hric_report.html.table import number
@@ -39,7 +38,8 @@ def build(data: RunData) -> Page:
                 data.found.signals,
             )
         ),
-        tables=_tables(data),
+        run=data,
+        events=events(data),
         robots=[moving.robot(data, rate, notes), *beside.human(data, rate), *beside.objects(data)]
         if data.description
         else [],
@@ -69,42 +69,6 @@ def verdicts(run: Mapping[str, Any], values: Mapping[str, Any]) -> list[tuple[st
         found.append(("bad", "limits acted") if any(touched.values()) else ("good", "no limit acted"))
     missing = values["control_log"]["missing_cycles"]
     found.append(("bad", f"{missing} cycles missing") if missing else ("good", "every cycle recorded"))
-    return found
-
-
-def _tables(data: RunData) -> list[tables.Table]:
-    values, run = data.values, data.run
-    found = [tables.move_table(move) for move in values["setpoints"]]
-    if values.get("contacts"):
-        cells, note = tuple(contact_record.cells(values["contacts"])), contact_record.note(values["contacts"])
-        found.append(tables.Table("Contact forces", contact_record.HEAD, cells, note, section=sections.FORCES))
-    if data.person is not None and any(one["transient"] for one in data.person.values["contacts"]):
-        found.append(tables.blows_table(data.person.values["contacts"]))
-    if values.get("tracking"):
-        # The phases are in the table of events.
-        tree = {key: value for key, value in values["tracking"].items() if key != "phases"}
-        found.append(tables.tree_table("All figures [SI units]", tree, folded=True, section=sections.TRACKING))
-    if values.get("sources"):
-        found.append(tables.sources_table(values["sources"]))
-    if values.get("sync"):
-        found.append(tables.skew_table(values["sync"]))
-    found += tables.sync_tables(data.found)
-    found.append(tables.limits_table(values["joints"], values["limits_touched"] is not None))
-    found.append(tables.events_table(events(data)))
-    return [*found, *_provenance(run, values)]
-
-
-def _provenance(run: Mapping[str, Any], values: Mapping[str, Any]) -> list[tables.Table]:
-    """Return the tables on the origin of the run: experiment, deviations, topics, parameters and versions."""
-    found = [tables.overview(run, values)]
-    if values.get("differences"):
-        rows = tuple((d["what"], str(d["reference"]), str(d["here"]), d["why"]) for d in values["differences"])
-        title, head = f"Differences from {values['reference']['title']}", ("what", "there", "here", "why")
-        found.append(tables.Table(title, head, rows, section=sections.MADE))
-    found.append(tables.topics_table(values))
-    found.append(tables.tree_table("The experiment as it was run", run.get("definition") or {}, folded=True))
-    about = {key: run.get(key) for key in ("parameters", "limits", "versions", "revision", "platform") if run.get(key)}
-    found.append(tables.tree_table("Parameters, limits and versions", about, folded=True))
     return found
 
 

@@ -20,7 +20,6 @@ class Table:
         note: text below the heading.
         folded: True if the table is collapsed until it is clicked; it is printed anyway.
         times: replay time that a click on each row shows [s]; empty: rows cannot be clicked.
-        section: section of the report, from `hric_report.sections`.
     """
 
     title: str
@@ -29,7 +28,6 @@ class Table:
     note: str = ""
     folded: bool = False
     times: Sequence[float] = ()
-    section: str = ""
 
     @property
     def numeric(self) -> list[bool]:
