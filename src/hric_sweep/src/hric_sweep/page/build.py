@@ -6,7 +6,8 @@ from typing import Any
 from hric_report import html as report_html
 from hric_report.html import templates
 from hric_report.html.scene import Blob
-from hric_report.html.tables import Table, flat
+from hric_report.html.table import Table
+from hric_report.html.tables import flat
 from hric_sweep.page import drawn, estimate, indices, lists, sample, sensitivity, spread, words
 from hric_sweep.page.study import Study, load
 
