@@ -1,5 +1,6 @@
 """Page of a benchmark: one file that needs no network and no script."""
 
+import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -10,8 +11,9 @@ from hric_report.html.chart import Axis
 from hric_report.html.table import Table
 from hric_sweep.benchmark import text
 from hric_sweep.benchmark.results import predicted
+from hric_sweep.page.words import figure
 
-NAME = "report.html"
+NAME, ASSETS = "report.html", Path(__file__).parent / "assets"
 LEFT, RIGHT = 150, 770
 """Ends of the axis of a chart [px]."""
 
@@ -27,7 +29,7 @@ def build(results: Mapping[str, Any]) -> str:
     """Return the text of the page."""
     note = "Medians over all bodies and seeds, smallest and largest value in brackets."
     medians = {name: text.by_collaboration(results, name) for name in results["collaborations"]}
-    template = templates.environment(Path(__file__).parent / "assets", axis=_axis).get_template("benchmark.html")
+    template = templates.environment(ASSETS, axis=_axis, figure=figure).get_template("benchmark.html")
     return template.render(
         results=results,
         verdicts=[
@@ -57,11 +59,12 @@ def _spaced(name: str) -> str:
 
 
 def _axis(one: Mapping[str, Any], key: str) -> Axis:
-    """Return the axis of a score, with 0, its limit and the values of all runs of a collaboration."""
+    """Return the axis of a score, with 0, its limit and all finite values of the runs of a collaboration."""
     scores = [controller["scores"][key] for controller in one["controllers"].values()]
-    ends = [value for score in scores for value in (score["lowest"], score["highest"]) if value is not None]
-    limit = one["scores"][key]["limit"]
-    return Axis(float(min([*ends, 0.0])), float(max([*ends, limit or 0.0, 0.0]) or 1.0), LEFT, RIGHT)
+    values = [score[end] for score in scores for end in ("lowest", "highest")]
+    ends = [0.0, one["scores"][key]["limit"] or 0.0, *(value for value in values if value is not None)]
+    finite = [float(value) for value in ends if math.isfinite(value)]
+    return Axis(min(finite), max(finite) or 1.0, LEFT, RIGHT)
 
 
 def _made(results: Mapping[str, Any]) -> Iterator[Table]:

@@ -24,7 +24,7 @@ def command(study: Study) -> str:
 def failures(study: Study) -> list[tuple[str, int, int]]:
     """Return reason, number of runs and row of the first of them, most frequent first.
 
-    Reasons that differ only in measured numbers are merged; # stands for a number.
+    Reasons that differ only in measured numbers are merged; # replaces each number.
     """
     failed = np.flatnonzero(study.kinds == FAILED)
     reasons = [DECIMAL.sub("#", str(study.columns["failure"][row])) for row in failed]

@@ -137,7 +137,7 @@ class Study:
         return bool(np.any(self.weights != 1.0))
 
     def numbers(self, name: str) -> tuple[FloatArray, list[str]]:
-        """Return a column as numbers, and the labels of its values if they are words: number k stands for label k."""
+        """Return a column as numbers, and the labels of its values if they are words: number k means label k."""
         values = self.columns[name]
         if values.dtype.kind in "iuf":
             return values.astype(float), []
