@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,10 @@ from hric_assessment.contact import impact
 from hric_bags.run_folder import RunFolder
 from hric_core.json_values import from_json
 from hric_experiments import cli
-from hric_report import human_figures, human_text
-from hric_report.html import run_data, tables
+from hric_report import human_text
+from hric_report.figures import human as human_figures
+from hric_report.html import run_data, run_page
+from hric_report.html.page import render_page
 
 WALL = "package://hric_experiments/worlds/wall_behind_arm.yaml"
 
@@ -58,7 +61,7 @@ def test_what_is_expected_is_beside_what_was_found_in_text_table_and_figures(
     assert "v sqrt(mu k) = " in text and "; commanded torque balances " in text
     assert text.count("touched panda::panda_hand") == 1 and " contacts, " in text
     data = run_data.load(clamped, found)
-    figures = {figure.key: figure for figure in human_figures.human_figures(data.person)}
+    figures = {figure.key: figure for figure in human_figures.figures(data)}
     blow, press = figures["blow"].panels[0], figures["press"].panels[0]
     expected, simulated = blow.curves
     ((_, peak),) = blow.bounds
@@ -71,8 +74,9 @@ def test_what_is_expected_is_beside_what_was_found_in_text_table_and_figures(
     assert figures["blow"].horizontal_range(blow) == (0.0, simulated.time[-1])
     balanced, contact = press.curves
     assert contact.values[-50:] == pytest.approx(balanced.values[-50:], rel=0.05)
-    rows = tables.blows_table(found["human"]["contacts"]).rows
-    assert len(rows) == sum(one["transient"] is not None for one in found["human"]["contacts"])
+    shown = render_page(replace(run_page.build(data), figures=[], robots=[]))
+    rows = shown[shown.index("<h3>Blows</h3>") :].partition("</tbody>")[0].partition("<tbody>")[2]
+    assert rows.count("<tr>") == sum(one["transient"] is not None for one in found["human"]["contacts"])
 
 
 def test_a_run_whose_world_file_is_gone_tells_its_contacts_without_a_closed_form(clamped: RunFolder) -> None:

@@ -1,6 +1,7 @@
 """What a figure shows, and what is drawn of it."""
 
 from pathlib import Path
+from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import matplotlib.pyplot as plt
@@ -10,9 +11,9 @@ import pytest
 from hric_analysis.recordings import Signal
 from hric_report import drawing, sections, style
 from hric_report.figure import Curve, Figure, Panel, per_joint
+from hric_report.figures import topics
 from hric_report.heat import COLUMNS, heat_map
 from hric_report.html.page import Page, render_page
-from hric_report.signal_figures import signal_figures
 
 TIME = np.linspace(0.0, 1.0, 11)
 SCALE = ((0.0, "#000000"), (0.5, "#ff0000"))
@@ -121,7 +122,7 @@ def test_a_sensor_that_shows_one_value_has_an_axis_that_can_be_read() -> None:
     ],
 )
 def test_what_a_sensor_measured_is_found_by_its_meaning(topic: str, section: str, title: str) -> None:
-    (figure,) = signal_figures([Signal(topic, "[V]", ("a",), TIME, TIME[:, None])])
+    (figure,) = topics.figures(SimpleNamespace(signals=[Signal(topic, "[V]", ("a",), TIME, TIME[:, None])]))  # type: ignore[arg-type]
     assert (figure.section, figure.title) == (section, title) and topic in figure.caption
 
 

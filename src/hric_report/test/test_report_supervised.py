@@ -12,7 +12,7 @@ from rosbags.highlevel import AnyReader
 from hric_bags.run_folder import RunFolder
 from hric_experiments import cli
 from hric_report import html as report_html
-from hric_report.html.verdict import LEFT, WIDTH
+from hric_report.html.strip import LEFT, WIDTH
 from hric_run.definition import experiment
 
 NAME, END = "shared_workspace", 3.5

@@ -21,8 +21,9 @@ from hric_human.body import Body, describe
 from hric_human.body.regions import REGION_MODELS
 from hric_human.participant.settings import HumanSettings
 from hric_report import html as report_html
-from hric_report.html import body_picture, verdict
+from hric_report.html import body_picture, strip, verdict
 from hric_report.html.body_picture import PAIRS, SHAPES, colour, picture, touched
+from hric_report.html.strip import time_axis
 
 HAND, FACE, CHEST, ARM = "hand, fingers", "face", "chest", "lower arm, wrist"
 
@@ -139,7 +140,7 @@ def test_the_part_opens_with_five_answers_and_a_picture_and_folds_the_rest_away(
     head, rest = verdict.part(MADE).split("<details>", 1)
     replies = re.findall(r"<th scope=row>(\w+)</th><td><span class=\"reply \w+\">([\w ]+)</span>", head)
     assert replies == [(one["question"], one["reply"]) for one in MADE["answers"]]
-    assert "<b>125 % of the limit</b> /hric/human2: " in head and "To know it: record the arm&#x27;s motion" in head
+    assert "<b>125 % of the limit</b> /hric/human2: " in head and "To know it: record the arm&#39;s motion" in head
     assert '<svg class="moment"' in head and 'data-time="1.25"' in head
     assert "Findings" in rest and '<svg class="body"' in rest and '<svg class="strip"' in rest
 
@@ -161,7 +162,7 @@ def test_a_verdict_whose_places_are_not_known_has_no_picture_of_the_worst_moment
     [(0.0, 3.99, [0, 1, 2, 3]), (0.2, 18.3, [5, 10, 15]), (1.0, 1.05, [1.0, 1.01, 1.02, 1.03, 1.04, 1.05])],
 )
 def test_times_along_an_axis_are_round(begin: float, end: float, expected: list[float]) -> None:
-    assert verdict.Axis(begin, end).ticks == pytest.approx(expected)
+    assert time_axis(begin, end).ticks == pytest.approx(expected)
 
 
 def test_each_strip_has_a_key_of_its_colours() -> None:
@@ -184,7 +185,7 @@ def test_a_low_score_of_an_arm_whose_angles_are_not_all_known_is_not_green() -> 
 
 def test_an_arm_that_the_body_does_not_have_has_no_colour() -> None:
     text = picture(MADE["findings"], ["right"])
-    right, left = f'<path d="{PAIRS[ARM]}"/>', f'<path d="{PAIRS[ARM]}" {body_picture.MIRRORED}/>'
+    right, left = f'<path d="{PAIRS[ARM]}"/>', f'<path d="{PAIRS[ARM]}" transform="translate(200 0) scale(-1 1)"/>'
     assert f'<g fill="{colour(0.5)}">{right}</g>' in text
     assert text.count(left) == 1 and f'<g class="lacks" fill="none">{left}</g>' in text
 
@@ -344,13 +345,13 @@ def test_the_lines_in_all_strips_follow_the_time(opened: Browser) -> None:
         where = opened.evaluate(
             "[...document.querySelectorAll('svg.strip .now')].map((one) => Number(one.getAttribute('x1')))"
         )
-        expected = verdict.LEFT + share * (verdict.WIDTH - verdict.LEFT)
+        expected = strip.LEFT + share * (strip.WIDTH - strip.LEFT)
         assert len(where) >= 4 and where == pytest.approx([expected] * len(where), abs=2.0)
 
 
 @in_a_browser
 def test_a_click_between_episodes_sets_the_time_that_is_there(opened: Browser) -> None:
-    share = (verdict.LEFT + 0.25 * (verdict.WIDTH - verdict.LEFT)) / verdict.WIDTH
+    share = (strip.LEFT + 0.25 * (strip.WIDTH - strip.LEFT)) / strip.WIDTH
     opened.evaluate(
         "(() => { const svg = document.querySelector('svg.strip[data-strip=activation]'); "
         f"const box = svg.getBoundingClientRect(), x = box.left + {share} * box.width; "

@@ -82,6 +82,17 @@ def test_table_and_page_show_every_controller_collaboration_and_score(
     assert "<script" not in shown and "http" not in shown.replace("http-equiv", "")
 
 
+def test_an_infinite_share_is_drawn_at_the_far_end_of_its_chart(
+    quick: tuple[dict[str, Any], Path, dict[BenchmarkRun, RunTask]],
+) -> None:
+    found = json.loads(json.dumps(quick[0]))
+    key, controllers = "findings.contact share", found["collaborations"]["contact"]["controllers"]
+    score = controllers["bad"]["scores"][key]
+    score.update(highest=math.inf, median=math.inf, by_body={"p50": math.inf})
+    chart = page.build(found).split(f"<h3>{key.replace('.', ': ', 1)}")[1].partition("</svg>")[0]
+    assert 'cx="770.0"' in chart and "<title>bad, p50: infinite</title>" in chart and "nan" not in chart
+
+
 def test_results_are_compared_by_the_tolerance_of_their_definition(
     quick: tuple[dict[str, Any], Path, dict[BenchmarkRun, RunTask]],
 ) -> None:

@@ -45,11 +45,8 @@ def folder(root: Path, kind: str, runs: int, batches: int | None = None) -> Path
 
 def shown(study: Study, output: str, share: float) -> tuple[float, float, float]:
     """A quantile on the page with its interval."""
-    text = spread.part(study, sample.of(study))
-    row = re.search(rf"<tr><td>{output} \[N\]</td>(.*?)</tr>", text)
-    assert row is not None
-    cells = re.findall(r"<td[^>]*>(.*?)</td>", row[1])
-    value, low, high = re.findall(r"[\d.]+", cells[1 + spread.SHARES.index(share)])
+    (found,) = (one for one in spread.spreads(study, sample.of(study)) if one.name == output)
+    value, low, high = re.findall(r"[\d.]+", found.row[2 + spread.SHARES.index(share)])
     return float(value), float(low), float(high)
 
 
@@ -96,7 +93,7 @@ def test_weights_that_are_worth_few_runs_are_refused_with_a_sentence(tmp_path: P
 
 def test_a_search_for_the_worst_has_neither_distributions_nor_correlations(tmp_path: Path) -> None:
     text = page.write(sweep_folder.write(tmp_path / "a", 60, sampler="tpe")).read_text()
-    words = "The points were searched for the worst, not drawn"
+    words = "The points were searched for the worst case, not drawn"
     assert f"No distributions. {words}" in text and f"No rank correlations. {words}" in text
     assert "<figcaption>" not in text and '"spread":false' in text and "class=rank" not in text
 
@@ -114,7 +111,7 @@ def test_a_sweep_with_weights_that_has_only_begun_is_a_plain_sample(tmp_path: Pa
     study = load(folder(tmp_path, "cross_entropy", 600, batches=1))
     counted = sample.of(study)
     assert not counted.weighted and counted.independent and study.runs == 60
-    assert "by order statistics" in spread.part(study, counted)
+    assert "by order statistics" in spread.kind(study, counted)
 
 
 def test_ranks_with_equal_weights_correlate_as_scipy_says_ties_included() -> None:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from hric_report.heat import HeatMap
 
+AXES = ("x", "y", "z")
 FloatArray = npt.NDArray[np.float64]
 Bound = tuple[str, float]
 """Name and value of a horizontal line."""
@@ -179,3 +180,25 @@ def per_joint(
         if own:
             panels.append(Panel(name, tuple(own), bounds(name)))
     return Figure(key, title, unit, tuple(panels), **options)
+
+
+def path(key: str, title: str, curves: Sequence[Curve], titles: Sequence[str] = ("", "", "")) -> Figure:
+    """Return the figure of paths seen from above, from the side and along x, all axes with one scale.
+
+    Args:
+        key: file name without extension.
+        title: heading.
+        curves: paths with positions as values, shape (n, 3) [m].
+        titles: titles of the three panels.
+    """
+    panels = tuple(
+        Panel(
+            name,
+            tuple(replace(curve, time=curve.values[:, a], values=curve.values[:, b]) for curve in curves),
+            unit=f"{AXES[b]} [m]",
+            abscissa=f"{AXES[a]} [m]",
+        )
+        for name, (a, b) in zip(titles, ((0, 1), (0, 2), (1, 2)), strict=True)
+    )
+    extent = max(float(np.max(np.nanmax(curve.values, axis=0) - np.nanmin(curve.values, axis=0))) for curve in curves)
+    return Figure(key, title, "", panels, max(extent, 0.02), columns=3, equal=True)

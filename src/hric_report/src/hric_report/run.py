@@ -96,18 +96,14 @@ def _draw(
     step: Callable[[str], object],
 ) -> None:
     """Draw the figures of a run and of its sensors into its folder `figures`."""
-    from hric_report import drawing, human_figures, run_figures, safety_figures, signal_figures
+    from hric_report import drawing, figures
     from hric_report.thinning import limited
 
     step("reading what sensors measured")
-    moves = metrics.moves(record, joint_orders(run))
-    shown = run_figures.robot_figures(record, moves, run.get("limits") or {}, tolerances)
-    shown += human_figures.human_figures(person)
-    shown += safety_figures.safety_figures(safety)
-    shown += run_figures.tracking_figures(followed)
-    sensors = signal_figures.signal_figures(recordings.signals(bag, record.robot_time))
-    shown += [limited(figure, drawing.POINTS) for figure in signal_figures.in_order(sensors)]
-    del sensors
+    moves, signals = metrics.moves(record, joint_orders(run)), recordings.signals(bag, record.robot_time)
+    data = figures.FigureData(record, moves, run.get("limits") or {}, tolerances, person, safety, followed, signals)
+    shown = [limited(figure, drawing.POINTS) for figure in figures.of_run(data)]
+    del data, signals
     step(f"drawing {len(shown)} figures")
     drawing.draw(folder.path / drawing.FOLDER, shown, title(run))
 

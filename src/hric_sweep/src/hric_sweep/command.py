@@ -143,12 +143,12 @@ def _supervise(folder: Path, plan: Plan, journal: Journal, engine: Engine, code:
 def summary(folder: Path) -> str:
     """Return the summary for the terminal, from the table: the same statements with which the page begins."""
     from hric_sweep.page import estimate
-    from hric_sweep.page.study import FAILED, OUTPUT, load
+    from hric_sweep.page.study import FAILED, load
 
     study = load(folder)
     failed = study.kinds == FAILED
     lines = [f"{study.runs} runs, {int(failed.sum())} failed"]
-    for name in study.named(OUTPUT):
+    for name in study.outputs:
         values = sorted(value for value in study.columns[name][~failed].tolist() if not math.isnan(value))
         if values:
             middle, unit = statistics.median(values), study.about[name].unit

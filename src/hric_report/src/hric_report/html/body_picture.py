@@ -5,7 +5,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-from hric_report.html.tables import escape
+from markupsafe import Markup
+
+from hric_report.html import templates
 
 CONTACT, NOT_ASSESSABLE = "contact", "not assessable"
 SCALE = ((0.0, (246, 234, 196)), (0.8, (224, 138, 44)), (1.0, (179, 38, 30)))
@@ -32,15 +34,6 @@ PAIRS: Mapping[str, str] = {
 OF_ARMS = ("upper arm, elbow", "lower arm, wrist", "hand, fingers")
 """Regions that are missing if the body model lacks the arm of that side."""
 SIDES = ("right", "left")
-MIRRORED = 'transform="translate(200 0) scale(-1 1)"'
-
-
-def _drawn(region: str, sides: Sequence[str]) -> str:
-    """Return the SVG paths of a region on the listed sides of the body."""
-    if region in SHAPES:
-        return f'<path d="{SHAPES[region]}"/>'
-    both = {"right": f'<path d="{PAIRS[region]}"/>', "left": f'<path d="{PAIRS[region]}" {MIRRORED}/>'}
-    return "".join(path for side, path in both.items() if side in sides)
 
 
 @dataclass(frozen=True)
@@ -58,6 +51,11 @@ class Touched:
     assessable: bool
     outcome: str
     time: float | None
+
+    @property
+    def fill(self) -> str:
+        """Colour of the region; above its limit by an unknown share: that of the limit."""
+        return colour(1.0 if self.share is None and self.outcome == "above limits" else self.share or 0.0)
 
 
 def touched(findings: Sequence[Mapping[str, Any]]) -> dict[str, Touched]:
@@ -88,7 +86,7 @@ def colour(share: float) -> str:
     return "#" + "".join(f"{x:02x}" for x in SCALE[-1][1])
 
 
-def picture(findings: Sequence[Mapping[str, Any]], arms: Sequence[str] = ()) -> str:
+def picture(findings: Sequence[Mapping[str, Any]], arms: Sequence[str] = ()) -> Markup:
     """Return the SVG of the body with its legend.
 
     A region without contact is empty, one with a contact that could not be assessed is hatched, and one above its limit
@@ -98,36 +96,6 @@ def picture(findings: Sequence[Mapping[str, Any]], arms: Sequence[str] = ()) -> 
         findings: findings of a verdict, the worst first.
         arms: sides of the arms of the body model; empty: both. A missing arm is drawn faintly, without colour.
     """
-    met = touched(findings)
-    parts = []
-    for region in (*SHAPES, *PAIRS):
-        one = met.get(region)
-        said, look = f"{region}: not touched", 'fill="none"'
-        jump = ""
-        if one is not None:
-            share = "share of the limit not known" if one.share is None else f"{100.0 * one.share:.0f} % of the limit"
-            said = f"{region}: {one.outcome}, {share}"
-            above = one.outcome == "above limits"
-            fill = colour(1.0 if one.share is None and above else one.share or 0.0)
-            look = f'fill="{fill}"' + (' class="above"' if above else "")
-            jump = "" if one.time is None else f' class="jump" tabindex="0" role="button" data-time="{one.time:.9g}"'
-        own = arms if arms and region in OF_ARMS else SIDES
-        drawn = _drawn(region, own)
-        lacks = "" if region in SHAPES else _drawn(region, [side for side in SIDES if side not in own])
-        hatched = f'<g class="hatched">{drawn}</g>' if one is not None and not one.assessable else ""
-        parts.append(
-            f'<g data-region="{escape(region)}"{jump}><title>{escape(said)}</title><g {look}>{drawn}</g>{hatched}</g>'
-            + (f'<g class="lacks" fill="none">{lacks}</g>' if lacks else "")
-        )
-    stops = "".join(f'<stop offset="{share:g}" stop-color="{colour(share)}"/>' for share, _ in SCALE)
-    defined = (
-        '<defs><pattern id="hatch" width="6" height="6" patternUnits="userSpaceOnUse" patternTransform="rotate(45)">'
-        f'<line x1="0" y1="0" x2="0" y2="6"/></pattern><linearGradient id="share">{stops}</linearGradient></defs>'
-    )
-    legend = (
-        '<g class="scale"><rect x="40" y="386" width="120" height="9" fill="url(#share)"/><text x="40" y="407">0</text>'
-        '<text x="160" y="407" text-anchor="end">100 %</text><text x="40" y="419">share of the limit</text>'
-        '<rect x="40" y="425" width="9" height="9" class="hatched"/><text x="54" y="433">not assessable</text></g>'
-    )
-    label = 'role="img" aria-label="body, its regions coloured by the share of their limits"'
-    return f'<svg class="body" viewBox="20 0 160 440" {label}>{defined}{"".join(parts)}{legend}</svg>'
+    environment = templates.environment(colour=colour)
+    values = {"shapes": SHAPES, "pairs": PAIRS, "of_arms": OF_ARMS, "sides": SIDES, "scale": SCALE, "arms": arms}
+    return Markup(environment.get_template("body.html").render(touched=touched(findings), **values))

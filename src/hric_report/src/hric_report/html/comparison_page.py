@@ -9,15 +9,16 @@ import numpy as np
 
 from hric_analysis import comparison
 from hric_analysis.comparison import Comparison
+from hric_analysis.recordings import Event
 from hric_analysis.values import RunMetrics, joint_orders
 from hric_core.json_values import from_json
-from hric_report import comparison_figures, headline, run_figures, sections
+from hric_report import comparison_figures, headline, sections
 from hric_report.figure import Curve, Figure, FloatArray, per_joint
-from hric_report.html import beside, moving, run_page, tables
+from hric_report.figures import marker, robot
+from hric_report.html import beside, moving, run_page
 from hric_report.html.page import Page, replay_rate
 from hric_report.html.run_data import RunData
 from hric_report.html.scene import Robot
-from hric_report.html.tables import Table, number
 
 
 @dataclass(frozen=True)
@@ -75,13 +76,6 @@ def build(laid: Sequence[Laid], settings: Sequence[Mapping[str, Any]]) -> Page:
     notes = ["Each run's own page shows its sensors, its limits and its parameters."]
     duration = max(float(np.ptp(one.time)) for one in laid)
     rate = replay_rate(duration, sum(moving.width(one.data) + beside.width(one.data) for one in laid))
-    made = [_overview(laid)]
-    if settings:
-        rows = tuple(
-            (item["key"], *("not set" if value is None else str(value) for value in item["values"]))
-            for item in settings
-        )
-        made.append(Table("Set differently", ("key", *(one.label for one in laid)), rows, section=sections.MADE))
     pairs = {one.label: comparison.difference_metrics(one.compared) for one in laid if one.compared is not None}
     return Page(
         title=" and ".join(one.label for one in laid),
@@ -89,7 +83,7 @@ def build(laid: Sequence[Laid], settings: Sequence[Mapping[str, Any]]) -> Page:
         verdicts=[("plain", f"{one.label}: {one.data.run.get('status', '')}") for one in laid],
         findings=[*headline.of_comparison(laid[0].label, pairs), *_problems(laid)],
         figures=_figures(laid),
-        tables=[*(table for one in laid[1:] for table in _difference_tables(laid[0].label, one)), _events(laid), *made],
+        compared={"laid": laid, "pairs": pairs, "settings": settings, "events": _events(laid)},
         robots=[robot for k, one in enumerate(laid) if one.data.description for robot in _robots(one, k, rate, notes)],
         notes=notes,
     )
@@ -115,31 +109,12 @@ def differing(runs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     return [{"key": key, "values": [one.get(key) for one in leaves]} for key in found]
 
 
-def _overview(laid: Sequence[Laid]) -> Table:
-    columns = [{key: value for key, value in tables.overview(one.data.run, one.data.values).rows} for one in laid]
-    keys = (
-        "experiment",
-        "status",
-        "arguments",
-        "seed",
-        "robot",
-        "started, finished",
-        "robot time",
-        "hash of the states",
-    )
-    rows = [
-        ("run", *(one.data.folder.path.name for one in laid)),
-        *((key, *(column[key] for column in columns)) for key in keys),
-    ]
-    return Table("What ran", ("what", *(one.label for one in laid)), tuple(rows), section=sections.MADE)
-
-
 def _figures(laid: Sequence[Laid]) -> list[Figure]:
     """Return the figures of differences, positions, torques if a run commands them, and marker tracking."""
     first, names = laid[0], laid[0].data.record.log.joint_names
     positions = [
         replace(curve, time=curve.time - first.zero)
-        for curve in run_figures.setpoints(first.data.record.log, first.data.moves)
+        for curve in robot.setpoints(first.data.record.log, first.data.moves)
     ]
     torques = []
     for k, one in enumerate(laid):
@@ -166,7 +141,7 @@ def _figures(laid: Sequence[Laid]) -> list[Figure]:
 
 def _paths(laid: Sequence[Laid]) -> list[Figure]:
     """Return the figure of the end effectors that follow a marker; empty unless all runs have tracking."""
-    followed = [figures[0] for one in laid if (figures := run_figures.tracking_figures(one.data.followed))]
+    followed = [figures[0] for one in laid if (figures := marker.tracking_figures(one.data.followed))]
     if len(followed) != len(laid):
         return []
     panels = []
@@ -183,35 +158,10 @@ def _paths(laid: Sequence[Laid]) -> list[Figure]:
     return [figure.about(sections.TRACKING, caption)]
 
 
-def _difference_tables(first: str, one: Laid) -> list[Table]:
-    assert one.compared is not None
-    found = []
-    for move in comparison.difference_metrics(one.compared):
-        efforts = any(joint.effort_peak_difference is not None for joint in move.joints.values())
-        head = ["joint", "peak [rad]", "at [s]", "steady [rad]", "rms [rad]"]
-        kinds = ["", "effort_"] if efforts else [""]
-        head += ["torque, peak [N m]", "at [s]", "steady [N m]", "rms [N m]"] if efforts else []
-        keys = [
-            f"{kind}{key}"
-            for kind in kinds
-            for key in ("peak_difference", "peak_time", "steady_difference", "rms_difference")
-        ]
-        rows = tuple((name, *(number(getattr(joint, key), 3) for key in keys)) for name, joint in move.joints.items())
-        since = f"from the setpoint at {move.time_a:.3f} s on" if one.data.moves else "from the begin on"
-        title = f"{first} minus {one.label}, {since}, {move.duration:.3f} s long"
-        found.append(Table(title, tuple(head), rows, section=sections.RESULTS))
-    return found
-
-
-def _events(laid: Sequence[Laid]) -> Table:
+def _events(laid: Sequence[Laid]) -> list[tuple[float, str, Event]]:
+    """Return time, run and content of the events of all runs, in the order of time."""
     events = [(event.time - one.zero, one.label, event) for one in laid for event in run_page.events(one.data)]
-    events.sort(key=lambda item: item[0])
-    shown = events[: tables.SHOWN_EVENTS]
-    rows = tuple((f"{time:.3f}", label, event.kind, event.source, event.text) for time, label, event in shown)
-    note = "" if len(shown) == len(events) else f"The first {len(shown)} of {len(events)}."
-    times = tuple(time for time, _, _ in shown)
-    head = ("time [s]", "run", "what", "of", "text")
-    return Table("Events", head, rows, note, times=times, section=sections.LIMITS)
+    return sorted(events, key=lambda item: item[0])
 
 
 def _robots(one: Laid, number_of_run: int, rate: float, notes: list[str]) -> list[Robot]:

@@ -5,6 +5,7 @@ three.js (MIT): in the mesh viewer page of the wheel `trimesh` (MIT), whose firs
 three.min.js as released.
 """
 
+import hashlib
 import importlib.util
 import zipfile
 from dataclasses import dataclass
@@ -15,6 +16,8 @@ from hric_core.errors import FailureError
 
 VIEWER, TEMPLATE = "resources/templates/viewer.zip", "viewer.html.template"
 THREE_BEGINS = "!function(t,e){"
+THREE_RELEASE, THREE_SHA256 = "140", "f1bfa6255b76bf45308d5e68a0ced7ea6477f6d61798d60639221ec6f4a12212"
+"""Release of three.js, and hash of its script: what is cut out of the page is that script and nothing else."""
 
 
 @dataclass(frozen=True)
@@ -57,11 +60,15 @@ def three() -> Library:
         raise FailureError(
             f"cannot read three.js from {path}: {error}; scripts/setup installs the pinned package trimesh"
         ) from error
-    found = [line for line in lines if line.startswith(THREE_BEGINS)]
+    found = [line for line in lines if line.startswith(THREE_BEGINS) and _sha256(line) == THREE_SHA256]
     if not found:
-        raise FailureError(f"{path} has no three.js in it any more; the pinned version of trimesh has")
+        raise FailureError(f"{path} does not contain three.js r{THREE_RELEASE}; the pinned version of trimesh does")
     licence = "/* three.js: Copyright 2010-2022 Three.js Authors, SPDX-License-Identifier: MIT */\n"
     return Library(f"three.js (MIT licence), from trimesh {version('trimesh')}", licence + found[0])
+
+
+def _sha256(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _package(name: str) -> Path:

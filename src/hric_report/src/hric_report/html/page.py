@@ -1,20 +1,22 @@
 """Rendering of a page into one HTML file that needs no network: sections, scripts, libraries and numbers."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from markupsafe import Markup
+
+from hric_analysis.recordings import Event
 from hric_report import sections, style
 from hric_report.figure import Figure
 from hric_report.headline import KeyFigure
 from hric_report.heat import HeatMap
-from hric_report.html import libraries
-from hric_report.html.document import ASSETS, document, embedded, links, script, titled
+from hric_report.html import libraries, tables, templates
+from hric_report.html.run_data import RunData
 from hric_report.html.scene import Blob, Robot, Scene
-from hric_report.html.tables import Table, escape, render
+from hric_report.html.strip import Strip
 from hric_report.thinning import thin
 
-SCRIPTS = ("data.js", "pictures.js", "plots.js", "scene.js", "replay.js", "page.js")
 PLOT_VALUES, REPLAY_VALUES = 1_100_000, 600_000
 """Maximum number of values in the plots and in the replay: 5.9 MB and 3.2 MB as single precision in base64, plus times
 and rounding. With 6 MB of libraries and meshes a page stays below 20 MB for runs of any length. Project default,
@@ -32,11 +34,14 @@ class Page:
         subtitle: line below the title.
         verdicts: short labels next to the title, as (kind, text) with kind good, bad or plain.
         findings: key figures.
-        figures, tables: figures and tables in order, shown in their sections; a figure without panels is skipped.
+        figures: figures in order, shown in their sections; a figure without panels is skipped.
         robots: robots, persons and objects of the replay.
         notes: remarks on the page itself, e.g. what could not be drawn.
-        verdict: HTML of safety and ergonomics of the person in the run; "": there was no person.
-        supervisor: HTML of the supervisor's states over time; "": there was no supervisor.
+        run: data of a single run, whose tables follow; None: there are several runs, or none.
+        events: events of that run.
+        compared: runs that are compared, for their tables; None: there is one run, or none.
+        verdict: safety and ergonomics of the person in the run; empty: there was no person.
+        supervisor: the supervisor's states over time; None: there was no supervisor.
         name: name of the run, for captions and file names; "": the title.
     """
 
@@ -45,11 +50,13 @@ class Page:
     verdicts: list[tuple[str, str]] = field(default_factory=list)
     findings: list[KeyFigure] = field(default_factory=list)
     figures: list[Figure] = field(default_factory=list)
-    tables: list[Table] = field(default_factory=list)
     robots: list[Robot] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
-    verdict: str = ""
-    supervisor: str = ""
+    run: RunData | None = None
+    events: Sequence[Event] = ()
+    compared: Mapping[str, Any] | None = None
+    verdict: Markup = field(default_factory=Markup)
+    supervisor: Strip | None = None
     name: str = ""
 
 
@@ -73,61 +80,23 @@ def render_page(page: Page) -> str:
     roles = {name: {"width": r.width, "dash": r.dash, "opacity": r.opacity} for name, r in style.ROLES.items()}
     plots = [_figure(figure, blob) for figure in figures]
     data = {"plots": plots, "roles": roles, "scene": scene.data(), "name": page.name or page.title}
-    parts = _parts(page, figures, [*notes, *dict.fromkeys(scene.notes)])
-    used = (libraries.plotly(), libraries.three())
-    main = f"<article>{links(parts)}{titled(parts)}</article>{(ASSETS / 'replay.html').read_text()}"
-    return document(
-        page.title,
-        page.subtitle,
-        page.verdicts,
-        f"<main>{main}</main>",
-        foot=escape(f"In this file: {'; '.join(library.name for library in used)}."),
-        scripts=[
-            *(script(library.text) for library in used),
-            embedded("data", data),
-            embedded("numbers", blob.text()),
-            script(*((ASSETS / name).read_text() for name in SCRIPTS)),
-        ],
+    environment = templates.environment(
+        contact_table=tables.contact_table,
+        flat=tables.flat,
+        known=tables.known,
+        overview=tables.overview,
+        setpoint_table=tables.setpoint_table,
+        sync_tables=tables.sync_tables,
     )
-
-
-def _parts(page: Page, figures: Sequence[Figure], notes: Sequence[str]) -> dict[str, str]:
-    """Return the HTML of each section of the report that is not empty, by its title."""
-    own = {sections.VERDICT: page.verdict, sections.SUPERVISOR: page.supervisor}
-    own[sections.RESULTS] = _findings(page.findings)
-    found = {}
-    for title in sections.ORDER:
-        content = own.get(title, "")
-        content += "".join(_plot(figure) for figure in figures if (figure.section or sections.OTHER) == title)
-        content += "".join(render(table) for table in page.tables if (table.section or sections.OTHER) == title)
-        if title == sections.MADE:
-            content += "".join(f"<p class=note>{escape(note)}</p>" for note in notes)
-        if content:
-            found[title] = content
-    return found
-
-
-def _findings(findings: Sequence[KeyFigure]) -> str:
-    cards = (
-        f'<dl class="finding {one.kind}"><dt>{escape(one.name)}</dt><dd class=value>{escape(one.value)}</dd>'
-        f"<dd class=meaning>{escape(one.meaning)}</dd></dl>"
-        for one in findings
-    )
-    return f"<div class=findings>{''.join(cards)}</div>" if findings else ""
-
-
-def _plot(figure: Figure) -> str:
-    """Return the HTML container of a plot, with its title, its caption and the buttons to save it."""
-    buttons = "".join(
-        f"<button type=button data-format={kind} data-width={width:g}>{kind.upper()} {width:g} mm</button> "
-        for kind in ("svg", "png")
-        for width in (style.SINGLE, style.DOUBLE)
-    )
-    save = f"<span class=save>{buttons}<button type=button data-format=txt data-width=0>caption</button></span>"
-    return (
-        f'<figure class=plot id="plot-{escape(figure.key)}"><h3>{escape(figure.title)}</h3><div class=legend></div>'
-        "<div class=canvas><div class=graph></div></div>"
-        f"<figcaption>{escape(figure.caption)} {save}</figcaption></figure>"
+    return environment.get_template("report.html").render(
+        page=page,
+        sections=sections,
+        figures=figures,
+        notes=[*notes, *dict.fromkeys(scene.notes)],
+        libraries=(libraries.plotly(), libraries.three()),
+        data=data,
+        numbers=blob.text(),
+        most_events=tables.SHOWN_EVENTS,
     )
 
 

@@ -3,44 +3,51 @@
 from collections.abc import Mapping
 from typing import Any
 
+from markupsafe import Markup
+
 from hric_analysis import stability
 from hric_analysis.recordings import Event
 from hric_analysis.values import RunMetrics
-from hric_bags.records import contact_record
-from hric_bags.records.contact_record import PairForce
 from hric_bags.run_folder import COMPLETED
 from hric_core.json_values import from_json
-from hric_report import headline, human_figures, run_figures, safety_figures, sections, signal_figures
-from hric_report.html import beside, moving, supervisor, tables, verdict
+from hric_report import figures, headline
+from hric_report.figures import FigureData
+from hric_report.html import beside, moving, supervisor, verdict
 from hric_report.html.page import Page, replay_rate
 from hric_report.html.run_data import RunData
+from hric_report.html.table import number
 
 
 def build(data: RunData) -> Page:
     """Return the contents of the page of a run."""
     run, values = data.run, data.values
     notes: list[str] = []
-    tolerances = sorted({float(value) for move in values["setpoints"] for value in move["settling_time_max"]})
     rate = replay_rate(data.record.log.time[-1] - data.record.log.time[0], moving.width(data) + beside.width(data))
     return Page(
         title=f"{run.get('experiment', 'run')}",
         subtitle=f"{data.folder.path.name}: {run.get('description', '')}",
         verdicts=verdicts(run, values),
         findings=headline.of_run(run, from_json(RunMetrics, values), data.verdict),
-        figures=[
-            *run_figures.robot_figures(data.record, data.moves, run.get("limits") or {}, tolerances),
-            *human_figures.human_figures(data.person),
-            *safety_figures.safety_figures(data.safety),
-            *run_figures.tracking_figures(data.followed),
-            *signal_figures.signal_figures(data.found.signals),
-        ],
-        tables=_tables(data),
+        figures=figures.of_run(
+            FigureData(
+                data.record,
+                data.moves,
+                run.get("limits") or {},
+                sorted({float(value) for move in values["setpoints"] for value in move["settling_time_max"]}),
+                data.person,
+                data.safety,
+                data.followed,
+                data.found.signals,
+            )
+        ),
+        run=data,
+        events=events(data),
         robots=[moving.robot(data, rate, notes), *beside.human(data, rate), *beside.objects(data)]
         if data.description
         else [],
         notes=notes if data.description else ["The run folder has no robot.urdf: there is no replay."],
-        verdict="" if data.verdict is None else verdict.part(data.verdict),
-        supervisor=supervisor.part(data.safety),
+        verdict=Markup() if data.verdict is None else verdict.part(data.verdict),
+        supervisor=supervisor.strip(data.safety),
         name=data.folder.path.name,
     )
 
@@ -67,48 +74,11 @@ def verdicts(run: Mapping[str, Any], values: Mapping[str, Any]) -> list[tuple[st
     return found
 
 
-def _tables(data: RunData) -> list[tables.Table]:
-    values, run = data.values, data.run
-    found = [tables.move_table(move) for move in values["setpoints"]]
-    if values.get("contacts"):
-        pairs = [from_json(PairForce, pair) for pair in values["contacts"]]
-        cells, note = tuple(contact_record.cells(pairs)), contact_record.note(pairs)
-        found.append(tables.Table("Contact forces", contact_record.HEAD, cells, note, section=sections.FORCES))
-    if values.get("human") and any(one["transient"] for one in values["human"]["contacts"]):
-        found.append(tables.blows_table(values["human"]["contacts"]))
-    if values.get("tracking"):
-        # The phases are in the table of events.
-        tree = {key: value for key, value in values["tracking"].items() if key != "phases"}
-        found.append(tables.tree_table("All figures [SI units]", tree, folded=True, section=sections.TRACKING))
-    if values.get("sources"):
-        found.append(tables.sources_table(values["sources"]))
-    if values.get("sync"):
-        found.append(tables.skew_table(values["sync"]))
-    found += tables.sync_tables(data.found)
-    found.append(tables.limits_table(values["joints"], values["limits_touched"] is not None))
-    found.append(tables.events_table(events(data)))
-    return [*found, *_provenance(run, values)]
-
-
-def _provenance(run: Mapping[str, Any], values: Mapping[str, Any]) -> list[tables.Table]:
-    """Return the tables on the origin of the run: experiment, deviations, topics, parameters and versions."""
-    found = [tables.overview(run, values)]
-    if values.get("differences"):
-        rows = tuple((d["what"], str(d["reference"]), str(d["here"]), d["why"]) for d in values["differences"])
-        title, head = f"Differences from {values['reference']['title']}", ("what", "there", "here", "why")
-        found.append(tables.Table(title, head, rows, section=sections.MADE))
-    found.append(tables.topics_table(values))
-    found.append(tables.tree_table("The experiment as it was run", run.get("definition") or {}, folded=True))
-    about = {key: run.get(key) for key in ("parameters", "limits", "versions", "revision", "platform") if run.get(key)}
-    found.append(tables.tree_table("Parameters, limits and versions", about, folded=True))
-    return found
-
-
 def events(data: RunData) -> list[Event]:
     """Return the events of the bag, setpoints, reflexes and supervisor events in the order of time."""
     found = list(data.found.events)
     found += [
-        Event(s.time, "setpoint", s.controller, ", ".join(tables.number(float(q)) for q in s.positions) + " rad")
+        Event(s.time, "setpoint", s.controller, ", ".join(number(float(q)) for q in s.positions) + " rad")
         for s in data.record.setpoints
     ]
     found += [Event(time, "reflex", "arm", ", ".join(names)) for time, names in data.record.reflexes]

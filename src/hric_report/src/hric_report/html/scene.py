@@ -2,7 +2,7 @@
 
 import base64
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -179,12 +179,12 @@ class Scene:
                 "columns": len(robot.joint_names),
                 "time": self._blob.add(robot.time, "f8"),
                 "position": self._blob.add(robot.position, "f4"),
-                "tracks": [self._track(track) for track in robot.tracks],
-                "plates": [self._plate(plate) for plate in robot.plates],
+                "tracks": [self._packed(track) for track in robot.tracks],
+                "plates": [self._packed(plate) for plate in robot.plates],
                 "pose": {"xyz": robot.pose.position, "quaternion": robot.pose.orientation},
-                "arrows": [self._arrow(arrow) for arrow in robot.arrows],
-                "motion": None if robot.motion is None else self._track(robot.motion),
-                "lines": None if robot.lines is None else self._lines(robot.lines),
+                "arrows": [self._packed(arrow) for arrow in robot.arrows],
+                "motion": None if robot.motion is None else self._packed(robot.motion),
+                "lines": None if robot.lines is None else self._packed(robot.lines),
                 "tip": None if robot.tip is None else {"link": robot.tip[0], "xyz": robot.tip[1]},
             }
         )
@@ -193,30 +193,14 @@ class Scene:
         """Return the robots and meshes as plain values for the page."""
         return {"robots": self._robots, "meshes": self._meshes}
 
-    def _track(self, track: Track) -> dict[str, Any]:
-        arrays = {"time": self._blob.add(track.time, "f8"), "values": self._blob.add(track.values, "f4")}
+    def _packed(self, item: Track | Plate | Arrow | Lines) -> dict[str, Any]:
+        """Return the attributes of an item, arrays as their locations in the blob."""
         return {
-            "kind": track.kind,
-            "name": track.name,
-            "parent": track.parent,
-            "width": track.values.shape[1],
-            "trail": track.trail,
-            **arrays,
+            field.name: self._blob.add(value, "f8" if field.name == "time" else "f4")
+            if isinstance(value := getattr(item, field.name), np.ndarray)
+            else value
+            for field in fields(item)
         }
-
-    def _plate(self, plate: Plate) -> dict[str, Any]:
-        words = {key: getattr(plate, key) for key in ("name", "parent", "xyz", "quaternion", "size")}
-        return {**words, "time": self._blob.add(plate.time, "f8"), "force": self._blob.add(plate.force, "f4")}
-
-    def _arrow(self, arrow: Arrow) -> dict[str, Any]:
-        words = {key: getattr(arrow, key) for key in ("name", "colour", "parent", "ends")}
-        arrays = {"force": self._blob.add(arrow.force, "f4"), "point": self._blob.add(arrow.point, "f4")}
-        return {**words, "perNewton": arrow.per_newton, "time": self._blob.add(arrow.time, "f8"), **arrays}
-
-    def _lines(self, lines: Lines) -> dict[str, Any]:
-        points = [{"name": name, "points": of} for name, of in lines.points.items()]
-        arrays = {"time": self._blob.add(lines.time, "f8"), "values": self._blob.add(lines.values, "f4")}
-        return {"lines": points, "scale": lines.scale, "title": lines.title, **arrays}
 
     def _visuals(self, shape: Shape) -> list[dict[str, Any]]:
         """Return the drawn parts of a shape; a mesh has one per colour, and its colours override the description's."""

@@ -1,126 +1,21 @@
-"""Tables of a page, as plain cells and as HTML."""
+"""Tables of a page, as plain cells."""
 
-import html
-import math
-import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from hric_analysis.metrics import SetpointMetrics
-from hric_analysis.recordings import Event, Recordings
+from hric_analysis.recordings import Recordings
+from hric_bags.records import contact_record
+from hric_bags.records.contact_record import PairForce
 from hric_core.json_values import from_json
-from hric_report import sections
+from hric_report.html.table import Table, number
 from hric_report.text import setpoint_cells
 
-NUMERIC = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?( %)?$|[-–]$|never$")
 SHOWN_EVENTS = 500
 """Maximum number of listed events; the rest is only counted. Project default, unconfirmed."""
-
-
-@dataclass(frozen=True)
-class Table:
-    """Table of a page.
-
-    Attributes:
-        title: heading; "": none.
-        head: names of the columns, with units.
-        rows: cells of each row; columns of numbers are right-aligned.
-        note: text below the heading.
-        folded: True if the table is collapsed until it is clicked; it is printed anyway.
-        times: replay time that a click on each row shows [s]; empty: rows cannot be clicked.
-        section: section of the report, from `hric_report.sections`.
-    """
-
-    title: str
-    head: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    note: str = ""
-    folded: bool = False
-    times: tuple[float, ...] = ()
-    section: str = ""
-
-
-def render(table: Table) -> str:
-    """Return the HTML of a table."""
-    numeric = [bool(table.rows) and all(NUMERIC.match(row[k]) for row in table.rows) for k in range(len(table.head))]
-    head = "".join(
-        f"<th{' class=num' if right else ''}>{escape(name)}</th>"
-        for name, right in zip(table.head, numeric, strict=True)
-    )
-    body = []
-    for number, row in enumerate(table.rows):
-        jump = f' class="event" data-time="{table.times[number]:.6f}"' if table.times else ""
-        cells = (
-            f"<td{' class=num' if right else ''}>{escape(text)}</td>" for text, right in zip(row, numeric, strict=True)
-        )
-        body.append(f"<tr{jump}>" + "".join(cells) + "</tr>")
-    note = f"<p class=note>{escape(table.note)}</p>" if table.note else ""
-    content = f"{note}<div class=wide><table><thead><tr>{head}</tr></thead><tbody>{''.join(body)}</tbody></table></div>"
-    if table.folded:
-        return f"<details><summary>{escape(table.title)}</summary>{content}</details>"
-    return (f"<h3>{escape(table.title)}</h3>" if table.title else "") + content
-
-
-def blows_table(contacts: Sequence[Mapping[str, Any]]) -> Table:
-    """Compare impacts on the human with the closed form; contacts: those of `human` in metrics.json."""
-    head = (
-        "human",
-        "robot",
-        "at [s]",
-        "speed [m/s]",
-        "robot [kg]",
-        "human [kg]",
-        "spring [N/mm]",
-        "first peak [N]",
-        "v sqrt(mu k) [N]",
-        "ratio",
-        "lasts [s]",
-        "half sine [s]",
-        "impulse [N s]",
-        "2 mu v [N s]",
-    )
-    rows = [
-        (
-            ", ".join(one["regions"]) or one["link"],
-            one["other"],
-            f"{one['begin']:.3f}",
-            f"{form['speed']:.3f}",
-            f"{form['robot_mass']:.2f}",
-            f"{form['human_mass']:.2f}",
-            f"{1e-3 * form['stiffness']:.0f}",
-            f"{form['measured_peak']:.1f}",
-            f"{form['peak']:.1f}",
-            f"{form['ratio']:.3f}",
-            f"{one['duration']:.3f}",
-            f"{form['duration']:.3f}",
-            f"{one['impulse']:.2f}",
-            f"{form['impulse']:.2f}",
-        )
-        for one in contacts
-        if (form := one["transient"])
-    ]
-    note = (
-        "Reflected masses where they met, the robot's with its rotors. The closed form has no other force than the "
-        "spring's: a slow touch of a robot that pushes exceeds it."
-    )
-    return Table("Blows", head, tuple(rows), note, section=sections.HUMAN)
-
-
-def escape(text: object) -> str:
-    """Return the text with HTML special characters escaped."""
-    return html.escape(str(text))
-
-
-def number(value: Any, digits: int = 4) -> str:
-    """Format a number with `digits` significant digits; None or not finite: a dash; anything else as text."""
-    if value is None or (isinstance(value, float) and not math.isfinite(value)):
-        return "-"
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return str(value)
-    return f"{value:.{digits}g}"
 
 
 def flat(tree: Any, prefix: str = "") -> list[tuple[str, str]]:
@@ -162,67 +57,31 @@ def overview(run: Mapping[str, Any], metrics: Mapping[str, Any]) -> Table:
     rows += [(key, str(run[key])) for key in ("error", "subject", "notes") if run.get(key)]
     if run.get("arm_error"):
         rows.append(("error of the arm at the end", str(run["arm_error"])))
-    return Table("What ran", ("what", "value"), tuple(rows), section=sections.MADE)
+    return Table("What ran", ("what", "value"), tuple(rows))
 
 
-def move_table(move: Mapping[str, Any]) -> Table:
+def setpoint_table(move: Mapping[str, Any]) -> Table:
     """Return the table of one setpoint; move: entry of `setpoints` in metrics.json."""
     columns, rows = setpoint_cells(from_json(SetpointMetrics, move))
     head = tuple(f"{name} [{unit}]" if unit else name for name, unit in columns)
-    title = f"Setpoint at {move['time']:.3f} s through {move['controller']}"
-    return Table(title, head, tuple(map(tuple, rows)), section=sections.MOTION)
+    return Table(f"Setpoint at {move['time']:.3f} s through {move['controller']}", head, tuple(map(tuple, rows)))
 
 
-def limits_table(joints: Mapping[str, Any], counted: bool) -> Table:
-    """Return the table of the peak load and the limited cycles of each joint.
-
-    Args:
-        joints: `joints` of metrics.json.
-        counted: True if the robot published the counts of limited cycles.
-    """
-    peaks = (("velocity", "|dq| max [rad/s]"), ("effort", "|torque| max [N m]"), ("rotatum", "rotatum max [N m/s]"))
-    kinds = ("position", "velocity", "effort", "effort_rate")
-    head = ["joint"]
-    for _, title in peaks:
-        head += [title, "of limit"]
-    rows = []
-    for name, joint in joints.items():
-        row = [name]
-        for key, _ in peaks:
-            ratio = joint.get(f"{key}_ratio")
-            row += [number(joint.get(f"{key}_peak")), "-" if ratio is None else f"{100 * ratio:.0f} %"]
-        counts = joint.get("limited_cycles") or {}
-        rows.append((*row, *(number(counts.get(kind)) for kind in kinds)))
-    note = "" if counted else "The robot published no counts of the cycles in which a limit acted."
-    return _known("Joints and their limits", [*head, *(f"cycles limited: {kind}" for kind in kinds)], rows, note)
-
-
-def _known(title: str, head: Sequence[str], rows: Sequence[Sequence[str]], note: str) -> Table:
+def known(table: Table) -> Table:
     """Return a table without the columns that have no known value."""
-    kept = [k for k in range(len(head)) if any(row[k] != "-" for row in rows)]
-    cells = tuple(tuple(row[k] for k in kept) for row in rows)
-    return Table(title, tuple(head[k] for k in kept), cells, note, section=sections.LIMITS)
+    kept = [k for k in range(len(table.head)) if any(row[k] != "-" for row in table.rows)]
+    rows = tuple(tuple(row[k] for k in kept) for row in table.rows)
+    return replace(table, head=tuple(table.head[k] for k in kept), rows=rows)
 
 
-def tree_table(title: str, tree: Any, *, folded: bool = False, section: str = sections.MADE) -> Table:
-    """Return a table of the leaves of a tree of values, each with its dotted key."""
-    return Table(title, ("what", "value"), tuple(flat(tree)), folded=folded, section=section)
-
-
-def topics_table(metrics: Mapping[str, Any]) -> Table:
-    """Return the table of messages per topic; the rate is the count divided by the duration of the control log."""
-    duration = metrics["control_log"]["duration"]
-    rows = [
-        (topic, str(count), number(count / duration, 3) if duration > 0 else "-")
-        for topic, count in metrics.get("topics", {}).items()
-    ]
-    return Table(
-        "Topics in the bag", ("topic", "messages", "per second"), tuple(rows), folded=True, section=sections.MADE
-    )
+def contact_table(contacts: Sequence[Mapping[str, Any]]) -> Table:
+    """Return the table of contact forces; contacts: `contacts` of metrics.json."""
+    pairs = [from_json(PairForce, pair) for pair in contacts]
+    return Table("Contact forces", contact_record.HEAD, tuple(contact_record.cells(pairs)), contact_record.note(pairs))
 
 
 def sync_tables(found: Recordings) -> list[Table]:
-    """Return the tables of validity and age of each source of the synchronisers, and of their last status."""
+    """Return the tables of validity and age of each source of the synchronisers."""
     tables = []
     for topic, samples in found.samples.items():
         layout = found.layouts.get(topic + "_layout") or next(iter(found.layouts.values()), None)
@@ -235,8 +94,8 @@ def sync_tables(found: Recordings) -> list[Table]:
         rows = tuple(_source(name, ages[:, k].astype(float), valid[:, k]) for k, name in enumerate(names))
         head = ("source", "valid", "age, median [ms]", "age, 99 % [ms]", "age, largest [ms]")
         title = f"Synchronised on {topic}: {len(samples)} samples{policy}"
-        tables.append(Table(title, head, rows, section=sections.SYNC))
-    return tables + [_status_table(topic, status) for topic, status in found.statuses.items()]
+        tables.append(Table(title, head, rows))
+    return tables
 
 
 def _source(name: str, age: Any, valid: Any) -> tuple[str, ...]:
@@ -244,63 +103,3 @@ def _source(name: str, age: Any, valid: Any) -> tuple[str, ...]:
     ages = (np.median(usable), np.quantile(usable, 0.99), usable.max()) if usable.size else (None,) * 3
     cells = (number(None if value is None else 1e3 * value, 3) for value in ages)
     return (name, f"{100.0 * float(valid.mean()):.2f} %", *cells)
-
-
-def _status_table(topic: str, status: Any) -> Table:
-    head = ("source", "samples", "rate [Hz]", "refused", "late", "skew, mean [ms]", "skew, largest [ms]", "at the end")
-    rows = tuple(
-        (
-            str(source),
-            str(int(status.samples[k])),
-            number(float(status.rate[k])),
-            str(int(status.refused[k])),
-            str(int(status.late[k])),
-            number(1e3 * float(status.skew_mean[k]), 3),
-            number(1e3 * float(status.skew_max[k]), 3),
-            status.reasons[k] or "good",
-        )
-        for k, source in enumerate(status.sources)
-    )
-    note = (
-        f"{status.sent} samples went out, {status.incomplete} of them incomplete, {status.dropped} instants left out."
-    )
-    return Table(f"State of {topic} at the end", head, rows, note, section=sections.SYNC)
-
-
-def events_table(events: Sequence[Event]) -> Table:
-    """Return the table of the first SHOWN_EVENTS events in the order of time."""
-    shown = list(events)[:SHOWN_EVENTS]
-    rows = tuple((f"{event.time:.3f}", event.kind, event.source, event.text) for event in shown)
-    note = (
-        "A click on a line shows that moment."
-        if len(events) <= SHOWN_EVENTS
-        else f"The first {SHOWN_EVENTS} of {len(events)}."
-    )
-    times = tuple(event.time for event in shown)
-    return Table("Events", ("time [s]", "what", "of", "text"), rows, note, times=times, section=sections.LIMITS)
-
-
-def sources_table(sources: Mapping[str, Mapping[str, Any]]) -> Table:
-    """Return the table of samples sent, recorded and lost by source; sources: `sources` of metrics.json."""
-    head = ("source", "counted in", "sent", "recorded", "lost", "twice", "stamps off, 99 % [ms]", "largest [ms]")
-    rows = []
-    for topic, one in sources.items():
-        counts = (number(one.get(key), 12) for key in ("sent", "recorded", "lost", "twice"))
-        late = one.get("stamps") or {}
-        stamps = (number(1e3 * late[key], 3) if key in late else "-" for key in ("p99", "largest"))
-        rows.append((topic, one["counts"], *counts, *stamps))
-    note = "Counted by the sources' own numbers. Stamps are compared with the time codes of emulated devices."
-    return Table("Sent and recorded", head, tuple(rows), note, section=sections.SYNC)
-
-
-def skew_table(streams: Mapping[str, Mapping[str, Any]]) -> Table:
-    """Return the table of the time skew of synchronised values; streams: `sync` of metrics.json."""
-    head = ("stream", "source", "valid", "skew, median [ms]", "99 % [ms]", "largest [ms]", "by")
-    rows = []
-    for topic, stream in streams.items():
-        for source, one in stream["sources"].items():
-            skew = one["skew"] or {}
-            times = (number(1e3 * skew[key], 3) if key in skew else "-" for key in ("median", "p99", "largest"))
-            valid = "-" if one["valid"] is None else f"{100 * one['valid']:.2f} %"
-            rows.append((topic, source, valid, *times, one["by"] or "not known"))
-    return Table("Skew of the synchronised values", head, tuple(rows), section=sections.SYNC)

@@ -10,7 +10,7 @@ from hric_report.html.scene import Blob
 from hric_sweep.page.lists import WORST
 from hric_sweep.page.sample import Sample
 from hric_sweep.page.sensitivity import Ranks
-from hric_sweep.page.study import OUTPUT, VARIABLE, Study
+from hric_sweep.page.study import VARIABLE, Study
 
 VALUES = 2_600_000
 """Maximum number of values of all columns together; as single precision in base64 they are 14 MB, so that a page with
@@ -24,10 +24,8 @@ DECADES = 2.5
 
 def chosen(study: Study) -> npt.NDArray[np.intp]:
     """Return the rows that are drawn, in ascending order: all, or a sample by seed and the worst ones."""
-    columns = (
-        len(study.named(VARIABLE)) + len(study.named(OUTPUT)) + 7
-    )  # kind, index, counts, and 17 letters of the name
-    drawn = VALUES // columns
+    # Beside the columns: kind, index, counts, and 17 letters of the name.
+    drawn = VALUES // (len(study.variables) + len(study.outputs) + 7)
     if study.runs <= drawn:
         return np.arange(study.runs)
     sample = np.random.default_rng(SEED).choice(study.runs, drawn, replace=False)
@@ -48,10 +46,10 @@ def counts(sample: Sample, rows: npt.NDArray[np.intp], blob: Blob) -> Any:
 
 def columns(study: Study, rows: npt.NDArray[np.intp], rank: Ranks, blob: Blob) -> list[dict[str, Any]]:
     """Return the columns for the scripts; `rank`: correlations of each column with others, by name."""
-    names = [*study.named(VARIABLE), *study.named(OUTPUT)]
+    names = study.variables + study.outputs
     # The output with the limit is always visible initially.
     order = sorted(names, key=lambda name: study.limit is None or study.limit.output != name)
-    on = set([name for name in order if not study.constant(name)][:AXES])
+    on = [name for name in order if not study.constant(name)][:AXES]
     return [_column(study, name, rows, rank.get(name, {}), name in on, blob) for name in names]
 
 

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from hric_report.html.tables import Table, escape, number, render
-from hric_sweep.page.study import EXCEEDED, FAILED, VARIABLE, Study
+from hric_report.html.table import Table, number
+from hric_sweep.page.study import EXCEEDED, FAILED, Study
 from hric_sweep.page.words import CROSS_ENTROPY, GRID, LIST, RANDOM, SALTELLI, SPREAD, TPE
 from hric_sweep.statistics.intervals import LEVEL, clopper_pearson
 
@@ -20,19 +20,10 @@ TRUSTED = 20.0
 DESIGNED = {
     GRID: "The points were chosen, not drawn",
     LIST: "The points were chosen, not drawn",
-    TPE: "The points were searched for the worst, not drawn",
+    TPE: "The points were searched for the worst case, not drawn",
     SALTELLI: "Runs of this design share values with each other",
 }
 """Samplers whose runs give no probability, with the reason."""
-
-
-def part(study: Study) -> str:
-    """Return the HTML of the estimate."""
-    if study.limit is None:
-        return "<p>No limit is given, so nothing is counted.</p>"
-    value, *notes = lines(study, "given the distributions below")
-    below = "".join(f"<p>{escape(note)}</p>" for note in notes if note)
-    return f"<div class=estimate><p class=value>{escape(value)}</p>{below}</div>{_apart(study)}"
 
 
 def condition(study: Study) -> str:
@@ -45,18 +36,17 @@ def condition(study: Study) -> str:
 
 
 def lines(study: Study, given: str) -> list[str]:
-    """Return the estimate and notes to it, some empty, for a study with a limit; `given`: condition of P."""
-    exceeded, failed = int((study.kinds == EXCEEDED).sum()), int((study.kinds == FAILED).sum())
+    """Return the estimate and notes to it, some empty; empty without a limit; `given`: condition of P."""
+    if study.limit is None:
+        return []
+    exceeded, failed = study.count("exceeded"), study.count("failed")
     if study.sampler in DESIGNED:
         why = f"{DESIGNED[study.sampler]}: this is no probability, and has no interval."
         return [f"{condition(study)} in {exceeded} of {study.runs - failed} runs", why]
     of = f"P({condition(study)} {given})"
     found = study.estimate or _counted(study, exceeded, failed)
     if found is None:
-        return [
-            f"{of}: not known yet",
-            "It is estimated when the first runs, or the levels of the sampler, are done.",
-        ]
+        return [f"{of}: not known yet", "The estimate follows when the first runs or all levels are finished."]
     level = f"{100.0 * found['level']:g} % interval"
     low, high = number(found["low"], 3), number(found["high"], 3)
     if found["probability"] > 0.0:
@@ -76,23 +66,19 @@ def _counted(study: Study, exceeded: int, failed: int) -> dict[str, Any] | None:
     return {"probability": share, "low": low, "high": high, "level": LEVEL, "method": "Clopper-Pearson", **counts}
 
 
-def _apart(study: Study) -> str:
-    """Return HTML tables of the probability for each value of each variable with words as values."""
-    if study.sampler not in (RANDOM, *SPREAD):
-        return ""
-    head = (
-        "runs that did not fail",
-        "exceeded",
-        "probability",
-        f"{100.0 * LEVEL:g} % interval, failed runs either way",
-    )
-    found = ""
-    for name in study.named(VARIABLE):
+def by_value(study: Study) -> list[Table]:
+    """Return a table of the probability for each value of each variable with words as values."""
+    if study.limit is None or study.sampler not in (RANDOM, *SPREAD):
+        return []
+    interval = f"{100.0 * LEVEL:g} % interval, failed runs either way"
+    head = ("runs that did not fail", "exceeded", "probability", interval)
+    tables = []
+    for name in study.variables:
         codes, labels = study.numbers(name)
         if 1 < len(labels) <= APART:
             rows = tuple((label, *_of_one(study, codes == code)) for code, label in enumerate(labels))
-            found += render(Table(f"By {name}", (name, *head), rows, KIND[study.sampler in SPREAD]))
-    return found
+            tables.append(Table(f"By {name}", (name, *head), rows, KIND[study.sampler in SPREAD]))
+    return tables
 
 
 def _of_one(study: Study, chosen: npt.NDArray[np.bool_]) -> tuple[str, ...]:
@@ -111,7 +97,7 @@ def _method(study: Study, found: Mapping[str, Any]) -> str:
     if study.weighted:
         said += f" Runs have weights: effective number of those that exceeded {number(float(found['ess']), 3)}."
         if study.sampler == CROSS_ENTROPY and found["ess"] < TRUSTED:
-            said += f" Below about {TRUSTED:g} the interval is not to be trusted: more runs are needed."
+            said += f" Below about {TRUSTED:g} the interval is not reliable: more runs are needed."
     if study.sampler in SPREAD:
         said += (
             " The points are spread evenly, not drawn one by one: the interval is that of independent points, an "
@@ -131,4 +117,4 @@ def _check(check: Mapping[str, Any] | None) -> str:
         return ""
     ends = f"{number(check['low'], 3)} to {number(check['high'], 3)}"
     agrees = "agrees" if check["agrees"] else "DOES NOT AGREE"
-    return f"Plain Monte Carlo beside it: {check['exceeded']} of {check['runs']} runs, {ends}; it {agrees}."
+    return f"Check with unweighted runs: {check['exceeded']} of {check['runs']} runs, {ends}; it {agrees}."

@@ -1,4 +1,4 @@
-"""Tables of single runs: worst runs with the command that repeats them, failures by reason; and the cost of all."""
+"""Failures of runs by reason, the command that repeats a run, and the cost of all runs."""
 
 import re
 import shlex
@@ -7,9 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hric_report.html.tables import Table, escape, number
-from hric_sweep.page.study import EXCEEDED, FAILED, OUTPUT, VARIABLE, Study
-from hric_sweep.page.words import figure
+from hric_report.html.table import Table, number
+from hric_sweep.page.study import FAILED, Study
 
 WORST = 10
 REASONS = 50
@@ -22,62 +21,15 @@ def command(study: Study) -> str:
     return f"rosrun hric_experiments sweep rerun {shlex.quote(study.folder.resolve().name)}"
 
 
-def worst(study: Study) -> str:
-    """Return the HTML of the worst runs."""
-    order, by = study.order_of_worst
-    rows = order[:WORST]
-    if not len(rows):
-        return "<p>No run has come to an end that could be ranked.</p>"
-    names = [*study.named(OUTPUT), *study.named(VARIABLE)]
-    head = "".join(f"<th class=num>{escape(name)}</th>" for name in ("run", *map(study.label, names)))
-    body = []
-    for row in rows:
-        cells = "".join(f"<td class=num>{escape(_cell(study.columns[name][row]))}</td>" for name in names)
-        look = " class=beyond" if study.kinds[row] == EXCEEDED else ""
-        body.append(
-            f"<tr{look}><td class=num>{study.columns['index'][row]}</td>{cells}<td>{_rerun(study, int(row))}</td></tr>"
-        )
-    note = f"<p class=note>The {len(rows)} with the {escape(by)}. {_how_again(study)}</p>"
-    return (
-        f"{note}<div class=wide><table><thead><tr>{head}<th>id</th></tr></thead>"
-        f"<tbody>{''.join(body)}</tbody></table></div>"
-    )
+def failures(study: Study) -> list[tuple[str, int, int]]:
+    """Return reason, number of runs and row of the first of them, most frequent first.
 
-
-def _how_again(study: Study) -> str:
-    return f"A run is repeated, with bag and page, by its id: <code>{escape(command(study))} ID</code>"
-
-
-def _rerun(study: Study, row: int) -> str:
-    """Return a run's id, with a button that copies its command."""
-    name = str(study.columns["id"][row])
-    again = f"{command(study)} {name}"
-    return f'<code>{name}</code> <button type=button class=copy data-command="{escape(again)}">copy command</button>'
-
-
-def _cell(value: object) -> str:
-    return figure(value.item() if isinstance(value, np.generic) else value)
-
-
-def failures(study: Study) -> str:
-    """Return the HTML of the failures, most frequent first; reasons that differ only in measured numbers are merged."""
+    Reasons that differ only in measured numbers are merged; # replaces each number.
+    """
     failed = np.flatnonzero(study.kinds == FAILED)
-    if not len(failed):
-        return f"<p>None of the {study.runs} runs failed.</p>"
     reasons = [DECIMAL.sub("#", str(study.columns["failure"][row])) for row in failed]
-    counts = Counter(reasons).most_common()
     first = {reason: int(row) for reason, row in zip(reversed(reasons), reversed(failed), strict=True)}
-    body = "".join(
-        f"<tr><td class=num>{count}</td><td class=num>{100.0 * count / study.runs:.3g} %</td>"
-        f"<td>{escape(reason)}</td><td>{_rerun(study, first[reason])}</td></tr>"
-        for reason, count in counts[:REASONS]
-    )
-    more = f" {len(counts) - REASONS} rarer reasons are not listed." if len(counts) > REASONS else ""
-    note = f"{len(failed)} of {study.runs} runs failed; # stands for a number.{more} {_how_again(study)}"
-    return (
-        f"<p class=note>{note}</p><div class=wide><table><thead><tr><th class=num>runs</th><th class=num>share</th>"
-        f"<th>reason</th><th>the first of them</th></tr></thead><tbody>{body}</tbody></table></div>"
-    )
+    return [(reason, count, first[reason]) for reason, count in Counter(reasons).most_common()]
 
 
 def cost(study: Study) -> Table:
@@ -89,16 +41,8 @@ def cost(study: Study) -> Table:
         rows += [_cost(study, name, hosts == name) for name in names]
     elif names:
         rows[0] = (names[0], *rows[0][1:])
-    head = (
-        "machine",
-        "runs",
-        "processor [s]",
-        "a run, mean [s]",
-        "median [s]",
-        "95 % [s]",
-        "wall, mean [s]",
-        "tried again",
-    )
+    times = ("processor [s]", "a run, mean [s]", "median [s]", "95 % [s]", "wall, mean [s]")
+    head = ("machine", "runs", *times, "repeated")
     return Table("", head, tuple(rows), "Left out of the hash of the results, as it depends on the machine.")
 
 

@@ -26,6 +26,11 @@ class Quantile:
     low: float = np.nan
     high: float = np.nan
 
+    @property
+    def open(self) -> bool:
+        """True if there is no interval."""
+        return bool(np.isnan(self.low) and np.isnan(self.high))
+
 
 def of_sample(values: FloatArray, share: float, level: float) -> Quantile:
     """Return a quantile of independent values of one distribution, which may be any.

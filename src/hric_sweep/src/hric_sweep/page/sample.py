@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hric_core.geometry import FloatArray
-from hric_report.html.tables import number
+from hric_report.html.table import number
 from hric_sweep.page.study import Study
 from hric_sweep.page.words import CROSS_ENTROPY, RANDOM, SPREAD, SUBSET, TPE
 from hric_sweep.statistics.intervals import effective_size
@@ -31,6 +31,11 @@ class Sample:
     refused: str = ""
 
     @property
+    def unequal(self) -> bool:
+        """True if runs have another weight than 1."""
+        return bool(np.any(self.counts != 1.0))
+
+    @property
     def weighted(self) -> bool:
         """True if the runs in the sample have different weights."""
         inside = self.counts[self.counts > 0.0]
@@ -44,8 +49,8 @@ def of(study: Study) -> Sample:
     distributions. Points that the chains of subset simulation try have no known distribution; only its first level has.
     """
     if study.sampler == TPE:
-        why = "The points were searched for the worst, not drawn: among them nothing is spread as the distributions are"
-        return Sample(np.zeros(study.runs), independent=False, refused=f"{why}.")
+        why = "The points were searched for the worst case, not drawn: they do not represent the distributions."
+        return Sample(np.zeros(study.runs), independent=False, refused=why)
     if study.sampler == SUBSET:
         first = np.asarray(study.columns["batch"]) == 0
         note = f"Of the {first.sum()} runs of the first level alone, which are drawn from the distributions themselves."
@@ -59,6 +64,6 @@ def _weighted(study: Study) -> Sample:
     size = effective_size(study.weights)
     if size < FEWEST:
         why = f"By their weights the {study.runs} runs are worth {number(size, 2)} runs drawn from the distributions"
-        return Sample(study.weights, independent=True, refused=f"{why}: too few to say how anything is spread in them.")
+        return Sample(study.weights, independent=True, refused=f"{why}: too few to estimate a distribution.")
     note = f"Runs count by their weights; together they are worth {number(size, 3)} runs drawn from the distributions."
     return Sample(study.weights, independent=True, note=note)

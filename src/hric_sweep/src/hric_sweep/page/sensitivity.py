@@ -5,10 +5,8 @@ import contextlib
 import numpy as np
 
 from hric_core.errors import HricError
-from hric_report.html.tables import escape
 from hric_sweep.page.sample import Sample
-from hric_sweep.page.study import OUTPUT, VARIABLE, Study
-from hric_sweep.page.words import SALTELLI
+from hric_sweep.page.study import Study
 from hric_sweep.statistics.intervals import effective_size
 from hric_sweep.statistics.sensitivity import rank_correlation
 
@@ -29,7 +27,7 @@ def ranks(study: Study, sample: Sample) -> Ranks:
     if sample.refused:
         return {}
     values = {}
-    for name in (*study.named(VARIABLE), *study.named(OUTPUT)):
+    for name in study.variables + study.outputs:
         numbers, labels = study.numbers(name)
         if len(labels) <= 2:
             values[name] = numbers
@@ -45,40 +43,6 @@ def ranks(study: Study, sample: Sample) -> Ranks:
     return found
 
 
-def part(study: Study, sample: Sample, found: Ranks) -> str:
-    """Return the HTML table of each output with each variable; "" if no correlation is known."""
-    variables, outputs = study.named(VARIABLE), study.named(OUTPUT)
-    if sample.refused and study.runs:
-        return f"<p class=note>No rank correlations. {escape(sample.refused)}</p>"
-    if not any(found.get(name, {}).get(output) for name in variables for output in outputs):
-        return ""
-    head = "".join(f"<th class=num>{escape(study.label(output))}</th>" for output in outputs)
-    body = "".join(
-        f"<tr><td>{escape(study.label(name))}</td>"
-        + "".join(_cell(found.get(name, {}).get(output)) for output in outputs)
-        + "</tr>"
-        for name in variables
-    )
-    note = (
-        "Spearman's rank correlation: 1 where the output rises with the variable, -1 where it falls, whatever the "
-        "curve; near 0 also where it rises and falls. Faint: chance alone reaches as much in one of twenty sweeps. "
-        f"-: words have no order, one of both is the same in all runs, or fewer than {FEWEST:g} runs have both. "
-        f"{escape(sample.note)}"
-    )
-    if study.sampler == SALTELLI:
-        note += " Runs of this design share values with each other, so chance reaches more than it says."
-    return (
-        f"<h3>Rank correlations</h3><p class=note>{note}</p><div class=wide><table>"
-        f"<thead><tr><th>variable</th>{head}</tr></thead><tbody>{body}</tbody></table></div>"
-    )
-
-
-def _cell(found: tuple[float, float] | None) -> str:
-    if found is None:
-        return "<td class=rank>-</td>"
-    value, chance = round(found[0], 2) + 0.0, found[1]  # + 0.0: avoids -0.00
-    if chance > LIKELY:
-        return f'<td class="rank faint">{value:.2f}</td>'
-    colour = "--s1" if value > 0.0 else "--s6"
-    shade = f"background:color-mix(in srgb, var({colour}) {100.0 * abs(value):.0f}%, transparent)"
-    return f'<td class=rank style="{shade}">{value:.2f}</td>'
+def rounded(value: float) -> str:
+    """Return a number with two decimals, without -0.00."""
+    return f"{round(value, 2) + 0.0:.2f}"

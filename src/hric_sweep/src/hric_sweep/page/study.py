@@ -19,6 +19,8 @@ RUNS, SETTINGS = "runs.parquet", "sweep.yaml"
 VARIABLE, OUTPUT = "variable", "output"
 FINE, EXCEEDED, FAILED = 0, 1, 2
 """Result of a run."""
+KINDS = ("fine", "exceeded", "failed")
+"""Name of each result."""
 
 Column = npt.NDArray[Any]
 
@@ -88,9 +90,15 @@ class Study:
         runs = self.section.get("runs")
         return None if runs is None else int(runs)
 
-    def named(self, role: str) -> list[str]:
-        """Return the names of the columns with a role, in their order."""
-        return [name for name, one in self.about.items() if one.role == role and name in self.columns]
+    @property
+    def variables(self) -> list[str]:
+        """Names of the columns of variables, in their order."""
+        return [name for name, about in self.about.items() if about.role == VARIABLE and name in self.columns]
+
+    @property
+    def outputs(self) -> list[str]:
+        """Names of the columns of outputs, in their order."""
+        return [name for name, about in self.about.items() if about.role == OUTPUT and name in self.columns]
 
     def label(self, name: str) -> str:
         """Return a column's name with its unit, which is 1 for a number without unit."""
@@ -114,6 +122,10 @@ class Study:
         found[self.columns["failure"] != ""] = FAILED
         return found
 
+    def count(self, kind: str) -> int:
+        """Return the number of runs with a result, fine, exceeded or failed."""
+        return int((self.kinds == KINDS.index(kind)).sum())
+
     @cached_property
     def weights(self) -> FloatArray:
         """Likelihood ratios, shape (runs,); 1 if the points were drawn from the distributions themselves."""
@@ -125,7 +137,7 @@ class Study:
         return bool(np.any(self.weights != 1.0))
 
     def numbers(self, name: str) -> tuple[FloatArray, list[str]]:
-        """Return a column as numbers, and the labels of its values if they are words: number k is label k."""
+        """Return a column as numbers, and the labels of its values if they are words: number k means label k."""
         values = self.columns[name]
         if values.dtype.kind in "iuf":
             return values.astype(float), []
@@ -147,7 +159,7 @@ class Study:
         The criterion is the objective, else the output with the limit, else the largest value of the first output.
         """
         aim: Mapping[str, Any] = self.section.get("objective") or {}
-        outputs = self.named(OUTPUT)
+        outputs = self.outputs
         if aim:
             largest = bool(aim.get("maximise"))
             name = str(aim["maximise" if largest else "minimise"])

@@ -4,8 +4,8 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from hric_report.html.tables import Table, number
-from hric_sweep.page.study import VARIABLE, Study
+from hric_report.html.table import Table, number
+from hric_sweep.page.study import Study
 
 RANDOM, GRID, LIST, TPE, SALTELLI = "random", "grid", "list", "tpe", "saltelli"
 CROSS_ENTROPY, SUBSET = "cross_entropy", "subset"
@@ -26,7 +26,7 @@ SAMPLERS: Mapping[str, str] = {
 
 def figure(value: Any, digits: int = 4) -> str:
     """Return a number as text, also an infinite one, such as a share of a limit of 0."""
-    if isinstance(value, float) and math.isinf(value):
+    if isinstance(value, float) and math.isinf(value):  # a number of numpy, too
         return "infinite" if value > 0.0 else "minus infinite"
     return number(value, digits)
 
@@ -72,20 +72,13 @@ def varied(study: Study) -> Table:
     """Return the table of the variables with their distributions."""
     settings: Mapping[str, Any] = study.section.get("vary") or {}
     rows = []
-    for name in study.named(VARIABLE):
+    for name in study.variables:
         given = settings.get(name) or {}
         paths = given.get("paths") or ()
         about = study.about[name]
         shown = distribution(given.get("distribution") or {}) if given.get("distribution") else "-"
-        rows.append(
-            (
-                name,
-                about.unit or ("-" if study.numbers(name)[1] else "1"),
-                shown,
-                about.text,
-                ", ".join(map(str, paths)),
-            )
-        )
+        unit = about.unit or ("-" if study.numbers(name)[1] else "1")
+        rows.append((name, unit, shown, about.text, ", ".join(map(str, paths))))
     head = ("variable", "unit", "distribution", "what it is", "sets")
     return Table("", head, tuple(rows), _correlations(study))
 

@@ -41,6 +41,7 @@
   class Track {
     constructor(spec) {
       Object.assign(this, spec, { time: report.read(spec.time), values: report.read(spec.values) });
+      this.width = this.values.length / this.time.length;
       this.object = spec.kind === "marker" ? new THREE.Mesh(new THREE.SphereGeometry(0.009, 16, 12), new THREE.MeshLambertMaterial()) : new THREE.AxesHelper(0.12);
       this.object.name = spec.name;
     }
@@ -88,11 +89,11 @@
     show(t) {
       const k = report.countUntil(this.time, t) - 1, force = new THREE.Vector3(), { object } = this;
       if (k >= 0) force.fromArray(this.force, 3 * k);
-      const length = force.length() * this.perNewton;
+      const length = force.length() * this.per_newton;
       object.visible = length > 0.005;
       if (!object.visible) return;
       if (this.point) object.position.fromArray(this.point, 3 * k); else object.position.set(0, 0, 0);
-      if (this.ends) object.position.addScaledVector(force, -this.perNewton);
+      if (this.ends) object.position.addScaledVector(force, -this.per_newton);
       object.quaternion.setFromUnitVectors(UP, force.normalize());
       this.shaft.scale.y = Math.max(length - HEAD[1], 1e-4);
       this.head.position.y = length;
@@ -106,7 +107,7 @@
       this.object.name = spec.name;
       this.box = new THREE.Mesh(new THREE.BoxGeometry(spec.size[0], spec.size[1], THICK), new THREE.MeshLambertMaterial({ transparent: true, opacity: 0.8 }));
       this.box.position.z = -THICK / 2;
-      this.arrow = new Arrow({ time: spec.time, force: spec.force, perNewton: PER_NEWTON, ends: true });
+      this.arrow = new Arrow({ time: spec.time, force: spec.force, per_newton: PER_NEWTON, ends: true });
       this.object.add(this.box, this.arrow.object);
     }
 
@@ -122,7 +123,7 @@
     constructor(spec, links) {
       Object.assign(this, { scale: spec.scale, title: spec.title, time: report.read(spec.time), values: report.read(spec.values) });
       this.object = new THREE.Group();
-      this.lines = spec.lines.map(({ name, points }) => {
+      this.lines = Object.entries(spec.points).map(([name, points]) => {
         const material = new THREE.MeshBasicMaterial({ depthTest: false, transparent: true, opacity: 0.9 });
         const parts = points.slice(1).map(() => new THREE.Mesh(new THREE.CylinderGeometry(BUNDLE, BUNDLE, 1, 8).translate(0, 0.5, 0), material));
         this.object.add(...parts);

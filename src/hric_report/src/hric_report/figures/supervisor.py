@@ -1,7 +1,7 @@
-"""Figure of a supervised run: protective distance and speed scale."""
+"""Protective distance and speed scale of a supervised run."""
 
-from hric_bags.records.safety_record import SafetyRecord
 from hric_report.figure import Curve, Figure, Panel
+from hric_report.figures import FigureData
 from hric_report.sections import SUPERVISOR
 
 CAPTION = (
@@ -11,8 +11,9 @@ CAPTION = (
 )
 
 
-def safety_figures(record: SafetyRecord | None) -> list[Figure]:
+def figures(data: FigureData) -> list[Figure]:
     """Return the figure of actual and protective distance and of the speed scale; empty without a supervisor."""
+    record = data.safety
     if record is None:
         return []
     distance = (

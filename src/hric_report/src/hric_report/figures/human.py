@@ -1,16 +1,16 @@
-"""Figures of a simulated human: grips, contacts, carried objects, muscles and joints."""
+"""Simulated human: grips, contacts, carried objects, muscles and joints."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
 from hric_analysis.carrying import Carried
-from hric_analysis.human import Person
 from hric_assessment.contact.impact import Impact, Press, Transient
 from hric_bags.records.human_record import HumanRecord
 from hric_bags.records.muscle_record import MuscleRecord
 from hric_human.muscles.lines import ACTIVATION_COLOURS
-from hric_report.figure import Curve, Figure, Panel, per_joint
+from hric_report.figure import Curve, Figure, Panel, path, per_joint
+from hric_report.figures import FigureData
 from hric_report.heat import heat_map
 from hric_report.sections import HUMAN
 
@@ -19,8 +19,9 @@ SHOWN = 1.5
 ESTIMATE = "A model's estimate, not a measurement of a person."
 
 
-def human_figures(person: Person | None) -> list[Figure]:
+def figures(data: FigureData) -> list[Figure]:
     """Return the figures of the human of a run; none without a human."""
+    person = data.person
     if person is None:
         return []
     record = person.record
@@ -158,19 +159,9 @@ def _carrying(one: Carried, key: str) -> Figure:
 def _path(one: Carried, key: str) -> Figure:
     """Return the paths of both ends and their midpoint, each from its start, as the ends are far apart."""
     points = [*zip(one.ends, ("s0", "s1"), one.point, strict=True), ("middle of both", "s2", one.centre)]
-    moved = [(name, role, point - point[0]) for name, role, point in points]
-    panels = tuple(
-        Panel(
-            title,
-            tuple(Curve(name, role, path[:, i], path[:, j]) for name, role, path in moved),
-            unit=f"{'xyz'[j]} [m]",
-            abscissa=f"{'xyz'[i]} [m]",
-        )
-        for title, i, j in (("from above", 0, 1), ("from the side", 0, 2), ("along x", 1, 2))
-    )
+    curves = [Curve(name, role, one.time, point - point[0]) for name, role, point in points]
     caption = f"How far both ends of {one.body} and their middle went from where they were, seen along each axis."
-    extent = max(float(np.ptp(path, axis=0).max()) for _, _, path in moved)
-    figure = Figure(key, f"Path of {one.body}", "", panels, max(extent, 0.02), columns=3, equal=True)
+    figure = path(key, f"Path of {one.body}", curves, ("from above", "from the side", "along x"))
     return figure.about(HUMAN, caption)
 
 

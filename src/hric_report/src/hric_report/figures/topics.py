@@ -1,10 +1,11 @@
-"""Figures of sensor signals, assigned to sections of the report."""
+"""Sensor signals by topic, assigned to sections of the report."""
 
 from collections.abc import Iterable
 
 from hric_analysis.recordings import Signal
 from hric_report import sections
 from hric_report.figure import Curve, Figure, Panel
+from hric_report.figures import FigureData
 
 TOGETHER = 3
 """Maximum number of channels of one unit that share a panel: those of a vector."""
@@ -12,24 +13,12 @@ QUANTITIES = {"V": "voltage", "N": "force", "N m": "moment", "m": "position", "M
 """Quantity by unit, for topics that name only the unit."""
 
 
-def signal_figures(signals: Iterable[Signal]) -> list[Figure]:
-    """Return one figure per topic: the channels of a vector share a panel, many channels get a panel each.
-
-    Args:
-        signals: one or more signals per topic, one for each unit.
-
-    Returns:
-        The figures in the order of the report's sections.
-    """
+def figures(data: FigureData) -> list[Figure]:
+    """Return one figure per topic: the channels of a vector share a panel, many channels get a panel each."""
     by_topic: dict[str, list[Signal]] = {}
-    for signal in signals:
+    for signal in data.signals:
         by_topic.setdefault(signal.topic, []).append(signal)
-    return in_order([_figure(topic, parts) for topic, parts in by_topic.items()])
-
-
-def in_order(figures: Iterable[Figure]) -> list[Figure]:
-    """Return the figures in the order of the report's sections."""
-    return sorted(figures, key=lambda figure: sections.ORDER.index(figure.section))
+    return [_figure(topic, parts) for topic, parts in by_topic.items()]
 
 
 def _figure(topic: str, signals: Iterable[Signal]) -> Figure:
