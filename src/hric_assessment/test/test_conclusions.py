@@ -11,11 +11,11 @@ from xml.etree import ElementTree
 import known_bags
 import pytest
 
-from hric_assessment.contact.area import check_area
-from hric_assessment.findings import DISCLAIMER, Finding, Outcome
+from hric_assessment.contact.limits import check_area
+from hric_assessment.findings import DISCLAIMER, Figure, Finding, Missing, Outcome
 from hric_assessment.tables import REGIONS, area_table
 from hric_assessment.verdict import Verdict, command, result
-from hric_assessment.verdict.comparing import compared
+from hric_assessment.verdict.command import compared
 from hric_assessment.verdict.conclusions import (
     QUESTIONS,
     Conclusion,
@@ -24,7 +24,6 @@ from hric_assessment.verdict.conclusions import (
     unknown_beforehand,
     with_remedy,
 )
-from hric_assessment.verdict.result import Figure, Missing
 from hric_core.errors import HricError
 
 WITHIN, WARNING, ABOVE, UNKNOWN = Outcome.WITHIN, Outcome.WARNING, Outcome.ABOVE, Outcome.NOT_ASSESSABLE
@@ -45,10 +44,10 @@ def replies(*findings: Finding, run: dict[str, Any] | None = None) -> dict[str, 
 
 
 def verdict(*findings: Finding, name: str = "a", figures: Sequence[Figure] = ()) -> Verdict:
-    about = {"name": name, "kind": "bag", "experiment": None, "begin": 0.0, "end": 1.0}
+    about = result.RecordingSummary(name, "bag", None, 0.0, 1.0)
     ranked = result.ranked(findings)
     given = conclusions(ranked, figures, (), DONE)
-    return Verdict(about, {"title": "a", "edition": "b"}, None, (), ranked, tuple(figures), conclusions=given)
+    return Verdict(about, result.TableTitle("a", "b"), None, (), ranked, tuple(figures), conclusions=given)
 
 
 @pytest.mark.parametrize(

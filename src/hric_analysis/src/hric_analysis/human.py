@@ -12,7 +12,7 @@ import numpy as np
 
 from hric_analysis import carrying, muscle_metrics
 from hric_analysis.carrying import Carried, hands_over
-from hric_assessment.contact.impact import Impact, impacts
+from hric_assessment.contact.impact import ExpectedContact, expected_contacts
 from hric_assessment.ergonomics.effort import effort, log_dimensionless_jerk
 from hric_bags.parts import Bag
 from hric_bags.reader import FloatArray, RunRecord
@@ -42,7 +42,7 @@ class Person:
 
     record: HumanRecord
     values: dict[str, Any]
-    impacts: tuple[Impact, ...] = ()
+    impacts: tuple[ExpectedContact, ...] = ()
     carried: Sequence[Carried] = ()
 
 
@@ -60,7 +60,7 @@ def analyse(bag: Bag, run: Mapping[str, Any], description: str, record: RunRecor
     found = None if section is None else read(bag, record.robot_time)
     if found is None or section is None:
         return None
-    met, carried = impacts(run, description, record, found), carried_in(found, definition)
+    met, carried = expected_contacts(run, description, record, found), carried_in(found, definition)
     return Person(found, metrics(found, section, met, carried), tuple(met), carried)
 
 
@@ -71,7 +71,10 @@ def carried_in(record: HumanRecord, definition: Mapping[str, Any]) -> list[Carri
 
 
 def metrics(
-    record: HumanRecord, section: Mapping[str, Any], met: Sequence[Impact] = (), carried: Sequence[Carried] = ()
+    record: HumanRecord,
+    section: Mapping[str, Any],
+    met: Sequence[ExpectedContact] = (),
+    carried: Sequence[Carried] = (),
 ) -> dict[str, Any]:
     """For metrics.json.
 

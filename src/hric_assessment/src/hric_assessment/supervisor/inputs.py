@@ -136,11 +136,11 @@ class Pairs:
         stamp = message.header.stamp.to_nsec()
         with self._lock:
             other = self._waiting[1 - side].pop(stamp, None)
-            own = self._waiting[side]
+            waiting = self._waiting[side]
             if other is None:
-                own[stamp] = message
-                for old in list(own)[:-WAITING]:
-                    del own[old]
+                waiting[stamp] = message
+                for old in list(waiting)[:-WAITING]:
+                    del waiting[old]
                 return
         self._take(*((message, other) if side == 0 else (other, message)))
 

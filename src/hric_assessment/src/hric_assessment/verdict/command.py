@@ -1,24 +1,23 @@
-"""Command line of `assess`."""
+"""Command line of `assess`, and verdicts of several recordings side by side."""
 
 import argparse
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
-from hric_assessment.contact.area import check_area
-from hric_assessment.contact.limits import Limits
-from hric_assessment.ergonomics import rula
+from hric_assessment.contact.limits import Limits, check_area
+from hric_assessment.ergonomics.scoring import methods
+from hric_assessment.findings import DISCLAIMER, Finding
 from hric_assessment.separation import stopping
 from hric_assessment.tables import LIMIT_TABLES
 from hric_assessment.verdict.assess import assess
 from hric_assessment.verdict.choices import Braking, Choices
-from hric_assessment.verdict.comparing import compared
-from hric_assessment.verdict.conclusions import CONTACT, GROUPS, QUESTIONS
-from hric_assessment.verdict.given import opened
+from hric_assessment.verdict.conclusions import CONTACT, DISTANCE, GROUPS, QUESTIONS, headline
+from hric_assessment.verdict.inputs import opened
 from hric_assessment.verdict.moment import picture
 from hric_assessment.verdict.result import Verdict
-from hric_bags import files
+from hric_bags import files, text
 from hric_bags.run_folder import runs_root
 from hric_core.errors import MISTAKE, HricError, check_known, refused_by_system
 
@@ -28,6 +27,8 @@ SEVERITY = (0, 4, 1)
 SOFTWARE = 70
 """Exit code of an error of this program, EX_SOFTWARE of sysexits.h: it must not read as "above limits"."""
 AREA_OPTION = "--contact-area"
+NONE = "-"
+"""Shown in a comparison for what a verdict does not have."""
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -67,7 +68,8 @@ def main(arguments: Sequence[str]) -> int:
     stops = None if options.stop is None else stopping.load(options.stop)
     if options.contact_area is not None:
         check_area(options.contact_area, name=AREA_OPTION)
-    choices = Choices(Limits.named(limits), Braking(stops), options.contact_area, options.rula_table)
+    versions = {key: version for key in methods() if (version := getattr(options, f"{key}_table", ""))}
+    choices = Choices(Limits.named(limits), Braking(stops), options.contact_area, versions)
     verdicts = [_assessed(name, root, choices) for name in (options.recording, *options.compare)]
     only = [question for part in options.only for question in part]
     if options.compare:
@@ -76,24 +78,24 @@ def main(arguments: Sequence[str]) -> int:
         print(verdicts[0].render(only, full=options.all), end="")
     if options.picture is not None:
         _draw(verdicts[0], options.picture)
-    return max((one.exit_code(only) for one in verdicts), key=SEVERITY.index)
+    return max((verdict.exit_code(only) for verdict in verdicts), key=SEVERITY.index)
 
 
 def _assessed(name: str, root: Path, choices: Choices) -> Verdict:
     """Return the verdict of a recording, and write it next to the recording."""
-    given = opened(name, root)
-    verdict = assess(given, choices)
+    source = opened(name, root)
+    verdict = assess(source, choices)
     if choices.contact_area is not None:
-        regions = {region for one in verdict.findings if one.group == GROUPS[CONTACT] for region in one.regions}
+        regions = {region for item in verdict.findings if item.group == GROUPS[CONTACT] for region in item.regions}
         check_area(choices.contact_area, regions, AREA_OPTION)
-    files.write_json(given.folder / FILE, verdict.to_dict())
+    files.write_json(source.folder / FILE, verdict.to_dict())
     return verdict
 
 
 def _draw(verdict: Verdict, path: Path) -> None:
     if verdict.moment is None:
         raise HricError(f"no picture {path.name}: nobody's place is known at a moment that decides")
-    files.write_text(path, picture(verdict.moment or {}))
+    files.write_text(path, picture(verdict.moment))
 
 
 def _questions(text: str) -> list[str]:
@@ -158,6 +160,64 @@ def _add_choices(parser: argparse.ArgumentParser) -> None:
         help="over which contacts act, the smaller of the robot's and the body's [m^2] (1 cm^2 is 1e-4); without it, "
         "or human.contact_area of the experiment, no contact is within limits, since its pressure is not known",
     )
-    parser.add_argument(
-        "--rula-table", choices=rula.VERSIONS, default=rula.VERSIONS[0], help="version of RULA's table A"
-    )
+    for key, method in methods().items():
+        if len(method.versions) > 1:
+            about = f"version of {method.table().title}'s table A"
+            parser.add_argument(f"--{key}-table", choices=method.versions, default=method.versions[0], help=about)
+
+
+def compared(verdicts: Sequence[Verdict], only: Collection[str] = ()) -> str:
+    """Return a table with a row for each question, for the worst finding of each subject, and for each figure.
+
+    Args:
+        verdicts: verdicts to compare.
+        only: questions that count; empty: those of a verdict.
+    """
+    cells = [["", *_names(verdicts)]]
+    cells.append(["outcome", *(headline(verdict.conclusions, only) for verdict in verdicts)])
+    for conclusions in zip(*(verdict.conclusions for verdict in verdicts), strict=True):
+        replies = [f"{item.reply}{f': {item.number}' if item.number else ''}" for item in conclusions]
+        cells.append([conclusions[0].question, *replies])
+    worst = [_worst(verdict) for verdict in verdicts]
+    for key in dict.fromkeys(key for findings in worst for key in findings):
+        cells.append([key, *(_shown(findings.get(key)) for findings in worst)])
+    figures = dict.fromkeys((item.name, item.unit) for verdict in verdicts for item in verdict.figures)
+    for name, unit in figures:
+        cells.append([f"{name} [{unit}]", *(_figure(verdict, name) for verdict in verdicts)])
+    return "\n".join([*text.rows(cells), DISCLAIMER])
+
+
+def _names(verdicts: Sequence[Verdict]) -> list[str]:
+    """Return a name for each verdict, with a number if the name occurs again."""
+    names = [verdict.input.name for verdict in verdicts]
+    return [f"{name} ({names[: k + 1].count(name)})" if names.count(name) > 1 else name for k, name in enumerate(names)]
+
+
+def _worst(verdict: Verdict) -> dict[str, Finding]:
+    """Return the worst finding of each subject: contacts by region, all distances together.
+
+    The nearest links differ from run to run, so distances are not separated by link.
+    """
+    findings: dict[str, Finding] = {}
+    for finding in verdict.findings:
+        subject = finding.subject
+        if finding.group == GROUPS[CONTACT]:
+            subject = f"contact with {' or '.join(finding.regions)}" if finding.regions else subject
+        elif finding.group == GROUPS[DISTANCE]:
+            subject = "distance of the arm"
+        findings.setdefault(f"{finding.person}: {subject}" if finding.person else subject, finding)
+    return findings
+
+
+def _shown(finding: Finding | None) -> str:
+    if finding is None:
+        return NONE
+    score = finding.values.get("score that counts")
+    if score is not None:
+        return f"{finding.outcome} ({score:g})"
+    return str(finding.outcome) if finding.share is None else f"{finding.outcome} ({100.0 * finding.share:.0f} %)"
+
+
+def _figure(verdict: Verdict, name: str) -> str:
+    values = [item.value for item in verdict.figures if item.name == name]
+    return NONE if not values or values[0] is None else f"{values[0]:.3g}"

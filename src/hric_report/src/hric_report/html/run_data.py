@@ -77,7 +77,7 @@ def load(folder: RunFolder, values: Mapping[str, Any], *, progress: bool = False
     beside = definition.get("human") and human_record.read(bag, record.robot_time)
     person = None
     if beside:
-        met = tuple(impact.impacts(run, description, record, beside))
+        met = tuple(impact.expected_contacts(run, description, record, beside))
         person = Person(beside, values.get("human") or {}, met, human.carried_in(beside, definition))
     plant = (definition.get("robot") or {}).get("plant") or {}
     objects = object_record.read(bag, plant, record.robot_time)

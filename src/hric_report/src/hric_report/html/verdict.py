@@ -14,10 +14,11 @@ from typing import Any
 
 import numpy as np
 
+from hric_assessment.ergonomics.scoring import methods
 from hric_assessment.verdict import assess, moment, opened
 from hric_assessment.verdict.command import FILE
 from hric_assessment.verdict.conclusions import CONTACT, DISTANCE, EFFORT, POSTURE, TASK, Conclusion
-from hric_assessment.verdict.given import Given
+from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.result import VERSION
 from hric_bags import files
 from hric_bags.run_folder import RunFolder
@@ -45,8 +46,6 @@ SHOWN = 200
 MUSCLES, INSTANTS = 24, 500
 """Rows and columns of the heat map, at most; the most active, and the largest value of each stretch of time. Project
 default, unconfirmed."""
-LEVELS = {"RULA": (2, 4, 6, 7), "REBA": (1, 3, 7, 10, 15)}
-"""Highest score of each level."""
 TICKS = 6
 """Intervals along time, at most (project default)."""
 
@@ -131,7 +130,7 @@ def _kept(path: Path, name: str, kind: str) -> dict[str, Any] | None:
     return kept if own else None
 
 
-def verdict_beside(given: Given) -> dict[str, Any]:
+def verdict_beside(given: AssessmentInput) -> dict[str, Any]:
     """Return the verdict of a bag or a c3d file from verdict.json beside it; one of another recording is replaced."""
     path, recording = given.folder / FILE, given.recording
     kept = _kept(path, given.name, given.kind)
@@ -143,8 +142,8 @@ def verdict_beside(given: Given) -> dict[str, Any]:
 
 
 def conclusions_of(verdict: Verdict) -> list[Conclusion]:
-    """Return the conclusions that a verdict.json has, without their findings."""
-    return [Conclusion(**{**one, "finding": None}) for one in verdict["answers"]]
+    """Return the conclusions that a verdict.json has."""
+    return [Conclusion(**one) for one in verdict["answers"]]
 
 
 def summary(verdict: Verdict) -> str:
@@ -156,7 +155,7 @@ def summary(verdict: Verdict) -> str:
 def part(verdict: Verdict) -> str:
     """Return the HTML of the part."""
     axis = Axis(float(verdict["input"]["begin"]), float(verdict["input"]["end"]))
-    sides = [curve["side"] for curve in verdict["timelines"]["rula"]]
+    sides = list({curve["side"]: None for key in methods() for curve in verdict["timelines"].get(key, ())})
     limits = f"{verdict['limits']['title']} ({verdict['limits']['edition']})"
     caption = f"<figcaption>Contacts, each region by the largest share of its limit in {escape(limits)}.</figcaption>"
     body = f"<figure class=body-picture>{body_picture.picture(verdict['findings'], sides)}{caption}</figure>"
@@ -195,7 +194,8 @@ def _moment(verdict: Verdict) -> str:
         return ""
     title = f"The worst moment, {scene['question']}: {scene['subject']}, at {scene['time']:.2f} s"
     jump = f'class=jump tabindex=0 role=button data-time="{scene["time"]:.9g}"'
-    return f"<figure><div {jump}>{moment.picture(scene)}</div><figcaption>{escape(title)}</figcaption></figure>"
+    picture = moment.picture(moment.Moment.of(scene))
+    return f"<figure><div {jump}>{picture}</div><figcaption>{escape(title)}</figcaption></figure>"
 
 
 def _strips(verdict: Verdict, axis: Axis) -> Iterator[str]:
@@ -211,17 +211,18 @@ def _strips(verdict: Verdict, axis: Axis) -> Iterator[str]:
         yield _figure(
             "Findings; a click shows the time in the replay", drawn + _key((look, word) for word, look in KINDS.items())
         )
-    for method in ("RULA", "REBA"):
-        curves = verdict["timelines"][method.lower()]
-        if curves:
+    for key, scorer in methods().items():
+        method, levels = scorer.table().title, [int(highest) for highest in scorer.table().levels]
+        if curves := verdict["timelines"].get(key):
             lacking = [one["subject"] for one in verdict["findings"] if one["outcome"] == "not assessable"]
             known = [f"{method} of the {one['side']} arm" not in lacking for one in curves]
-            content = "".join(_scores(one, k, method, axis, known[k]) for k, one in enumerate(curves))
+            content = "".join(_scores(one, k, method, levels, axis, known[k]) for k, one in enumerate(curves))
             labels = [f"{method} {one['side']}" for one in curves]
-            levels = LEVELS[method]
-            key = _key((f"level{k + 5 - len(levels)}", f"up to {highest}") for k, highest in enumerate(levels))
-            key += "" if all(known) else _key([("unknown", "low, but it can only be higher: not all angles are known")])
-            yield _figure(f"{method}, by the levels of its score", axis.picture(method, labels, content) + key)
+            colours = _key((f"level{k + 5 - len(levels)}", f"up to {highest}") for k, highest in enumerate(levels))
+            colours += (
+                "" if all(known) else _key([("unknown", "low, but it can only be higher: not all angles are known")])
+            )
+            yield _figure(f"{method}, by the levels of its score", axis.picture(method, labels, content) + colours)
     activation = verdict["timelines"]["activation"]
     if activation and activation["time"]:
         yield _heat(activation, axis)
@@ -245,9 +246,9 @@ def _said(one: Mapping[str, Any]) -> str:
     return f"{one['subject']}: {one['outcome']}{share}. {one['reason']}"
 
 
-def _scores(curve: Mapping[str, Any], row: int, method: str, axis: Axis, known: bool) -> str:
+def _scores(curve: Mapping[str, Any], row: int, method: str, levels: Sequence[int], axis: Axis, known: bool) -> str:
     """Return the stretches of one level; known: all angles are, so that a low score is within limits."""
-    time, levels = curve["time"], LEVELS[method]
+    time = curve["time"]
     reached = [next(k for k, highest in enumerate(levels) if score <= highest) for score in curve["score"]]
     bars, first = [], 0
     for level, group in groupby(reached):
