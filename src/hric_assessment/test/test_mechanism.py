@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import panda_description
-from hric_assessment.contact.impact import Mechanism, ClosedFormImpact
+from hric_assessment.contact.impact import ClosedFormImpact, Mechanism
 from hric_core import urdf
 from hric_core.geometry import homogeneous
 from hric_core.geometry.transforms import rotation_from_rpy

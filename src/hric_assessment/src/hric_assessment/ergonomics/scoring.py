@@ -177,12 +177,12 @@ class Scorer:
         return Step(label, points, tuple(reasons), case, angle, spread)
 
     def _adder(self, label: str, adder: Adder) -> Step:
-        case = np.any([self._holds(condition) for condition in adder.any], axis=0).astype(np.int8)
+        case = np.any([self._fulfilled(condition) for condition in adder.any], axis=0).astype(np.int8)
         only = adder.any[0].angle if len(adder.any) == 1 else None
         angle, spread = (None, 0.0) if only is None else (self.known[only], self._spread(only))
         return Step(label, adder.score * case, (f"not {adder.text}", adder.text), case, angle, spread)
 
-    def _holds(self, condition: Condition) -> Any:
+    def _fulfilled(self, condition: Condition) -> Any:
         if condition.flag is not None:
             return self.known[condition.flag]
         name = str(condition.angle)

@@ -14,7 +14,7 @@ from hric_msgs.msg import SafetyEvent, SafetyState, SpeedScale
 
 _COLOURS = {FREE: (0.2, 0.7, 0.3), STOPPED: (0.8, 0.2, 0.2)}
 _SLOWED = (0.9, 0.6, 0.1)
-_NUMBERS = (
+_VALUES = (
     "person_term",
     "reaction_term",
     "stopping_term",
@@ -43,7 +43,7 @@ def state(decision: Decision, settings: SupervisorSettings, latency: float) -> A
         violation=decision.violation,
         contact_speed=decision.contact_speed,
         latency=latency,
-        **(dict.fromkeys(_NUMBERS, math.nan) if decision.part is None else _of_part(decision.part)),
+        **(dict.fromkeys(_VALUES, math.nan) if decision.part is None else _of_part(decision.part)),
     )
     message.header.stamp, message.header.frame_id = stamps.to_time(decision.time), WORLD
     if math.isfinite(decision.perception) and decision.perception >= 0.0:
@@ -56,7 +56,7 @@ def _of_part(part: Part) -> dict[str, object]:
     numbers = (*part.terms, float(part.terms.total), part.robot_speed, part.person_speed)
     points = {"robot_point": Point(*part.robot_point), "person_point": Point(*part.person_point)}
     names = {"robot_link": part.robot_link, "person_link": part.person_link, "region": part.region}
-    return dict(zip(_NUMBERS, numbers, strict=True)) | points | names
+    return dict(zip(_VALUES, numbers, strict=True)) | points | names
 
 
 def event(decision: Decision, item: Event) -> Any:

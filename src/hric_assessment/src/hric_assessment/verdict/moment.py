@@ -72,16 +72,10 @@ def moment(
         conclusions: conclusions about all questions.
         findings: findings to which the conclusions refer.
     """
-    pairs = [(item, findings[item.finding]) for item in conclusions if item.finding is not None]
-    decisive = [
-        (conclusion, finding, window)
-        for conclusion, finding in pairs
-        if conclusion.question in BY_DEFAULT and (window := finding.window)
-        if conclusion.question != CONTACT or finding.regions
-    ]
-    if not decisive or not people:
+    decisive = _decisive(conclusions, findings)
+    if decisive is None or not people:
         return None
-    conclusion, finding, window = min(decisive, key=lambda item: _rank(item[0]))
+    conclusion, regions, window = decisive
     person = next((person for person in people if person.name == conclusion.person), people[0])
     begin, end = np.clip(window, person.time[0], person.time[-1]).tolist()
     time = np.linspace(begin, end, INSTANTS)
@@ -100,12 +94,25 @@ def moment(
         arm_ends = CapsuleMotion(tree, arm, log.joint_names, log.time, log.position)(time) if arm.links else arm_ends
     if arm.links and conclusion.question != POSTURE:
         gaps = distances(arm_ends, arm.radii, ends, body.radii)
-        regions = finding.regions if conclusion.question == CONTACT else ()
         gaps[:, :, ~_concerned(person, body, regions)] = np.inf
         at, first, second = (int(k) for k in np.unravel_index(int(np.argmin(gaps)), gaps.shape))
         marked = [first], [second]
     capsules = _listed(arm, arm_ends[at], marked[0]), _listed(body, ends[at], marked[1])
     return Moment(float(time[at]), conclusion.question, conclusion.reply, conclusion.subject, *capsules)
+
+
+def _decisive(
+    conclusions: Sequence[Conclusion], findings: Sequence[Finding]
+) -> tuple[Conclusion, Sequence[str], tuple[float, float]] | None:
+    """Return the worst conclusion that has a place and a time, with regions of a contact and window; None: none has."""
+    pairs = [(item, findings[item.finding]) for item in conclusions if item.finding is not None]
+    placed = [
+        (conclusion, finding.regions if conclusion.question == CONTACT else (), window)
+        for conclusion, finding in pairs
+        if conclusion.question in BY_DEFAULT and (window := finding.window)
+        if conclusion.question != CONTACT or finding.regions
+    ]
+    return min(placed, key=lambda item: _rank(item[0]), default=None)
 
 
 def _rank(conclusion: Conclusion) -> tuple[bool, bool, int]:

@@ -29,7 +29,7 @@ OUTCOME_TEXT = (
     "the worst of the answers about limits of a person (contact, distance, posture, and a lift above its limit), in "
     "the order above limits, not assessable, warning, within limits"
 )
-ANSWERS_TEXT = "one for each question, that of the person with the worst finding"
+CONCLUSIONS_TEXT = "one for each question, that of the person with the worst finding"
 
 
 @dataclass(frozen=True)
@@ -189,7 +189,7 @@ def verdict_schema() -> dict[str, Any]:
         "version": Annotated[int, ("const", VERSION)],
         "disclaimer": Annotated[str, "to be shown once with the findings"],
     }
-    head |= {"outcome": Annotated[Outcome, OUTCOME_TEXT], "answers": Annotated[Sequence[Conclusion], ANSWERS_TEXT]}
+    head |= {"outcome": Annotated[Outcome, OUTCOME_TEXT], "answers": Annotated[Sequence[Conclusion], CONCLUSIONS_TEXT]}
     properties = {name: schema_of(kind) for name, kind in head.items()} | properties
     del properties["conclusions"]
     return {
