@@ -14,7 +14,7 @@ import pytest
 from hric_assessment.contact.limits import check_area
 from hric_assessment.findings import DISCLAIMER, Figure, Finding, Missing, Outcome
 from hric_assessment.tables import REGIONS, area_table
-from hric_assessment.verdict import Verdict, command, result
+from hric_assessment.verdict import Choices, Verdict, command, result
 from hric_assessment.verdict.command import compared
 from hric_assessment.verdict.conclusions import (
     QUESTIONS,
@@ -332,6 +332,10 @@ def test_an_error_of_the_program_has_an_exit_code_of_its_own(
     monkeypatch.setattr(command, "assess", broken)
     assert command.run([str(bags / "within.bag")]) == command.SOFTWARE == 70
     assert "IndexError: boom" in capsys.readouterr().err
+
+
+def test_an_area_that_run_yaml_has_as_the_text_1e_4_is_a_number() -> None:
+    assert Choices().stated({"human": {"contact_area": "1e-4"}}).contact_area == 1e-4
 
 
 def test_the_older_table_of_rula_can_be_chosen(bags: Path) -> None:

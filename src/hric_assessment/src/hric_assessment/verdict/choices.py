@@ -9,6 +9,7 @@ from hric_assessment.separation.stopping import StopTable
 from hric_assessment.tables import verdict_table
 from hric_assessment.typed_json import Content
 from hric_core.geometry import FloatArray
+from hric_core.parameters import as_number
 
 
 @dataclass(frozen=True)
@@ -68,8 +69,9 @@ class Choices:
 
     def stated(self, experiment: Content) -> "Choices":
         """Return a copy with the contact area of an experiment, if the user chose none."""
-        area = (experiment.get("human") or {}).get("contact_area")
-        if self.contact_area is not None or area is None:
+        stated = (experiment.get("human") or {}).get("contact_area")
+        if self.contact_area is not None or stated is None:
             return self
+        area = as_number(stated)
         assumed = f"contacts act over {1e4 * area:g} cm^2, as the experiment states (human.contact_area)"
-        return replace(self, contact_area=float(area), assumptions=(*self.assumptions, assumed))
+        return replace(self, contact_area=area, assumptions=(*self.assumptions, assumed))
