@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 import known_bags
 import pytest
 
-from hric_assessment.contact.limits import check_area
+from hric_assessment.contact.area import check_area
 from hric_assessment.findings import DISCLAIMER, Figure, Finding, Missing, Outcome
 from hric_assessment.tables import REGIONS, area_table
 from hric_assessment.verdict import Choices, Verdict, command, result
@@ -332,6 +332,12 @@ def test_an_error_of_the_program_has_an_exit_code_of_its_own(
     monkeypatch.setattr(command, "assess", broken)
     assert command.run([str(bags / "within.bag")]) == command.SOFTWARE == 70
     assert "IndexError: boom" in capsys.readouterr().err
+
+
+def test_the_schema_of_the_json_is_that_of_its_types() -> None:
+    """Write the file again by json.dumps(verdict_schema(), indent=2)."""
+    path = Path(__file__).parents[1] / "config" / "verdict.schema.json"
+    assert json.loads(path.read_text()) == result.verdict_schema()
 
 
 def test_an_area_that_run_yaml_has_as_the_text_1e_4_is_a_number() -> None:

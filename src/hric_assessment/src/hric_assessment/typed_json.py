@@ -16,6 +16,7 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 Content = Mapping[str, Any]
 """Content of a YAML or JSON file, or a section of it."""
+JsonObject = dict[str, Any]
 NAMES = "names"
 BASIC = {str: "string", float: "number", int: "integer", bool: "boolean"}
 """Types of JSON by the types of Python."""
@@ -37,7 +38,7 @@ def plain(value: object) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def schema_of(kind: Any) -> dict[str, Any]:
+def schema_of(kind: Any) -> JsonObject:
     """Return the JSON schema of a type: a dataclass, an enum, an optional, a sequence, a mapping, or one of BASIC."""
     origin, parts = get_origin(kind), get_args(kind)
     if origin is Annotated:
@@ -57,13 +58,13 @@ def schema_of(kind: Any) -> dict[str, Any]:
     return {"type": "array", "items": schema_of(parts[0])}
 
 
-def closed(properties: Content) -> dict[str, Any]:
+def closed(properties: Content) -> JsonObject:
     """Return the schema of an object with these properties, all required, and no others."""
     return {"type": "object", "properties": properties, "required": [*properties], "additionalProperties": False}
 
 
-def _of_dataclass(kind: Any) -> dict[str, Any]:
-    types, properties = get_type_hints(kind, include_extras=True), dict[str, Any]()
+def _of_dataclass(kind: Any) -> JsonObject:
+    types, properties = get_type_hints(kind, include_extras=True), JsonObject()
     for field in fields(kind):
         part = schema_of(types[field.name])
         named = {name: part["additionalProperties"] for name in field.metadata.get(NAMES, list)()}
@@ -71,7 +72,7 @@ def _of_dataclass(kind: Any) -> dict[str, Any]:
     return closed(properties)
 
 
-def _described(schema: dict[str, Any], *extras: str | tuple[str, Any]) -> dict[str, Any]:
+def _described(schema: JsonObject, *extras: str | tuple[str, Any]) -> JsonObject:
     """Return a schema with a description after its first key, and with more keys; an enum or constant has no type."""
     for extra in extras:
         if isinstance(extra, str):

@@ -9,12 +9,11 @@ point along the contact normal. Other forces during the contact and the rotation
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from hric_assessment.tables import episode_table, verdict_table
-from hric_assessment.typed_json import Content
+from hric_assessment.typed_json import Content, JsonObject
 from hric_bags.reader import ControlRecord, FloatArray, RunRecord
 from hric_bags.records.human_record import HumanRecord
 from hric_bags.records.region_contacts import RegionForce
@@ -135,7 +134,7 @@ class ExpectedContact:
             return 0.0
         return form.duration / math.pi * math.asin(min(float(force[0]) / form.peak, 1.0))
 
-    def values(self) -> dict[str, Any]:
+    def values(self) -> JsonObject:
         """Return the values for metrics.json."""
         recorded = {name: value for name, value in vars(self.contact).items() if name != "course"}
         form, peak, impact, clamping = self.impact, self.peak, None, None

@@ -18,11 +18,10 @@ from hric_assessment.tables import (
     LimitTable,
     PressureRow,
     Row,
-    area_table,
     episode_table,
     limit_table,
 )
-from hric_core.errors import ParameterError, check_known
+from hric_core.errors import check_known
 from hric_human.body.regions import REGION_MODELS
 
 NOT_PERMITTED = ("skull, forehead", "face")
@@ -163,36 +162,3 @@ class Limits:
             f"{lowest.area or ''}{hand}",
             f"{self.table.mark_of(lowest)} ({', '.join(self.table.source_of(lowest)) or 'no source given'})",
         )
-
-
-CM2 = 1e-4
-"""Square centimetre [m^2]."""
-
-
-def check_area(area: float, regions: Iterable[str] = (), name: str = "contact_area") -> None:
-    """Refuse an impossible contact area.
-
-    Args:
-        area: contact area [m^2].
-        regions: body regions that may be in contact; empty: any.
-        name: name of the option or key, for the message.
-
-    Raises:
-        ParameterError: the area is smaller than a point or larger than the smallest of the regions.
-    """
-    table = area_table()
-    known = {region: table.largest[region] for region in regions if region in table.largest}
-    if known:
-        region, largest = min(known.items(), key=lambda item: item[1])
-        of = f"what a contact with {region} can cover"
-    else:
-        largest, of = max(table.largest.values()), "what a contact with a body can cover"
-    smallest = table["smallest"]
-    if smallest <= area <= largest:
-        return
-    valid = f"valid: {smallest:g} to {largest:g} m^2 ({table.mark})"
-    if not math.isfinite(area) or area <= 0.0:
-        raise ParameterError(f"{name} is {area:g} m^2; {valid}")
-    meant = f"; did you mean {area:g} cm^2: {area * CM2:g}?" if smallest <= area * CM2 <= largest else ""
-    side = "larger" if area > largest else "smaller"
-    raise ParameterError(f"{name} is {area:g} m^2, which is {area / CM2:g} cm^2, {side} than {of}; {valid}{meant}")

@@ -1,23 +1,24 @@
-"""Command line of `assess`, and verdicts of several recordings side by side."""
+"""Command line of `assess`."""
 
 import argparse
 import sys
 import traceback
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
-from hric_assessment.contact.limits import Limits, check_area
+from hric_assessment.contact.area import check_area
+from hric_assessment.contact.limits import Limits
 from hric_assessment.ergonomics.scoring import methods
-from hric_assessment.findings import DISCLAIMER, Finding
 from hric_assessment.separation import stopping
 from hric_assessment.tables import LIMIT_TABLES
 from hric_assessment.verdict.assess import assess
 from hric_assessment.verdict.choices import Braking, Choices
-from hric_assessment.verdict.conclusions import CONTACT, DISTANCE, GROUPS, QUESTIONS, headline
+from hric_assessment.verdict.comparing import compared
+from hric_assessment.verdict.conclusions import CONTACT, GROUPS, QUESTIONS
 from hric_assessment.verdict.inputs import opened
 from hric_assessment.verdict.moment import picture
 from hric_assessment.verdict.result import Verdict
-from hric_bags import files, text
+from hric_bags import files
 from hric_bags.run_folder import runs_root
 from hric_core.errors import MISTAKE, HricError, check_known, refused_by_system
 
@@ -27,8 +28,6 @@ SEVERITY = (0, 4, 1)
 SOFTWARE = 70
 """Exit code of an error of this program, EX_SOFTWARE of sysexits.h: it must not read as "above limits"."""
 AREA_OPTION = "--contact-area"
-NONE = "-"
-"""Shown in a comparison for what a verdict does not have."""
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -164,60 +163,3 @@ def _add_choices(parser: argparse.ArgumentParser) -> None:
         if len(method.versions) > 1:
             about = f"version of {method.table().title}'s table A"
             parser.add_argument(f"--{key}-table", choices=method.versions, default=method.versions[0], help=about)
-
-
-def compared(verdicts: Sequence[Verdict], only: Collection[str] = ()) -> str:
-    """Return a table with a row for each question, for the worst finding of each subject, and for each figure.
-
-    Args:
-        verdicts: verdicts to compare.
-        only: questions that count; empty: those of a verdict.
-    """
-    cells = [["", *_names(verdicts)]]
-    cells.append(["outcome", *(headline(verdict.conclusions, only) for verdict in verdicts)])
-    for conclusions in zip(*(verdict.conclusions for verdict in verdicts), strict=True):
-        replies = [f"{item.reply}{f': {item.number}' if item.number else ''}" for item in conclusions]
-        cells.append([conclusions[0].question, *replies])
-    worst = [_worst(verdict) for verdict in verdicts]
-    for key in dict.fromkeys(key for findings in worst for key in findings):
-        cells.append([key, *(_shown(findings.get(key)) for findings in worst)])
-    figures = dict.fromkeys((item.name, item.unit) for verdict in verdicts for item in verdict.figures)
-    for name, unit in figures:
-        cells.append([f"{name} [{unit}]", *(_figure(verdict, name) for verdict in verdicts)])
-    return "\n".join([*text.rows(cells), DISCLAIMER])
-
-
-def _names(verdicts: Sequence[Verdict]) -> list[str]:
-    """Return a name for each verdict, with a number if the name occurs again."""
-    names = [verdict.input.name for verdict in verdicts]
-    return [f"{name} ({names[: k + 1].count(name)})" if names.count(name) > 1 else name for k, name in enumerate(names)]
-
-
-def _worst(verdict: Verdict) -> dict[str, Finding]:
-    """Return the worst finding of each subject: contacts by region, all distances together.
-
-    The nearest links differ from run to run, so distances are not separated by link.
-    """
-    findings: dict[str, Finding] = {}
-    for finding in verdict.findings:
-        subject = finding.subject
-        if finding.group == GROUPS[CONTACT]:
-            subject = f"contact with {' or '.join(finding.regions)}" if finding.regions else subject
-        elif finding.group == GROUPS[DISTANCE]:
-            subject = "distance of the arm"
-        findings.setdefault(f"{finding.person}: {subject}" if finding.person else subject, finding)
-    return findings
-
-
-def _shown(finding: Finding | None) -> str:
-    if finding is None:
-        return NONE
-    score = finding.values.get("score that counts")
-    if score is not None:
-        return f"{finding.outcome} ({score:g})"
-    return str(finding.outcome) if finding.share is None else f"{finding.outcome} ({100.0 * finding.share:.0f} %)"
-
-
-def _figure(verdict: Verdict, name: str) -> str:
-    values = [item.value for item in verdict.figures if item.name == name]
-    return NONE if not values or values[0] is None else f"{values[0]:.3g}"

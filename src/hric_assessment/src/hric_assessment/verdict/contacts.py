@@ -8,10 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from hric_assessment.contact.area import check_area
 from hric_assessment.contact.assess import ContactSite, LimitRatio, approach_ratio, assess
 from hric_assessment.contact.episodes import PENALTY, Episode, episodes, window_of
 from hric_assessment.contact.impact import ClosedFormImpact, ClosedFormModels
-from hric_assessment.contact.limits import NOT_PERMITTED, check_area
+from hric_assessment.contact.limits import NOT_PERMITTED
 from hric_assessment.contact.speed import SpeedLimit, half_mass, permitted_speed, speed_limit
 from hric_assessment.findings import CONTACT, Evidence, Finding, NotAssessableError, Outcome
 from hric_assessment.tables import verdict_table

@@ -3,13 +3,13 @@
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, TypeVar
 
 import numpy as np
 
 from hric_assessment.ergonomics.scoring import methods
 from hric_assessment.findings import DISCLAIMER, Figure, Finding, Missing, Outcome
-from hric_assessment.typed_json import NAMES, closed, plain, schema_of
+from hric_assessment.typed_json import NAMES, JsonObject, closed, plain, schema_of
 from hric_assessment.verdict.conclusions import GROUPS, ORDER, Conclusion, headline, outcome
 from hric_assessment.verdict.moment import Moment
 from hric_assessment.verdict.person import PersonSummary
@@ -132,9 +132,9 @@ class Verdict:
         """Return the exit code of the command; only: questions that count, empty: those of `outcome`."""
         return EXIT_CODES[outcome(self.conclusions, only)]
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the contents of the JSON."""
-        content: dict[str, Any] = plain(self)
+        content: JsonObject = plain(self)
         head = {"version": VERSION, "disclaimer": DISCLAIMER, "outcome": str(self.outcome)}
         return head | {"answers": content.pop("conclusions")} | content
 
@@ -182,7 +182,7 @@ class Verdict:
         return lines
 
 
-def verdict_schema() -> dict[str, Any]:
+def verdict_schema() -> JsonObject:
     """Return the schema of the JSON; config/verdict.schema.json is that of the methods of this package."""
     properties = schema_of(Verdict)["properties"]
     head = {

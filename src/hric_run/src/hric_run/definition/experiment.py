@@ -265,7 +265,7 @@ class Experiment(Settings):
         with mistakes.noted():
             self._check_supervisor()
         if (area := (self.human or {}).get("contact_area")) is not None:
-            from hric_assessment.contact.limits import check_area  # a run without a person need not wait for it
+            from hric_assessment.contact.area import check_area  # a run without a person need not wait for it
 
             with mistakes.noted():
                 check_area(as_number(area), name="human.contact_area")
