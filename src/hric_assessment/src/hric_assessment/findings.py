@@ -93,10 +93,6 @@ class Evidence:
             clauses.append(f"known for {100.0 * self.arm_motion:.0f} % of the time in which the arm moves")
         return ", ".join(clauses)
 
-    def with_arm_motion(self, share: float) -> "Evidence":
-        """Return a copy with the known share of the arm's motion [1]."""
-        return replace(self, arm_motion=share)
-
 
 def unknown(
     time: FloatArray, finite: BoolArray, window: tuple[float, float], max_gap: float

@@ -308,7 +308,11 @@ class Supervisor:
         part = int(np.argmin(both))
         nearest = person.regions[int(np.argmin(near.distance))]
         return Permitted(
-            float(both[part]), part, float(speeds[part]), self.settings.contact_stiffness, self._held(nearest)
+            float(both[part]),
+            part,
+            float(speeds[part]),
+            self.settings.contact_stiffness,
+            self._limits.held_force(nearest),
         )
 
     def _contact_speed(self, regions: Sequence[str], mass: float) -> float:
@@ -320,10 +324,6 @@ class Supervisor:
             return min(float(speed_limit(self._limits, region, mass, area).transient) for region in regions)
         except NotAssessableError:
             return 0.0
-
-    def _held(self, regions: Sequence[str]) -> float:
-        """Return the quasi-static force limit of some regions [N]; 0 without a limit."""
-        return self._limits.held_force(regions)
 
     def _guided(self, person: Observation, distance: FloatArray, towards: FloatArray) -> Permitted:
         """Return the limits while a hand guides the arm and all other body parts of all persons keep their distance."""

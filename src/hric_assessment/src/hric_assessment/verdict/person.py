@@ -1,10 +1,12 @@
 """Persons of a recording and their motion."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
 
+from hric_assessment.typed_json import Content
 from hric_assessment.verdict.inputs import AssessmentInput
 from hric_bags.records.human_record import HumanRecord
 from hric_bags.records.recording import Tracked
@@ -100,21 +102,22 @@ def known_angles(body: Body, names: tuple[str, ...], q: FloatArray) -> FloatArra
 def body_of(source: AssessmentInput, record: HumanRecord) -> Body | None:
     """Return the body of a simulated person; None: neither the run nor joint states define it."""
     section = source.definition.get("human")
-    if section is not None:
-        return describe(HumanSettings.of(section, "human").person)
-    if not record.joints:
-        return None
-    return describe(HumanSettings.of({"parts": _parts(record.joints)}, "human").person)
+    return None if section is None and not record.joints else describe(_settings(section, record.joints).person)
+
+
+def _settings(section: Content | None, joints: Sequence[str]) -> HumanSettings:
+    """Return the settings of a section `human`; without one those of the default subject with some joints."""
+    return HumanSettings.of({"parts": _parts(joints)} if section is None else section, "human")
+
+
+def _assumed(body: Body, joints: Sequence[str]) -> str:
+    """Return the assumption about the body of a person whom nothing describes."""
+    return f"whose body it was is not known: taken as that of {body.subject.code}, {_parts(joints)}"
 
 
 def _simulated(source: AssessmentInput, record: HumanRecord) -> Person:
-    section, assumptions = source.definition.get("human"), []
-    if section is None:
-        parts = _parts(record.joints)
-        assumptions.append(f"whose body it was is not known: taken as that of {HumanSettings().subject.code}, {parts}")
-        settings = HumanSettings.of({"parts": parts}, "human")
-    else:
-        settings = HumanSettings.of(section, "human")
+    section = source.definition.get("human")
+    settings = _settings(section, record.joints)
     body = describe(settings.person)
     root = record.root
     if root is None and settings.walk is None:
@@ -130,7 +133,7 @@ def _simulated(source: AssessmentInput, record: HumanRecord) -> Person:
         root,
         root,
         tuple(topic for topic in source.recording.topics if topic in topics),
-        tuple(assumptions),
+        () if section is not None else (_assumed(body, record.joints),),
         settings if section is not None else None,
         name=record.name,
         record=record,
@@ -153,10 +156,8 @@ def _other(source: AssessmentInput, topic: str) -> Person:
     tracked = source.recording.tracked.get(beside)
     section, assumptions = source.definition.get("person"), []
     if section is None:
-        parts = _parts(states.names)
-        settings = HumanSettings.of({"parts": parts}, "person")
-        body = describe(settings.person)
-        assumptions.append(f"whose body it was is not known: taken as that of {body.subject.code}, {parts}")
+        body = describe(_settings(None, states.names).person)
+        assumptions.append(_assumed(body, states.names))
     else:
         body, calibrated = PersonSettings.of(section, "person").known()
         if not calibrated:
@@ -210,7 +211,7 @@ def _markers_frame(source: AssessmentInput, frame: str) -> Pose | None:
     return source.recording.static.get(("world", frame))
 
 
-def _parts(names: tuple[str, ...]) -> str:
+def _parts(names: Sequence[str]) -> str:
     """Return the smallest choice of body parts that has all of these joints."""
     if any(name.endswith("knee_flex") for name in names):
         return "whole_body"

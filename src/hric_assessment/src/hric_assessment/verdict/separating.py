@@ -1,6 +1,6 @@
 """Finding of separation: distance of a person from the arm, compared with the distance that the arm needs to stop."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from hric_assessment.findings import (
 )
 from hric_assessment.separation.capsules import CapsuleMotion, capsules_of, moved_by, of_body, speeds
 from hric_assessment.separation.minima import Separation, separation
-from hric_assessment.separation.protective import Stop, Terms, person_speed, protective_distance
+from hric_assessment.separation.protective import Terms, person_speed, protective_distance
 from hric_assessment.tables import separation_table, verdict_table
 from hric_assessment.verdict.choices import Choices
 from hric_assessment.verdict.inputs import AssessmentInput
@@ -42,15 +42,13 @@ class PersonSeparation:
         speed: speed of the fastest end of the arm's capsules, shape (n,) [m/s].
         human: v_h, shape (n,) [m/s].
         terms: terms of S_p.
-        arm, person: links of the capsules.
+        arm, body: links of the capsules of arm and person.
+        person: the person.
         notes: assumptions and methods.
-        signals: topics.
         sampled: True where arm and person were recorded, shape (n,).
         evidence: evidence of the arm's log, with the share of its motion in which the person is known.
         relied: True if only the distance protected the person.
         shapeless: links of the arm with mesh shapes, which the distances ignore.
-        unmeasured: joints of the body whose angles are never known, and assumed as zero.
-        name: namespace of the person.
     """
 
     distances: Separation
@@ -58,15 +56,13 @@ class PersonSeparation:
     human: FloatArray
     terms: Terms
     arm: tuple[str, ...]
-    person: tuple[str, ...]
+    body: tuple[str, ...]
+    person: Person
     notes: tuple[str, ...]
-    signals: tuple[str, ...]
     sampled: BoolArray
     evidence: Evidence
     relied: bool
     shapeless: tuple[str, ...]
-    unmeasured: tuple[str, ...]
-    name: str
 
     @property
     def protective(self) -> FloatArray:
@@ -112,7 +108,9 @@ def separated(source: AssessmentInput, person: Person, choices: Choices) -> Pers
     distances = separation(float(begin), float(end), arm, robot.radii, bodies, body.radii)
     speed = speeds(arm, distances.time)
     load = float((source.definition.get("robot") or {}).get("load", {}).get("mass", 0.0))
-    human, terms = _protective(speed, choices.braking.stop(speed, load), person.uncertainty)
+    stop = choices.braking.stop(speed, load)
+    human = person_speed(speed, stop, 0.0, person.uncertainty, 0.0)
+    terms = protective_distance(speed, human, stop, 0.0, person.uncertainty, 0.0)
     notes = _notes(person, choices.braking.text(load), unknown_share)
     relied = _relied(person, notes)
     return PersonSeparation(
@@ -122,14 +120,12 @@ def separated(source: AssessmentInput, person: Person, choices: Choices) -> Pers
         terms,
         robot.links,
         body.links,
+        person,
         tuple(notes),
-        ("/control_log", *person.signals),
         _sampled(log, person, distances.time),
         _evidence(source, log, person, arm),
         relied,
         tuple(dict.fromkeys(left_out)),
-        tuple(joint for joint in person.body.joints if joint not in person.names),
-        person.name,
     )
 
 
@@ -141,12 +137,6 @@ def _relied(person: Person, notes: list[str]) -> bool:
     why = "a hand held the robot or what it holds" if held else "contacts are assessed by their force"
     notes.append(f"the distance was not what protected the person: {why}; below it is a warning (chosen here)")
     return False
-
-
-def _protective(speed: FloatArray, stop: Stop, uncertainty: float) -> tuple[FloatArray, Terms]:
-    """Return v_h [m/s] and the terms of S_p for speeds of the arm [m/s] and the uncertainty of the person [m]."""
-    human = person_speed(speed, stop, 0.0, uncertainty, 0.0)
-    return human, protective_distance(speed, human, stop, 0.0, uncertainty, 0.0)
 
 
 def _sampled(log: ControlRecord, person: Person, time: FloatArray) -> BoolArray:
@@ -180,7 +170,7 @@ def _evidence(source: AssessmentInput, log: ControlRecord, person: Person, arm: 
     for begin, end in _gaps(log, person, window, finite_rows(person.q)):
         unseen |= (log.time > begin) & (log.time < end)
     total = float(period[moving].sum())
-    return evidence.with_arm_motion(1.0 if total <= 0.0 else 1.0 - float(period[moving & unseen].sum()) / total)
+    return replace(evidence, arm_motion=1.0 if total <= 0.0 else 1.0 - float(period[moving & unseen].sum()) / total)
 
 
 def filled(q: FloatArray) -> tuple[FloatArray, float]:
@@ -246,7 +236,7 @@ def separation_finding(approach: PersonSeparation) -> Finding:
     why, remedy = _unproven(approach)
     if outcome != Outcome.ABOVE and why:
         outcome, reason = Outcome.NOT_ASSESSABLE, f"{why}; {reason}"
-    link = f"{approach.person[distances.person[at]]} from {approach.arm[distances.arm[at]]}"
+    link = f"{approach.body[distances.person[at]]} from {approach.arm[distances.arm[at]]}"
     return Finding(
         f"distance of {link}",
         outcome,
@@ -255,25 +245,26 @@ def separation_finding(approach: PersonSeparation) -> Finding:
         None if (violations and not approach.relied) or not np.isfinite(ratio).any() else float(np.nanmax(ratio)),
         _values(approach, at),
         window,
-        approach.signals,
+        ("/control_log", *approach.person.signals),
         (),
         approach.notes,
         group=SEPARATION,
         evidence=approach.evidence,
         remedy=remedy if outcome == Outcome.NOT_ASSESSABLE else "",
-        person=approach.name,
+        person=approach.person.name,
     )
 
 
 def _unproven(approach: PersonSeparation) -> tuple[str, str]:
     """Return why a distance is not proven to be large enough, and the remedy; both empty: it is proven."""
+    person = approach.person
     if not approach.evidence.complete:
         why = f"the arm's motion or the person is not known for all of the time: {approach.evidence.shortfall}"
-        topics = [topic for topic in approach.signals if not topic.endswith("joint_torque")]
-        return why, f"record {' and '.join(topics)} for all of the run"
-    if approach.unmeasured:
-        why = f"the angles of {', '.join(approach.unmeasured)} are not known, and taken as zero"
-        return why, f"record all joints of the body in {approach.name}/joint_states"
+        topics = [topic for topic in person.signals if not topic.endswith("joint_torque")]
+        return why, f"record {' and '.join(['/control_log', *topics])} for all of the run"
+    if unmeasured := [joint for joint in person.body.joints if joint not in person.names]:
+        why = f"the angles of {', '.join(unmeasured)} are not known, and taken as zero"
+        return why, f"record all joints of the body in {person.name}/joint_states"
     if approach.shapeless:
         why = f"the distance of {', '.join(approach.shapeless)} is not known, whose shapes are meshes"
         return why, "give these links collision shapes: capsules, cylinders, spheres or boxes"
