@@ -1,7 +1,7 @@
 """Figures of joints and muscles of a person, without limits: the strength is that of a model."""
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -59,19 +59,20 @@ def loads(source: AssessmentInput, person: Person | None) -> Loads:
     figures = _strength(source, person)
     recorded = next(_own(source.recording.activation, person), None)
     contacts = list(_own(source.recording.contact, person))
-    computed = _computed(person)
+    computed, shown = _computed(person), recorded
     if recorded is not None:
-        figures += _active(_muscles_of(recorded, computed), f"recorded, {MODEL}")
+        muscles = _muscles_of(recorded, computed[0].names) if computed else recorded
+        figures += _active(muscles, f"recorded, {MODEL}")
     if computed:
-        modelled, weak = computed
+        modelled, weak, contact = computed
         if recorded is None:
+            shown = modelled
             figures += _active(modelled, f"as modelled, by static optimisation, {MODEL}")
         factor = verdict_table()["weak_shoulder"]
         figures += _active(weak, f"with all muscles at {factor:g} of that, {MODEL}", brief=True)
-        figures += [] if contacts else _contact(modelled.contact, "computed")
+        figures += [] if contacts else _contact(contact, "computed")
     for columns in contacts:
         figures += _contact(dict(zip(columns.names, columns.values.T, strict=True)), "recorded")
-    shown = recorded if recorded is not None else (computed[0].columns if computed else None)
     return Loads(tuple(figures), shown)
 
 
@@ -82,20 +83,11 @@ def _own(streams: Mapping[str, Columns], person: Person | None) -> Iterator[Colu
             yield columns
 
 
-@dataclass(frozen=True)
-class _Muscles:
-    """Activation of muscles, without joint actuators; contact: force magnitude in each joint centre, shape (n,) [N]."""
-
-    columns: Columns
-    contact: Mapping[str, FloatArray] = field(default_factory=dict)
-
-
-def _muscles_of(recorded: Columns, computed: "tuple[_Muscles, _Muscles] | None") -> _Muscles:
-    if computed is None:
-        return _Muscles(recorded)
-    kept = [k for k, name in enumerate(recorded.names) if name in computed[0].columns.names]
-    names = tuple(recorded.names[k] for k in kept)
-    return _Muscles(Columns(recorded.topic, names, recorded.time, recorded.values[:, kept]))
+def _muscles_of(recorded: Columns, muscles: Sequence[str]) -> Columns:
+    """Return the recorded activation of some muscles, without joint actuators."""
+    rows = [k for k, name in enumerate(recorded.names) if name in muscles]
+    names = tuple(recorded.names[k] for k in rows)
+    return Columns(recorded.topic, names, recorded.time, recorded.values[:, rows])
 
 
 def _strength(source: AssessmentInput, person: Person | None) -> list[Figure]:
@@ -122,9 +114,8 @@ def _strength(source: AssessmentInput, person: Person | None) -> list[Figure]:
     return sorted(figures, key=lambda figure: -(figure.value or 0.0))
 
 
-def _active(muscles: _Muscles, note: str, brief: bool = False) -> list[Figure]:
-    table, columns = verdict_table(), muscles.columns
-    a = columns.values
+def _active(columns: Columns, note: str, brief: bool = False) -> list[Figure]:
+    table, a = verdict_table(), columns.values
     if not a.size or not np.isfinite(a).any():
         return []
     largest = np.nanmax(np.where(np.isfinite(a), a, -np.inf), axis=0)
@@ -154,8 +145,11 @@ def _contact(contact: Mapping[str, FloatArray], how: str) -> list[Figure]:
     return figures
 
 
-def _computed(person: Person | None) -> tuple[_Muscles, _Muscles] | None:
-    """Return the muscles of a simulated human with known body and grips: as modelled, and weaker ones."""
+def _computed(person: Person | None) -> tuple[Columns, Columns, Mapping[str, FloatArray]] | None:
+    """Return the muscles of a simulated human with known body and grips: as modelled, weaker ones, and contact forces.
+
+    Contact forces are magnitudes in each joint centre as modelled, shape (n,) [N].
+    """
     if person is None or person.settings is None or person.record is None:
         return None
     record = person.record
@@ -163,13 +157,16 @@ def _computed(person: Person | None) -> tuple[_Muscles, _Muscles] | None:
         muscles, factor = person.settings.muscles, verdict_table()["weak_shoulder"]
         anatomy = find(muscles.anatomy, "human.muscles.anatomy")
         root = person.settings.root(person.body)
-        as_modelled = _over(person, record, anatomy, root, muscles.strength)
-        return as_modelled, _over(person, record, anatomy, root, factor * muscles.strength)
+        modelled, contact = _over(person, record, anatomy, root, muscles.strength)
+        return modelled, _over(person, record, anatomy, root, factor * muscles.strength)[0], contact
     except HricError:  # too short a motion, a body without arms, an anatomy that no longer exists
         return None
 
 
-def _over(person: Person, record: HumanRecord, anatomy: Anatomy, root: Pose, strength: float) -> _Muscles:
+def _over(
+    person: Person, record: HumanRecord, anatomy: Anatomy, root: Pose, strength: float
+) -> tuple[Columns, Mapping[str, FloatArray]]:
+    """Return the activation of the muscles, without joint actuators, and the contact forces in the joint centres."""
     pieces: list[MuscleLoad] = []
     begin = float(record.time[0])
     while begin < record.time[-1] - OVERLAP or not pieces:
@@ -189,4 +186,4 @@ def _over(person: Person, record: HumanRecord, anatomy: Anatomy, root: Pose, str
     values = np.concatenate([piece.activation[:, muscles] for piece in pieces])
     sizes = [{name: np.linalg.norm(force, axis=1) for name, force in piece.contact.items()} for piece in pieces]
     contact = {name: np.concatenate([piece[name] for piece in sizes]) for name in sizes[0]}
-    return _Muscles(Columns("computed", names, time, values), contact)
+    return Columns("computed", names, time, values), contact
