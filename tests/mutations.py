@@ -128,8 +128,8 @@ MUTATIONS = {
     "guided_speed": Mutation(
         "guidance speeds an arm up that is slower than it permits",
         "hric_assessment",
-        "share = min(1.0, own.guided_speed / self._speed)",
-        "share = own.guided_speed / self._speed",
+        "share = min(1.0, settings.guided_speed / self._speed)",
+        "share = settings.guided_speed / self._speed",
         "supervisor",
     ),
     "felt": Mutation(

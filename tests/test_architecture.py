@@ -61,7 +61,7 @@ def calls() -> list[Hop]:
     return made
 
 
-@pytest.mark.parametrize("hop", hops("arrival") + hops("cycle"), ids=lambda hop: hop[1])
+@pytest.mark.parametrize("hop", hops("arrival") + hops("cycle") + hops("finding"), ids=lambda hop: hop[1])
 def test_each_hop_is_a_function_that_exists(hop: Hop) -> None:
     file, name = hop
     assert name in set(names_in(ast.parse((ROOT / file).read_text())))

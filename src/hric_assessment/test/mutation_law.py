@@ -28,7 +28,7 @@ from hric_assessment.findings import Finding, Outcome
 from hric_assessment.tables import episode_table
 from hric_assessment.verdict.assess import judge
 from hric_assessment.verdict.choices import Choices
-from hric_assessment.verdict.given import Given
+from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.result import Verdict
 from hric_bags.records import recording
 from hric_core.errors import HricError
@@ -149,7 +149,7 @@ def judged(recorded: Recorded) -> Judged:
         offset = taken.begin - taken.robot_time(taken.begin)
         description = recorded.description or taken.description
         kind = "run" if recorded.run else "bag"
-        given = Given(recorded.name, kind, Path(), taken, recorded.run, description)
+        given = AssessmentInput(recorded.name, kind, Path(), taken, recorded.run, description)
         return Judged(recorded, judge(given, recorded.choices), offset=offset)
     except HricError as error:
         return Judged(recorded, None, str(error))

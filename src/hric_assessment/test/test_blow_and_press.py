@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hric_assessment.contact.impact import Impact, Press, Transient, impacts
+from hric_assessment.contact.impact import Clamping, ClosedFormImpact, ExpectedContact, expected_contacts
 from hric_bags.reader import ControlRecord, RunRecord
 from hric_bags.records.human_record import HumanRecord
 from hric_bags.records.region_contacts import Course, RegionForce
@@ -67,15 +67,17 @@ def met(duration: float = 0.01, count: int = 11, force: float = 40.0, **changes:
     return RegionForce(**about | changes)
 
 
-def beside(contact: RegionForce, run: dict[str, Any] = RUN, robot: ControlRecord | None = None, **known: Any) -> Impact:
-    (found,) = impacts(run, GANTRY, RunRecord(robot or log()), person(meetings=[contact], **known))
-    assert found.met is contact
+def beside(
+    contact: RegionForce, run: dict[str, Any] = RUN, robot: ControlRecord | None = None, **known: Any
+) -> ExpectedContact:
+    (found,) = expected_contacts(run, GANTRY, RunRecord(robot or log()), person(meetings=[contact], **known))
+    assert found.contact is contact
     return found
 
 
 @pytest.mark.parametrize("normal", [(1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.6, 0.8, 0.0)])
 def test_a_blow_on_a_pelvis_that_is_fixed_has_the_mass_that_the_gantry_has_along_it(normal: tuple[float, ...]) -> None:
-    form = beside(met(normal=normal)).transient
+    form = beside(met(normal=normal)).impact
     mass = 1.0 / sum(n * n / m for n, m in zip(normal, MOVED, strict=True))
     assert form is not None and (form.speed, form.human_mass) == (0.5, math.inf)
     assert form.stiffness == pytest.approx(PELVIS)
@@ -94,7 +96,7 @@ def walking() -> tuple[dict[str, Any], RootRecord]:
 
 def test_a_person_who_walks_gives_way_but_not_with_more_than_all_of_them() -> None:
     run, root = walking()
-    form = beside(met(), run, root=root).transient
+    form = beside(met(), run, root=root).impact
     assert form is not None and BODY.segments["pelvis"].mass.mass < form.human_mass < 1.02 * BODY.total_mass
 
 
@@ -105,7 +107,7 @@ def wrist(turn: float, shift: tuple[float, float], q: np.ndarray, **known: Any) 
     human = {"parts": "upper_body", "heading": turn, "position": list(shift)}
     run = RUN | {"definition": RUN["definition"] | {"human": human | known.pop("settings", {})}}
     contact = met(link="r_wrist", point=(*(R @ at + shift), 0.1), normal=(*(R @ along), 0.0))
-    form = beside(contact, run, position=q, **known).transient
+    form = beside(contact, run, position=q, **known).impact
     assert form is not None
     return form.human_mass
 
@@ -134,7 +136,7 @@ def walker(start: list[float], here: list[float]) -> float:
     root = RootRecord(np.array([0.0, 6.0]), np.tile([*here, height, 0.0, 0.0, 0.0, 1.0], (2, 1)))
     run = RUN | {"definition": RUN["definition"] | {"human": human | {"walk": {"points": [[0, 0, 0]]}}}}
     contact = met(link="r_wrist", point=(*np.add((0.25, -0.2), here), 0.1))
-    form = beside(contact, run, position=angles(0.3), root=root).transient
+    form = beside(contact, run, position=angles(0.3), root=root).impact
     assert form is not None
     return form.human_mass
 
@@ -146,11 +148,11 @@ def test_who_walked_gives_way_alike_wherever_they_came_from_and_are() -> None:
 
 
 def test_a_person_who_stands_gives_way_alike_whether_or_not_their_root_was_recorded() -> None:
-    assert beside(met(), root=walking()[1]).transient == beside(met()).transient
+    assert beside(met(), root=walking()[1]).impact == beside(met()).impact
 
 
 def test_a_person_who_walks_and_was_nowhere_has_no_closed_form() -> None:
-    assert beside(met(), walking()[0]).transient is None
+    assert beside(met(), walking()[0]).impact is None
 
 
 @pytest.mark.parametrize(
@@ -170,19 +172,19 @@ def test_a_person_who_walks_and_was_nowhere_has_no_closed_form() -> None:
     ids=str,
 )
 def test_there_is_no_closed_form_of_what_is_not_known(changes: dict[str, Any]) -> None:
-    assert beside(met(**changes)).transient is None
+    assert beside(met(**changes)).impact is None
 
 
 def test_there_is_no_closed_form_without_a_record_of_arm_and_person_at_the_time() -> None:
     late = log(0.5)
-    assert beside(met(), robot=late).transient is None
-    assert beside(met(), time=np.empty(0), position=np.zeros((0, len(BODY.joints)))).transient is None
+    assert beside(met(), robot=late).impact is None
+    assert beside(met(), time=np.empty(0), position=np.zeros((0, len(BODY.joints)))).impact is None
     times = np.array([0.0, 0.5])
-    assert beside(met(), time=times, position=np.zeros((2, len(BODY.joints)))).transient is None
+    assert beside(met(), time=times, position=np.zeros((2, len(BODY.joints)))).impact is None
 
 
 def test_two_bodies_that_are_both_fixed_there_have_no_closed_form() -> None:
-    assert beside(met(other="panda::base")).transient is None
+    assert beside(met(other="panda::base")).impact is None
 
 
 def test_what_damps_the_surfaces_has_no_closed_form_and_a_spring_of_the_robot_is_in_series() -> None:
@@ -190,19 +192,16 @@ def test_what_damps_the_surfaces_has_no_closed_form_and_a_spring_of_the_robot_is
         plant = RUN["parameters"]["robot"]["plant"] | {"surfaces": [{"link": "panda::*", **surface}]}
         return RUN | {"parameters": {"robot": {"plant": plant}}}
 
-    assert beside(met(), with_surface({"contact": "penalty", "stiffness": 1e4, "damping": 5.0})).transient is None
+    assert beside(met(), with_surface({"contact": "penalty", "stiffness": 1e4, "damping": 5.0})).impact is None
     alike = with_surface({"contact": "penalty"})
     alike["parameters"]["robot"]["plant"]["contact_stiffness"] = 1e4
-    assert (
-        beside(met(), alike).transient
-        == beside(met(), with_surface({"contact": "penalty", "stiffness": 1e4})).transient
-    )
-    form = beside(met(), with_surface({"contact": "penalty", "stiffness": 1e4})).transient
+    assert beside(met(), alike).impact == beside(met(), with_surface({"contact": "penalty", "stiffness": 1e4})).impact
+    form = beside(met(), with_surface({"contact": "penalty", "stiffness": 1e4})).impact
     assert form is not None and form.stiffness == pytest.approx(1.0 / (1.0 / 1e4 + 1.0 / PELVIS))
 
 
 def test_a_press_is_balanced_by_the_part_of_the_command_along_the_normal() -> None:
-    press = beside(met(3.0, 301)).press
+    press = beside(met(3.0, 301)).clamping
     assert press is not None and len(press.time) == 150
     assert (press.time[0], press.time[-1]) == (BEGIN, BEGIN + 3.0) and np.diff(press.time).max() < 0.031
     np.testing.assert_allclose(press.balanced, 0.6 * (30.0 + 2.0 * press.time) - 0.8 * 10.0)
@@ -215,17 +214,17 @@ def test_a_press_is_balanced_by_the_part_of_the_command_along_the_normal() -> No
 def test_a_contact_of_half_a_second_is_a_press_if_it_has_ten_messages_a_second(
     duration: float, count: int, lasts: bool
 ) -> None:
-    assert (beside(met(duration, count)).press is not None) == lasts
+    assert (beside(met(duration, count)).clamping is not None) == lasts
 
 
 def test_what_is_not_commanded_by_torque_or_does_not_carry_itself_has_no_press() -> None:
     by_position = log(interfaces=("position",) * 3)
     mixed = log(by_effort=np.zeros((600, 3), np.bool_))
     bare = RUN | {"definition": RUN["definition"] | {"robot": {"hw": "hric_control/RobotHW"}}}
-    assert [beside(met(1.0, 101), robot=one).press for one in (by_position, mixed)] == [None, None]
+    assert [beside(met(1.0, 101), robot=one).clamping for one in (by_position, mixed)] == [None, None]
     unknown = RUN | {"definition": {"human": {"parts": "upper_body"}}}
-    assert [beside(met(1.0, 101), run).press for run in (bare, unknown)] == [None, None]
-    assert beside(met(1.0, 101), robot=log(by_effort=np.ones((600, 3), np.bool_))).press is not None
+    assert [beside(met(1.0, 101), run).clamping for run in (bare, unknown)] == [None, None]
+    assert beside(met(1.0, 101), robot=log(by_effort=np.ones((600, 3), np.bool_))).clamping is not None
 
 
 @pytest.mark.parametrize(("last", "end"), [(6.0, 3.0), (2.5, 2.5)])
@@ -233,7 +232,7 @@ def test_a_press_is_judged_two_seconds_after_the_touch_or_at_its_end_by_the_tent
     last: float, end: float
 ) -> None:
     time = np.arange(100, round(100 * last) + 1) / 100.0
-    at, force, balanced = Press(time, time**2, 3.0 * time).level()
+    at, force, balanced = Clamping(time, time**2, 3.0 * time).level()
     before = end - 0.01 * np.arange(10)
     assert (at, force, balanced) == (end, pytest.approx((before**2).mean()), pytest.approx(3.0 * before.mean()))
 
@@ -242,16 +241,18 @@ def test_the_measured_peak_is_the_first_and_a_later_one_does_not_count() -> None
     time = np.array([0.0, 0.02, 0.04, 0.5])
     reached = np.array([0.0, 60.0, 80.0, 300.0])
     course = replace(met(0.5, 4).course, time=BEGIN + time, force=reached, reached=reached)
-    form = Transient(0.5, 8.0, 8.0, math.pi**2 * 4.0 / 0.03**2)  # lasts for 0.03 s
+    form = ClosedFormImpact(0.5, 8.0, 8.0, math.pi**2 * 4.0 / 0.03**2)  # lasts for 0.03 s
     assert form.duration == pytest.approx(0.03)
     contact = met(0.5, 4, peak=300.0, course=course)
-    assert Impact(contact, form, None).peak == 80.0
-    assert Impact(replace(contact, course=replace(course, time=BEGIN + 0.01 * time)), form, None).peak == 300.0
-    assert Impact(contact, None, None).peak is None
+    assert ExpectedContact(contact, form, None).peak == 80.0
+    assert ExpectedContact(replace(contact, course=replace(course, time=BEGIN + 0.01 * time)), form, None).peak == 300.0
+    assert ExpectedContact(contact, None, None).peak is None
 
 
 def test_a_contact_that_ended_before_its_form_and_states_no_peak_is_not_compared() -> None:
-    assert Impact(met(1e-3, peak=None), Transient(0.5, 8.0, 8.0, 16e3), None).values()["transient"] is None
+    assert (
+        ExpectedContact(met(1e-3, peak=None), ClosedFormImpact(0.5, 8.0, 8.0, 16e3), None).values()["transient"] is None
+    )
 
 
 def test_a_foot_has_no_spring() -> None:
@@ -259,24 +260,24 @@ def test_a_foot_has_no_spring() -> None:
     run = RUN | {"definition": RUN["definition"] | {"human": {"parts": "whole_body"}}}
     q = np.zeros((300, len(whole.joints)))
     found = beside(met(link="r_ankle", regions=()), run, joints=tuple(whole.joints), position=q)
-    assert found.transient is None
+    assert found.impact is None
 
 
 def test_the_first_message_is_as_late_as_the_half_sine_needs_for_its_force() -> None:
-    form = Transient(0.5, 8.0, 8.0, 16e3)
+    form = ClosedFormImpact(0.5, 8.0, 8.0, 16e3)
     later = form.duration / 6.0  # half of the peak
     course = replace(met(0.01, 2).course, force=np.array([0.5 * form.peak, form.peak]))
-    assert Impact(met(course=course), form, None).late() == pytest.approx(later)
+    assert ExpectedContact(met(course=course), form, None).late() == pytest.approx(later)
     above = replace(course, force=np.array([2.0 * form.peak, form.peak]))
-    assert Impact(met(course=above), form, None).late() == pytest.approx(0.5 * form.duration)
+    assert ExpectedContact(met(course=above), form, None).late() == pytest.approx(0.5 * form.duration)
     nothing = replace(course, force=np.empty(0))
-    assert Impact(met(course=nothing), form, None).late() == Impact(met(), None, None).late() == 0.0
+    assert ExpectedContact(met(course=nothing), form, None).late() == ExpectedContact(met(), None, None).late() == 0.0
 
 
 def test_the_values_of_a_contact_are_what_was_recorded_and_what_was_expected() -> None:
-    form = Transient(0.5, 8.0, 8.0, 16e3)
+    form = ClosedFormImpact(0.5, 8.0, 8.0, 16e3)
     time = np.arange(0.0, 3.0, 0.05)
-    values = Impact(met(force=50.0), form, Press(time, 30.0 + 0.0 * time, 20.0 + 0.0 * time)).values()
+    values = ExpectedContact(met(force=50.0), form, Clamping(time, 30.0 + 0.0 * time, 20.0 + 0.0 * time)).values()
     assert (values["link"], values["speed"], "course" in values) == ("waist", 0.5, False)
     peak = 0.5 * math.sqrt(4.0 * 16e3)
     expected = {"speed": 0.5, "robot_mass": 8.0, "human_mass": 8.0, "stiffness": 16e3, "mass": 4.0, "peak": peak}
@@ -284,12 +285,16 @@ def test_the_values_of_a_contact_are_what_was_recorded_and_what_was_expected() -
     expected |= {"measured_peak": 50.0, "ratio": 50.0 / peak}
     assert values["transient"] == pytest.approx(expected)
     assert values["press"] == pytest.approx({"time": 2.0, "force": 30.0, "balanced": 20.0, "ratio": 1.5})
-    assert Impact(met(), None, None).values()["transient"] is Impact(met(), None, None).values()["press"] is None
+    assert (
+        ExpectedContact(met(), None, None).values()["transient"]
+        is ExpectedContact(met(), None, None).values()["press"]
+        is None
+    )
 
 
 @pytest.mark.parametrize("changes", [{"description": ""}, {"contact": met(kind="rigid")}, {"joints": ("nobody",)}])
 def test_contacts_are_reported_all_the_same_where_nothing_can_be_expected(changes: dict[str, Any]) -> None:
     contacts = [changes.get("contact", met()), met(kind="rigid")]
     human = person(meetings=contacts, **{k: v for k, v in changes.items() if k == "joints"})
-    found = impacts(RUN, changes.get("description", GANTRY), RunRecord(log()), human)
-    assert [(one.met, one.transient, one.press) for one in found] == [(contact, None, None) for contact in contacts]
+    found = expected_contacts(RUN, changes.get("description", GANTRY), RunRecord(log()), human)
+    assert [(one.contact, one.impact, one.clamping) for one in found] == [(contact, None, None) for contact in contacts]

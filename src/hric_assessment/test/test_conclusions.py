@@ -12,10 +12,10 @@ import known_bags
 import pytest
 
 from hric_assessment.contact.area import check_area
-from hric_assessment.findings import DISCLAIMER, Finding, Outcome
+from hric_assessment.findings import DISCLAIMER, Figure, Finding, Missing, Outcome
 from hric_assessment.tables import REGIONS, area_table
-from hric_assessment.verdict import Verdict, command, result
-from hric_assessment.verdict.comparing import compared
+from hric_assessment.verdict import Choices, Verdict, command, result
+from hric_assessment.verdict.command import compared
 from hric_assessment.verdict.conclusions import (
     QUESTIONS,
     Conclusion,
@@ -24,7 +24,6 @@ from hric_assessment.verdict.conclusions import (
     unknown_beforehand,
     with_remedy,
 )
-from hric_assessment.verdict.result import Figure, Missing
 from hric_core.errors import HricError
 
 WITHIN, WARNING, ABOVE, UNKNOWN = Outcome.WITHIN, Outcome.WARNING, Outcome.ABOVE, Outcome.NOT_ASSESSABLE
@@ -45,10 +44,10 @@ def replies(*findings: Finding, run: dict[str, Any] | None = None) -> dict[str, 
 
 
 def verdict(*findings: Finding, name: str = "a", figures: Sequence[Figure] = ()) -> Verdict:
-    about = {"name": name, "kind": "bag", "experiment": None, "begin": 0.0, "end": 1.0}
+    about = result.RecordingSummary(name, "bag", None, 0.0, 1.0)
     ranked = result.ranked(findings)
     given = conclusions(ranked, figures, (), DONE)
-    return Verdict(about, {"title": "a", "edition": "b"}, None, (), ranked, tuple(figures), conclusions=given)
+    return Verdict(about, result.TableTitle("a", "b"), None, (), ranked, tuple(figures), conclusions=given)
 
 
 @pytest.mark.parametrize(
@@ -333,6 +332,16 @@ def test_an_error_of_the_program_has_an_exit_code_of_its_own(
     monkeypatch.setattr(command, "assess", broken)
     assert command.run([str(bags / "within.bag")]) == command.SOFTWARE == 70
     assert "IndexError: boom" in capsys.readouterr().err
+
+
+def test_the_schema_of_the_json_is_that_of_its_types() -> None:
+    """Write the file again by json.dumps(verdict_schema(), indent=2)."""
+    path = Path(__file__).parents[1] / "config" / "verdict.schema.json"
+    assert json.loads(path.read_text()) == result.verdict_schema()
+
+
+def test_an_area_that_run_yaml_has_as_the_text_1e_4_is_a_number() -> None:
+    assert Choices().stated({"human": {"contact_area": "1e-4"}}).contact_area == 1e-4
 
 
 def test_the_older_table_of_rula_can_be_chosen(bags: Path) -> None:

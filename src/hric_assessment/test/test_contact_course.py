@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hric_assessment.contact.course import Meeting, end_of, meetings, resolved
+from hric_assessment.contact.episodes import Episode, end_of, episodes, resolved, window_of
 from hric_bags.records.region_contacts import Course, RegionForce
 
 PERIOD = 1e-3
@@ -41,9 +41,9 @@ def changed(changes: dict[str, Any]) -> RegionForce:
     return replace(made, **{name: value for name, value in changes.items() if name != "course"})
 
 
-def only(*contacts: RegionForce, period: float = PERIOD, until: float = 9.0) -> Meeting:
-    (meeting,) = meetings(contacts, period, until)
-    return meeting
+def only(*contacts: RegionForce, period: float = PERIOD, until: float = 9.0) -> Episode:
+    (episode,) = episodes(contacts, period, until)
+    return episode
 
 
 def sine(peak: float, count: int = 20) -> np.ndarray:
@@ -72,9 +72,9 @@ def test_a_contact_ends_when_it_says_or_with_its_last_message(changes: dict[str,
 @pytest.mark.parametrize(("pause", "count"), [(0.1, 1), (0.101, 2)])
 def test_contacts_no_farther_apart_than_the_gap_are_one_whatever_their_order(pause: float, count: int) -> None:
     first, second = contact(5.0), contact(7.0, begin=1.2 + pause)
-    found = meetings([second, first], PERIOD, 9.0)
+    found = episodes([second, first], PERIOD, 9.0)
     assert len(found) == count
-    assert found[0].window == pytest.approx((1.0, 1.4 + pause if count == 1 else 1.2))
+    assert window_of(found[0].contacts) == pytest.approx((1.0, 1.4 + pause if count == 1 else 1.2))
     assert found[-1].contacts[-1] is second
 
 
@@ -84,7 +84,7 @@ def test_a_short_contact_within_a_long_one_does_not_end_it() -> None:
 
 
 def test_a_contact_that_does_not_say_when_it_began_is_one_of_its_own() -> None:
-    assert len(meetings([contact(5.0), contact(5.0, begin=math.nan)], PERIOD, 9.0)) == 2
+    assert len(episodes([contact(5.0), contact(5.0, begin=math.nan)], PERIOD, 9.0)) == 2
 
 
 @pytest.mark.parametrize(
@@ -146,29 +146,29 @@ def test_a_contact_whose_messages_have_no_time_does_not_show_how_fast_its_source
 
 def test_forces_of_two_links_are_added_while_both_press_and_at_no_other_time() -> None:
     """100 N from 1.0 s to 1.2 s, 60 N from 1.15 s to 2.0 s: 160 N for a moment, then held 60 N."""
-    episode = only(contact(100.0), contact(60.0, begin=1.15, duration=0.85, other="panda::panda_leftfinger")).episode
-    assert episode is not None and episode.quasi_static is not None
+    episode = only(contact(100.0), contact(60.0, begin=1.15, duration=0.85, other="panda::panda_leftfinger"))
+    assert episode.quasi_static is not None
     assert (episode.transient.peak, episode.quasi_static.peak) == (pytest.approx(160.0), pytest.approx(60.0))
     assert (episode.whole.begin, episode.whole.end) == (1.0, pytest.approx(2.0))
 
 
 def test_a_link_that_comes_later_presses_with_nothing_before() -> None:
     later = contact(60.0, begin=1.6, duration=0.4, other="panda::panda_leftfinger")
-    episode = only(contact(100.0, duration=1.0), later).episode
-    assert episode is not None and episode.quasi_static is not None
+    episode = only(contact(100.0, duration=1.0), later)
+    assert episode.quasi_static is not None
     assert (episode.transient.peak, episode.quasi_static.peak) == (100.0, pytest.approx(160.0))
 
 
 def test_the_impulse_is_the_sum_of_those_that_the_messages_state() -> None:
-    episode = only(contact(5.0, impulse=0.4), contact(5.0, begin=1.1, impulse=0.7), contact(5.0, impulse=None)).episode
-    assert episode is not None and episode.whole.impulse == pytest.approx(1.1)
+    episode = only(contact(5.0, impulse=0.4), contact(5.0, begin=1.1, impulse=0.7), contact(5.0, impulse=None))
+    assert episode.whole.impulse == pytest.approx(1.1)
 
 
 def test_one_message_gives_the_force_and_none_gives_nothing() -> None:
-    single = only(contact(30.0, duration=0.01)).episode
+    single = only(contact(30.0, duration=0.01))
     assert single is not None and (single.whole.peak, single.whole.peak_time) == (30.0, pytest.approx(1.01))
     assert only(contact(30.0, duration=0.01)).doubts == ()
-    assert only(contact(math.nan)).episode is None
+    assert only(contact(math.nan)).known is False
 
 
 @pytest.mark.parametrize(
@@ -186,8 +186,8 @@ def test_an_episode_has_the_rate_of_its_source_or_of_what_is_known_of_it(
 ) -> None:
     made = contact(5.0, step=step, duration=max(duration, step))
     begin = made.course.time[0] if duration == 0.0 else made.begin
-    episode = only(replace(made, begin=begin), period=period).episode
-    assert episode is not None and episode.rate == pytest.approx(rate)
+    episode = only(replace(made, begin=begin), period=period)
+    assert episode.rate == pytest.approx(rate)
 
 
 @pytest.mark.parametrize(
@@ -202,8 +202,8 @@ def test_an_episode_has_the_rate_of_its_source_or_of_what_is_known_of_it(
 def test_links_of_a_model_with_those_of_models_in_it_and_links_of_no_named_model_are_added(
     first: str, second: str, peak: float
 ) -> None:
-    episode = only(contact(100.0, other=first), contact(60.0, other=second)).episode
-    assert episode is not None and episode.whole.peak == pytest.approx(peak)
+    episode = only(contact(100.0, other=first), contact(60.0, other=second))
+    assert episode.whole.peak == pytest.approx(peak)
 
 
 @pytest.mark.parametrize(
@@ -215,19 +215,18 @@ def test_a_peak_counts_when_it_is_stated_to_have_been_from_the_begin_to_its_mess
     made = contact(sine(50.0))
     reached, times = made.course.reached.copy(), made.course.reached_time.copy()
     reached[3:], times[3:] = 90.0, stated
-    episode = only(replace(made, course=replace(made.course, reached=reached, reached_time=times))).episode
-    assert episode is not None
+    episode = only(replace(made, course=replace(made.course, reached=reached, reached_time=times)))
     assert (episode.whole.peak, episode.whole.peak_time) == (90.0, pytest.approx(at))
 
 
 def test_a_newton_before_the_first_message_counts() -> None:
-    episode = only(contact(0.5, duration=0.01, course={"reached": np.array([1.0])})).episode
-    assert episode is not None and episode.whole.peak == 1.0
+    episode = only(contact(0.5, duration=0.01, course={"reached": np.array([1.0])}))
+    assert episode.whole.peak == 1.0
 
 
 def test_a_contact_without_force_for_a_while_is_known_to_have_none() -> None:
-    meeting = only(contact(np.repeat([50.0, 0.0], 100), duration=2.0))
-    assert (meeting.doubts, meeting.unknown_peak) == ((), None)
+    episode = only(contact(np.repeat([50.0, 0.0], 100), duration=2.0))
+    assert (episode.doubts, episode.unknown_peak) == ((), None)
 
 
 @pytest.mark.parametrize("bad", [math.nan, -5.0, math.inf])
@@ -235,9 +234,9 @@ def test_a_force_that_is_none_is_left_out_and_counted(bad: float) -> None:
     force = sine(50.0)
     force[[4, 5]] = bad
     reached = np.maximum.accumulate(sine(50.0))
-    meeting = only(contact(force, course={"reached": reached}))
-    assert meeting.episode is not None and meeting.episode.whole.peak == pytest.approx(max(sine(50.0)))
-    assert "2 of 20 forces are not numbers or below 0" in meeting.doubts
+    episode = only(contact(force, course={"reached": reached}))
+    assert episode.whole.peak == pytest.approx(max(sine(50.0)))
+    assert "2 of 20 forces are not numbers or below 0" in episode.doubts
 
 
 def test_peaks_that_are_none_are_counted_too() -> None:
@@ -266,8 +265,8 @@ def test_an_impulse_that_is_none_is_told(impulse: float | None, told: bool) -> N
 
 
 def test_of_a_contact_that_is_recorded_from_its_begin_to_its_end_nothing_is_unknown() -> None:
-    meeting = only(contact(sine(50.0)))
-    assert (meeting.doubts, meeting.unknown_peak) == ((), None)
+    episode = only(contact(sine(50.0)))
+    assert (episode.doubts, episode.unknown_peak) == ((), None)
 
 
 @pytest.mark.parametrize(("duration", "told"), [(0.3, True), (0.5, True), (0.51, False)])
@@ -404,7 +403,7 @@ def test_a_force_that_was_exceeded_on_the_region_is_no_range_of_a_sensor(before:
     """An arm stands and presses on after a blow; the two forces differ by a twentieth of the larger one."""
     blow = contact(sine(before, 21), begin=1.0, duration=0.21)
     pressed = contact(np.array([10.0, 60.0, 60.0, 60.0, 20.0]), begin=2.0, duration=0.05)
-    assert [bool(meeting.doubts) for meeting in meetings([blow, pressed], PERIOD, 9.0)] == [False, flat]
+    assert [bool(episode.doubts) for episode in episodes([blow, pressed], PERIOD, 9.0)] == [False, flat]
 
 
 @pytest.mark.parametrize("count", [2, 3, 5, 9])
@@ -456,9 +455,9 @@ def test_a_held_force_that_is_unknown_is_at_most_the_sum_of_what_all_links_reach
 
 def test_a_link_of_which_no_peak_is_known_adds_nothing_to_the_bound_and_is_told() -> None:
     blind = contact(0.0, duration=2.0, other="panda::panda_link7", course={"reached": np.full(200, math.nan)})
-    meeting = only(lost(2.0, 2.5), blind)
-    assert meeting.unknown_peak == pytest.approx(80.0)
-    assert meeting.doubts == ("200 of 200 forces are not numbers or below 0",)
+    episode = only(lost(2.0, 2.5), blind)
+    assert episode.unknown_peak == pytest.approx(80.0)
+    assert episode.doubts == ("200 of 200 forces are not numbers or below 0",)
 
 
 def test_a_peak_that_is_no_number_bounds_nothing() -> None:

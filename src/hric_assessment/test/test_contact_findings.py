@@ -1,13 +1,14 @@
 """Contacts cut into episodes, and what is found of each."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from bodies import body
 
-from hric_assessment.contact.assess import FORCE_ONLY, NO_AREA, Approach, Unknown, Where, assess
-from hric_assessment.contact.episodes import Episode, episode
+from hric_assessment.contact.assess import FORCE_ONLY, NO_AREA, ContactSite, approach_ratio, assess
+from hric_assessment.contact.episodes import Episode, split
 from hric_assessment.contact.limits import Limits
 from hric_assessment.contact.speed import speed_limit
 from hric_assessment.findings import DISCLAIMER, Outcome
@@ -37,15 +38,15 @@ def one(force: np.ndarray, time: np.ndarray = TIME) -> Episode:
     """From the first touch to the last."""
     touching = np.flatnonzero(force > 0.0)
     part = slice(touching[0], touching[-1] + 1)
-    return episode(time[part], force[part], episode_table(), 1.0 / float(time[1] - time[0]))
+    return split(time[part], force[part], episode_table(), 1.0 / float(time[1] - time[0]))
 
 
 def hit(peak: float) -> Episode:
     return one(pulse(0.2, 0.02, peak))
 
 
-def where(regions: tuple[str, ...] = HAND, **given: object) -> Where:
-    return Where(regions, ROBOT, **given)  # type: ignore[arg-type]
+def where(regions: tuple[str, ...] = HAND, **given: object) -> ContactSite:
+    return ContactSite(regions, ROBOT, **given)  # type: ignore[arg-type]
 
 
 def test_a_half_sine_has_its_peak_duration_and_impulse() -> None:
@@ -190,7 +191,7 @@ def test_a_held_force_that_is_unknown_is_bounded_by_the_limits_of_force_and_pres
     unknown: float, area: float, outcome: Outcome
 ) -> None:
     """A hand bears 140 N, and 190 N/cm^2 of which 0.5 cm^2 makes 95 N."""
-    finding = assess(hit(50.0), where(contact_area=area), ISO, unknown=Unknown(peak=unknown))
+    finding = assess(replace(hit(50.0), unknown_peak=unknown), where(contact_area=area), ISO)
     assert finding.outcome == outcome
     told = f"the force is not known for a part of the time, and may have been {unknown:.1f} N there; "
     assert finding.reason.startswith(told) == (outcome == Outcome.NOT_ASSESSABLE)
@@ -198,7 +199,7 @@ def test_a_held_force_that_is_unknown_is_bounded_by_the_limits_of_force_and_pres
 
 @pytest.mark.parametrize(("speed", "outcome"), [(1.0, Outcome.WITHIN), (1.01, Outcome.NOT_ASSESSABLE)])
 def test_a_speed_that_an_unknown_mass_may_not_permit_is_not_proven(speed: float, outcome: Outcome) -> None:
-    approach = Approach(speed, 1.0, "an infinite mass", exact=False)
+    approach = approach_ratio(speed, 1.0, "an infinite mass", exact=False)
     finding = assess(hit(50.0), where(contact_area=LARGE), ISO, approach=approach)
     assert (finding.outcome, finding.share) == (outcome, pytest.approx(1.0 if speed <= 1.0 else 50.0 / 280.0))
     told = "speed of approach 1.010 of 1.000 m/s (an infinite mass), and the robot's mass there is not known"
@@ -207,7 +208,7 @@ def test_a_speed_that_an_unknown_mass_may_not_permit_is_not_proven(speed: float,
 
 @pytest.mark.parametrize(("speed", "outcome"), [(1.0, Outcome.WITHIN), (1.01, Outcome.ABOVE)])
 def test_a_speed_above_what_a_known_mass_permits_is_above(speed: float, outcome: Outcome) -> None:
-    approach = Approach(speed, 1.0, "4 kg", exact=True)
+    approach = approach_ratio(speed, 1.0, "4 kg", exact=True)
     finding = assess(hit(50.0), where(contact_area=LARGE), ISO, approach=approach)
     assert (finding.outcome, finding.share) == (outcome, pytest.approx(speed))
     rigid = assess(None, where(kind="rigid"), ISO, approach=approach)

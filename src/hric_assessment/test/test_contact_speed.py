@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hric_assessment.contact.limits import NOT_PERMITTED, Limits
-from hric_assessment.contact.speed import both_masses, half_mass, permitted_regions, reduced_mass, speed_limit
+from hric_assessment.contact.speed import half_mass, permitted_regions, reduced_mass, speed_limit
 from hric_assessment.findings import NotAssessableError
 from hric_assessment.tables import FOOT, LimitTable
 from hric_core.errors import HricError
@@ -158,21 +158,6 @@ def test_the_held_force_is_the_lowest_of_the_regions_and_0_where_no_contact_is_p
 def test_the_standards_estimate_of_the_mass_is_half_of_what_moves_and_the_payload() -> None:
     assert half_mass(16.06) == pytest.approx(8.03)
     assert half_mass(16.06, 1.5) == pytest.approx(9.53)
-
-
-def test_both_masses_say_where_the_standards_estimate_is_unsafe() -> None:
-    found = both_masses(ISO, HAND, np.array([2.21, 8.03, 10.05]), 16.06)
-    assert found.unsafe.tolist() == [False, False, True]
-    assert (found.standard.transient > found.reflected.transient).tolist() == [False, False, True]
-
-
-def test_both_speeds_are_those_over_the_area_and_the_payload_counts_with_the_standards_mass() -> None:
-    loaded = both_masses(ISO, HAND, 4.0, 16.06, 1.5, 0.5e-4)
-    mass = 1.0 / (1.0 / 0.6 + 1.0 / 9.53)
-    assert float(loaded.standard.transient) == pytest.approx(190.0 / np.sqrt(mass * 75e3))
-    unloaded = both_masses(ISO, HAND, 4.0, 16.06)
-    assert float(unloaded.standard.mass) == pytest.approx(1.0 / (1.0 / 0.6 + 1.0 / 8.03))
-    assert float(loaded.reflected.transient) == float(speed_limit(ISO, HAND, 4.0, 0.5e-4).transient)
 
 
 def test_a_region_that_the_table_or_the_body_model_does_not_have_has_no_speed() -> None:

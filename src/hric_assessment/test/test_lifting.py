@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from hric_assessment.ergonomics.niosh import Lift, Rated, rate
+from hric_assessment.ergonomics.niosh import Lift, LiftRating, rate
 from hric_assessment.findings import NotAssessableError
 from hric_core.errors import HricError
 
@@ -18,7 +18,7 @@ PICK = Lift("pick-up", 10.0, 0.25, 0.55, 0.925, frequency=3.0, coupling="fair")
 PUT = replace(PICK, phase="put-down", horizontal=0.50, vertical=1.475)
 
 
-def pounds(rated: Rated, rounded: bool) -> float:
+def pounds(rated: LiftRating, rounded: bool) -> float:
     return (rated.rounded_limit if rounded else rated.limit) / 23.0 * POUND_CONSTANT
 
 

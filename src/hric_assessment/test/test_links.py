@@ -7,8 +7,7 @@ import pinocchio
 import pytest
 
 import panda_description
-from hric_assessment.separation.capsules import Capsules
-from hric_assessment.separation.links import CapsuleMotion, capsules_of, moved_by, poses, speeds
+from hric_assessment.separation.capsules import CapsuleMotion, Capsules, capsules_of, moved_by, poses, speeds
 from hric_core import urdf
 from hric_core.geometry import homogeneous
 from hric_core.geometry.transforms import rotation_from_rpy

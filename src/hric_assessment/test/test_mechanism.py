@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import panda_description
-from hric_assessment.contact.impact import Mechanism, Transient
+from hric_assessment.contact.impact import ClosedFormImpact, Mechanism
 from hric_core import urdf
 from hric_core.geometry import homogeneous
 from hric_core.geometry.transforms import rotation_from_rpy
@@ -18,7 +18,7 @@ from hric_human.participant.settings import HumanSettings
 
 ROTOR = 0.1
 """Of the robot [kg m^2]."""
-FORM = Transient(0.5, 6.0, 2.0, 40e3)
+FORM = ClosedFormImpact(0.5, 6.0, 2.0, 40e3)
 
 
 class Library:

@@ -40,7 +40,7 @@ def findings(
 ) -> dict[str, Finding]:
     """Findings of a recording of so many seconds, by "RULA right"."""
     window = (0.0, float(person.time[-1]) if seconds is None else seconds)
-    made = [posture_finding(one, person) for one in scored(person, record, window, version)]
+    made = [posture_finding(one, person) for one in scored(person, record, window, {"rula": version})]
     return {one.subject.replace(" of the", "").replace(" arm", ""): one for one in made}
 
 

@@ -152,6 +152,6 @@ def test_the_table_that_ships_says_how_it_was_made_and_is_plausible() -> None:
     """No stop covers more than moving on at its speed would."""
     shipped = stopping.load()
     assert shipped.kind == SIMULATION and shipped.command and shipped.command.startswith("rosrun hric_experiments")
-    assert shipped.max_load >= 3.0 and shipped.max_speed >= 1.5
+    assert shipped.max_load >= 3.0 and max(row.speed for row in shipped.stops) >= 1.5
     for row in shipped.stops:
         assert row.distance is not None and 0.0 < row.distance <= row.speed * row.time

@@ -73,23 +73,23 @@ def posture(motion: dict[str, np.ndarray], side: str, k: int) -> dict[str, Any]:
 def test_rula_of_a_bag_is_that_of_another_scorer_at_every_sample(
     motion: dict[str, np.ndarray], verdict: Verdict, side: str
 ) -> None:
-    (found,) = [one for one in verdict.timelines["rula"] if one["side"] == side]
-    assert found["score"] == [rula_by_hand(posture(motion, side, k)) for k in range(COUNT)]
-    assert found["time"] == pytest.approx((np.arange(COUNT) / RATE).tolist(), abs=1e-6)
+    (found,) = [one for one in verdict.timelines.scores["rula"] if one.side == side]
+    assert found.score == [rula_by_hand(posture(motion, side, k)) for k in range(COUNT)]
+    assert found.time == pytest.approx((np.arange(COUNT) / RATE).tolist(), abs=1e-6)
 
 
 @pytest.mark.parametrize("side", ["right", "left"])
 def test_reba_of_a_bag_is_that_of_another_scorer_at_every_sample(
     motion: dict[str, np.ndarray], verdict: Verdict, side: str
 ) -> None:
-    (found,) = [one for one in verdict.timelines["reba"] if one["side"] == side]
-    assert found["score"] == [reba_by_hand(posture(motion, side, k), coupling=0) for k in range(COUNT)]
+    (found,) = [one for one in verdict.timelines.scores["reba"] if one.side == side]
+    assert found.score == [reba_by_hand(posture(motion, side, k), coupling=0) for k in range(COUNT)]
 
 
 def test_the_score_that_counts_is_reached_for_a_second_in_all(verdict: Verdict) -> None:
     for one in [finding for finding in verdict.findings if finding.group == "posture"]:
-        (timeline,) = [t for t in verdict.timelines[one.subject[:4].lower()] if t["side"] in one.subject]
-        scores = np.array(timeline["score"])
+        (timeline,) = [t for t in verdict.timelines.scores[one.subject[:4].lower()] if t.side in one.subject]
+        scores = np.array(timeline.score)
         counts = one.values["score that counts"]
         assert counts is not None
         assert (scores >= counts).sum() / RATE >= 1.0 > (scores > counts).sum() / RATE
@@ -101,4 +101,4 @@ def test_a_bag_without_a_run_says_what_is_not_in_it_and_what_was_assumed(verdict
     signals = " ".join(one.signal for one in verdict.missing)
     assert all(name in signals for name in ("human/contacts", "control_log", "robot_description", "joint_torque"))
     assert any("taken as that of P50M, whole_body" in line for line in verdict.assumptions)
-    assert verdict.timelines["separation"] is None and verdict.timelines["activation"] is None
+    assert verdict.timelines.separation is None and verdict.timelines.activation is None

@@ -13,6 +13,7 @@ import pytest
 from browser import Browser, installed
 
 from hric_assessment.findings import DISCLAIMER
+from hric_assessment.tables import rula_table
 from hric_assessment.verdict.result import VERSION
 from hric_bags.run_folder import RunFolder
 from hric_core.errors import HricError
@@ -169,7 +170,7 @@ def test_each_strip_has_a_key_of_its_colours() -> None:
     strips = re.findall(r"<figure class=along>.*?</figure>", verdict.part(MADE), re.DOTALL)
     findings, rula, activation = strips
     assert all(word in findings for word in verdict.KINDS)
-    assert all(f"up to {highest}<" in rula for highest in verdict.LEVELS["RULA"])
+    assert all(f"up to {highest}<" in rula for highest in rula_table().levels)
     assert "0 (light) to 1 (dark)" in activation
 
 

@@ -95,7 +95,7 @@ def test_a_c3d_file_has_the_posture_scores_of_the_run_that_it_came_from(run: Pat
 
 
 def test_a_run_without_a_simulated_human_is_assessed_as_far_as_its_signals_allow(verdict: Verdict) -> None:
-    assert verdict.person is not None and verdict.person["what"] == "tracked person"
+    assert verdict.person is not None and verdict.person.what == "tracked person"
     assert set(findings(verdict, "posture")) == {
         f"{name} of the {side} arm" for name in ("RULA", "REBA") for side in ("right", "left")
     }

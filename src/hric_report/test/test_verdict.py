@@ -85,7 +85,7 @@ def test_a_run_says_before_it_starts_what_its_verdict_will_not_know(
     ("share", "expected"), [(0.79, Outcome.WITHIN), (0.8, Outcome.WARNING), (1.0, Outcome.WARNING)]
 )
 def test_near_its_limit_a_finding_is_a_warning_that_says_why(share: float, expected: Outcome) -> None:
-    found = result.warned(finding(Outcome.WITHIN, share))
+    found = finding(Outcome.WITHIN, share).marked_near_limit()
     assert found.outcome == expected
     assert any("80 % of a limit on (chosen here)" in note for note in found.notes) == (expected == Outcome.WARNING)
 

@@ -79,8 +79,8 @@ def test_a_minute_is_assessed_in_six_seconds_of_a_processor(run: Path) -> None:
     verdict = assess(opened(str(run)))
     used = time.process_time() - begin
     print(f"verdict of a minute: {used:.1f} s of processor")
-    assert verdict.input["end"] - verdict.input["begin"] == pytest.approx(MINUTE, abs=0.1)
-    assert verdict.timelines["separation"] and verdict.timelines["activation"] and len(verdict.timelines["rula"]) == 2
+    assert verdict.input.end - verdict.input.begin == pytest.approx(MINUTE, abs=0.1)
+    assert verdict.timelines.separation and verdict.timelines.activation and len(verdict.timelines.scores["rula"]) == 2
     assert used < PROCESSOR
 
 

@@ -14,9 +14,9 @@ from hric_analysis import contacts
 from hric_analysis.human import Person, moved
 from hric_assessment.findings import NotAssessableError, Outcome
 from hric_assessment.verdict.choices import Choices
-from hric_assessment.verdict.given import Given
+from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.person import people_of
-from hric_assessment.verdict.separating import TOUCHING, Separated, separated, separation_finding
+from hric_assessment.verdict.separating import TOUCHING, PersonSeparation, separated, separation_finding
 from hric_core.geometry import FloatArray, compose
 from hric_human.body import describe
 from hric_human.control.kinematics import HandChain
@@ -27,7 +27,7 @@ AT_REST = 5e-3
 """Distance from its final position within which a hand is at rest [m] (project default, unconfirmed)."""
 
 
-def values(given: Given, person: Person | None) -> dict[str, dict[str, float] | None] | None:
+def values(given: AssessmentInput, person: Person | None) -> dict[str, dict[str, float] | None] | None:
     """Return the metrics of a run; None: there was no person.
 
     Args:
@@ -46,7 +46,7 @@ def values(given: Given, person: Person | None) -> dict[str, dict[str, float] | 
     return {"contact": _contact(given), "separation": _separation(given), "hand": _hand(given.run, person)}
 
 
-def _contact(given: Given) -> dict[str, float]:
+def _contact(given: AssessmentInput) -> dict[str, float]:
     findings = contacts.findings(given)
     outcomes = [finding.outcome for finding in findings]
     return {
@@ -56,7 +56,7 @@ def _contact(given: Given) -> dict[str, float]:
     }
 
 
-def _separation(given: Given) -> dict[str, float] | None:
+def _separation(given: AssessmentInput) -> dict[str, float] | None:
     distances = []
     for person in people_of(given):
         try:
@@ -69,14 +69,14 @@ def _separation(given: Given) -> dict[str, float] | None:
     return {"share": max(map(_share, distances)), "below": sum(map(below, distances))} if distances else None
 
 
-def _share(apart: Separated) -> float:
-    ratio = apart.protective / np.maximum(apart.found.distance, TOUCHING)
+def _share(apart: PersonSeparation) -> float:
+    ratio = apart.protective / np.maximum(apart.distances.distance, TOUCHING)
     return float(np.nanmax(ratio)) if np.isfinite(ratio).any() else 0.0
 
 
-def below(apart: Separated) -> float:
+def below(apart: PersonSeparation) -> float:
     """Return the time for which the moving arm was closer than S_p [s]."""
-    return float(sum(one.end - one.begin for one in apart.found.violations(apart.protective)))
+    return float(sum(one.end - one.begin for one in apart.distances.violations(apart.protective)))
 
 
 def _hand(run: Mapping[str, Any], person: Person) -> dict[str, float] | None:

@@ -8,7 +8,7 @@ from typing import Any
 from hric_assessment.findings import Finding, Outcome
 from hric_assessment.verdict.choices import Choices
 from hric_assessment.verdict.contacts import contact_findings
-from hric_assessment.verdict.given import Given
+from hric_assessment.verdict.inputs import AssessmentInput
 from hric_bags.parts import Bag
 from hric_bags.records import recording
 
@@ -17,7 +17,7 @@ CONTACT_AREA = 1e-4
 pressures of ISO/TS 15066 were measured with 1.96 cm^2, so it is on the strict side)."""
 
 
-def given_of(run: Mapping[str, Any], bag: Bag, description: str) -> Given:
+def given_of(run: Mapping[str, Any], bag: Bag, description: str) -> AssessmentInput:
     """Read a run for the verdict.
 
     Args:
@@ -25,10 +25,10 @@ def given_of(run: Mapping[str, Any], bag: Bag, description: str) -> Given:
         bag: bag of the run, on disk or in memory.
         description: URDF of the robot.
     """
-    return Given("a run", "run", Path(), recording.read(bag), run, description)
+    return AssessmentInput("a run", "run", Path(), recording.read(bag), run, description)
 
 
-def findings(given: Given) -> list[Finding]:
+def findings(given: AssessmentInput) -> list[Finding]:
     """Return the verdict's findings of all contacts; CONTACT_AREA replaces an unknown area."""
     return contact_findings(given, Choices(contact_area=CONTACT_AREA))
 

@@ -14,7 +14,7 @@ import numpy as np
 from hric_analysis import carrying, muscle_metrics
 from hric_analysis.carrying import Carried, TransportMetrics, hands_over
 from hric_analysis.muscle_metrics import MusclesMetrics
-from hric_assessment.contact.impact import Impact, impacts
+from hric_assessment.contact.impact import ExpectedContact, expected_contacts
 from hric_assessment.ergonomics.effort import effort, log_dimensionless_jerk
 from hric_bags.parts import Bag
 from hric_bags.reader import FloatArray, RunRecord
@@ -42,7 +42,7 @@ class Person:
     """
 
     record: HumanRecord
-    impacts: tuple[Impact, ...] = ()
+    impacts: tuple[ExpectedContact, ...] = ()
     carried: Sequence[Carried] = ()
 
 
@@ -236,7 +236,7 @@ def analyse(bag: Path | Bag, run: Mapping[str, Any], description: str, record: R
     recorded = None if definition.get("human") is None else read(bag, record.robot_time)
     if recorded is None:
         return None
-    contacts = tuple(impacts(run, description, record, recorded))
+    contacts = tuple(expected_contacts(run, description, record, recorded))
     return Person(recorded, contacts, carried_in(recorded, definition))
 
 

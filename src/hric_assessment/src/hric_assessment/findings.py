@@ -1,17 +1,118 @@
-"""Findings: one statement about a limit, with the numbers and the evidence for it."""
+"""Findings: one statement about a limit, with the numbers and the evidence for it.
+
+    evidence = Evidence.of(time, finite, (begin, end), max_gap)
+    evidence.complete, evidence.shortfall
+
+Evidence says how much of the time of a finding is covered by finite samples, and how densely. A stretch between two
+finite samples is known if it is not longer than the longest gap that may be bridged. Time counts, not samples: a
+thousand samples in the first second say nothing about the second one.
+"""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from typing import Annotated, Any
 
-from hric_assessment.evidence import Evidence
+import numpy as np
+
+from hric_assessment.tables import verdict_table
 from hric_core.errors import HricError
+from hric_core.geometry import FloatArray
+
+BoolArray = np.ndarray[Any, np.dtype[np.bool_]]
+JITTER = 1e-3
+"""Tolerance of stamps when a gap is compared with the longest one that may be bridged [s] (project default)."""
+
+
+def finite_rows(values: FloatArray) -> BoolArray:
+    """Return a mask of the rows whose values are all finite, shape (n,); values: shape (n, k)."""
+    return np.asarray(np.isfinite(values).all(axis=1))
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Known part of a window.
+
+    Attributes:
+        requested: length of the window [s].
+        known: known part of it [s].
+        rate: finite samples per known second [Hz].
+        longest_gap: longest time without a finite sample, ends of the window included [s].
+        not_finite: number of samples in the window that are NaN or infinite.
+        max_gap: longest gap that may be bridged [s].
+        arm_motion: share of the arm's time in motion that is known [1]; None: the finding does not need it.
+    """
+
+    requested: Annotated[float, "length of the window [s]"]
+    known: Annotated[float, "known part of it [s]"]
+    rate: Annotated[float, "finite samples per known second [Hz]"]
+    longest_gap: Annotated[float, "[s]"]
+    not_finite: Annotated[int, "samples that were NaN or infinite"]
+    max_gap: Annotated[float, "longest gap that may be bridged [s]"]
+    arm_motion: Annotated[float | None, "known share of the arm's time in motion [1]; null: not needed"] = None
+
+    @classmethod
+    def of(cls, time: FloatArray, finite: BoolArray, window: tuple[float, float], max_gap: float) -> "Evidence":
+        """Return the evidence of one signal.
+
+        Args:
+            time: ascending, shape (n,) [s].
+            finite: True for each finite sample, shape (n,).
+            window: begin and end [s].
+            max_gap: longest gap that may be bridged [s].
+        """
+        begin, end = window
+        gaps = unknown(time, finite, window, max_gap)
+        inside = (time >= begin) & (time <= end)
+        requested = max(end - begin, 0.0)
+        known = requested - sum(b - a for a, b in gaps)
+        samples = int((inside & finite).sum())
+        edges = np.concatenate([[begin], time[inside & finite], [end]])
+        longest = float(np.diff(edges).max()) if samples or requested > 0.0 else 0.0
+        rate = samples / known if known > 0.0 else 0.0
+        return cls(requested, known, rate, longest, int((inside & ~finite).sum()), max_gap)
+
+    @property
+    def complete(self) -> bool:
+        """True if no gap is longer than may be bridged and the arm's motion is completely known."""
+        return self.longest_gap <= self.max_gap + JITTER and (self.arm_motion is None or self.arm_motion >= 1.0)
+
+    @property
+    def shortfall(self) -> str:
+        """Missing part as one clause; empty if nothing is missing."""
+        if self.complete:
+            return ""
+        clauses = []
+        if self.longest_gap > self.max_gap + JITTER:
+            clauses.append(
+                f"known for {self.known:.2f} of {self.requested:.2f} s, longest gap {self.longest_gap:.2f} s"
+            )
+        if self.not_finite:
+            clauses.append(f"{self.not_finite} samples not finite")
+        if self.arm_motion is not None and self.arm_motion < 1.0:
+            clauses.append(f"known for {100.0 * self.arm_motion:.0f} % of the time in which the arm moves")
+        return ", ".join(clauses)
+
+
+def unknown(
+    time: FloatArray, finite: BoolArray, window: tuple[float, float], max_gap: float
+) -> list[tuple[float, float]]:
+    """Return the unknown stretches of a window, [(begin, end), ...] [s]; arguments as in `Evidence.of`."""
+    begin, end = window
+    known = time[finite & (time >= begin) & (time <= end)]
+    edges = np.concatenate([[begin], known, [end]])
+    long = np.flatnonzero(np.diff(edges) > max_gap + JITTER)
+    return [(float(edges[k]), float(edges[k + 1])) for k in long]
+
 
 DISCLAIMER = (
     "Estimate of a model: no risk assessment (ISO 12100), no proof of conformity, no measurement (ISO/PAS 5672), "
     "no certified safety function."
 )
 """Disclaimer below each finding."""
+GROUPS = CONTACT, SEPARATION, POSTURE, LIFT = ("contact", "separation", "posture", "lift")
+"""Groups of findings."""
+FIGURE_GROUPS = ("strength", "muscles", "joint load", "interaction", "productivity")
 
 
 class Outcome(StrEnum):
@@ -32,6 +133,7 @@ class Finding:
     """A statement about one limit.
 
     Attributes:
+        group: part of the verdict, one of GROUPS.
         subject: subject of the statement.
         outcome: never WITHIN if a value that the limit needs is unknown.
         reason: reason for the outcome, one sentence.
@@ -42,31 +144,71 @@ class Finding:
         signals: topics from which the values were recorded.
         missing: data needed for a better finding.
         notes: remarks on the computation of the values; marks of the limits.
-        group: part of the verdict: contact, separation, posture, lift.
         regions: body regions of ISO/TS 15066.
         evidence: part of the window that is known; None: the finding has no signal over time.
         remedy: command, option or topic that would make a finding assessable; empty: it is assessable.
         person: namespace of the person; empty: there is one person only.
     """
 
+    group: Annotated[str, ("enum", GROUPS)] = field(default="", kw_only=True)
     subject: str
     outcome: Outcome
     reason: str
-    table: str
-    share: float | None = None
-    values: Mapping[str, float | None] = field(default_factory=dict)
+    table: Annotated[str, "title and edition of what it was held against"]
+    share: Annotated[float | None, "largest value over its limit"] = None
+    values: Annotated[Mapping[str, float | None], ("description", "by name and unit")] = field(default_factory=dict)
     window: tuple[float, float] | None = None
     signals: tuple[str, ...] = ()
     missing: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
-    group: str = ""
-    regions: tuple[str, ...] = ()
-    evidence: Evidence | None = None
-    remedy: str = ""
-    person: str = ""
+    regions: Annotated[tuple[str, ...], ("description", "of ISO/TS 15066")] = ()
+    evidence: Annotated[Evidence | None, "how much of the window is known"] = None
+    remedy: Annotated[str, "what would make the finding assessable; empty: it is, or that is not known"] = ""
+    person: Annotated[str, "namespace; empty: there is one person only"] = ""
+
+    def marked_near_limit(self) -> "Finding":
+        """Return the finding, as a warning if it is within limits and near its limit."""
+        table = verdict_table()
+        near = table["near_limit"]
+        if self.outcome != Outcome.WITHIN or self.share is None or self.share < near:
+            return self
+        note = f"a warning from {100.0 * near:.0f} % of a limit on ({table.value_mark('near_limit')})"
+        return replace(self, outcome=Outcome.WARNING, notes=(*self.notes, note))
 
     def __str__(self) -> str:
         share = "" if self.share is None else f" ({100.0 * self.share:.0f} % of the limit)"
         when = "" if self.window is None else f" from {self.window[0]:.3f} to {self.window[1]:.3f} s"
         who = f"{self.person}: " if self.person else ""
         return f"{who}{self.subject}{when}: {self.outcome}{share}: {self.reason} [{self.table}]"
+
+
+@dataclass(frozen=True)
+class Figure:
+    """Number without a limit: it neither passes nor fails.
+
+    Attributes:
+        group: one of FIGURE_GROUPS.
+        value: value in `unit`; None: not known.
+        note: origin of the value.
+    """
+
+    group: Annotated[str, ("enum", FIGURE_GROUPS)]
+    name: str
+    value: float | None
+    unit: str
+    note: str = ""
+
+    def __str__(self) -> str:
+        value = "not known" if self.value is None else f"{self.value:.4g} {self.unit}"
+        return f"{self.name}: {value}" + (f" ({self.note})" if self.note else "")
+
+
+@dataclass(frozen=True)
+class Missing:
+    """Missing signal, and what it would add."""
+
+    signal: str
+    gives: str
+
+    def __str__(self) -> str:
+        return f"{self.signal}: would give {self.gives}"

@@ -19,6 +19,7 @@ PLANT = "hric_control::Plant"
 PARTICIPANT = "hric_control::Participant"
 HUMAN_CONTROLLER = "hric_human::HumanController"
 SENSOR = "hric_perception::Sensor"
+POSTURE_METHOD = "hric_assessment::PostureMethod"
 _BASES = {
     CONTROLLER: "hric_control.controller:Controller",
     ROBOT_HW: "hric_control.robot_hw:RobotHW",
@@ -26,6 +27,7 @@ _BASES = {
     PARTICIPANT: "hric_control.sim.participants:Participant",
     HUMAN_CONTROLLER: "hric_human.control.controller:HumanController",
     SENSOR: "hric_perception.section:SensorSection",
+    POSTURE_METHOD: "hric_assessment.ergonomics.scoring:PostureMethod",
 }
 
 
@@ -59,7 +61,7 @@ class _Index:
 
 
 def names(base: str, search_path: str = "") -> dict[str, PluginInfo]:
-    """Return all plugins of a base (CONTROLLER, ROBOT_HW, PLANT, PARTICIPANT, HUMAN_CONTROLLER, SENSOR) by name.
+    """Return all plugins of a base (CONTROLLER, ROBOT_HW, PLANT, ...) by name.
 
     Args:
         base: one of these.

@@ -11,7 +11,7 @@ import roslib.message
 from hric_analysis import collaboration, contacts
 from hric_analysis.values import MOTION, Values
 from hric_assessment.findings import Outcome
-from hric_assessment.verdict.given import Given
+from hric_assessment.verdict.inputs import AssessmentInput
 from hric_bags.memory import MemoryBag, nanoseconds
 from hric_bags.reader import (
     COMMAND_TYPE,
@@ -142,7 +142,7 @@ class Observations(Mapping[str, Any]):
         return [self._bag.deserialize(raw, kind) for _, _, raw in chosen]
 
     @cached_property
-    def _verdict_input(self) -> Given:
+    def _verdict_input(self) -> AssessmentInput:
         return contacts.given_of(self._run, self._bag, self._description)
 
     @cached_property

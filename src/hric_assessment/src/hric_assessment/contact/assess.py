@@ -19,7 +19,7 @@ NO_AREA = "state the contact's area: --contact-area M2, or the area of each cont
 
 
 @dataclass(frozen=True)
-class Where:
+class ContactSite:
     """The two bodies of a contact and where they touch.
 
     Attributes:
@@ -45,7 +45,7 @@ class Where:
 
 
 @dataclass(frozen=True)
-class Share:
+class LimitRatio:
     """Value of a contact with its limit.
 
     Attributes:
@@ -53,6 +53,7 @@ class Share:
         value, limit: value and limit [N], [Pa] or [m/s].
         label: name of the limit, for findings.
         unit, scale: unit in which findings show the value, and factor from SI to that unit.
+        exact: False: the limit may be too low.
     """
 
     quantity: str
@@ -61,6 +62,7 @@ class Share:
     label: str
     unit: str
     scale: float
+    exact: bool = True
 
     @property
     def ratio(self) -> float:
@@ -73,185 +75,153 @@ class Share:
         return f"{self.quantity} {shown} ({self.label})"
 
 
-@dataclass(frozen=True)
-class Approach:
-    """Approach speed at impact, compared with the permitted speed for the standard's body mass and stiffness.
+def approach_ratio(speed: float, permitted: float, label: str, exact: bool) -> LimitRatio:
+    """Return the approach speed at impact with the permitted speed for the standard's body mass and stiffness.
 
     The standard's mass and spring replace those of the simulated body.
 
-    Attributes:
+    Args:
         speed: approach speed along the normal [m/s].
         permitted: permitted speed by ISO/TS 15066, Annex A, for the heavier of the robot's masses [m/s].
         label: masses and region that the permitted speed follows from.
         exact: False: the robot's mass is not known, and `permitted` is that of an infinitely heavy one.
     """
-
-    speed: float
-    permitted: float
-    label: str
-    exact: bool
-
-    @property
-    def share(self) -> Share:
-        """Approach speed with its permitted value."""
-        return Share("speed of approach", self.speed, self.permitted, self.label, "m/s", 1.0)
-
-
-@dataclass(frozen=True)
-class Unknown:
-    """Missing information on a contact.
-
-    Attributes:
-        doubts: clauses; each prevents a contact from being within limits.
-        peak: upper bound of the quasi-static force where samples are missing [N]; None: no sample is missing.
-    """
-
-    doubts: tuple[str, ...] = ()
-    peak: float | None = None
-
-
-ALL_KNOWN = Unknown()
+    return LimitRatio("speed of approach", speed, permitted, label, "m/s", 1.0, exact)
 
 
 def assess(
     episode: Episode | None,
-    where: Where,
+    site: ContactSite,
     limits: Limits,
     signals: Sequence[str] = (),
-    unknown: Unknown = ALL_KNOWN,
-    approach: Approach | None = None,
+    approach: LimitRatio | None = None,
 ) -> Finding:
     """Return the finding of one contact.
 
     Args:
-        episode: force over time; None: the force is not known, as in a rigid contact.
-        where: the two bodies.
+        episode: force over time, with the doubts about it; None: the force is not known, as in a rigid contact.
+        site: the two bodies.
         limits: limits of the person.
         signals: topics from which the episode was recorded, for the finding.
-        unknown: missing information on the contact.
-        approach: approach speed at impact; None: not judged.
+        approach: approach speed at impact, of `approach_ratio`; None: not judged.
 
     Raises:
         HricError: a region or an area that does not exist, or a contact area that is not positive.
     """
-    if where.contact_area is not None:
-        check_positive("contact_area", where.contact_area, "m^2")
-    limit = limits.at(where.regions, where.area, where.dominant)
-    outcome, reason, shares = _judged(episode, where, limit, limits, unknown, approach)
-    values = _values(episode, where, limit) if where.kind == PENALTY else {}
-    window = None if episode is None else (episode.whole.begin, episode.whole.end)
-    notes = () if episode is None or where.kind != PENALTY else episode.notes
+    if site.contact_area is not None:
+        check_positive("contact_area", site.contact_area, "m^2")
+    limit, doubts = limits.at(site.regions, site.area, site.dominant), () if episode is None else episode.doubts
+    force = None if episode is None or site.kind != PENALTY or not episode.known else episode
+    outcome, reason, ratios = _judged(force, doubts, site, limit, limits, approach)
     return Finding(
-        where.subject,
+        site.subject,
         outcome,
         reason,
         limits.table.name,
-        max((share.ratio for share in shares), default=None),
-        values,
-        window,
+        max((item.ratio for item in ratios), default=None),
+        {} if force is None else _values(force, site, limit),
+        None if episode is None else (episode.whole.begin, episode.whole.end),
         tuple(signals),
-        _missing(episode, where),
-        (*notes, *unknown.doubts, *_marks(limit)),
+        _missing(force, site),
+        (*(() if force is None else force.notes), *doubts, *_marks(limit)),
         remedy=NO_AREA if reason.startswith(FORCE_ONLY) else "",
     )
 
 
-def _missing(episode: Episode | None, where: Where) -> tuple[str, ...]:
+def _missing(force: Episode | None, site: ContactSite) -> tuple[str, ...]:
     lacks = {
-        "a force of penalty contact": episode is None or where.kind != PENALTY,
-        "the contact's area": where.contact_area is None,
-        "the area of the body": where.area is None,
+        "a force of penalty contact": force is None,
+        "the contact's area": site.contact_area is None,
+        "the area of the body": site.area is None,
     }
     return tuple(name for name, missing in lacks.items() if missing)
 
 
 def _judged(
-    episode: Episode | None,
-    where: Where,
+    force: Episode | None,
+    doubts: Sequence[str],
+    site: ContactSite,
     limit: Limit | None,
     limits: Limits,
-    unknown: Unknown,
-    approach: Approach | None,
-) -> tuple[Outcome, str, list[Share]]:
-    shares = _shares(episode, where, limit) if episode and limit and where.kind == PENALTY else []
-    if approach is not None and where.kind == PENALTY and (approach.exact or approach.speed <= approach.permitted):
-        shares.append(approach.share)
-    if any(region in NOT_PERMITTED for region in where.regions):
-        known = "" if len(where.regions) == 1 else ", and which of these was met is not known"
-        return Outcome.ABOVE, f"no contact with {' or '.join(NOT_PERMITTED)} is within limits{known}", shares
-    if where.kind != PENALTY:
-        return Outcome.NOT_ASSESSABLE, refusal(where.kind), []
+    approach: LimitRatio | None,
+) -> tuple[Outcome, str, list[LimitRatio]]:
+    ratios = _ratios(force, site, limit) if force and limit else []
+    if approach is not None and site.kind == PENALTY and (approach.exact or approach.value <= approach.limit):
+        ratios.append(approach)
+    if any(region in NOT_PERMITTED for region in site.regions):
+        known = "" if len(site.regions) == 1 else ", and which of these was met is not known"
+        return Outcome.ABOVE, f"no contact with {' or '.join(NOT_PERMITTED)} is within limits{known}", ratios
+    if site.kind != PENALTY:
+        return Outcome.NOT_ASSESSABLE, refusal(site.kind), []
     if limit is None:
         return Outcome.NOT_ASSESSABLE, f"{limits.table.title} has no limit there", []
-    largest = max(shares, key=lambda share: share.ratio, default=None)
+    largest = max(ratios, key=lambda item: item.ratio, default=None)
     if largest is not None and largest.ratio > 1.0:
-        return Outcome.ABOVE, str(largest), shares
-    if why := _unproven(episode, where, limit, limits, unknown, approach):
-        return Outcome.NOT_ASSESSABLE, why if largest is None else f"{why}; {largest}", shares
-    return Outcome.WITHIN, str(largest), shares
+        return Outcome.ABOVE, str(largest), ratios
+    if why := _unproven(force, doubts, site, limit, limits, approach):
+        return Outcome.NOT_ASSESSABLE, why if largest is None else f"{why}; {largest}", ratios
+    return Outcome.WITHIN, str(largest), ratios
 
 
 def _unproven(
-    episode: Episode | None,
-    where: Where,
+    force: Episode | None,
+    doubts: Sequence[str],
+    site: ContactSite,
     limit: Limit,
     limits: Limits,
-    unknown: Unknown,
-    approach: Approach | None,
+    approach: LimitRatio | None,
 ) -> str:
     """Return why a contact below its limits is not proven to be within limits; empty: it is proven."""
-    if unknown.doubts:
-        return "; ".join(unknown.doubts)
-    if episode is None:
+    if doubts:
+        return "; ".join(doubts)
+    if force is None:
         return "the force is not known"
     if limit.missing:
         return f"{limits.table.title} has no {' and no '.join(limit.missing)}"
-    if where.contact_area is None:
+    if site.contact_area is None:
         return f"{FORCE_ONLY}: the contact's area is not known"
-    peak = unknown.peak
-    if peak is not None and max(share.ratio for share in _of_pair(0.0, peak, where.contact_area, limit)) > 1.0:
+    peak = force.unknown_peak
+    if peak is not None and max(item.ratio for item in _of_pair(0.0, peak, site.contact_area, limit)) > 1.0:
         return f"the force is not known for a part of the time, and may have been {peak:.1f} N there"
-    if approach is not None and approach.speed > approach.permitted:
-        return f"{approach.share}, and the robot's mass there is not known"
+    if approach is not None and approach.value > approach.limit:
+        return f"{approach}, and the robot's mass there is not known"
     return ""
 
 
-def _shares(episode: Episode, where: Where, limit: Limit) -> list[Share]:
+def _ratios(force: Episode, site: ContactSite, limit: Limit) -> list[LimitRatio]:
     """Return all values that have a limit; a transient value without one is compared with the quasi-static limit."""
-    held = None if episode.quasi_static is None else episode.quasi_static.peak
-    return _of_pair(episode.transient.peak, held, where.contact_area, limit)
+    held = None if force.quasi_static is None else force.quasi_static.peak
+    return _of_pair(force.transient.peak, held, site.contact_area, limit)
 
 
-def _of_pair(peak: float, held: float | None, area: float | None, limit: Limit) -> list[Share]:
-    found = _pair("force", peak, held, limit.force, "N", 1.0)
+def _of_pair(peak: float, held: float | None, area: float | None, limit: Limit) -> list[LimitRatio]:
+    ratios = _pair("force", peak, held, limit.force, "N", 1.0)
     if area is not None and limit.pressure is not None:
         over_area = None if held is None else held / area
-        found += _pair("mean pressure", peak / area, over_area, limit.pressure, "N/cm^2", 1.0 / UNITS["pressure"])
-    return found
+        ratios += _pair("mean pressure", peak / area, over_area, limit.pressure, "N/cm^2", 1.0 / UNITS["pressure"])
+    return ratios
 
 
-def _pair(name: str, peak: float, held: float | None, pair: Pair, unit: str, scale: float) -> list[Share]:
+def _pair(name: str, peak: float, held: float | None, pair: Pair, unit: str, scale: float) -> list[LimitRatio]:
     short = pair.quasi_static if pair.transient is None else pair.transient
-    found = [Share(f"transient {name}", peak, short, pair.label, unit, scale)]
+    ratios = [LimitRatio(f"transient {name}", peak, short, pair.label, unit, scale)]
     if held is not None:
-        found.append(Share(f"quasi-static {name}", held, pair.quasi_static, pair.label, unit, scale))
-    return found
+        ratios.append(LimitRatio(f"quasi-static {name}", held, pair.quasi_static, pair.label, unit, scale))
+    return ratios
 
 
-def _values(episode: Episode | None, where: Where, limit: Limit | None) -> Mapping[str, float | None]:
-    if episode is None:
-        return {}
-    held, area = episode.quasi_static, where.contact_area
-    energy = None if limit is None else transfer_energy(episode.whole.peak, limit.stiffness)
+def _values(force: Episode, site: ContactSite, limit: Limit | None) -> Mapping[str, float | None]:
+    held, area = force.quasi_static, site.contact_area
+    energy = None if limit is None else transfer_energy(force.whole.peak, limit.stiffness)
     return {
-        "transient peak [N]": episode.transient.peak,
+        "transient peak [N]": force.transient.peak,
         "quasi-static peak [N]": None if held is None else held.peak,
-        "duration [s]": episode.whole.duration,
-        "quasi-static duration [s]": 0.0 if held is None else held.end - episode.transient.end,
-        "impulse [N s]": episode.whole.impulse,
+        "duration [s]": force.whole.duration,
+        "quasi-static duration [s]": 0.0 if held is None else held.end - force.transient.end,
+        "impulse [N s]": force.whole.impulse,
         "energy by the table's spring [J]": energy,
         "contact area [m^2]": area,
-        "transient mean pressure [Pa]": None if area is None else episode.transient.peak / area,
+        "transient mean pressure [Pa]": None if area is None else force.transient.peak / area,
         "quasi-static mean pressure [Pa]": None if area is None or held is None else held.peak / area,
     }
 

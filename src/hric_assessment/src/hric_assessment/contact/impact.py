@@ -7,13 +7,13 @@ point along the contact normal. Other forces during the contact and the rotation
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from hric_assessment.tables import episode_table, verdict_table
+from hric_assessment.typed_json import Content, JsonObject
 from hric_bags.reader import ControlRecord, FloatArray, RunRecord
 from hric_bags.records.human_record import HumanRecord
 from hric_bags.records.region_contacts import RegionForce
@@ -42,7 +42,7 @@ OWN_WEIGHT = ("franka_sim/FrankaHWSim", "franka_real/FrankaHW")
 
 
 @dataclass(frozen=True)
-class Transient:
+class ClosedFormImpact:
     """Closed form of one impact.
 
     Attributes:
@@ -83,7 +83,7 @@ class Transient:
 
 
 @dataclass(frozen=True)
-class Press:
+class Clamping:
     """Contact force and the force that the commanded torque balances during a clamping.
 
     Attributes:
@@ -104,53 +104,47 @@ class Press:
 
 
 @dataclass(frozen=True)
-class Impact:
+class ExpectedContact:
     """One contact and its expected values.
 
     Attributes:
-        met: contact as recorded.
-        transient: closed form; None for a rigid or damped contact, one that is not with a link of the robot, or an
+        contact: contact as recorded.
+        impact: closed form; None for a rigid or damped contact, one that is not with a link of the robot, or an
             unknown or zero approach speed.
-        press: clamping; None if it is too short, has too few messages, or the command is not a torque.
+        clamping: force over time; None if it is too short, has too few messages, or the command is not a torque.
     """
 
-    met: RegionForce
-    transient: Transient | None
-    press: Press | None
+    contact: RegionForce
+    impact: ClosedFormImpact | None
+    clamping: Clamping | None
 
     @property
     def peak(self) -> float | None:
         """Largest force until the half sine ends, which is after the first peak [N]; None: no closed form."""
-        if self.transient is None:
+        if self.impact is None:
             return None
-        course = self.met.course
-        after = np.flatnonzero(course.time >= self.met.begin + self.transient.duration)
-        return float(course.reached[after[0]]) if len(after) else self.met.peak
+        course = self.contact.course
+        after = np.flatnonzero(course.time >= self.contact.begin + self.impact.duration)
+        return float(course.reached[after[0]]) if len(after) else self.contact.peak
 
     def late(self) -> float:
         """Return the delay of the first message after the start of the half sine, from its force [s]."""
-        form, force = self.transient, self.met.course.force
+        form, force = self.impact, self.contact.course.force
         if form is None or not len(force):
             return 0.0
         return form.duration / math.pi * math.asin(min(float(force[0]) / form.peak, 1.0))
 
-    def values(self) -> dict[str, Any]:
+    def values(self) -> JsonObject:
         """Return the values for metrics.json."""
-        found = {name: value for name, value in vars(self.met).items() if name != "course"}
-        return {**found, "transient": self._transient(), "press": self._press()}
-
-    def _transient(self) -> dict[str, Any] | None:
-        form = self.transient
-        if form is None or self.peak is None:
-            return None
-        expected = {name: getattr(form, name) for name in ("mass", "peak", "duration", "impulse")}
-        return {**vars(form), **expected, "measured_peak": self.peak, "ratio": self.peak / form.peak}
-
-    def _press(self) -> dict[str, Any] | None:
-        if self.press is None:
-            return None
-        time, force, balanced = self.press.level()
-        return {"time": time, "force": force, "balanced": balanced, "ratio": force / balanced}
+        recorded = {name: value for name, value in vars(self.contact).items() if name != "course"}
+        form, peak, impact, clamping = self.impact, self.peak, None, None
+        if form is not None and peak is not None:
+            expected = {name: getattr(form, name) for name in ("mass", "peak", "duration", "impulse")}
+            impact = {**vars(form), **expected, "measured_peak": peak, "ratio": peak / form.peak}
+        if self.clamping is not None:
+            time, force, balanced = self.clamping.level()
+            clamping = {"time": time, "force": force, "balanced": balanced, "ratio": force / balanced}
+        return {**recorded, "transient": impact, "press": clamping}
 
 
 class Mechanism:
@@ -202,7 +196,7 @@ class Mechanism:
         return float(np.array(normal) @ np.linalg.solve(J @ W @ J.T, J @ W @ tau))
 
 
-class Beside:
+class ClosedFormModels:
     """Models of the robot and the human of a run, for the expected values of their contacts.
 
     Args:
@@ -216,11 +210,11 @@ class Beside:
             recorded position of a walking person.
     """
 
-    def __init__(self, run: Mapping[str, Any], description: str, log: ControlRecord, human: HumanRecord) -> None:
+    def __init__(self, run: Content, description: str, log: ControlRecord, human: HumanRecord) -> None:
         definition, parameters = run.get("definition") or {}, (run.get("parameters") or {}).get("robot") or {}
         known = ("rotor_inertia", "surfaces", "world", "contact_stiffness")
-        given = {name: value for name, value in (parameters.get("plant") or {}).items() if name in known}
-        config = PlantConfig.of(given, "plant/", log.joint_names)
+        plant = {name: value for name, value in (parameters.get("plant") or {}).items() if name in known}
+        config = PlantConfig.of(plant, "plant/", log.joint_names)
         self._log, self._record = log, human
         settings = HumanSettings.of(definition["human"], "human")
         body = describe(settings.person)
@@ -242,50 +236,52 @@ class Beside:
         self._hull = rules.of_model(self._name, self._robot.tree.links, Surface())
         self._torque = definition.get("robot", {}).get("hw") in OWN_WEIGHT
 
-    def impact(self, met: RegionForce) -> Impact:
+    def expected(self, contact: RegionForce) -> ExpectedContact:
         """Return a contact with its expected values."""
-        if not self._ours(met):
-            return Impact(met, None, None)
-        return Impact(met, self.transient(met), self._press(met, met.other.rpartition("::")[2]))
+        if not self._ours(contact):
+            return ExpectedContact(contact, None, None)
+        return ExpectedContact(
+            contact, self.impact(contact), self._clamping(contact, contact.other.rpartition("::")[2])
+        )
 
-    def _ours(self, met: RegionForce) -> bool:
+    def _ours(self, contact: RegionForce) -> bool:
         """Return True if a contact is a penalty contact between the person and the robot."""
-        other, _, link = met.other.rpartition("::")
-        return met.kind == "penalty" and other == self._name and met.link in self._skin and link in self._hull
+        other, _, link = contact.other.rpartition("::")
+        return contact.kind == "penalty" and other == self._name and contact.link in self._skin and link in self._hull
 
-    def transient(self, met: RegionForce) -> Transient | None:
-        """Return the closed form; None: see `Impact`, or arm or person were not recorded at that time."""
-        if not self._ours(met):
+    def impact(self, contact: RegionForce) -> ClosedFormImpact | None:
+        """Return the closed form; None: see `ExpectedContact`, or arm or person were not recorded at that time."""
+        if not self._ours(contact):
             return None
-        link = met.other.rpartition("::")[2]
-        law, speed = combine(self._skin[met.link], self._hull[link]), met.speed or 0.0
-        if law is None or law[1] or met.point is None or met.normal is None or speed <= 0.0:
+        link = contact.other.rpartition("::")[2]
+        law, speed = combine(self._skin[contact.link], self._hull[link]), contact.speed or 0.0
+        if law is None or law[1] or contact.point is None or contact.normal is None or speed <= 0.0:
             return None
         log, record = self._log, self._record
-        if not (_recorded(met.begin, log.time) and _recorded(met.begin, record.time)):
+        if not (_recorded(contact.begin, log.time) and _recorded(contact.begin, record.time)):
             return None
-        q_robot, q_human = _at(met.begin, log.time, log.position), _at(met.begin, record.time, self._human_q)
-        robot_mass = self._robot.reflected_mass(q_robot, link, met.point, met.normal)
-        human_mass = self._human.reflected_mass(q_human, met.link, met.point, met.normal)
+        q_robot, q_human = _at(contact.begin, log.time, log.position), _at(contact.begin, record.time, self._human_q)
+        robot_mass = self._robot.reflected_mass(q_robot, link, contact.point, contact.normal)
+        human_mass = self._human.reflected_mass(q_human, contact.link, contact.point, contact.normal)
         if math.isinf(robot_mass) and math.isinf(human_mass):
             return None
-        return Transient(speed, robot_mass, human_mass, law[0])
+        return ClosedFormImpact(speed, robot_mass, human_mass, law[0])
 
-    def _press(self, met: RegionForce, link: str) -> Press | None:
-        log, course = self._log, met.course
+    def _clamping(self, contact: RegionForce, link: str) -> Clamping | None:
+        log, course = self._log, contact.course
         effort = log.by_effort is None or bool(log.by_effort.all())
         if not self._torque or not effort or "effort" not in log.interfaces:
             return None
-        if met.duration < LASTING or len(course.time) < met.duration / MEAN:
+        if contact.duration < LASTING or len(course.time) < contact.duration / MEAN:
             return None
-        count = math.ceil(met.duration * RATE)
+        count = math.ceil(contact.duration * RATE)
         chosen = np.unique(np.linspace(0, len(course.time) - 1, count).round().astype(int))
         time = course.time[chosen]
         q, tau = _at(time, log.time, log.position), _at(time, log.time, log.command)
         balanced = [
             self._robot.balanced(q[i], link, course.point[k], course.normal[k], tau[i]) for i, k in enumerate(chosen)
         ]
-        return Press(time, course.force[chosen], np.array(balanced))
+        return Clamping(time, course.force[chosen], np.array(balanced))
 
 
 def _recorded(time: float, times: FloatArray) -> bool:
@@ -298,7 +294,7 @@ def _at(time: float | FloatArray, times: FloatArray, values: FloatArray) -> Floa
     return np.array([np.interp(time, times, column) for column in values.T]).T
 
 
-def impacts(run: Mapping[str, Any], description: str, record: RunRecord, human: HumanRecord) -> list[Impact]:
+def expected_contacts(run: Content, description: str, record: RunRecord, human: HumanRecord) -> list[ExpectedContact]:
     """Return all contacts of a run with their expected values, in order of their ends.
 
     Args:
@@ -307,10 +303,10 @@ def impacts(run: Mapping[str, Any], description: str, record: RunRecord, human: 
         record: recording of the robot.
         human: recording of the human.
     """
-    if not any(met.kind == "penalty" for met in human.meetings) or not description:
-        return [Impact(met, None, None) for met in human.meetings]
+    if not any(contact.kind == "penalty" for contact in human.meetings) or not description:
+        return [ExpectedContact(contact, None, None) for contact in human.meetings]
     try:
-        beside = Beside(run, description, record.log, human)
+        models = ClosedFormModels(run, description, record.log, human)
     except HricError:  # a world file that no longer exists: the recorded values are reported all the same
-        return [Impact(met, None, None) for met in human.meetings]
-    return [beside.impact(met) for met in human.meetings]
+        return [ExpectedContact(contact, None, None) for contact in human.meetings]
+    return [models.expected(contact) for contact in human.meetings]

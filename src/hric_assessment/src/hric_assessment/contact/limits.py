@@ -153,7 +153,7 @@ class Limits:
     def _lowest(self, rows: Sequence[Row], unit: float, factor: float | None) -> Pair:
         lowest = min(rows, key=lambda row: row.quasi_static)
         transients = [row.transient_by(factor) for row in rows]
-        transient = min(math.inf if one is None else one for one in transients) * unit
+        transient = min(math.inf if value is None else value for value in transients) * unit
         hand = f", {lowest.hand} hand" if isinstance(lowest, PressureRow) and lowest.hand else ""
         return Pair(
             lowest.quasi_static * unit,

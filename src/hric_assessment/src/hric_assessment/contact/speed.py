@@ -90,8 +90,8 @@ def speed_limit(
     if not rows or region not in REGION_MODELS:
         raise NotAssessableError(f"no speed for {region!r} by {limits.table.title}; valid: {', '.join(REGION_MODELS)}")
     mu = reduced_mass(REGION_MODELS[region].mass, robot_mass)
-    found = [_of_area(limits, region, row.area, mu, contact_area, dominant) for row in rows]
-    return min(found, key=lambda one: (one.transient.max(), one.quasi_static.max()))
+    speeds = [_of_area(limits, region, row.area, mu, contact_area, dominant) for row in rows]
+    return min(speeds, key=lambda speed: (speed.transient.max(), speed.quasi_static.max()))
 
 
 def _of_area(
@@ -137,32 +137,3 @@ def check_positive(name: str, value: Mass, unit: str) -> None:
     """Raise HricError if a value is not finite, or not above 0."""
     if not np.all(np.isfinite(value) & (np.asarray(value) > 0.0)):
         raise HricError(f"{name} is {value}; valid: a finite number above 0 [{unit}]")
-
-
-@dataclass(frozen=True)
-class BothMasses:
-    """Permitted speeds by the reflected mass and by the standard's estimate.
-
-    Attributes:
-        reflected, standard: speed limits by m_u, and by M/2 + m_L.
-        unsafe: True where the standard's estimate permits more than the reflected mass does, shape of m_u.
-    """
-
-    reflected: SpeedLimit
-    standard: SpeedLimit
-    unsafe: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
-
-
-def both_masses(
-    limits: Limits,
-    region: str,
-    reflected_mass: Mass,
-    moving_mass: float,
-    payload: float = 0.0,
-    contact_area: float | None = None,
-) -> BothMasses:
-    """Return both speed limits of one region; arguments and errors as in `speed_limit` and `half_mass`."""
-    standard_mass = half_mass(moving_mass, payload)
-    reflected = speed_limit(limits, region, reflected_mass, contact_area)
-    standard = speed_limit(limits, region, standard_mass, contact_area)
-    return BothMasses(reflected, standard, np.asarray(np.asarray(reflected_mass) > standard_mass))

@@ -73,7 +73,7 @@ class Multipliers(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Rated:
+class LiftRating:
     """Rating of a lift.
 
     Attributes:
@@ -94,7 +94,7 @@ class Rated:
     assumptions: tuple[str, ...]
 
 
-def rate(lift: Lift, table: NioshTable | None = None) -> Rated:
+def rate(lift: Lift, table: NioshTable | None = None) -> LiftRating:
     """Return the rating of a lift within the scope of the equation.
 
     Args:
@@ -109,11 +109,11 @@ def rate(lift: Lift, table: NioshTable | None = None) -> Rated:
     _check(lift, table)
     multipliers = multipliers_of(lift, table)
     limit = table["load_constant"] * math.prod(multipliers)
-    rounded = table["load_constant"] * math.prod(rounded_multiplier(one) for one in multipliers)
+    rounded = table["load_constant"] * math.prod(rounded_multiplier(value) for value in multipliers)
     assumptions = (f"speed is not known: taken as up to {table['speed_limit']:g} m/s",) * (lift.speed is None)
     index = _index(lift.load, limit)
     level = _level(index, table)
-    return Rated(multipliers, limit, index, level, rounded, _index(lift.load, rounded), assumptions)
+    return LiftRating(multipliers, limit, index, level, rounded, _index(lift.load, rounded), assumptions)
 
 
 def rounded_multiplier(multiplier: float) -> float:

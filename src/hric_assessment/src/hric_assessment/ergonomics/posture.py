@@ -119,18 +119,18 @@ class Known:
     """
 
     def __init__(self, posture: Posture, task: Task, fields: Sequence[str], spread: Mapping[str, float]) -> None:
-        given = {name: getattr(posture if hasattr(posture, name) else task, name) for name in fields}
-        given |= {name: given[arm] for name, arm in SHARED.items() if name in given and given[name] is None}
+        values = {name: getattr(posture if hasattr(posture, name) else task, name) for name in fields}
+        values |= {name: values[arm] for name, arm in SHARED.items() if name in values and values[name] is None}
         self.spread = spread
-        lengths = {name: np.size(value) for name, value in given.items() if np.ndim(value) > 0}
+        lengths = {name: np.size(value) for name, value in values.items() if np.ndim(value) > 0}
         self.count = max(lengths.values(), default=1)
         for name, length in lengths.items():
-            if length != self.count or np.ndim(given[name]) > 1:
+            if length != self.count or np.ndim(values[name]) > 1:
                 raise HricError(
-                    f"{name} has the shape {np.shape(given[name])}; valid: one value, or ({self.count},) as the others"
+                    f"{name} has the shape {np.shape(values[name])}; valid: one value, or ({self.count},) as the others"
                 )
         self.assumptions: list[str] = []
-        self._values = {name: self._filled(name, value) for name, value in given.items()}
+        self._values = {name: self._filled(name, value) for name, value in values.items()}
 
     def __getitem__(self, name: str) -> Any:
         return self._values[name]

@@ -6,51 +6,39 @@
 The values are in config/tables/reba.yaml.
 """
 
-from collections.abc import Mapping
-from types import MappingProxyType
-
 import numpy as np
 
-from hric_assessment.ergonomics.posture import NOTHING_KNOWN, Known, Posture, Task
-from hric_assessment.ergonomics.scoring import IntArray, Scorer, Scores, cells, index, needed, scored
+from hric_assessment.ergonomics.posture import Task
+from hric_assessment.ergonomics.scoring import IntArray, PostureMethod, Scorer, cells, index
 from hric_assessment.tables import RebaTable, reba_table
-from hric_core.errors import UnknownNameError
+from hric_core.errors import check_known
 
 
-def score(
-    posture: Posture,
-    task: Task = NOTHING_KNOWN,
-    table: RebaTable | None = None,
-    spread: Mapping[str, float] = MappingProxyType({}),
-) -> Scores:
-    """Return the scores over time.
+class Reba(PostureMethod):
+    """REBA of one arm and the rest of the person; an unknown coupling counts as good."""
 
-    Args:
-        posture: one arm and the rest of the person.
-        task: task of that arm; an unknown coupling counts as good.
-        table: scoring table; by default that of the package.
-        spread: half-widths of the intervals in which angles lie [rad], by name; inf: not known.
+    table = staticmethod(reba_table)
+    task_fields = ("load", "shock", "held", "repeats", "rest_held", "rest_repeats", "rapid")
+    parts = "whole_body"
+    supplements = True
+    legs = "REBA, which counts bent knees"
 
-    Raises:
-        HricError: fields of different lengths, or no such coupling.
-    """
-    table = table or reba_table()
-    if task.coupling is not None and task.coupling not in table.couplings:
-        raise UnknownNameError("coupling", task.coupling, table.couplings, table.title)
-    fields = ("load", "shock", "held", "repeats", "rest_held", "rest_repeats", "rapid")
-    known = Known(posture, task, [*needed(table), *fields], spread)
-    return scored(table, table.name, known, lambda scorer: _total(scorer, table, task.coupling))
+    def total(self, scorer: Scorer, task: Task, version: str) -> IntArray:
+        """Return the cells of table C with the points of the activity, shape (n,)."""
+        table = reba_table()
+        check_known("coupling", filter(None, [task.coupling]), table.couplings, table.title)
+        neck, trunk, legs = (scorer.part(name) for name in ("neck", "trunk", "legs"))
+        upper, lower, wrist = (scorer.part(name) for name in ("upper_arm", "lower_arm", "wrist"))
+        a = cells(table.table_a, neck, index((trunk, legs), (5, 4)))
+        b = cells(table.table_b, upper, index((lower, wrist), (2, 3)))
+        c = cells(table.table_c, a + _load(scorer, table), b + _coupling(scorer, table, task.coupling))
+        total = c + _activity(scorer, table)
+        scorer.parts.update(table_a=a, table_b=b, table_c=c, score=total)
+        return total
 
 
-def _total(scorer: Scorer, table: RebaTable, coupling: str | None) -> IntArray:
-    neck, trunk, legs = (scorer.part(name) for name in ("neck", "trunk", "legs"))
-    upper, lower, wrist = (scorer.part(name) for name in ("upper_arm", "lower_arm", "wrist"))
-    a = cells(table.table_a, neck, index((trunk, legs), (5, 4)))
-    b = cells(table.table_b, upper, index((lower, wrist), (2, 3)))
-    c = cells(table.table_c, a + _load(scorer, table), b + _coupling(scorer, table, coupling))
-    total = c + _activity(scorer, table)
-    scorer.parts.update(table_a=a, table_b=b, table_c=c, score=total)
-    return total
+score = Reba().score
+"""Function that returns REBA's scores over time, see `PostureMethod.score`."""
 
 
 def _load(scorer: Scorer, table: RebaTable) -> IntArray:

@@ -7,68 +7,54 @@ The values are in config/tables/rula.yaml, table A in two versions.
 """
 
 from collections.abc import Mapping
-from types import MappingProxyType
 
 import numpy as np
 
-from hric_assessment.ergonomics.posture import NOTHING_KNOWN, Known, Posture, Task
-from hric_assessment.ergonomics.scoring import IntArray, Scorer, Scores, cells, index, needed, scored
-from hric_assessment.tables import RulaTable, rula_table
-from hric_core.errors import UnknownNameError
+from hric_assessment.ergonomics.posture import Task
+from hric_assessment.ergonomics.scoring import IntArray, PostureMethod, Scorer, cells, index
+from hric_assessment.tables import PostureTable, RulaTable, rula_table
 
 VERSIONS = ("current", "older")
 """Versions of table A; the first is the default."""
-Rows = Mapping[str, tuple[int, ...]]
 
 
-def table_a(table: RulaTable, version: str) -> Rows:
-    """Return the rows of table A. Raises UnknownNameError: no such version."""
-    if version not in VERSIONS:
-        raise UnknownNameError("version of RULA's table A", version, VERSIONS)
+class Rula(PostureMethod):
+    """RULA of one arm and the rest of the person."""
+
+    table = staticmethod(rula_table)
+    task_fields = ("load", "static", "shock", "held", "repeats", "rest_held", "rest_repeats")
+    versions = VERSIONS
+    legs = "the balance of RULA"
+
+    def name(self, version: str) -> str:
+        """Return title, edition, and version and mark of table A."""
+        table = rula_table()
+        return f"{table.name}, table A {version} ({table.mark if version == VERSIONS[0] else table.older_mark})"
+
+    def total(self, scorer: Scorer, task: Task, version: str) -> IntArray:
+        """Return the cells of table C, shape (n,)."""
+        table = rula_table()
+        arm = [scorer.part(name) for name in ("upper_arm", "lower_arm", "wrist", "wrist_twist")]
+        rest = [scorer.part(name) for name in ("neck", "trunk", "legs")]
+        load = _load(scorer, table)
+        arm_added, rest_added = _muscle_use(scorer, table, "") + load, _muscle_use(scorer, table, "rest_") + load
+        a = cells(table_a(table, version), index(arm[:2], (6, 3)), index(arm[2:], (4, 2)))
+        b = cells(table.table_b, rest[0], index(rest[1:], (6, 2)))
+        total = cells(table.table_c, a + arm_added, b + rest_added)
+        scorer.parts.update(table_a=a, table_b=b, score=total)
+        return total
+
+
+score = Rula().score
+"""Function that returns RULA's scores over time, see `PostureMethod.score`."""
+
+
+def table_a(table: RulaTable, version: str) -> Mapping[str, tuple[int, ...]]:
+    """Return the rows of table A; version: one of VERSIONS."""
     return {**table.table_a, **(table.older_rows if version == VERSIONS[1] else {})}
 
 
-def score(
-    posture: Posture,
-    task: Task = NOTHING_KNOWN,
-    version: str = VERSIONS[0],
-    table: RulaTable | None = None,
-    spread: Mapping[str, float] = MappingProxyType({}),
-) -> Scores:
-    """Return the scores over time.
-
-    Args:
-        posture: one arm and the rest of the person.
-        task: task of that arm; its load counts for the rest of the person, too.
-        version: version of table A, one of VERSIONS.
-        table: scoring table; by default that of the package.
-        spread: half-widths of the intervals in which angles lie [rad], by name; inf: not known.
-
-    Raises:
-        HricError: fields of different lengths, or no such version.
-    """
-    table = table or rula_table()
-    rows = table_a(table, version)
-    fields = ("load", "static", "shock", "held", "repeats", "rest_held", "rest_repeats")
-    known = Known(posture, task, [*needed(table), *fields], spread)
-    mark = table.mark if version == VERSIONS[0] else table.older_mark
-    method = f"{table.name}, table A {version} ({mark})"
-    return scored(table, method, known, lambda scorer: _total(scorer, table, rows))
-
-
-def _total(scorer: Scorer, table: RulaTable, rows_a: Rows) -> IntArray:
-    arm = [scorer.part(name) for name in ("upper_arm", "lower_arm", "wrist", "wrist_twist")]
-    rest = [scorer.part(name) for name in ("neck", "trunk", "legs")]
-    load = _load(scorer, table)
-    arm_added, rest_added = _muscle_use(scorer, table, "") + load, _muscle_use(scorer, table, "rest_") + load
-    a = cells(rows_a, index(arm[:2], (6, 3)), index(arm[2:], (4, 2)))
-    b = cells(table.table_b, rest[0], index(rest[1:], (6, 2)))
-    total = cells(table.table_c, a + arm_added, b + rest_added)
-    scorer.parts.update(table_a=a, table_b=b, score=total)
-    return total
-
-
-def _muscle_use(scorer: Scorer, table: RulaTable, group: str) -> IntArray:
+def _muscle_use(scorer: Scorer, table: PostureTable, group: str) -> IntArray:
     """Return the points of the arm (group "") or of neck, trunk and legs ("rest_")."""
     held, repeats = scorer.known[f"{group}held"], scorer.known[f"{group}repeats"]
     reason = f"held for more than {table.static_time:g} s, or {table.repeats:g} times a minute or more"
@@ -76,7 +62,7 @@ def _muscle_use(scorer: Scorer, table: RulaTable, group: str) -> IntArray:
     return scorer.flagged(label, 1, reason, (held > table.static_time) | (repeats >= table.repeats))
 
 
-def _load(scorer: Scorer, table: RulaTable) -> IntArray:
+def _load(scorer: Scorer, table: PostureTable) -> IntArray:
     known, light, heavy = scorer.known, table.light, table.heavy
     load = known["load"]
     size = np.where(load > heavy, 2, np.where(load >= light, 1, 0))

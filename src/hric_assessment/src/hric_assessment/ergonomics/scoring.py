@@ -1,15 +1,25 @@
-"""Scores of body parts by a table, over time, with the reason of each step."""
+"""Methods that score postures, and their scores over time with the reason of each step.
+
+    for key, method in methods().items():
+        method.table().title, method.score(posture, task).score
+
+A method is a class exported as a plugin of the base `hric_assessment::PostureMethod`; verdict, report and schema take
+all methods from here.
+"""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from hric_assessment.ergonomics.posture import Known
+from hric_assessment.ergonomics.posture import NOTHING_KNOWN, Known, Posture, Task
 from hric_assessment.tables import Adder, Band, Condition, PostureTable
+from hric_core import plugins
+from hric_core.errors import UnknownNameError
 from hric_core.geometry import FloatArray
 
 IntArray = np.ndarray[Any, np.dtype[np.signedinteger[Any]]]
@@ -91,7 +101,10 @@ class Scores:
     def chosen(self) -> list[str]:
         """Thresholds that no source defines, and their influence on these scores."""
         moved = int(np.count_nonzero((self.stricter != self.score) | (self.looser != self.score)))
-        lines = [f"{name}: {one.value:g} deg, chosen here: {one.text}" for name, one in self.table.chosen.items()]
+        lines = [
+            f"{name}: {threshold.value:g} deg, chosen here: {threshold.text}"
+            for name, threshold in self.table.chosen.items()
+        ]
         return [*lines, f"{VARIATION:g} deg either way change {moved} of {len(self.score)} scores"]
 
 
@@ -115,7 +128,7 @@ class Scorer:
         self.table = table
         self.steps: list[Step] = []
         self.parts: dict[str, IntArray] = {}
-        self._chosen = {name: max(0.0, one.value + shift) for name, one in table.chosen.items()}
+        self._chosen = {name: max(0.0, threshold.value + shift) for name, threshold in table.chosen.items()}
 
     def part(self, name: str) -> IntArray:
         """Score a part of the body and return its score, at least 1, shape (n,)."""
@@ -164,12 +177,12 @@ class Scorer:
         return Step(label, points, tuple(reasons), case, angle, spread)
 
     def _adder(self, label: str, adder: Adder) -> Step:
-        case = np.any([self._met(condition) for condition in adder.any], axis=0).astype(np.int8)
+        case = np.any([self._fulfilled(condition) for condition in adder.any], axis=0).astype(np.int8)
         only = adder.any[0].angle if len(adder.any) == 1 else None
         angle, spread = (None, 0.0) if only is None else (self.known[only], self._spread(only))
         return Step(label, adder.score * case, (f"not {adder.text}", adder.text), case, angle, spread)
 
-    def _met(self, condition: Condition) -> Any:
+    def _fulfilled(self, condition: Condition) -> Any:
         if condition.flag is not None:
             return self.known[condition.flag]
         name = str(condition.angle)
@@ -196,14 +209,16 @@ def scored(table: PostureTable, method: str, known: Known, total: Total) -> Scor
         known: known fields of the posture and the task.
         total: function that combines the parts into the score.
     """
-    own = Scorer(table, known)
-    score, stricter, looser = total(own), *(total(Scorer(table, known, shift)) for shift in (-VARIATION, VARIATION))
-    low, high, lowest, highest = own, own, score, score
+    scorer = Scorer(table, known)
+    score, stricter, looser = total(scorer), *(total(Scorer(table, known, shift)) for shift in (-VARIATION, VARIATION))
+    low, high, lowest, highest = scorer, scorer, score, score
     if any(known.spread.values()):
         low, high = Scorer(table, known, end=-1), Scorer(table, known, end=1)
         lowest, highest = total(low), total(high)
     ends = (lowest, highest, tuple(low.steps))
-    return Scores(method, table, score, own.parts, tuple(high.steps), *ends, stricter, looser, tuple(known.assumptions))
+    return Scores(
+        method, table, score, scorer.parts, tuple(high.steps), *ends, stricter, looser, tuple(known.assumptions)
+    )
 
 
 def _case(band: Band, bounds: Sequence[float], angle: FloatArray) -> IntArray:
@@ -252,3 +267,70 @@ def index(scores: Sequence[IntArray], sizes: Sequence[int]) -> IntArray:
     for score, size in zip(scores, sizes, strict=True):
         number = number * size + score - 1
     return number + 1
+
+
+class PostureMethod:
+    """Base of a method that scores one arm with the rest of the body; instances have no state.
+
+    Attributes:
+        table: returns the scoring table, whose title is the name of the method.
+        task_fields: fields of `Task` that the method needs.
+        versions: versions of table A; the first is the default.
+        parts: smallest choice of `human.parts` that has the joints of the method.
+        supplements: True if an unknown score of this method must not hide those of other methods.
+        legs: phrase about what the method gains from the joints of the legs; empty: nothing.
+    """
+
+    table: Callable[[], PostureTable]
+    task_fields: tuple[str, ...]
+    versions: tuple[str, ...] = ("current",)
+    parts = "upper_body"
+    supplements = False
+    legs = ""
+
+    def total(self, scorer: Scorer, task: Task, version: str) -> IntArray:
+        """Score the parts with `scorer` and return the total score, shape (n,); called several times a recording."""
+        raise NotImplementedError
+
+    def name(self, version: str) -> str:
+        """Return title, edition and version of the table, for findings."""
+        return self.table().name
+
+    def score(
+        self,
+        posture: Posture,
+        task: Task = NOTHING_KNOWN,
+        version: str = "",
+        spread: Mapping[str, float] = MappingProxyType({}),
+    ) -> Scores:
+        """Return the scores over time.
+
+        Args:
+            posture: one arm and the rest of the person.
+            task: task of that arm; its load counts for the rest of the person, too.
+            version: one of `versions`; empty: the default.
+            spread: half-widths of the intervals in which angles lie [rad], by name; inf: not known.
+
+        Raises:
+            HricError: fields of different lengths, no such version, or a task that the table does not have.
+        """
+        version, table = version or self.versions[0], self.table()
+        if version not in self.versions:
+            raise UnknownNameError(f"version of {table.title}'s table A", version, self.versions)
+        known = Known(posture, task, [*needed(table), *self.task_fields], spread)
+        return scored(table, self.name(version), known, lambda scorer: self.total(scorer, task, version))
+
+
+def methods() -> dict[str, PostureMethod]:
+    """Return all methods by the key of their curves in the JSON, their title in lower case.
+
+    Raises:
+        HricError: a plugin that cannot be imported, or a table that cannot be used.
+    """
+    exported = [plugins.find(plugins.POSTURE_METHOD, name)() for name in plugins.names(plugins.POSTURE_METHOD)]
+    return {method.table().title.lower(): method for method in exported}
+
+
+def method_of(subject: str) -> PostureMethod | None:
+    """Return the method that made the finding with a subject; None: the finding is not about a posture."""
+    return methods().get(subject.partition(" of the ")[0].lower())

@@ -76,7 +76,7 @@ class Separation:
     @property
     def closest(self) -> Closest:
         """Smallest of the minima."""
-        return min(self.minima, key=lambda one: one.distance)
+        return min(self.minima, key=lambda minimum: minimum.distance)
 
     def violations(self, protective: FloatArray | float) -> list[Violation]:
         """Return the stretches with a separation below S_p; protective: S_p per instant, shape (n,), or for all [m]."""
@@ -127,7 +127,7 @@ def _nearest(
     time: FloatArray, arm: Ends, arm_radii: FloatArray, person: Ends, person_radii: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return (distance, capsule of the arm, capsule of the person) at each instant, shape (n,) each."""
-    found = []
+    blocks = []
     for start in range(0, len(time), BLOCK):
         block = time[start : start + BLOCK]
         apart = distances(arm(block), arm_radii, person(block), person_radii).reshape(len(block), -1)
@@ -135,10 +135,10 @@ def _nearest(
             at = block[np.flatnonzero(~np.isfinite(apart).all(axis=1))[0]]
             raise HricError(f"a place of arm or person is not finite at {at:.3f} s; valid: finite numbers")
         nearest = np.argmin(apart, axis=1)
-        found.append((apart[np.arange(len(block)), nearest], *np.divmod(nearest, len(person_radii))))
-    if not found:
+        blocks.append((apart[np.arange(len(block)), nearest], *np.divmod(nearest, len(person_radii))))
+    if not blocks:
         return np.empty(0), np.empty(0), np.empty(0)
-    distance, first, second = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    distance, first, second = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
     return distance, first, second
 
 

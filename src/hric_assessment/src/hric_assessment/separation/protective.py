@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hric_assessment.tables import SeparationTable, separation_table
+from hric_assessment.tables import ValueTable, separation_table
 from hric_core.errors import HricError
 from hric_core.geometry import FloatArray
 
@@ -88,10 +88,10 @@ def protective_distance(
     Raises:
         HricError: a time, speed or distance below 0, or not finite.
     """
-    given = {"robot_speed": robot_speed, "person_speed": person_speed, "intrusion": intrusion}
-    given |= {"person_uncertainty": person_uncertainty, "robot_uncertainty": robot_uncertainty}
-    given |= {f"stop.{name}": getattr(stop, name) for name in ("reaction_time", "time", "distance")}
-    for name, value in given.items():
+    arguments = {"robot_speed": robot_speed, "person_speed": person_speed, "intrusion": intrusion}
+    arguments |= {"person_uncertainty": person_uncertainty, "robot_uncertainty": robot_uncertainty}
+    arguments |= {f"stop.{name}": getattr(stop, name) for name in ("reaction_time", "time", "distance")}
+    for name, value in arguments.items():
         if value is not None and not np.all(np.isfinite(value) & (np.asarray(value) >= 0.0)):
             raise HricError(f"{name} is {value}; valid: finite numbers of 0 or more")
     return Terms(
@@ -110,7 +110,7 @@ def person_speed(
     intrusion: float,
     person_uncertainty: float,
     robot_uncertainty: float,
-    table: SeparationTable | None = None,
+    table: ValueTable | None = None,
 ) -> FloatArray:
     """Return the assumed speed v_h of a person whose speed is not measured [m/s].
 
@@ -132,7 +132,7 @@ def person_speed(
     return np.clip(at_near, table["walking_speed"], table["hand_speed"])
 
 
-def intrusion(resolution: float, table: SeparationTable | None = None) -> float:
+def intrusion(resolution: float, table: ValueTable | None = None) -> float:
     """Return the intrusion distance C of a sensor that detects bodies of size d or more [m].
 
     Args:

@@ -75,11 +75,6 @@ class StopTable(Settings):
         return f"{self.title} ({NOT_A_BRAKE})" if self.kind == SIMULATION else self.title
 
     @property
-    def max_speed(self) -> float:
-        """Largest speed of all rows [m/s]; it may be lower for a given load."""
-        return max(row.speed for row in self.stops)
-
-    @property
     def max_load(self) -> float:
         """Largest load of all rows [kg]."""
         return max(row.load for row in self.stops)

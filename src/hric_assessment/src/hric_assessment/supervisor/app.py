@@ -143,10 +143,10 @@ class SupervisorApp:
         self._later(self._requests.publish, message)
 
     def _report(self, decision: Decision, events: Any) -> None:
-        for one in events:
-            self._later(self._events.publish, topics.event(decision, one))
+        for event in events:
+            self._later(self._events.publish, topics.event(decision, event))
             if not self._node.publishes_inline:  # a headless run lists the events in its report
-                self._later(self._node.log_warn if one.kind in WARNED else self._node.log_info, one.text)
+                self._later(self._node.log_warn if event.kind in WARNED else self._node.log_info, event.text)
 
     def _of_holders(self) -> list[Event]:
         """Return an event if another node has limited the speed, or such a node was lost, since the last call."""
@@ -178,7 +178,8 @@ class SupervisorApp:
         listed = self._call(
             f"{self._root}controller_manager/list_controllers", ListControllers, ListControllersRequest()
         )
-        others = [one.name for one in listed.controller if one.state == "running" and not _obeys(one)]
+        running = [controller for controller in listed.controller if controller.state == "running"]
+        others = [controller.name for controller in running if not _obeys(controller)]
         if not others:
             return
         request = SwitchControllerRequest(stop_controllers=others, strictness=SwitchControllerRequest.BEST_EFFORT)
@@ -240,12 +241,12 @@ class HeadlessSupervisor(SupervisorApp):
             self.last = self.decide(time)
 
 
-def robot_namespace(own: str) -> str:
-    """Return the robot's namespace with a trailing slash; own: the supervisor's, `<robot>/hric/safety/supervisor`."""
+def robot_namespace(namespace: str) -> str:
+    """Return the robot's namespace with a trailing slash; namespace: `<robot>/hric/safety/supervisor`."""
     end = f"/{NAME}"
-    if not own.endswith(end):
-        raise HricError(f"the supervisor runs as {own}; valid: as {NAME} below the robot's namespace")
-    return own.removesuffix(end) + "/"
+    if not namespace.endswith(end):
+        raise HricError(f"the supervisor runs as {namespace}; valid: as {NAME} below the robot's namespace")
+    return namespace.removesuffix(end) + "/"
 
 
 def _obeys(controller: Any) -> bool:

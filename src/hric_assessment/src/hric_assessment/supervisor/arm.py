@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hric_assessment.separation.links import capsules_of, poses
+from hric_assessment.separation.capsules import capsules_of, poses
 from hric_core.errors import DescriptionError
 from hric_core.geometry import FloatArray
 from hric_core.urdf import read
@@ -45,7 +45,7 @@ class InForce(NamedTuple):
     scale: float = 1.0
 
 
-class Placed(NamedTuple):
+class PlacedCapsules(NamedTuple):
     """Capsules in the world.
 
     Attributes:
@@ -100,10 +100,10 @@ class ArmShape:
         T = self.poses(q)
         return self.capsules.placed(np.stack([T[link] for link in self.capsules.links], axis=1))
 
-    def at(self, state: ArmState) -> Placed:
+    def at(self, state: ArmState) -> PlacedCapsules:
         """Return the present capsules with their velocities."""
         now, ahead = self.ends(np.array([state.q, state.q + STEP * state.dq]))
-        return Placed(now, (ahead - now) / STEP, self.capsules.radii, self.capsules.links)
+        return PlacedCapsules(now, (ahead - now) / STEP, self.capsules.radii, self.capsules.links)
 
     def reflected_mass(
         self, q: FloatArray, rotors: FloatArray, link: str, point: FloatArray, direction: FloatArray

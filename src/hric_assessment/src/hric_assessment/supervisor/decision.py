@@ -11,7 +11,7 @@ from hric_assessment.contact.limits import Limits
 from hric_assessment.contact.speed import half_mass, speed_limit
 from hric_assessment.findings import NotAssessableError
 from hric_assessment.separation.protective import Terms
-from hric_assessment.supervisor.arm import ArmShape, ArmState, InForce, Placed
+from hric_assessment.supervisor.arm import ArmShape, ArmState, InForce, PlacedCapsules
 from hric_assessment.supervisor.perception import Watch
 from hric_assessment.supervisor.person import HAND, Observation, joined, moved
 from hric_assessment.supervisor.separation import SCALES, STANDING, Nearness, Protective, Stopping, nearness
@@ -192,12 +192,12 @@ class Supervisor:
         """
         persons = (person, *others)
         fault = self._watch.fault(now, arm, persons)
-        seen = [one for one in persons if one is not None]
-        stamp = min((one.stamp for one in seen), default=math.nan)
+        seen = [observation for observation in persons if observation is not None]
+        stamp = min((observation.stamp for observation in seen), default=math.nan)
         if fault or arm is None or len(seen) < len(persons):
             return self._faulty(now, stamp, fault)
-        seen = [moved(one, WORLD, self._frames[one.frame]) for one in seen]
-        velocities = [motion.velocities(one) for motion, one in zip(self._motions, seen, strict=True)]
+        seen = [moved(observation, WORLD, self._frames[observation.frame]) for observation in seen]
+        velocities = [motion.velocities(observation) for motion, observation in zip(self._motions, seen, strict=True)]
         everybody = joined(seen, [name for name, _ in self.settings.persons])
         return self._decided(now, arm, everybody, np.concatenate(velocities), in_force)
 
@@ -225,7 +225,7 @@ class Supervisor:
         self._stood = before == 0.0 and (self._stood or at_rest)
         violation = part.margin < 0.0 and not at_rest and not self._stood
         is_moved = self._stood and not at_rest
-        reason = allowed.reason or self._said(scale, allowed, placed, person, near)
+        reason = allowed.reason or self._reason(scale, allowed, placed, person, near)
         events = self._events(scale, "", reason, (violation, is_moved), part)
         nearest, speed = float(near.distance.min()), allowed.contact_speed
         stiffness, force = allowed.stiffness, allowed.force
@@ -277,7 +277,9 @@ class Supervisor:
 
     # -- modes ---------------------------------------------------------------------------------------------------------
 
-    def _allowed(self, arm: ArmState, placed: Placed, person: Observation, near: Nearness, less: float) -> Permitted:
+    def _allowed(
+        self, arm: ArmState, placed: PlacedCapsules, person: Observation, near: Nearness, less: float
+    ) -> Permitted:
         """Return the limits of the mode, as if the person were nearer by `less` [m]."""
         mode, distance = self.settings.mode, near.distance - less
         by_distance = self._protective.permitted(distance, near.person_speed, self._speed)
@@ -291,7 +293,7 @@ class Supervisor:
         return Permitted(float(by_distance[worst]), worst)
 
     def _by_contact(
-        self, arm: ArmState, placed: Placed, person: Observation, near: Nearness, by_distance: FloatArray
+        self, arm: ArmState, placed: PlacedCapsules, person: Observation, near: Nearness, by_distance: FloatArray
     ) -> Permitted:
         """Return limits: each body part is far enough away, or the arm slow enough for a contact with its region."""
         worst = int(np.argmin(by_distance))
@@ -306,7 +308,11 @@ class Supervisor:
         part = int(np.argmin(both))
         nearest = person.regions[int(np.argmin(near.distance))]
         return Permitted(
-            float(both[part]), part, float(speeds[part]), self.settings.contact_stiffness, self._held(nearest)
+            float(both[part]),
+            part,
+            float(speeds[part]),
+            self.settings.contact_stiffness,
+            self._limits.held_force(nearest),
         )
 
     def _contact_speed(self, regions: Sequence[str], mass: float) -> float:
@@ -319,28 +325,26 @@ class Supervisor:
         except NotAssessableError:
             return 0.0
 
-    def _held(self, regions: Sequence[str]) -> float:
-        """Return the quasi-static force limit of some regions [N]; 0 without a limit."""
-        return self._limits.held_force(regions)
-
     def _guided(self, person: Observation, distance: FloatArray, towards: FloatArray) -> Permitted:
         """Return the limits while a hand guides the arm and all other body parts of all persons keep their distance."""
-        own = self.settings
+        settings = self.settings
         hands = [at for at, regions in enumerate(person.regions) if HAND in regions]
-        at_arm = [at for at in hands if distance[at] <= own.guided_distance]
-        limits = math.nan, own.guided_stiffness, own.guided_force
+        at_arm = [at for at in hands if distance[at] <= settings.guided_distance]
+        limits = math.nan, settings.guided_stiffness, settings.guided_force
         if not at_arm:
             nearest = int(np.argmin(distance))
             return Permitted(0.0, nearest, *limits, "no guiding hand is at the arm")
         sides = {person.links[at].partition("_")[0] for at in at_arm if "_" in person.links[at]}
         leading = [link.partition("_")[0] in sides and _is_arm(link) for link in person.links]
         leading = [is_so or at in at_arm for at, is_so in enumerate(leading)]
-        share = min(1.0, own.guided_speed / self._speed)
-        others = np.where(leading, 1.0, self._protective.permitted(distance, towards, own.guided_speed))
+        share = min(1.0, settings.guided_speed / self._speed)
+        others = np.where(leading, 1.0, self._protective.permitted(distance, towards, settings.guided_speed))
         part = int(np.argmin(others))
         return Permitted(share * float(others[part]), part, *limits)
 
-    def _said(self, scale: float, allowed: Permitted, placed: Placed, person: Observation, near: Nearness) -> str:
+    def _reason(
+        self, scale: float, allowed: Permitted, placed: PlacedCapsules, person: Observation, near: Nearness
+    ) -> str:
         part = allowed.part
         where = f"{person.links[part]} is {near.distance[part]:.2f} m from {placed.links[near.arm[part]]}"
         waits = " and was nearer just now" if scale < allowed.scale else ""
@@ -351,14 +355,14 @@ def _is_arm(link: str) -> bool:
     return link.partition("_")[2] in ("shoulder", "elbow", "wrist")
 
 
-def _part(placed: Placed, person: Observation, near: Nearness, human: FloatArray, terms: Terms) -> Part:
+def _part(placed: PlacedCapsules, person: Observation, near: Nearness, human: FloatArray, terms: Terms) -> Part:
     margins = near.distance - terms.total
     at = int(np.argmin(margins))
-    own = Terms(*(float(np.broadcast_to(term, margins.shape)[at]) for term in terms))
+    nearest = Terms(*(float(np.broadcast_to(term, margins.shape)[at]) for term in terms))
     ax, ay, az = near.robot_point[at].tolist()
     bx, by, bz = near.person_point[at].tolist()
     return Part(
-        own,
+        nearest,
         float(margins[at]),
         float(near.robot_speed[at]),
         float(human[at]),

@@ -2,7 +2,7 @@
 
 import threading
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from hric_assessment.supervisor.arm import ArmState
 from hric_assessment.supervisor.decision import WORLD
 from hric_assessment.supervisor.person import BodyShape, Observation, hand_ball, unplaced
 from hric_assessment.supervisor.settings import MARKER, PERSON, NodeSettings
+from hric_assessment.typed_json import Content
 from hric_core.errors import HricError, ParameterError
 from hric_core.geometry import Pose
 from hric_core.geometry.messages import pose_of
@@ -136,11 +137,11 @@ class Pairs:
         stamp = message.header.stamp.to_nsec()
         with self._lock:
             other = self._waiting[1 - side].pop(stamp, None)
-            own = self._waiting[side]
+            waiting = self._waiting[side]
             if other is None:
-                own[stamp] = message
-                for old in list(own)[:-WAITING]:
-                    del own[old]
+                waiting[stamp] = message
+                for old in list(waiting)[:-WAITING]:
+                    del waiting[old]
                 return
         self._take(*((message, other) if side == 0 else (other, message)))
 
@@ -194,7 +195,7 @@ class HumanInput(_BodyInput):
         where: name of that parameter.
     """
 
-    def __init__(self, node: Node, root: str, person: Mapping[str, Any] | None, where: str) -> None:
+    def __init__(self, node: Node, root: str, person: Content | None, where: str) -> None:
         if person is None:
             valid = "the section human of the experiment, or source: marker"
             raise ParameterError(
@@ -254,7 +255,7 @@ class TrackedInput(_BodyInput):
         frame: frame of the arm's base, in which the markers must be.
     """
 
-    def __init__(self, node: Node, root: str, person: Mapping[str, Any] | None, where: str, frame: str) -> None:
+    def __init__(self, node: Node, root: str, person: Content | None, where: str, frame: str) -> None:
         body, _ = PersonSettings.of(person or {}, where).known()
         super().__init__(BodyShape(body, Pose()), frame, WAITING)
         pairs = Pairs(self._take)

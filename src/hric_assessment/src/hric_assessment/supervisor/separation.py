@@ -10,7 +10,7 @@ import numpy as np
 from hric_assessment.separation.capsules import distances, nearest_points
 from hric_assessment.separation.protective import Stop, Terms, person_speed, protective_distance
 from hric_assessment.separation.stopping import load
-from hric_assessment.supervisor.arm import InForce, Placed
+from hric_assessment.supervisor.arm import InForce, PlacedCapsules
 from hric_assessment.supervisor.person import Observation
 from hric_assessment.supervisor.settings import SupervisorSettings
 from hric_assessment.tables import separation_table
@@ -47,12 +47,12 @@ class Nearness:
     person_speed: FloatArray
 
 
-def nearness(arm: Placed, person: Observation, velocities: FloatArray) -> Nearness:
+def nearness(arm: PlacedCapsules, person: Observation, velocities: FloatArray) -> Nearness:
     """Return distances and speeds; velocities: of the ends of the person's capsules, shape (m, 2, 3) [m/s]."""
     apart = distances(arm.ends[None], arm.radii, person.ends[None], person.radii)[0]
     nearest = np.argmin(apart, axis=0)
-    own = arm.ends[nearest]
-    robot_point, person_point = nearest_points(own, person.ends)
+    capsules = arm.ends[nearest]
+    robot_point, person_point = nearest_points(capsules, person.ends)
     offset = person_point - robot_point
     length = np.linalg.norm(offset, axis=1)
     # Crossing axes have no direction: then each speed counts in full, see below.
@@ -138,7 +138,7 @@ class Stopping:
             in_force: the robot's speed scale.
             speed: speed of the arm's fastest point, at most `fastest` [m/s].
         """
-        own = self._settings
+        settings = self._settings
         # A braking arm has reacted; the remaining reaction time is the age of the observation of the person.
         if in_force.stamp != self._before.stamp:
             falls = in_force.scale < self._before.scale
@@ -150,9 +150,9 @@ class Stopping:
         self._standing_since = min(self._standing_since, in_force.stamp) if in_force.scale == 0.0 else math.inf
         if speed < STANDING:
             return Braking(reaction, 0.0, 0.0)
-        settling = own.settling_time - max(now - self._standing_since, 0.0)
+        settling = settings.settling_time - max(now - self._standing_since, 0.0)
         # If the arm is not at rest when it should be, its stop is unknown.
-        left = settling if settling > 0.0 else own.settling_time
+        left = settling if settling > 0.0 else settings.settling_time
         return self._braking(reaction, speed, stopping_time(in_force.scale), left)
 
 
@@ -173,9 +173,9 @@ class Protective:
         The measured speed counts if it is higher than that of the table.
         """
         stop = Stop(braking.reaction, braking.time, robot * braking.lead)
-        own = self._settings.intrusion, self._settings.person_uncertainty, self._settings.robot_uncertainty
-        human = np.maximum(person_speed(robot, stop, *own, self._table), person)
-        return human, protective_distance(robot, human, stop, *own)
+        distances = self._settings.intrusion, self._settings.person_uncertainty, self._settings.robot_uncertainty
+        human = np.maximum(person_speed(robot, stop, *distances, self._table), person)
+        return human, protective_distance(robot, human, stop, *distances)
 
     def measured(self, near: Nearness, braking: Braking) -> tuple[FloatArray, Terms]:
         """Return v_h [m/s] and the terms of each capsule at the measured speeds, shape (m,)."""
@@ -195,5 +195,5 @@ class Protective:
         reaction, time, lead = self._stopping.from_scales(scales, speed)
         braking = Braking(reaction, np.asarray(time)[:, None], np.asarray(lead)[:, None])
         _, terms = self._terms(speed * scales[:, None], person, braking)
-        found = [np.interp(d, row, scales, left=0.0) for d, row in zip(distance, terms.total.T, strict=True)]
-        return np.array(found)
+        permitted_scales = [np.interp(d, row, scales, left=0.0) for d, row in zip(distance, terms.total.T, strict=True)]
+        return np.array(permitted_scales)

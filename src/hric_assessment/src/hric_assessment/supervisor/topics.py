@@ -7,50 +7,69 @@ from typing import Any
 from geometry_msgs.msg import Point
 from visualization_msgs.msg import Marker, MarkerArray
 
-from hric_assessment.supervisor.decision import FREE, STOPPED, WORLD, Decision, Event
+from hric_assessment.supervisor.decision import FREE, STOPPED, WORLD, Decision, Event, Part
 from hric_assessment.supervisor.settings import SupervisorSettings
 from hric_core.robot_time import stamps
 from hric_msgs.msg import SafetyEvent, SafetyState, SpeedScale
 
 _COLOURS = {FREE: (0.2, 0.7, 0.3), STOPPED: (0.8, 0.2, 0.2)}
 _SLOWED = (0.9, 0.6, 0.1)
-_TERMS = ("person", "reaction", "stopping", "intrusion", "person_uncertainty", "robot_uncertainty")
+_VALUES = (
+    "person_term",
+    "reaction_term",
+    "stopping_term",
+    "intrusion",
+    "person_uncertainty",
+    "robot_uncertainty",
+    "protective",
+    "robot_speed",
+    "person_speed",
+)
+"""Fields about the deciding body part that are NaN without one."""
 
 
 def state(decision: Decision, settings: SupervisorSettings, latency: float) -> Any:
     """Return a hric_msgs/SafetyState; latency: the last one [s]."""
-    message = SafetyState(mode=settings.mode, state=decision.state, fault=decision.fault, reason=decision.reason)
+    message = SafetyState(
+        mode=settings.mode,
+        state=decision.state,
+        fault=decision.fault,
+        reason=decision.reason,
+        scale=decision.scale,
+        stiffness=decision.stiffness,
+        force=decision.force,
+        separation=decision.separation,
+        margin=decision.margin,
+        violation=decision.violation,
+        contact_speed=decision.contact_speed,
+        latency=latency,
+        **(dict.fromkeys(_VALUES, math.nan) if decision.part is None else _of_part(decision.part)),
+    )
     message.header.stamp, message.header.frame_id = stamps.to_time(decision.time), WORLD
-    message.scale, message.stiffness, message.force = decision.scale, decision.stiffness, decision.force
-    message.separation, message.margin, message.violation = decision.separation, decision.margin, decision.violation
-    message.contact_speed, message.latency = decision.contact_speed, latency
     if math.isfinite(decision.perception) and decision.perception >= 0.0:
         message.perception = stamps.to_time(decision.perception)
-    part = decision.part
-    names = [f"{name}_term" if name in _TERMS[:3] else name for name in _TERMS]
-    for at, name in enumerate(names):
-        setattr(message, name, math.nan if part is None else part.terms[at])
-    message.protective = math.nan if part is None else float(part.terms.total)
-    message.robot_speed = math.nan if part is None else part.robot_speed
-    message.person_speed = math.nan if part is None else part.person_speed
-    if part is not None:
-        message.robot_link, message.person_link, message.region = part.robot_link, part.person_link, part.region
-        message.robot_point, message.person_point = Point(*part.robot_point), Point(*part.person_point)
     return message
 
 
-def event(decision: Decision, one: Event) -> Any:
+def _of_part(part: Part) -> dict[str, object]:
+    """Return the fields about the deciding body part."""
+    numbers = (*part.terms, float(part.terms.total), part.robot_speed, part.person_speed)
+    points = {"robot_point": Point(*part.robot_point), "person_point": Point(*part.person_point)}
+    names = {"robot_link": part.robot_link, "person_link": part.person_link, "region": part.region}
+    return dict(zip(_VALUES, numbers, strict=True)) | points | names
+
+
+def event(decision: Decision, item: Event) -> Any:
     """Return a hric_msgs/SafetyEvent."""
-    message = SafetyEvent(kind=one.kind, separation=decision.separation, margin=decision.margin, text=one.text)
+    message = SafetyEvent(kind=item.kind, separation=decision.separation, margin=decision.margin, text=item.text)
     message.header.stamp = stamps.to_time(decision.time)
     return message
 
 
 def request(decision: Decision, valid_for: float) -> Any:
     """Return a hric_msgs/SpeedScale, stamped with the measurement that it follows from."""
-    message = SpeedScale()
-    message.scale, message.stiffness, message.force = decision.scale, decision.stiffness, decision.force
-    message.valid_for = valid_for
+    limits = {"scale": decision.scale, "stiffness": decision.stiffness, "force": decision.force}
+    message = SpeedScale(valid_for=valid_for, **limits)
     message.header.stamp = stamps.to_time(decision.time if decision.fault else max(decision.perception, 0.0))
     return message
 

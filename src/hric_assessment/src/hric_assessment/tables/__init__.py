@@ -7,14 +7,15 @@ Each file in config/tables has the values in their printed units, their sources,
 of public sources that confirm it. The tables return printed values; the users of a table convert them to SI.
 """
 
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import TypeVar
 
-from hric_assessment.tables.base import MARKS, Table
+from hric_assessment.tables.base import MARKS, AreaTable, NioshTable, Table, ValueTable
 from hric_assessment.tables.limits import FOOT, REGIONS, ForceRow, LimitTable, PressureRow, Row
 from hric_assessment.tables.posture import Adder, Band, Condition, PostureTable, RebaTable, RulaTable
-from hric_assessment.tables.values import AreaTable, EpisodeTable, NioshTable, SeparationTable, VerdictTable
+from hric_core.errors import check_known
 from hric_core.parameters import package_yaml, read_yaml, unknown
 
 __all__ = [
@@ -27,7 +28,6 @@ __all__ = [
     "AreaTable",
     "Band",
     "Condition",
-    "EpisodeTable",
     "ForceRow",
     "LimitTable",
     "NioshTable",
@@ -36,9 +36,8 @@ __all__ = [
     "RebaTable",
     "Row",
     "RulaTable",
-    "SeparationTable",
     "Table",
-    "VerdictTable",
+    "ValueTable",
     "area_table",
     "episode_table",
     "limit_table",
@@ -51,6 +50,40 @@ __all__ = [
 LIMIT_TABLES = ("iso_ts_15066", "bgia2011")
 """Limit tables of the package; the first is the default."""
 T = TypeVar("T", bound="Table")
+NIOSH_NAMES = (
+    "load_constant",
+    "horizontal",
+    "horizontal_limit",
+    "vertical",
+    "vertical_slope",
+    "vertical_limit",
+    "distance_offset",
+    "distance_slope",
+    "distance",
+    "distance_limit",
+    "asymmetry_slope",
+    "asymmetry_limit",
+    "speed_limit",
+    "design_goal",
+    "high",
+)
+SEPARATION_NAMES = ("walking_speed", "hand_speed", "near", "intrusion_slope", "intrusion_offset", "resolution_limit")
+EPISODE_NAMES = ("transient_time", "rate", "touch_force", "gap")
+VERDICT_NAMES = (
+    "near_limit",
+    "lasting",
+    "angle",
+    "max_gap",
+    "held",
+    "lift",
+    "moving",
+    "reaction_time",
+    "stopping_time",
+    "active",
+    "very_active",
+    "weak_shoulder",
+)
+"""Values that the files must have."""
 UNITS = {"force": 1.0, "pressure": 1e4, "stiffness": 1e3, "length": 1e-2}
 """SI values of the printed units N, N/cm^2, N/mm, cm."""
 
@@ -83,32 +116,35 @@ def reba_table() -> RebaTable:
 @cache
 def niosh_table() -> NioshTable:
     """Return config/tables/niosh.yaml."""
-    return _built_in(NioshTable, "niosh")
+    return _built_in(NioshTable, "niosh", NIOSH_NAMES)
 
 
 @cache
-def separation_table() -> SeparationTable:
+def separation_table() -> ValueTable:
     """Return config/tables/separation.yaml."""
-    return _built_in(SeparationTable, "separation")
+    return _built_in(ValueTable, "separation", SEPARATION_NAMES)
 
 
 @cache
-def episode_table() -> EpisodeTable:
+def episode_table() -> ValueTable:
     """Return config/tables/episodes.yaml."""
-    return _built_in(EpisodeTable, "episodes")
+    return _built_in(ValueTable, "episodes", EPISODE_NAMES)
 
 
 @cache
 def area_table() -> AreaTable:
     """Return config/tables/contact_areas.yaml."""
-    return _built_in(AreaTable, "contact_areas")
+    return _built_in(AreaTable, "contact_areas", ("smallest",))
 
 
 @cache
-def verdict_table() -> VerdictTable:
+def verdict_table() -> ValueTable:
     """Return config/tables/verdict.yaml."""
-    return _built_in(VerdictTable, "verdict")
+    return _built_in(ValueTable, "verdict", VERDICT_NAMES)
 
 
-def _built_in(kind: type[T], name: str) -> T:
-    return kind.of(package_yaml(__file__, f"tables/{name}"), f"{name}.yaml:")
+def _built_in(kind: type[T], name: str, values: Sequence[str] = ()) -> T:
+    """Return a table of the package; values: names of the single values that it must have."""
+    table = kind.of(package_yaml(__file__, f"tables/{name}"), f"{name}.yaml:")
+    check_known("value", values, getattr(table, "values", ()), f"{name}.yaml")
+    return table

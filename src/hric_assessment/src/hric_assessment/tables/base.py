@@ -1,10 +1,10 @@
-"""Common part of all table files."""
+"""Common part of all table files, and tables of single values."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from hric_core.parameters import Settings, choice, listing, mapping, text, unknown
+from hric_core.parameters import Settings, choice, listing, mapping, number, numbers, section, text, unknown
 
 MARKS = ("confirmed twice", "confirmed once", "unconfirmed", "chosen here")
 """Marks of a value: two or more independent public sources, one source, from memory only, or no source."""
@@ -33,25 +33,69 @@ class Table(Settings):
         """Title and edition, for findings."""
         return self.title if self.edition in self.title else f"{self.title} ({self.edition})"
 
-    def mark_of(self, row: "Marked") -> str:
+    def mark_of(self, row: "MarkedRow") -> str:
         """Return the mark of a row, one of MARKS."""
         return row.mark or self.mark
 
-    def source_of(self, row: "Marked") -> tuple[str, ...]:
+    def source_of(self, row: "MarkedRow") -> tuple[str, ...]:
         """Return the short names of a row's sources."""
         return row.source or self.source
 
 
 @dataclass(frozen=True)
-class Marked(Settings):
+class MarkedRow(Settings):
     """Row with its mark and sources, where these differ from the file's."""
 
     mark: str | None = choice(*MARKS, default=None, default_text="the file's", text="of the row")
     source: tuple[str, ...] = _short_names("of the row", "the file's")
 
 
-def check_sources(given: Sequence[str], sources: Mapping[str, str], where: str) -> None:
+def check_sources(names: Sequence[str], sources: Mapping[str, str], where: str) -> None:
     """Raise UnknownParameterError for a source that the file does not describe."""
-    for name in given:
+    for name in names:
         if name not in sources:
             raise unknown("source", name, sources, where)
+
+
+@dataclass(frozen=True)
+class Value(MarkedRow):
+    """Single value."""
+
+    value: float = number()
+
+
+@dataclass(frozen=True)
+class ValueTable(Table):
+    """Table of single values, in their printed units; what each of them means is in its file."""
+
+    values: Mapping[str, Value] = mapping(section(Value))
+
+    def check(self, where: str) -> None:
+        """Refuse sources that the file does not describe."""
+        super().check(where)
+        for name, row in self.values.items():
+            check_sources(row.source, self.sources, f"{where}values.{name}")
+
+    def __getitem__(self, name: str) -> float:
+        """Return a value in its printed unit. Raises KeyError."""
+        return self.values[name].value
+
+    def value_mark(self, name: str) -> str:
+        """Return the mark of a value, one of MARKS. Raises KeyError."""
+        return self.mark_of(self.values[name])
+
+
+@dataclass(frozen=True)
+class NioshTable(ValueTable):
+    """Values of the lifting equation; explained in config/tables/niosh.yaml."""
+
+    couplings: Mapping[str, tuple[float, float]] = mapping(numbers(2, minimum=0.0, maximum=1.0))
+    durations: tuple[float, ...] = numbers(3, unit="h", above=0.0)
+    frequencies: tuple[tuple[float, ...], ...] = listing(numbers(7, minimum=0.0))
+
+
+@dataclass(frozen=True)
+class AreaTable(ValueTable):
+    """Areas over which a contact can act [m^2]; config/tables/contact_areas.yaml."""
+
+    largest: Mapping[str, float] = mapping(number(above=0.0), text="by region")

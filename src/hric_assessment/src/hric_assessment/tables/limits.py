@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from hric_assessment.tables.base import Marked, Table, check_sources
+from hric_assessment.tables.base import MarkedRow, Table, check_sources
 from hric_core.node import REQUIRED
 from hric_core.parameters import Mistakes, choice, either, listing, number, refused, section, text, whole
 from hric_human.body.regions import REGION_MODELS
@@ -20,7 +20,7 @@ NO_TRANSIENT = "none"
 
 
 @dataclass(frozen=True)
-class Row(Marked):
+class Row(MarkedRow):
     """Limit of a region, or of an area of it."""
 
     region: str = choice(*REGIONS, default=REQUIRED, text="of the body")

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from hric_assessment.tables.base import MARKS, Table
+from hric_assessment.tables.base import MARKS, Table, Value
 from hric_core.parameters import (
     Settings,
     choice,
@@ -22,7 +22,7 @@ from hric_core.parameters import (
 
 
 @dataclass(frozen=True)
-class Chosen(Settings):
+class ChosenThreshold(Settings):
     """Threshold that no source has [deg]."""
 
     value: float = number(unit="deg", minimum=0.0)
@@ -63,9 +63,9 @@ class Condition(Settings):
 
     def check(self, where: str) -> None:
         """Refuse all but exactly one of the three forms."""
-        given = [name for name in ("flag", "angle", "above", "beyond") if getattr(self, name) is not None]
-        if given not in (["flag"], ["angle", "above"], ["angle", "beyond"]):
-            raise refused(where.rstrip(". "), ", ".join(given), "flag, or angle with above, or angle with beyond")
+        parts = [name for name in ("flag", "angle", "above", "beyond") if getattr(self, name) is not None]
+        if parts not in (["flag"], ["angle", "above"], ["angle", "beyond"]):
+            raise refused(where.rstrip(". "), ", ".join(parts), "flag, or angle with above, or angle with beyond")
 
 
 @dataclass(frozen=True)
@@ -88,19 +88,22 @@ class Part(Settings):
 
 @dataclass(frozen=True)
 class PostureTable(Table):
-    """Table of RULA or REBA.
+    """Table of a method that scores postures.
 
     Attributes:
+        within, warning: highest score that is within limits, and that is a warning.
         levels: name of each level by its highest score, as text.
         table_a, table_b, table_c: rows by their numbers, as text, with the columns in order.
     """
 
-    chosen: Mapping[str, Chosen] = mapping(section(Chosen))
+    chosen: Mapping[str, ChosenThreshold] = mapping(section(ChosenThreshold))
     parts: Mapping[str, Part] = mapping(section(Part))
     static_time: float = number(unit="s", above=0.0)
     repeats: float = number(unit="1/min", above=0.0)
     light: float = number(unit="kg", minimum=0.0)
     heavy: float = number(unit="kg", minimum=0.0)
+    within: Value = section(Value)
+    warning: Value = section(Value)
     levels: Mapping[str, str] = mapping(text(empty=False))
     table_a: Mapping[str, tuple[int, ...]] = mapping(listing(whole(minimum=1)))
     table_b: Mapping[str, tuple[int, ...]] = mapping(listing(whole(minimum=1)))
@@ -112,7 +115,7 @@ class PostureTable(Table):
         for name, part in self.parts.items():
             bounds = [bound.lstrip("-") for band in part.bands for bound in band.bounds if isinstance(bound, str)]
             conditions = [condition for adder in part.add for condition in adder.any if condition.angle]
-            for threshold in [*bounds, *(one.above or one.beyond for one in conditions)]:
+            for threshold in [*bounds, *(item.above or item.beyond for item in conditions)]:
                 if threshold not in self.chosen:
                     raise unknown("threshold", threshold, self.chosen, f"{where}parts.{name}")
 

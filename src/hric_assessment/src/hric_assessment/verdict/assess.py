@@ -1,97 +1,137 @@
-"""Assessment of a recording, which results in its verdict."""
+"""Assessment of a recording, which results in its verdict, and the signals that it lacks."""
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
-from hric_assessment.findings import Finding
+from hric_assessment.ergonomics.scoring import methods
+from hric_assessment.findings import Figure, Finding, Missing
 from hric_assessment.verdict.choices import Choices
 from hric_assessment.verdict.conclusions import conclusions, with_remedy
 from hric_assessment.verdict.contacts import contact_findings, silence_assumed
-from hric_assessment.verdict.given import Given
+from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.interaction import interaction, productivity
 from hric_assessment.verdict.lifts import lift_findings
 from hric_assessment.verdict.loads import Loads, loads
-from hric_assessment.verdict.missing import missing
 from hric_assessment.verdict.moment import moment
 from hric_assessment.verdict.person import Person, people_of
 from hric_assessment.verdict.postures import posture_finding, scored
-from hric_assessment.verdict.result import Figure, Verdict, ranked
-from hric_assessment.verdict.separating import Separated, not_separated, separated, separation_finding
+from hric_assessment.verdict.result import RecordingSummary, ScoreCurve, TableTitle, Timelines, Verdict, ranked
+from hric_assessment.verdict.separating import PersonSeparation, not_separated, separated, separation_finding
 from hric_core.errors import HricError
 
+ANGLES = "joint angles of a person (hric/human/joint_states, hric/person/joint_states, or markers of the body)"
+CONTACTS = "contacts of a person by region (hric/human/contacts)"
+FORCES = "contact forces to hold against limits; the arm's estimate F_ext is filtered at 20 Hz and is no contact force"
+DESCRIPTION = "the robot's description (robot.urdf, /robot_description)"
+ROOT = "where the person was in the world (run.yaml, tracking, or a static transform)"
+TORQUE = "joint torques of a person (hric/human/joint_torque, hric/person/joint_torque)"
+MAXIMUM = "the largest voluntary activation of each EMG channel (none is recorded: a bag has volts)"
+BONES = "contact forces between a person's bones (hric/human/joint_reactions, hric/person/joint_reactions)"
+LEGS = "joints of the legs (parts: whole_body)"
+GRIP = "what the hands hold, and with which force (hric/human/grip)"
 
-def assess(given: Given, choices: Choices | None = None) -> Verdict:
+
+def missing(source: AssessmentInput, person: Person | None) -> list[Missing]:
+    """Return the missing signals of a recording; person: the first person in it."""
+    signals, scorers = source.recording, methods().values()
+    scores = ", ".join(scorer.table().title for scorer in scorers)
+    legs = ", and ".join(scorer.legs for scorer in reversed(scorers) if scorer.legs)
+    lacks = (
+        (person is None, ANGLES, f"{scores}, the distance to the arm, the load of the muscles"),
+        (not _has(source, "human/contacts"), CONTACTS, FORCES),
+        (
+            signals.log is None,
+            "the arm's motion (control_log)",
+            "its distance to the person, the closed form of contacts",
+        ),
+        (not source.description, DESCRIPTION, "capsules and masses of the arm"),
+        (person is not None and person.root is None, ROOT, "the distance to the arm"),
+        (not _has(source, "joint_torque"), TORQUE, "the load of the joints as share of their strength"),
+        (not signals.activation, "activation of the muscles (activation)", "how active they were"),
+        (
+            person is not None and person.settings is None and not signals.contact,
+            BONES,
+            "how much shoulders and elbows carry",
+        ),
+        (not _has(source, "/grip"), GRIP, f"the effort of the interaction, the load in {scores} and NIOSH"),
+        (_of_kind(source, "SampleChunk") and not signals.activation, MAXIMUM, "how active the muscles below them were"),
+        (person is not None and not _knees(person), LEGS, legs),
+    )
+    return [Missing(signal, gives) for lacking, signal, gives in lacks if lacking]
+
+
+def _knees(person: Person) -> bool:
+    return any(name.endswith("knee_flex") for name in person.names)
+
+
+def _of_kind(source: AssessmentInput, kind: str) -> bool:
+    return any(name.endswith(kind) for name in source.recording.kinds)
+
+
+def _has(source: AssessmentInput, suffix: str) -> bool:
+    return any(topic.endswith(suffix) for topic in source.recording.topics)
+
+
+def assess(source: AssessmentInput, choices: Choices | None = None) -> Verdict:
     """Return the verdict of a recording: findings of each person in it, and all figures that its signals allow.
 
     Args:
-        given: the recording.
+        source: the recording.
         choices: limits, braking, contact area; None: the defaults.
     """
-    verdict, people = judge(given, choices), people_of(given)
-    each = [loads(given, person) for person in people] or [loads(given, None)]
-    activation = next((curves for one in each if (curves := one.timeline()) is not None), None)
-    return _concluded(
-        replace(
-            verdict,
-            figures=(*_figures(each, people), *verdict.figures),
-            timelines={**verdict.timelines, "activation": activation},
-        ),
-        given,
-    )
+    verdict, people = judge(source, choices), people_of(source)
+    each = [loads(source, person) for person in people] or [loads(source, None)]
+    activation = next((curves for item in each if (curves := item.timeline()) is not None), None)
+    figures = (*_figures(each, people), *verdict.figures)
+    drawn = conclusions(verdict.findings, figures, verdict.missing, source.run)
+    timelines = replace(verdict.timelines, activation=activation)
+    return replace(verdict, figures=figures, timelines=timelines, conclusions=drawn)
 
 
-def judge(given: Given, choices: Choices | None = None) -> Verdict:
+def judge(source: AssessmentInput, choices: Choices | None = None) -> Verdict:
     """Return a verdict without the figures of joints and muscles, which take most of the time and decide nothing.
 
     Arguments as of `assess`.
     """
-    choices = (choices or Choices()).stated(given.definition)
-    people, found = people_of(given), given.recording
-    findings = contact_findings(given, choices)
-    timelines: dict[str, Any] = {"rula": [], "reba": [], "separation": None, "activation": None}
-    distances: list[Separated] = []
+    choices = (choices or Choices()).stated(source.definition)
+    people, signals = people_of(source), source.recording
+    findings = contact_findings(source, choices)
+    scores: dict[str, list[ScoreCurve]] = {key: [] for key in methods()}
+    distances: list[PersonSeparation] = []
     for person in people:
-        for arm in scored(person, person.record, (found.begin, found.end), choices.rula_table):
+        for arm in scored(person, person.record, (signals.begin, signals.end), choices.versions):
             findings.append(replace(posture_finding(arm, person), person=person.name))
-            timelines[arm.scores.table.title.lower()].append(arm.timeline())
-        findings += [*_separation(given, person, choices, distances), *lift_findings(given, person)]
+            scores[arm.key].append(arm.timeline())
+        findings += [*_separation(source, person, choices, distances), *lift_findings(source, person)]
     if len({finding.person for finding in findings}) < 2:
         findings = [replace(finding, person="") for finding in findings]  # with one person no name is needed
-    nearest = min(distances, key=lambda one: one.margin, default=None)
-    timelines["separation"] = None if nearest is None else nearest.timeline()
+    nearest = min(distances, key=lambda item: item.margin, default=None)
     table, first = choices.limits.table, people[0] if people else None
-    about = {"name": given.name, "kind": given.kind, "experiment": given.run.get("experiment")}
+    assumptions = [line for person in people for line in person.assumptions]
     verdict = Verdict(
-        {**about, "begin": found.begin, "end": found.end},
-        {"title": table.title, "edition": table.edition},
-        None if first is None else first.about(),
-        (
-            *dict.fromkeys(line for person in people for line in person.assumptions),
-            *silence_assumed(given),
-            *choices.assumptions,
-        ),
+        RecordingSummary(source.name, source.kind, source.run.get("experiment"), signals.begin, signals.end),
+        TableTitle(table.title, table.edition),
+        None if first is None else first.summary(),
+        (*dict.fromkeys(assumptions), *silence_assumed(source), *choices.assumptions),
         ranked([with_remedy(finding) for finding in findings]),
-        (*interaction(given), *productivity(nearest, found.safety)),
-        tuple(missing(given, first)),
-        timelines,
+        (*interaction(source), *productivity(nearest, signals.safety)),
+        tuple(missing(source, first)),
+        Timelines(scores, None if nearest is None else nearest.timeline()),
     )
-    drawn = _concluded(verdict, given)
+    drawn = conclusions(verdict.findings, verdict.figures, verdict.missing, source.run)
+    verdict = replace(verdict, conclusions=drawn)
     try:
-        return replace(drawn, moment=moment(given, people, drawn.conclusions))
+        return replace(verdict, moment=moment(source, people, drawn, verdict.findings))
     except HricError:  # the findings contain the error
-        return drawn
+        return verdict
 
 
-def _concluded(verdict: Verdict, given: Given) -> Verdict:
-    """Return a copy with its conclusions."""
-    drawn = conclusions(verdict.findings, verdict.figures, verdict.missing, given.run)
-    return replace(verdict, conclusions=drawn)
-
-
-def _separation(given: Given, person: Person, choices: Choices, distances: list[Separated]) -> list[Finding]:
+def _separation(
+    source: AssessmentInput, person: Person, choices: Choices, distances: list[PersonSeparation]
+) -> list[Finding]:
     """Return the finding about a person's distance, and add the curve to `distances`."""
     try:
-        apart = separated(given, person, choices)
+        apart = separated(source, person, choices)
     except HricError as error:  # an unusable description or root must not hide a contact
         return [not_separated(str(error), person.name)]
     if apart is None:
@@ -100,9 +140,11 @@ def _separation(given: Given, person: Person, choices: Choices, distances: list[
     return [separation_finding(apart)]
 
 
-def _figures(each: list[Loads], people: list[Person]) -> list[Figure]:
+def _figures(each: Sequence[Loads], people: Sequence[Person]) -> list[Figure]:
     """Return the figures of all persons, prefixed by the person's name if there are several."""
-    if len(people) < 2:
-        return [figure for one in each for figure in one.figures]
-    named = zip(each, people, strict=True)
-    return [replace(figure, name=f"{person.name}: {figure.name}") for one, person in named for figure in one.figures]
+    names = [f"{person.name}: " for person in people] if len(people) > 1 else [""]
+    return [
+        replace(figure, name=name + figure.name)
+        for name, item in zip(names, each, strict=True)
+        for figure in item.figures
+    ]

@@ -2,14 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 from hric_assessment.contact.limits import Limits
-from hric_assessment.ergonomics import rula
 from hric_assessment.separation.protective import Stop
 from hric_assessment.separation.stopping import StopTable
 from hric_assessment.tables import verdict_table
+from hric_assessment.typed_json import Content
 from hric_core.geometry import FloatArray
+from hric_core.parameters import as_number
 
 
 @dataclass(frozen=True)
@@ -57,20 +57,21 @@ class Choices:
         braking: braking of the arm.
         contact_area: area over which contacts act, the smaller of the robot's and the body's [m^2]; None: not known.
             If the recording has an area for a contact, the smaller of the two counts.
-        rula_table: version of RULA's table A, one of `hric_assessment.ergonomics.rula.VERSIONS`.
+        versions: versions of the tables of methods that score postures, by the keys of `methods`.
         assumptions: assumptions behind the choices, one sentence each.
     """
 
     limits: Limits = field(default_factory=Limits.named)
     braking: Braking = field(default_factory=Braking)
     contact_area: float | None = None
-    rula_table: str = rula.VERSIONS[0]
+    versions: Mapping[str, str] = field(default_factory=dict)
     assumptions: tuple[str, ...] = ()
 
-    def stated(self, experiment: Mapping[str, Any]) -> "Choices":
+    def stated(self, experiment: Content) -> "Choices":
         """Return a copy with the contact area of an experiment, if the user chose none."""
-        area = (experiment.get("human") or {}).get("contact_area")
-        if self.contact_area is not None or area is None:
+        stated = (experiment.get("human") or {}).get("contact_area")
+        if self.contact_area is not None or stated is None:
             return self
+        area = as_number(stated)
         assumed = f"contacts act over {1e4 * area:g} cm^2, as the experiment states (human.contact_area)"
-        return replace(self, contact_area=float(area), assumptions=(*self.assumptions, assumed))
+        return replace(self, contact_area=area, assumptions=(*self.assumptions, assumed))

@@ -8,14 +8,14 @@ from pathlib import Path
 
 from hric_assessment.contact.area import check_area
 from hric_assessment.contact.limits import Limits
-from hric_assessment.ergonomics import rula
+from hric_assessment.ergonomics.scoring import methods
 from hric_assessment.separation import stopping
 from hric_assessment.tables import LIMIT_TABLES
 from hric_assessment.verdict.assess import assess
 from hric_assessment.verdict.choices import Braking, Choices
 from hric_assessment.verdict.comparing import compared
 from hric_assessment.verdict.conclusions import CONTACT, GROUPS, QUESTIONS
-from hric_assessment.verdict.given import opened
+from hric_assessment.verdict.inputs import opened
 from hric_assessment.verdict.moment import picture
 from hric_assessment.verdict.result import Verdict
 from hric_bags import files
@@ -67,7 +67,8 @@ def main(arguments: Sequence[str]) -> int:
     stops = None if options.stop is None else stopping.load(options.stop)
     if options.contact_area is not None:
         check_area(options.contact_area, name=AREA_OPTION)
-    choices = Choices(Limits.named(limits), Braking(stops), options.contact_area, options.rula_table)
+    versions = {key: version for key in methods() if (version := getattr(options, f"{key}_table", ""))}
+    choices = Choices(Limits.named(limits), Braking(stops), options.contact_area, versions)
     verdicts = [_assessed(name, root, choices) for name in (options.recording, *options.compare)]
     only = [question for part in options.only for question in part]
     if options.compare:
@@ -76,24 +77,24 @@ def main(arguments: Sequence[str]) -> int:
         print(verdicts[0].render(only, full=options.all), end="")
     if options.picture is not None:
         _draw(verdicts[0], options.picture)
-    return max((one.exit_code(only) for one in verdicts), key=SEVERITY.index)
+    return max((verdict.exit_code(only) for verdict in verdicts), key=SEVERITY.index)
 
 
 def _assessed(name: str, root: Path, choices: Choices) -> Verdict:
     """Return the verdict of a recording, and write it next to the recording."""
-    given = opened(name, root)
-    verdict = assess(given, choices)
+    source = opened(name, root)
+    verdict = assess(source, choices)
     if choices.contact_area is not None:
-        regions = {region for one in verdict.findings if one.group == GROUPS[CONTACT] for region in one.regions}
+        regions = {region for item in verdict.findings if item.group == GROUPS[CONTACT] for region in item.regions}
         check_area(choices.contact_area, regions, AREA_OPTION)
-    files.write_json(given.folder / FILE, verdict.to_dict())
+    files.write_json(source.folder / FILE, verdict.to_dict())
     return verdict
 
 
 def _draw(verdict: Verdict, path: Path) -> None:
     if verdict.moment is None:
         raise HricError(f"no picture {path.name}: nobody's place is known at a moment that decides")
-    files.write_text(path, picture(verdict.moment or {}))
+    files.write_text(path, picture(verdict.moment))
 
 
 def _questions(text: str) -> list[str]:
@@ -158,6 +159,7 @@ def _add_choices(parser: argparse.ArgumentParser) -> None:
         help="over which contacts act, the smaller of the robot's and the body's [m^2] (1 cm^2 is 1e-4); without it, "
         "or human.contact_area of the experiment, no contact is within limits, since its pressure is not known",
     )
-    parser.add_argument(
-        "--rula-table", choices=rula.VERSIONS, default=rula.VERSIONS[0], help="version of RULA's table A"
-    )
+    for key, method in methods().items():
+        if len(method.versions) > 1:
+            about = f"version of {method.table().title}'s table A"
+            parser.add_argument(f"--{key}-table", choices=method.versions, default=method.versions[0], help=about)

@@ -18,14 +18,14 @@ def compared(verdicts: Sequence[Verdict], only: Collection[str] = ()) -> str:
         only: questions that count; empty: those of a verdict.
     """
     cells = [["", *_names(verdicts)]]
-    cells.append(["outcome", *(headline(one.conclusions, only) for one in verdicts)])
+    cells.append(["outcome", *(headline(verdict.conclusions, only) for verdict in verdicts)])
     for conclusions in zip(*(verdict.conclusions for verdict in verdicts), strict=True):
-        replies = [f"{one.reply}{f': {one.number}' if one.number else ''}" for one in conclusions]
+        replies = [f"{item.reply}{f': {item.number}' if item.number else ''}" for item in conclusions]
         cells.append([conclusions[0].question, *replies])
     worst = [_worst(verdict) for verdict in verdicts]
     for key in dict.fromkeys(key for findings in worst for key in findings):
         cells.append([key, *(_shown(findings.get(key)) for findings in worst)])
-    figures = dict.fromkeys((one.name, one.unit) for verdict in verdicts for one in verdict.figures)
+    figures = dict.fromkeys((item.name, item.unit) for verdict in verdicts for item in verdict.figures)
     for name, unit in figures:
         cells.append([f"{name} [{unit}]", *(_figure(verdict, name) for verdict in verdicts)])
     return "\n".join([*text.rows(cells), DISCLAIMER])
@@ -33,7 +33,7 @@ def compared(verdicts: Sequence[Verdict], only: Collection[str] = ()) -> str:
 
 def _names(verdicts: Sequence[Verdict]) -> list[str]:
     """Return a name for each verdict, with a number if the name occurs again."""
-    names = [str(one.input["name"]) for one in verdicts]
+    names = [verdict.input.name for verdict in verdicts]
     return [f"{name} ({names[: k + 1].count(name)})" if names.count(name) > 1 else name for k, name in enumerate(names)]
 
 
@@ -43,13 +43,13 @@ def _worst(verdict: Verdict) -> dict[str, Finding]:
     The nearest links differ from run to run, so distances are not separated by link.
     """
     findings: dict[str, Finding] = {}
-    for one in verdict.findings:
-        subject = one.subject
-        if one.group == GROUPS[CONTACT]:
-            subject = f"contact with {' or '.join(one.regions)}" if one.regions else subject
-        elif one.group == GROUPS[DISTANCE]:
+    for finding in verdict.findings:
+        subject = finding.subject
+        if finding.group == GROUPS[CONTACT]:
+            subject = f"contact with {' or '.join(finding.regions)}" if finding.regions else subject
+        elif finding.group == GROUPS[DISTANCE]:
             subject = "distance of the arm"
-        findings.setdefault(f"{one.person}: {subject}" if one.person else subject, one)
+        findings.setdefault(f"{finding.person}: {subject}" if finding.person else subject, finding)
     return findings
 
 
@@ -63,5 +63,5 @@ def _shown(finding: Finding | None) -> str:
 
 
 def _figure(verdict: Verdict, name: str) -> str:
-    values = [one.value for one in verdict.figures if one.name == name]
+    values = [item.value for item in verdict.figures if item.name == name]
     return NONE if not values or values[0] is None else f"{values[0]:.3g}"

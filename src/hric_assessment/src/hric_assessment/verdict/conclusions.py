@@ -7,17 +7,16 @@ effort    How much effort does it cost the person? Only lifts have a limit.
 task      Was the run completed?
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any
+from typing import Annotated
 
-from hric_assessment.findings import Finding, Outcome
-from hric_assessment.tables import niosh_table, verdict_table
+from hric_assessment.ergonomics.scoring import method_of
+from hric_assessment.findings import Figure, Finding, Missing, Outcome
+from hric_assessment.tables import niosh_table
+from hric_assessment.typed_json import Content
 from hric_human.participant.settings import HumanSettings
-
-if TYPE_CHECKING:
-    from hric_assessment.verdict.result import Figure, Missing
 
 CONTACT, DISTANCE, POSTURE, EFFORT, TASK = QUESTIONS = ("contact", "distance", "posture", "effort", "task")
 BY_DEFAULT = (CONTACT, DISTANCE, POSTURE)
@@ -27,7 +26,7 @@ GROUPS = {CONTACT: "contact", DISTANCE: "separation", POSTURE: "posture", EFFORT
 GIVES = {
     CONTACT: ("contact forces",),
     DISTANCE: ("distance", "capsules"),
-    POSTURE: ("RULA, REBA, the distance",),
+    POSTURE: ("the load of the muscles",),
     EFFORT: ("strength",),
 }
 """Words in the description of a missing signal that show which question it would decide."""
@@ -71,19 +70,19 @@ class Conclusion:
         reason: reason for the reply, one sentence.
         remedy: command, argument or topic that would make an unknown value known.
         person: namespace of the person with the worst finding; empty: there is one person only.
-        finding: the finding that decides; None: there is none.
+        finding: index of the finding that decides, among all of the verdict; None: there is none.
     """
 
-    question: str
-    reply: Reply
-    subject: str
+    question: Annotated[str, ("enum", QUESTIONS)]
+    reply: Annotated[Reply, "yes: within limits; no limit: the number has none"]
+    subject: Annotated[str, "what the number is of"]
     value: float | None = None
-    limit: float | None = None
+    limit: Annotated[float | None, "in the unit of the value; null: there is none, or it is not known"] = None
     unit: str = ""
     reason: str = ""
-    remedy: str = ""
-    person: str = ""
-    finding: Finding | None = None
+    remedy: Annotated[str, "what would make an unknown known"] = ""
+    person: Annotated[str, "namespace; empty: there is one person only"] = ""
+    finding: Annotated[int | None, "index of the finding that decides"] = None
 
     @property
     def number(self) -> str:
@@ -105,7 +104,7 @@ class Conclusion:
 
 
 def conclusions(
-    findings: Sequence[Finding], figures: "Sequence[Figure]", missing: "Sequence[Missing]", run: Mapping[str, Any]
+    findings: Sequence[Finding], figures: Sequence[Figure], missing: Sequence[Missing], run: Content
 ) -> tuple[Conclusion, ...]:
     """Return the conclusions about all questions, each for the person with the worst finding.
 
@@ -115,44 +114,44 @@ def conclusions(
         missing: signals that the recording lacks.
         run: contents of run.yaml; empty without a run folder.
     """
-    people = list(dict.fromkeys(finding.person for finding in findings if finding.person)) or [""]
-    result = []
+    persons = list(dict.fromkeys(finding.person for finding in findings if finding.person)) or [""]
+    worst = []
     for question in BY_DEFAULT:
-        each = [_of_person(question, findings, missing, person) for person in people]
-        result.append(min(each, key=lambda conclusion: ORDER.index(OUTCOMES[conclusion.reply])))
-    return (*result, _effort(findings, figures, missing), _task(run))
+        each = [_of_person(question, findings, missing, person) for person in persons]
+        worst.append(min(each, key=lambda conclusion: ORDER.index(OUTCOMES[conclusion.reply])))
+    return (*worst, _effort(findings, figures, missing), _task(run))
 
 
-def _of_person(question: str, findings: Sequence[Finding], missing: "Sequence[Missing]", person: str) -> Conclusion:
-    own = [one for one in findings if one.group == GROUPS[question] and one.person in ("", person)]
+def _of_person(question: str, findings: Sequence[Finding], missing: Sequence[Missing], person: str) -> Conclusion:
+    relevant = [item for item in findings if item.group == GROUPS[question] and item.person in ("", person)]
     if question == POSTURE:
-        own = _posture(own)
-    if not own:
+        relevant = _posture(relevant)
+    if not relevant:
         return Conclusion(question, Reply.UNKNOWN, "not recorded", remedy=_lacking(question, missing), person=person)
-    return _by(question, own[0])
+    return _by(question, relevant[0], findings)
 
 
 def _posture(findings: Sequence[Finding]) -> list[Finding]:
-    """Return the findings that decide the posture: all of RULA, and REBA where it can be assessed.
+    """Return the findings that decide the posture: a method that supplements others counts where it can be assessed.
 
     REBA needs legs that most recordings lack; it is another method for the same question, so a missing REBA score must
     not hide a RULA score.
     """
-    rula = [one for one in findings if one.subject.startswith("RULA")]
-    return [one for one in findings if not rula or one in rula or one.outcome != Outcome.NOT_ASSESSABLE]
+    main = [item for item in findings if not ((method := method_of(item.subject)) and method.supplements)]
+    return [item for item in findings if not main or item in main or item.outcome != Outcome.NOT_ASSESSABLE]
 
 
-def _by(question: str, finding: Finding) -> Conclusion:
-    value, limit, unit = _number(finding)
-    reply, why, remedy = REPLIES[finding.outcome], finding.reason, finding.remedy
-    return Conclusion(question, reply, finding.subject, value, limit, unit, why, remedy, finding.person, finding)
+def _by(question: str, finding: Finding, findings: Sequence[Finding]) -> Conclusion:
+    number, at = _number(finding), findings.index(finding)
+    about = finding.reason, finding.remedy, finding.person
+    return Conclusion(question, REPLIES[finding.outcome], finding.subject, *number, *about, at)
 
 
 def _number(finding: Finding) -> tuple[float | None, float | None, str]:
     """Return (value, limit, unit) of a finding: a score, an index, a share of the limit, or a distance."""
     values = finding.values
-    if (score := values.get("score that counts")) is not None:
-        return score, verdict_table()["rula_warning" if finding.subject.startswith("RULA") else "reba_warning"], ""
+    if (method := method_of(finding.subject)) and (score := values.get("score that counts")) is not None:
+        return score, method.table().warning.value, ""
     if (index := values.get("lifting index [1]")) is not None:
         return index, niosh_table()["high"], ""
     if finding.share is not None:
@@ -172,32 +171,32 @@ def with_remedy(finding: Finding) -> Finding:
     elif PENALTY in finding.missing:
         remedy = PENALTY_REMEDY
     elif any("angle" in name for name in finding.missing) and any("human/" in topic for topic in finding.signals):
-        remedy = PARTS_REMEDY + ("whole_body" if finding.subject.startswith("REBA") else "upper_body")
+        remedy = PARTS_REMEDY + getattr(method_of(finding.subject), "parts", "upper_body")
     return replace(finding, remedy=remedy)
 
 
-def _lacking(question: str, missing: "Sequence[Missing]") -> str:
-    signals = [one.signal for one in missing if any(word in one.gives for word in GIVES[question])]
+def _lacking(question: str, missing: Sequence[Missing]) -> str:
+    signals = [item.signal for item in missing if any(word in item.gives for word in GIVES[question])]
     return f"record {'; '.join(signals)}" if signals else ""
 
 
-def _effort(findings: Sequence[Finding], figures: "Sequence[Figure]", missing: "Sequence[Missing]") -> Conclusion:
+def _effort(findings: Sequence[Finding], figures: Sequence[Figure], missing: Sequence[Missing]) -> Conclusion:
     """Return the conclusion about the worst lift; without a rated lift about the largest load, which has no limit."""
-    lifts = [one for one in findings if one.group == GROUPS[EFFORT]]
+    lifts = [item for item in findings if item.group == GROUPS[EFFORT]]
     if lifts and lifts[0].outcome != Outcome.NOT_ASSESSABLE:
-        return _by(EFFORT, lifts[0])
-    load = next((one for one in figures if one.group in ("strength", "muscles") and one.value is not None), None)
+        return _by(EFFORT, lifts[0], findings)
+    load = next((item for item in figures if item.group in ("strength", "muscles") and item.value is not None), None)
     value = None if load is None else 100.0 * (load.value or 0.0)
     if lifts:
         subject = f"{'no load is known' if load is None else load.name}; {lifts[0].subject} is not rated"
-        person, why, remedy = lifts[0].person, lifts[0].reason, lifts[0].remedy
-        return Conclusion(EFFORT, Reply.UNKNOWN, subject, value, None, "%", why, remedy, person, lifts[0])
+        about = lifts[0].reason, lifts[0].remedy, lifts[0].person
+        return Conclusion(EFFORT, Reply.UNKNOWN, subject, value, None, "%", *about, findings.index(lifts[0]))
     if load is not None:
         return Conclusion(EFFORT, Reply.NO_LIMIT, load.name, value, None, "%", load.note)
     return Conclusion(EFFORT, Reply.UNKNOWN, "not recorded", remedy=_lacking(EFFORT, missing))
 
 
-def _task(run: Mapping[str, Any]) -> Conclusion:
+def _task(run: Content) -> Conclusion:
     if not run:
         return Conclusion(
             TASK, Reply.UNKNOWN, "no run.yaml", remedy="assess the run folder instead of the recording alone"
@@ -210,31 +209,31 @@ def _task(run: Mapping[str, Any]) -> Conclusion:
     return Conclusion(TASK, reply, subject, None if duration is None else float(duration), None, "s")
 
 
-def outcome(given: Sequence[Conclusion], only: Collection[str] = ()) -> Outcome:
+def outcome(conclusions: Sequence[Conclusion], only: Collection[str] = ()) -> Outcome:
     """Return the worst outcome of the questions that count.
 
     Args:
-        given: conclusions about all questions.
+        conclusions: conclusions about all questions.
         only: questions that count; empty: those about limits of a person, and effort where a lift is above its limit.
     """
-    counted = [OUTCOMES[one.reply] for one in given if one.question in (only or BY_DEFAULT)]
+    counted = [OUTCOMES[item.reply] for item in conclusions if item.question in (only or BY_DEFAULT)]
     if not only:
-        counted += [OUTCOMES[one.reply] for one in given if (one.question, one.reply) == (EFFORT, Reply.NO)]
+        counted += [OUTCOMES[item.reply] for item in conclusions if (item.question, item.reply) == (EFFORT, Reply.NO)]
     return next((worst for worst in ORDER if worst in counted), Outcome.NOT_ASSESSABLE)
 
 
-def headline(given: Sequence[Conclusion], only: Collection[str] = ()) -> str:
+def headline(conclusions: Sequence[Conclusion], only: Collection[str] = ()) -> str:
     """Return the outcome in words; arguments as in `outcome`. Completion of a run is no limit of a person."""
-    limits = [one.question for one in given if one.question in only and one.question != TASK]
-    tasks = [one.subject for one in given if one.question == TASK and TASK in only]
-    return ", ".join([str(outcome(given, limits))] * (not only or bool(limits)) + tasks)
+    limits = [item.question for item in conclusions if item.question in only and item.question != TASK]
+    tasks = [item.subject for item in conclusions if item.question == TASK and TASK in only]
+    return ", ".join([str(outcome(conclusions, limits))] * (not only or bool(limits)) + tasks)
 
 
-def unknown_beforehand(section: Mapping[str, Any] | None) -> str:
+def unknown_beforehand(section: Content | None) -> str:
     """Return a line about what the verdict of a run will not know; empty: nothing, or no person is simulated.
 
     Args:
-        section: section `human` of the experiment; None: there is none.
+        section: section `human` of the experiment; None: there is nitem.
     """
     if section is None:
         return ""

@@ -3,38 +3,38 @@
 import numpy as np
 
 from hric_assessment.ergonomics.effort import effort, log_dimensionless_jerk
+from hric_assessment.findings import Figure
 from hric_assessment.tables import verdict_table
-from hric_assessment.verdict.given import Given
-from hric_assessment.verdict.result import Figure
-from hric_assessment.verdict.separating import Separated
+from hric_assessment.verdict.inputs import AssessmentInput
+from hric_assessment.verdict.separating import PersonSeparation
 from hric_bags.records.human_record import Event, GripRecord
 from hric_bags.records.safety_record import SLOWED, STOPPED, SafetyRecord
 
 GROUP, WORK = "interaction", "productivity"
 
 
-def interaction(given: Given) -> list[Figure]:
+def interaction(source: AssessmentInput) -> list[Figure]:
     """Return force, work and smoothness of each grip."""
-    humans = given.recording.humans
-    found = []
+    humans = source.recording.humans
+    figures = []
     for human, grip in [(record, grip) for record in humans.values() for grip in record.grips.values()]:
-        one, what = effort(grip), f"grip {grip.name} of {grip.held}"
+        cost, what = effort(grip), f"grip {grip.name} of {grip.held}"
         what = f"{human.name}: {what}" if len(humans) > 1 else what
-        if one is None:
-            found.append(Figure(GROUP, f"largest force, {what}", None, "N", "it never closed"))
+        if cost is None:
+            figures.append(Figure(GROUP, f"largest force, {what}", None, "N", "it never closed"))
             continue
-        found += [
-            Figure(GROUP, f"largest force, {what}", one.force_max, "N", f"mean {one.force_mean:.2f} N"),
-            Figure(GROUP, f"work, {what}", one.work, "J", f"{one.work_absolute:.3g} J to and fro"),
+        figures += [
+            Figure(GROUP, f"largest force, {what}", cost.force_max, "N", f"mean {cost.force_mean:.2f} N"),
+            Figure(GROUP, f"work, {what}", cost.work, "J", f"{cost.work_absolute:.3g} J to and fro"),
             _smooth(grip, human.events, what),
         ]
-    return found
+    return figures
 
 
 def _smooth(grip: GripRecord, events: list[Event], what: str) -> Figure:
     """Return the smoothness of the motion, from its start to its end if these are known."""
-    begin = max((one.time for one in events if one.kind == "started"), default=-np.inf)
-    end = max((one.time for one in events if one.kind == "ended"), default=np.inf)
+    begin = max((event.time for event in events if event.kind == "started"), default=-np.inf)
+    end = max((event.time for event in events if event.kind == "ended"), default=np.inf)
     during = grip.closed & (grip.time >= begin) & (grip.time <= (end if end > begin else np.inf))
     name, note = f"log dimensionless jerk, {what}", "the nearer to zero the smoother; one minimum-jerk reach: -5.32"
     if during.sum() < 5:
@@ -43,7 +43,7 @@ def _smooth(grip: GripRecord, events: list[Event], what: str) -> Figure:
     return Figure(GROUP, name, log_dimensionless_jerk(time, np.gradient(grip.point[during], time, axis=0)), "1", note)
 
 
-def productivity(apart: Separated | None, safety: SafetyRecord | None) -> list[Figure]:
+def productivity(apart: PersonSeparation | None, safety: SafetyRecord | None) -> list[Figure]:
     """Return the shares of time in which the arm rests, and in which a supervisor stopped or slowed it."""
     return [*_standing(apart), *_supervised(safety)]
 
@@ -59,7 +59,7 @@ def _supervised(safety: SafetyRecord | None) -> list[Figure]:
     ]
 
 
-def _standing(apart: Separated | None) -> list[Figure]:
+def _standing(apart: PersonSeparation | None) -> list[Figure]:
     """Return the share of time in which the arm is at rest between its first and its last motion."""
     if apart is None:
         return []
@@ -69,7 +69,7 @@ def _standing(apart: Separated | None) -> list[Figure]:
     if len(moving) < 2:
         return [Figure(WORK, name, None, "1", "it never moves")]
     first, last = moving[[0, -1]]
-    period = np.diff(apart.found.time[first : last + 1])
+    period = np.diff(apart.distances.time[first : last + 1])
     standing = apart.speed[first:last] <= table["moving"]
     share = float(period[standing].sum() / period.sum())
     return [Figure(WORK, name, share, "1", f"between its first and its last motion; {note}")]

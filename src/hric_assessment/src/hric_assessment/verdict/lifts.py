@@ -6,17 +6,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hric_assessment.ergonomics import niosh
-from hric_assessment.ergonomics.niosh import Lift, Rated
-from hric_assessment.evidence import Evidence, finite_rows
-from hric_assessment.findings import Finding, NotAssessableError, Outcome
+from hric_assessment.ergonomics.niosh import Lift, LiftRating
+from hric_assessment.findings import LIFT, Evidence, Finding, NotAssessableError, Outcome, finite_rows
 from hric_assessment.tables import niosh_table, verdict_table
-from hric_assessment.verdict.given import Given
+from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.person import Person
 from hric_bags.records.human_record import GripRecord
 from hric_core.geometry import FloatArray
 from hric_human.control.kinematics import GRAVITY
 
-GROUP = "lift"
 ASSUMED = (
     "assumed: the load does not turn out of the sagittal plane, is stable, and well coupled; one lift in 5 min for "
     "1 h; the ankles are below the middle of the hips, or of the shoulders of a body that is arms alone"
@@ -42,7 +40,7 @@ class Carried:
     load: FloatArray
 
 
-def lift_findings(given: Given, person: Person) -> list[Finding]:
+def lift_findings(source: AssessmentInput, person: Person) -> list[Finding]:
     """Return a finding for picking up and for putting down each body that a person lifts with the hands."""
     human = person.record
     if human is None or person.settings is None or person.root is None:
@@ -53,12 +51,12 @@ def lift_findings(given: Given, person: Person) -> list[Finding]:
         model, _, link = grip.holder.rpartition("::")
         if link in links and model in ("", "human") and "::" in grip.held and grip.closed.any():
             grips.setdefault(grip.held, []).append(grip)
-    robot = str((given.definition.get("robot") or {}).get("arm_id", "panda"))
-    found = []
-    for held, own in grips.items():
+    robot = str((source.definition.get("robot") or {}).get("arm_id", "panda"))
+    findings = []
+    for held, holding in grips.items():
         if not held.startswith(f"{robot}::"):
-            found += [_proven(finding, own, human.name) for finding in _of(_carried(held, own), person)]
-    return found
+            findings += [_proven(finding, holding, human.name) for finding in _of(_carried(held, holding), person)]
+    return findings
 
 
 def _proven(finding: Finding, grips: Sequence[GripRecord], name: str) -> Finding:
@@ -67,7 +65,7 @@ def _proven(finding: Finding, grips: Sequence[GripRecord], name: str) -> Finding
     gap = verdict_table()["max_gap"]
     usable = [(grip.time, finite_rows(np.hstack([grip.force, grip.point]))) for grip in grips]
     parts = [Evidence.of(time, known, finding.window, gap) for time, known in usable]
-    worst = max(parts, key=lambda one: one.longest_gap)
+    worst = max(parts, key=lambda part: part.longest_gap)
     finding = replace(finding, evidence=worst, signals=(f"{name}/grip",), person=name)
     if finding.outcome in (Outcome.ABOVE, Outcome.NOT_ASSESSABLE) or worst.complete:
         return finding
@@ -77,47 +75,47 @@ def _proven(finding: Finding, grips: Sequence[GripRecord], name: str) -> Finding
 
 def _carried(held: str, grips: Sequence[GripRecord]) -> Carried:
     first = grips[0]
-    closed = np.all([np.interp(first.time, one.time, one.closed) > 0.5 for one in grips], axis=0)
+    closed = np.all([np.interp(first.time, grip.time, grip.closed) > 0.5 for grip in grips], axis=0)
     time = first.time[closed]
-    points = [np.array([np.interp(time, one.time, column) for column in one.point.T]).T for one in grips]
-    force = sum(-np.interp(time, one.time, one.force[:, 2]) for one in grips)
+    points = [np.array([np.interp(time, grip.time, column) for column in grip.point.T]).T for grip in grips]
+    force = sum(-np.interp(time, grip.time, grip.force[:, 2]) for grip in grips)
     load = np.asarray(force) / float(np.linalg.norm(GRAVITY))
     return Carried(held, len(grips), time, np.mean(points, axis=0), load)
 
 
-def _of(one: Carried, person: Person) -> list[Finding]:
+def _of(carried: Carried, person: Person) -> list[Finding]:
     """Return the findings of picking up, from the start of the hold to its highest point, and of putting down."""
-    height, limit = one.point[:, 2], verdict_table()["lift"]
+    height, limit = carried.point[:, 2], verdict_table()["lift"]
     top = int(np.argmax(height))
-    found = []
+    findings = []
     for phase, end in (("pick-up", 0), ("put-down", len(height) - 1)):
         if float(height[top] - height[end]) > limit:
-            window = float(one.time[min(end, top)]), float(one.time[max(end, top)])
-            found.append(_rated(one, _lift(one, person, phase, end, top), window))
-    return found
+            window = float(carried.time[min(end, top)]), float(carried.time[max(end, top)])
+            findings.append(_rated(carried, _lift(carried, person, phase, end, top), window))
+    return findings
 
 
-def _lift(one: Carried, person: Person, phase: str, end: int, top: int) -> Lift:
+def _lift(carried: Carried, person: Person, phase: str, end: int, top: int) -> Lift:
     """Return the lift between one of its ends and its highest point."""
     settings, root = person.settings, person.root
     assert settings is not None and root is not None
     rows = slice(min(end, top), max(end, top) + 1)
-    height, low = one.point[rows, 2], float(one.point[end, 2])
-    travel = float(one.point[top, 2]) - low
+    height, low = carried.point[rows, 2], float(carried.point[end, 2])
+    travel = float(carried.point[top, 2]) - low
     raised = height > low + 0.5 * travel
     return Lift(
         phase,
-        max(0.0, float(one.load[rows][raised].mean())),
-        float(np.linalg.norm(one.point[end, :2] - root.at(one.time[end : end + 1])[0, :2])),
+        max(0.0, float(carried.load[rows][raised].mean())),
+        float(np.linalg.norm(carried.point[end, :2] - root.at(carried.time[end : end + 1])[0, :2])),
         max(0.0, low - settings.floor),
         travel,
-        hands=one.hands,
+        hands=carried.hands,
         position=settings.person.posture,
-        speed=float(np.abs(np.gradient(height, one.time[rows])).max()) if len(height) > 1 else None,
+        speed=float(np.abs(np.gradient(height, carried.time[rows])).max()) if len(height) > 1 else None,
     )
 
 
-def _rated(one: Carried, lift: Lift, window: tuple[float, float]) -> Finding:
+def _rated(carried: Carried, lift: Lift, window: tuple[float, float]) -> Finding:
     table = niosh_table()
     values = {
         "load, the person's share [kg]": lift.load,
@@ -125,15 +123,15 @@ def _rated(one: Carried, lift: Lift, window: tuple[float, float]) -> Finding:
         "height V [m]": lift.vertical,
         "travel D [m]": lift.distance,
     }
-    subject, signals = f"{lift.phase} of {one.held}", ("/hric/human/grip",)
-    unrated = Finding(subject, Outcome.NOT_ASSESSABLE, "", table.name, None, values, window, signals, group=GROUP)
+    subject, signals = f"{lift.phase} of {carried.held}", ("/hric/human/grip",)
+    unrated = Finding(subject, Outcome.NOT_ASSESSABLE, "", table.name, None, values, window, signals, group=LIFT)
     try:
         rated = niosh.rate(lift)
     except NotAssessableError as error:
         return replace(unrated, reason=str(error).replace("\n", "; "))
-    found = {"recommended weight limit [kg]": rated.limit, "lifting index [1]": rated.index}
-    found |= {"weight limit by rounded multipliers [kg]": rated.rounded_limit}
-    found |= {f"multiplier {name}": value for name, value in rated.multipliers._asdict().items()}
+    results = {"recommended weight limit [kg]": rated.limit, "lifting index [1]": rated.index}
+    results |= {"weight limit by rounded multipliers [kg]": rated.rounded_limit}
+    results |= {f"multiplier {name}": value for name, value in rated.multipliers._asdict().items()}
     reason = (
         f"lifting index {rated.index:.2f}: {rated.level}; up to {table['design_goal']:g} is within limits, up to "
         f"{table['high']:g} a warning (chosen here)"
@@ -143,12 +141,12 @@ def _rated(one: Carried, lift: Lift, window: tuple[float, float]) -> Finding:
         outcome=_outcome(rated),
         reason=reason,
         share=rated.index / table["high"],
-        values={**values, **found},
+        values={**values, **results},
         notes=(ASSUMED, *rated.assumptions),
     )
 
 
-def _outcome(rated: Rated) -> Outcome:
+def _outcome(rated: LiftRating) -> Outcome:
     table = niosh_table()
     if rated.index > table["high"]:
         return Outcome.ABOVE

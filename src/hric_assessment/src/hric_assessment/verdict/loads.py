@@ -1,16 +1,16 @@
 """Figures of joints and muscles of a person, without limits: the strength is that of a model."""
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hric_assessment.ergonomics.muscle_load import grip_loads, load_of, motion_of
+from hric_assessment.findings import Figure
 from hric_assessment.tables import verdict_table
-from hric_assessment.verdict.given import Given
+from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.person import Person
-from hric_assessment.verdict.result import Figure, numbers, thinned
+from hric_assessment.verdict.result import ActivationCurve, thinned
 from hric_bags.records.human_record import HumanRecord
 from hric_bags.records.recording import Columns
 from hric_core.errors import HricError
@@ -39,42 +39,40 @@ class Loads:
     figures: tuple[Figure, ...]
     activation: Columns | None
 
-    def timeline(self) -> dict[str, Any] | None:
-        """Return the activation for the JSON."""
+    def timeline(self) -> ActivationCurve | None:
+        """Return the activation for the verdict."""
         if self.activation is None:
             return None
         worst = np.nan_to_num(self.activation.values).max(axis=1)
         rows = thinned(self.activation.time, worst)
-        return {
-            "name": list(self.activation.names),
-            "time": self.activation.time[rows].tolist(),
-            "activation": [numbers(column) for column in self.activation.values[rows].T],
-        }
+        columns = self.activation.values[rows].T.tolist()
+        return ActivationCurve(self.activation.names, self.activation.time[rows].tolist(), columns)
 
 
-def loads(given: Given, person: Person | None) -> Loads:
+def loads(source: AssessmentInput, person: Person | None) -> Loads:
     """Return torque as share of strength, muscle activation, and joint contact force, as far as they are known.
 
     Args:
-        given: the recording.
+        source: the recording.
         person: the person; None: there is none, and all signals of the recording count.
     """
-    figures = _strength(given, person)
-    recorded = next(_own(given.recording.activation, person), None)
-    contacts = list(_own(given.recording.contact, person))
-    computed = _computed(person)
+    figures = _strength(source, person)
+    recorded = next(_own(source.recording.activation, person), None)
+    contacts = list(_own(source.recording.contact, person))
+    computed, shown = _computed(person), recorded
     if recorded is not None:
-        figures += _active(_muscles_of(recorded, computed), f"recorded, {MODEL}")
+        muscles = _muscles_of(recorded, computed[0].names) if computed else recorded
+        figures += _active(muscles, f"recorded, {MODEL}")
     if computed:
-        own, weak = computed
+        modelled, weak, contact = computed
         if recorded is None:
-            figures += _active(own, f"as modelled, by static optimisation, {MODEL}")
+            shown = modelled
+            figures += _active(modelled, f"as modelled, by static optimisation, {MODEL}")
         factor = verdict_table()["weak_shoulder"]
         figures += _active(weak, f"with all muscles at {factor:g} of that, {MODEL}", brief=True)
-        figures += [] if contacts else _contact(own.contact, "computed")
+        figures += [] if contacts else _contact(contact, "computed")
     for columns in contacts:
         figures += _contact(dict(zip(columns.names, columns.values.T, strict=True)), "recorded")
-    shown = recorded if recorded is not None else (computed[0].columns if computed else None)
     return Loads(tuple(figures), shown)
 
 
@@ -85,96 +83,93 @@ def _own(streams: Mapping[str, Columns], person: Person | None) -> Iterator[Colu
             yield columns
 
 
-@dataclass(frozen=True)
-class _Muscles:
-    """Activation of muscles, without joint actuators; contact: force magnitude in each joint centre, shape (n,) [N]."""
-
-    columns: Columns
-    contact: Mapping[str, FloatArray] = field(default_factory=dict)
-
-
-def _muscles_of(recorded: Columns, computed: "tuple[_Muscles, _Muscles] | None") -> _Muscles:
-    if computed is None:
-        return _Muscles(recorded)
-    kept = [k for k, name in enumerate(recorded.names) if name in computed[0].columns.names]
-    names = tuple(recorded.names[k] for k in kept)
-    return _Muscles(Columns(recorded.topic, names, recorded.time, recorded.values[:, kept]))
+def _muscles_of(recorded: Columns, muscles: Sequence[str]) -> Columns:
+    """Return the recorded activation of some muscles, without joint actuators."""
+    rows = [k for k, name in enumerate(recorded.names) if name in muscles]
+    names = tuple(recorded.names[k] for k in rows)
+    return Columns(recorded.topic, names, recorded.time, recorded.values[:, rows])
 
 
-def _strength(given: Given, person: Person | None) -> list[Figure]:
+def _strength(source: AssessmentInput, person: Person | None) -> list[Figure]:
     """Return the largest share of each joint's strength; for shoulders also that of a weaker person."""
     record, table = None if person is None else person.record, verdict_table()
-    columns = next(_own(given.recording.shares, person), None)
+    columns = next(_own(source.recording.shares, person), None)
     if record is not None and len(record.torque_time):
         names, shares = record.joints, np.abs(record.share)
     elif columns is not None:
         names, shares = columns.names, np.abs(columns.values)
     else:
         return []
-    found, factor = [], table["weak_shoulder"]
+    figures, factor = [], table["weak_shoulder"]
     for name, share in zip(names, shares.T, strict=True):
         if not np.isfinite(share).any():
             continue
         largest, mean = float(np.nanmax(share)), float(np.nanmean(share))
         note = f"mean {mean:.3g}; {MODEL}"
-        found.append(Figure("strength", f"largest torque of {name} over its strength", largest, "1", note))
+        figures.append(Figure("strength", f"largest torque of {name} over its strength", largest, "1", note))
         if "_sh_" in name:
             note = f"mean {mean / factor:.3g}; with the shoulder at {factor:g} of its strength as modelled"
-            found.append(Figure("strength", f"largest torque of {name}, weaker shoulder", largest / factor, "1", note))
-    return sorted(found, key=lambda one: -(one.value or 0.0))
+            label = f"largest torque of {name}, weaker shoulder"
+            figures.append(Figure("strength", label, largest / factor, "1", note))
+    return sorted(figures, key=lambda figure: -(figure.value or 0.0))
 
 
-def _active(muscles: _Muscles, note: str, brief: bool = False) -> list[Figure]:
-    table, columns = verdict_table(), muscles.columns
-    a = columns.values
+def _active(columns: Columns, note: str, brief: bool = False) -> list[Figure]:
+    table, a = verdict_table(), columns.values
     if not a.size or not np.isfinite(a).any():
         return []
     largest = np.nanmax(np.where(np.isfinite(a), a, -np.inf), axis=0)
     strongest = columns.names[int(np.argmax(largest))]
-    found = [Figure("muscles", "largest activation", float(largest.max()), "1", f"{strongest}; {note}")]
+    figures = [Figure("muscles", "largest activation", float(largest.max()), "1", f"{strongest}; {note}")]
     if brief:
-        return found
+        return figures
     known = np.isfinite(a).any(axis=1)
     highest = np.nanmax(a[known], axis=1)
-    found.append(Figure("muscles", "mean activation of all muscles", float(np.nanmean(a)), "1", note))
+    figures.append(Figure("muscles", "mean activation of all muscles", float(np.nanmean(a)), "1", note))
     for name in ("active", "very_active"):
         level = table.values[name]
         share = float(np.mean(highest > level.value))
         label = f"share of time with a muscle above {level.value:g}"
-        found.append(Figure("muscles", label, share, "1", f"{table.mark_of(level)}; {note}"))
-    return found
+        figures.append(Figure("muscles", label, share, "1", f"{table.mark_of(level)}; {note}"))
+    return figures
 
 
 def _contact(contact: Mapping[str, FloatArray], how: str) -> list[Figure]:
     """Return figures of contact force magnitudes by joint centre, shape (n,) each [N]; NaN: not known."""
-    found = []
+    figures = []
     for joint, force in contact.items():
         size = force[np.isfinite(force)]
         if len(size):
             note = f"mean {size.mean():.0f} N; {how}, {MODEL}"
-            found.append(Figure("joint load", f"largest contact force in {joint}", float(size.max()), "N", note))
-    return found
+            figures.append(Figure("joint load", f"largest contact force in {joint}", float(size.max()), "N", note))
+    return figures
 
 
-def _computed(person: Person | None) -> tuple[_Muscles, _Muscles] | None:
-    """Return the muscles of a simulated human with known body and grips: as modelled, and weaker ones."""
+def _computed(person: Person | None) -> tuple[Columns, Columns, Mapping[str, FloatArray]] | None:
+    """Return the muscles of a simulated human with known body and grips: as modelled, weaker ones, and contact forces.
+
+    Contact forces are magnitudes in each joint centre as modelled, shape (n,) [N].
+    """
     if person is None or person.settings is None or person.record is None:
         return None
     record = person.record
     try:
-        own, factor = person.settings.muscles, verdict_table()["weak_shoulder"]
-        anatomy = find(own.anatomy, "human.muscles.anatomy")
+        muscles, factor = person.settings.muscles, verdict_table()["weak_shoulder"]
+        anatomy = find(muscles.anatomy, "human.muscles.anatomy")
         root = person.settings.root(person.body)
-        as_modelled = _over(person, record, anatomy, root, own.strength)
-        return as_modelled, _over(person, record, anatomy, root, factor * own.strength)
+        modelled, contact = _over(person, record, anatomy, root, muscles.strength)
+        return modelled, _over(person, record, anatomy, root, factor * muscles.strength)[0], contact
     except HricError:  # too short a motion, a body without arms, an anatomy that no longer exists
         return None
 
 
-def _over(person: Person, record: HumanRecord, anatomy: Anatomy, root: Pose, strength: float) -> _Muscles:
-    found: list[MuscleLoad] = []
+def _over(
+    person: Person, record: HumanRecord, anatomy: Anatomy, root: Pose, strength: float
+) -> tuple[Columns, Mapping[str, FloatArray]]:
+    """Return the activation of the muscles, without joint actuators, and the contact forces in the joint centres."""
+    pieces: list[MuscleLoad] = []
     begin = float(record.time[0])
-    while begin < record.time[-1] - OVERLAP or not found:
+    while begin < record.time[-1] - OVERLAP or not pieces:
         rows = (record.time >= begin - OVERLAP) & (record.time <= begin + PIECE + OVERLAP)
         part = replace(record, time=record.time[rows], position=record.position[rows])
         motion, moved = motion_of(part, list(person.body.joints), root, CUTOFF, RATE)
@@ -183,12 +178,12 @@ def _over(person: Person, record: HumanRecord, anatomy: Anatomy, root: Pose, str
         if not isinstance(moved, Pose):
             moved = RootMotion(*(values[kept] for values in moved))
         acting = grip_loads(record.grips.values(), motion.time)
-        found.append(load_of(person.body, anatomy, moved, motion, acting, strength))
+        pieces.append(load_of(person.body, anatomy, moved, motion, acting, strength))
         begin += PIECE
-    muscles = np.flatnonzero(found[0].is_muscle)
-    names = tuple(found[0].names[k] for k in muscles)
-    time = np.concatenate([one.time for one in found])
-    values = np.concatenate([one.activation[:, muscles] for one in found])
-    sizes = [{name: np.linalg.norm(force, axis=1) for name, force in one.contact.items()} for one in found]
-    contact = {name: np.concatenate([one[name] for one in sizes]) for name in sizes[0]}
-    return _Muscles(Columns("computed", names, time, values), contact)
+    muscles = np.flatnonzero(pieces[0].is_muscle)
+    names = tuple(pieces[0].names[k] for k in muscles)
+    time = np.concatenate([piece.time for piece in pieces])
+    values = np.concatenate([piece.activation[:, muscles] for piece in pieces])
+    sizes = [{name: np.linalg.norm(force, axis=1) for name, force in piece.contact.items()} for piece in pieces]
+    contact = {name: np.concatenate([piece[name] for piece in sizes]) for name in sizes[0]}
+    return Columns("computed", names, time, values), contact

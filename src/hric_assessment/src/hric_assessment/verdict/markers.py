@@ -50,7 +50,7 @@ def of_c3d(path: Path) -> Recording:
     )
 
 
-def of_frames(bag: Path, found: Recording, settings: PersonSettings) -> tuple[Columns, Tracked] | None:
+def of_frames(bag: Path, signals: Recording, settings: PersonSettings) -> tuple[Columns, Tracked] | None:
     """Return joints and root from motion capture frames in a bag; None: the markers are not in it."""
     body, calibrated = settings.known()
     tracker, rows = PersonTracker(body, settings.worn), MarkerRows(settings.worn, settings.labels, settings.asset)
@@ -63,7 +63,7 @@ def of_frames(bag: Path, found: Recording, settings: PersonSettings) -> tuple[Co
                 if thinning.due(connection.topic, raw):
                     message = reader.deserialize(raw, connection.msgtype)
                     frame[0] = str(message.header.frame_id).strip("/")
-                    yield found.robot_time(seconds(message.header.stamp)), rows.positions(message)
+                    yield signals.robot_time(seconds(message.header.stamp)), rows.positions(message)
 
         states, root = tracked(frames(), tracker, "markers", lambda: frame[0], calibrated)
     return (states, root) if len(states.time) else None
@@ -84,14 +84,14 @@ def tracked(
     body: Body = tracker.body
     times, angles, roots, residuals = list[float](), list[FloatArray](), list[list[float]](), list[float]()
     for time, positions in frames:
-        one = tracker.update(time, positions)
-        if one is None:
+        estimate = tracker.update(time, positions)
+        if estimate is None:
             continue
         times.append(time)
-        angles.append(np.where(np.array(one.states) == LOST, np.nan, one.q))
+        angles.append(np.where(np.array(estimate.states) == LOST, np.nan, estimate.q))
         nowhere: Any = [np.nan] * 7
-        roots.append(nowhere if one.root_state == LOST else [*one.root.position, *one.root.orientation])
-        residuals.append(one.residual)
+        roots.append(nowhere if estimate.root_state == LOST else [*estimate.root.position, *estimate.root.orientation])
+        residuals.append(estimate.residual)
     n, time_of = len(times), np.array(times)
     q = np.array(angles).reshape(n, len(body.joints))
     states = Columns(f"{name}/joint_states", tuple(body.joints), time_of, q)

@@ -1,15 +1,17 @@
 """Worst moment of a recording: capsules of arm and person at one instant, as data and as a picture."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated
 from xml.sax.saxutils import escape
 
 import numpy as np
 
-from hric_assessment.separation.capsules import Capsules, distances, of_body
-from hric_assessment.separation.links import CapsuleMotion, capsules_of, moved_by
+from hric_assessment.findings import BoolArray, Finding
+from hric_assessment.separation.capsules import CapsuleMotion, Capsules, capsules_of, distances, moved_by, of_body
+from hric_assessment.typed_json import Content
 from hric_assessment.verdict.conclusions import BY_DEFAULT, CONTACT, ORDER, OUTCOMES, POSTURE, Conclusion, Reply
-from hric_assessment.verdict.given import Given
+from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.person import Person
 from hric_core import urdf
 from hric_core.geometry import FloatArray
@@ -24,24 +26,58 @@ ROBOT, PERSON, MARKS = "#8fa3b8", "#d9b48f", {"no": "#b3261e", "unknown": "#7a3f
 """Colours; deciding capsules have the colour of the reply, green for yes."""
 
 
-def moment(given: Given, people: Sequence[Person], conclusions: Sequence[Conclusion]) -> dict[str, Any] | None:
-    """Return arm and person at the worst moment, as in the JSON; None: no position is known.
+@dataclass(frozen=True)
+class PlacedCapsule:
+    """Capsule of a link in the world; decides: it belongs to the pair, or the arm, that decides."""
+
+    link: str
+    ends: Annotated[
+        Sequence[Annotated[Sequence[float], ("minItems", 3), ("maxItems", 3)]],
+        "of the straight part, in the world [m]",
+        ("minItems", 2),
+        ("maxItems", 2),
+    ]
+    radius: Annotated[float, "[m]"]
+    decides: Annotated[bool, "of the pair, or the arm, that decides"]
+
+
+@dataclass(frozen=True)
+class Moment:
+    """Arm and person at an instant, with the conclusion about it; time: robot time [s]."""
+
+    time: float
+    question: Annotated[str, ("enum", BY_DEFAULT)]
+    reply: Annotated[Reply, ("enum", ("yes", "warning", "no", "unknown"))]
+    subject: str
+    arm: Sequence[PlacedCapsule]
+    person: Sequence[PlacedCapsule]
+
+    @classmethod
+    def of(cls, content: Content) -> "Moment":
+        """Return the moment that a verdict.json has."""
+        capsules = {model: [PlacedCapsule(**item) for item in content[model]] for model in ("arm", "person")}
+        return cls(**{**content, **capsules})
+
+
+def moment(
+    source: AssessmentInput, people: Sequence[Person], conclusions: Sequence[Conclusion], findings: Sequence[Finding]
+) -> Moment | None:
+    """Return arm and person at the worst moment; None: no position is known.
 
     It is that of the finding above its limit, otherwise of the worst contact or distance, otherwise of the posture.
 
     Args:
-        given: the recording.
+        source: the recording.
         people: persons of the recording.
         conclusions: conclusions about all questions.
+        findings: findings to which the conclusions refer.
     """
-    shown = [one for one in conclusions if one.question in BY_DEFAULT and one.finding and one.finding.window]
-    shown = [one for one in shown if one.question != CONTACT or (one.finding and one.finding.regions)]
-    if not shown or not people:
+    decisive = _decisive(conclusions, findings)
+    if decisive is None or not people:
         return None
-    conclusion = min(shown, key=lambda one: (one.reply != Reply.NO, one.question == POSTURE, _severity(one)))
-    assert conclusion.finding is not None and conclusion.finding.window is not None
-    person = next((one for one in people if one.name == conclusion.person), people[0])
-    begin, end = np.clip(conclusion.finding.window, person.time[0], person.time[-1]).tolist()
+    conclusion, regions, window = decisive
+    person = next((person for person in people if person.name == conclusion.person), people[0])
+    begin, end = np.clip(window, person.time[0], person.time[-1]).tolist()
     time = np.linspace(begin, end, INSTANTS)
     body, arm = of_body(person.body), Capsules((), np.empty((0, 2, 3)), np.empty(0))
     root = None if person.root is None else person.root.transforms
@@ -49,31 +85,40 @@ def moment(given: Given, people: Sequence[Person], conclusions: Sequence[Conclus
     ends = CapsuleMotion(urdf.read(person.body.urdf), body, person.names, person.time, q, root)(time)
     if not np.isfinite(ends).all():
         return None
-    log, at = given.recording.log, 0
+    log, at = source.recording.log, 0
     marked: tuple[list[int], list[int]] = [], _of_arm(person, conclusion)
     arm_ends = np.empty((len(time), 0, 2, 3))
-    if log is not None and given.description and root is not None:
-        tree = urdf.read(given.description)
+    if log is not None and source.description and root is not None:
+        tree = urdf.read(source.description)
         arm, _ = capsules_of(tree, moved_by(tree, log.joint_names))
         arm_ends = CapsuleMotion(tree, arm, log.joint_names, log.time, log.position)(time) if arm.links else arm_ends
     if arm.links and conclusion.question != POSTURE:
         gaps = distances(arm_ends, arm.radii, ends, body.radii)
-        gaps[:, :, ~_concerned(person, body, conclusion)] = np.inf
+        gaps[:, :, ~_concerned(person, body, regions)] = np.inf
         at, first, second = (int(k) for k in np.unravel_index(int(np.argmin(gaps)), gaps.shape))
         marked = [first], [second]
-    return {
-        "time": float(time[at]),
-        "question": conclusion.question,
-        "reply": str(conclusion.reply),
-        "subject": conclusion.subject,
-        "arm": _listed(arm, arm_ends[at], marked[0]),
-        "person": _listed(body, ends[at], marked[1]),
-    }
+    capsules = _listed(arm, arm_ends[at], marked[0]), _listed(body, ends[at], marked[1])
+    return Moment(float(time[at]), conclusion.question, conclusion.reply, conclusion.subject, *capsules)
 
 
-def _severity(conclusion: Conclusion) -> int:
-    """Return the rank of a reply, from the worst on."""
-    return ORDER.index(OUTCOMES[conclusion.reply])
+def _decisive(
+    conclusions: Sequence[Conclusion], findings: Sequence[Finding]
+) -> tuple[Conclusion, Sequence[str], tuple[float, float]] | None:
+    """Return the worst conclusion that has a place and a time, with regions of a contact and window; None: none has."""
+    pairs = [(item, findings[item.finding]) for item in conclusions if item.finding is not None]
+    placed = [
+        (conclusion, finding.regions if conclusion.question == CONTACT else (), window)
+        for conclusion, finding in pairs
+        if conclusion.question in BY_DEFAULT and (window := finding.window)
+        if conclusion.question != CONTACT or finding.regions
+    ]
+    return min(placed, key=lambda item: _rank(item[0]), default=None)
+
+
+def _rank(conclusion: Conclusion) -> tuple[bool, bool, int]:
+    """Return the sort key of a conclusion, from the worst on."""
+    severity = ORDER.index(OUTCOMES[conclusion.reply])
+    return conclusion.reply != Reply.NO, conclusion.question == POSTURE, severity
 
 
 def _of_arm(person: Person, conclusion: Conclusion) -> list[int]:
@@ -83,26 +128,25 @@ def _of_arm(person: Person, conclusion: Conclusion) -> list[int]:
     return [k for k, name in enumerate(person.body.segments) if name in arm and conclusion.question == POSTURE]
 
 
-def _concerned(person: Person, body: Capsules, conclusion: Conclusion) -> np.ndarray[Any, np.dtype[np.bool_]]:
-    """Return a mask of the capsules in the regions of a contact; for other findings all."""
-    regions = conclusion.finding.regions if conclusion.question == CONTACT and conclusion.finding else ()
-    own = {link: {region.name for region in of_link} for link, of_link in person.body.regions.items()}
-    concerned = np.array([bool(own.get(link, set()) & set(regions)) for link in body.links])
+def _concerned(person: Person, body: Capsules, regions: Sequence[str]) -> BoolArray:
+    """Return a mask of the capsules in some regions; without any of them all."""
+    of_link = person.body.regions
+    concerned = np.array([any(region.name in regions for region in of_link.get(link, ())) for link in body.links])
     return concerned if concerned.any() else np.ones(len(body.links), dtype=bool)
 
 
-def _listed(capsules: Capsules, ends: FloatArray, marked: Sequence[int]) -> list[dict[str, Any]]:
-    """Return capsules as in the JSON; ends: in the world, shape (k, 2, 3) [m]; marked: indices of deciding capsules."""
+def _listed(capsules: Capsules, ends: FloatArray, marked: Sequence[int]) -> list[PlacedCapsule]:
+    """Return capsules in the world; ends: shape (k, 2, 3) [m]; marked: indices of deciding capsules."""
     rows = zip(capsules.links, np.round(ends, 4).tolist(), np.round(capsules.radii, 4).tolist(), strict=True)
-    return [{"link": row[0], "ends": row[1], "radius": row[2], "decides": k in marked} for k, row in enumerate(rows)]
+    return [PlacedCapsule(*row, k in marked) for k, row in enumerate(rows)]
 
 
-def picture(scene: Mapping[str, Any]) -> str:
-    """Return an SVG of arm and person, seen across the line between them; scene: result of `moment`."""
-    arm, person = scene["arm"], scene["person"]
+def picture(scene: Moment) -> str:
+    """Return an SVG of arm and person, seen across the line between them."""
+    arm, person = scene.arm, scene.person
     capsules = [*arm, *person]
-    flat = np.array([one["ends"] for one in capsules]) @ _view(arm, person).T
-    radii = np.array([one["radius"] for one in capsules])
+    flat = np.array([capsule.ends for capsule in capsules]) @ _view(arm, person).T
+    radii = np.array([capsule.radius for capsule in capsules])
     low, high = ((flat[..., :2] + side * radii[:, None, None]) for side in (-1.0, 1.0))
     left, bottom = low.min(axis=(0, 1))
     right, top = high.max(axis=(0, 1))
@@ -110,19 +154,19 @@ def picture(scene: Mapping[str, Any]) -> str:
     height = HEAD + scale * (top - bottom) + 2.0 * MARGIN
     flat[..., 0] = 0.5 * WIDTH + scale * (flat[..., 0] - 0.5 * (left + right))
     flat[..., 1] = height - MARGIN - scale * (flat[..., 1] - bottom)
-    mark = MARKS.get(scene["reply"], "#2c8f52")
+    mark = MARKS.get(scene.reply, "#2c8f52")
     drawn = []
     for k in np.argsort(flat[..., 2].mean(axis=1)):
-        fill = mark if capsules[k]["decides"] else ROBOT if k < len(arm) else PERSON
-        drawn.append(_capsule(flat[k], 2.0 * scale * radii[k], fill, capsules[k]["link"]))
-    key = [("robot", ROBOT), ("person", PERSON), (f"decides: {scene['reply']}", mark)][0 if arm else 1 :]
+        fill = mark if capsules[k].decides else ROBOT if k < len(arm) else PERSON
+        drawn.append(_capsule(flat[k], 2.0 * scale * radii[k], fill, capsules[k].link))
+    key = [("robot", ROBOT), ("person", PERSON), (f"decides: {scene.reply}", mark)][0 if arm else 1 :]
     words = "".join(
         f'<circle cx="{MARGIN + 90 * k:g}" cy="12" r="6" fill="{fill}"/>'
         f'<text x="{MARGIN + 10 + 90 * k:g}" y="16" font-size="12" fill="currentColor">{escape(word)}</text>'
         for k, (word, fill) in enumerate(key)
     )
     bar = 0.5 if scale < 0.5 * WIDTH else 0.1
-    label = f"arm and person at {scene['time']:.3f} s: {scene['subject']}"
+    label = f"arm and person at {scene.time:.3f} s: {scene.subject}"
     return (
         f'<svg class="moment" xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH:g} {height:.0f}" role="img">'
         f"<title>{escape(label)}</title>{''.join(drawn)}{words}"
@@ -132,9 +176,9 @@ def picture(scene: Mapping[str, Any]) -> str:
     )
 
 
-def _view(arm: Sequence[Mapping[str, Any]], person: Sequence[Mapping[str, Any]]) -> FloatArray:
+def _view(arm: Sequence[PlacedCapsule], person: Sequence[PlacedCapsule]) -> FloatArray:
     """Return the view axes right (from arm to person), up, and towards the viewer as rows, shape (3, 3)."""
-    middles = [np.mean([one["ends"] for one in model], axis=(0, 1))[:2] for model in (arm, person) if model]
+    middles = [np.mean([capsule.ends for capsule in model], axis=(0, 1))[:2] for model in (arm, person) if model]
     between = middles[-1] - middles[0] if len(middles) == 2 else np.array([1.0, 0.0])
     x, y = between / max(float(np.linalg.norm(between)), 1e-9)
     right, viewer = np.array([x, y, 0.0]), np.array([np.cos(TILT) * y, -np.cos(TILT) * x, np.sin(TILT)])

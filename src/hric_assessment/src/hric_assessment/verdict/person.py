@@ -1,10 +1,13 @@
 """Persons of a recording and their motion."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from hric_assessment.verdict.given import Given
+from hric_assessment.typed_json import Content
+from hric_assessment.verdict.inputs import AssessmentInput
 from hric_bags.records.human_record import HumanRecord
 from hric_bags.records.recording import Tracked
 from hric_bags.records.root_record import RootRecord
@@ -18,6 +21,16 @@ from hric_perception.person.settings import PersonSettings
 ROOT_FRAME = "human_base"
 BEYOND = np.radians(30.0)
 """Angle beyond the range of a joint from which on the joint is not known [rad] (project default, unconfirmed)."""
+
+
+@dataclass(frozen=True)
+class PersonSummary:
+    """Description of a person: what was recorded, code of the subject, mass [kg] and height [m]."""
+
+    what: str
+    code: str
+    mass: Annotated[float, "[kg]"]
+    height: Annotated[float, "[m]"]
 
 
 @dataclass(frozen=True)
@@ -61,21 +74,21 @@ class Person:
         """Sides of the arms whose elbow is known."""
         return tuple(side for side in ("right", "left") if f"{side}_el_flex" in self.names)
 
-    def about(self) -> dict[str, object]:
-        """Return the description of the person for the JSON."""
+    def summary(self) -> PersonSummary:
+        """Return the description of the person for the verdict."""
         subject = self.body.subject
-        return {"what": self.what, "code": subject.code, "mass": float(subject.mass), "height": float(subject.height)}
+        return PersonSummary(self.what, subject.code, float(subject.mass), float(subject.height))
 
 
-def people_of(given: Given) -> list[Person]:
+def people_of(source: AssessmentInput) -> list[Person]:
     """Return the simulated persons with joint states, and the tracked ones.
 
     A tracked person is left out if the emulated cameras of the run track the simulated one.
     """
-    people = [_simulated(given, record) for record in given.recording.humans.values() if len(record.time)]
-    if people and (given.definition.get("mocap") or {}).get("human"):
+    people = [_simulated(source, record) for record in source.recording.humans.values() if len(record.time)]
+    if people and (source.definition.get("mocap") or {}).get("human"):
         return people
-    return people + [_other(given, topic) for topic in given.recording.people]
+    return people + [_other(source, topic) for topic in source.recording.people]
 
 
 def known_angles(body: Body, names: tuple[str, ...], q: FloatArray) -> FloatArray:
@@ -86,30 +99,31 @@ def known_angles(body: Body, names: tuple[str, ...], q: FloatArray) -> FloatArra
         return np.where((q >= lower - BEYOND) & (q <= upper + BEYOND), q, np.nan)
 
 
-def body_of(given: Given, record: HumanRecord) -> Body | None:
+def body_of(source: AssessmentInput, record: HumanRecord) -> Body | None:
     """Return the body of a simulated person; None: neither the run nor joint states define it."""
-    section = given.definition.get("human")
-    if section is not None:
-        return describe(HumanSettings.of(section, "human").person)
-    if not record.joints:
-        return None
-    return describe(HumanSettings.of({"parts": _parts(record.joints)}, "human").person)
+    section = source.definition.get("human")
+    return None if section is None and not record.joints else describe(_settings(section, record.joints).person)
 
 
-def _simulated(given: Given, record: HumanRecord) -> Person:
-    section, assumptions = given.definition.get("human"), []
-    if section is None:
-        parts = _parts(record.joints)
-        assumptions.append(f"whose body it was is not known: taken as that of {HumanSettings().subject.code}, {parts}")
-        settings = HumanSettings.of({"parts": parts}, "human")
-    else:
-        settings = HumanSettings.of(section, "human")
+def _settings(section: Content | None, joints: Sequence[str]) -> HumanSettings:
+    """Return the settings of a section `human`; without one those of the default subject with some joints."""
+    return HumanSettings.of({"parts": _parts(joints)} if section is None else section, "human")
+
+
+def _assumed(body: Body, joints: Sequence[str]) -> str:
+    """Return the assumption about the body of a person whom nothing describes."""
+    return f"whose body it was is not known: taken as that of {body.subject.code}, {_parts(joints)}"
+
+
+def _simulated(source: AssessmentInput, record: HumanRecord) -> Person:
+    section = source.definition.get("human")
+    settings = _settings(section, record.joints)
     body = describe(settings.person)
     root = record.root
     if root is None and settings.walk is None:
-        where = settings.root(body) if section is not None else _placed(given, record.name)
+        where = settings.root(body) if section is not None else _placed(source, record.name)
         root = None if where is None else RootRecord.still(where)
-    own = tuple(f"{record.name}/{end}" for end in ("joint_states", "joint_torque", "root"))
+    topics = tuple(f"{record.name}/{end}" for end in ("joint_states", "joint_torque", "root"))
     return Person(
         "simulated human",
         body,
@@ -118,39 +132,37 @@ def _simulated(given: Given, record: HumanRecord) -> Person:
         known_angles(body, record.joints, record.position),
         root,
         root,
-        tuple(topic for topic in given.recording.topics if topic in own),
-        tuple(assumptions),
+        tuple(topic for topic in source.recording.topics if topic in topics),
+        () if section is not None else (_assumed(body, record.joints),),
         settings if section is not None else None,
         name=record.name,
         record=record,
     )
 
 
-def _placed(given: Given, name: str) -> Pose | None:
+def _placed(source: AssessmentInput, name: str) -> Pose | None:
     """Return the pose of a root link from a static transform from the world; name: namespace of the person.
 
     The frame is `human_base` below the name of the person; without a name it is that of `human`, or of the only person.
     """
     frames = [f"{name.rpartition('/')[2]}/{ROOT_FRAME}"]
-    frames += [ROOT_FRAME] if name.endswith("/human") or len(given.recording.humans) == 1 else []
-    return next((pose for frame in frames if (pose := given.recording.static.get(("world", frame)))), None)
+    frames += [ROOT_FRAME] if name.endswith("/human") or len(source.recording.humans) == 1 else []
+    return next((pose for frame in frames if (pose := source.recording.static.get(("world", frame)))), None)
 
 
-def _other(given: Given, topic: str) -> Person:
-    states, name = given.recording.people[topic], topic.rpartition("/")[0]
+def _other(source: AssessmentInput, topic: str) -> Person:
+    states, name = source.recording.people[topic], topic.rpartition("/")[0]
     beside = f"{name}/tracking"
-    tracked = given.recording.tracked.get(beside)
-    section, assumptions = given.definition.get("person"), []
+    tracked = source.recording.tracked.get(beside)
+    section, assumptions = source.definition.get("person"), []
     if section is None:
-        parts = _parts(states.names)
-        settings = HumanSettings.of({"parts": parts}, "person")
-        body = describe(settings.person)
-        assumptions.append(f"whose body it was is not known: taken as that of {body.subject.code}, {parts}")
+        body = describe(_settings(None, states.names).person)
+        assumptions.append(_assumed(body, states.names))
     else:
         body, calibrated = PersonSettings.of(section, "person").known()
         if not calibrated:
             assumptions.append("the body was not fitted to the person in a still pose: lengths are those of the file")
-    frame = None if tracked is None else _markers_frame(given, tracked.frame)
+    frame = None if tracked is None else _markers_frame(source, tracked.frame)
     attitude = None if tracked is None else _root(tracked, frame or Pose())
     if tracked is not None and attitude is not None and frame is None:
         assumptions.append(f"where the frame {tracked.frame} of the markers is, is not known: its z is taken as up")
@@ -188,18 +200,18 @@ def _root(tracked: Tracked, T_frame_markers: Pose) -> RootRecord | None:
     return RootRecord(tracked.time[known], np.array([[*pose.position, *pose.orientation] for pose in poses]))
 
 
-def _markers_frame(given: Given, frame: str) -> Pose | None:
+def _markers_frame(source: AssessmentInput, frame: str) -> Pose | None:
     """Return T_world_markers, from a fixed link of the robot or a static transform; None: not known."""
-    if given.description:
-        tree = urdf.read(given.description)
+    if source.description:
+        tree = urdf.read(source.description)
         root, T_root_link = tree.rigid_groups().get(frame, ("", np.eye(4)))
         if root == tree.root:
             x, y, z = T_root_link[:3, 3].tolist()
             return Pose((x, y, z), quaternion_from_rotation(T_root_link[:3, :3]))
-    return given.recording.static.get(("world", frame))
+    return source.recording.static.get(("world", frame))
 
 
-def _parts(names: tuple[str, ...]) -> str:
+def _parts(names: Sequence[str]) -> str:
     """Return the smallest choice of body parts that has all of these joints."""
     if any(name.endswith("knee_flex") for name in names):
         return "whole_body"

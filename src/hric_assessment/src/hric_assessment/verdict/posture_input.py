@@ -7,7 +7,7 @@ import numpy as np
 
 from hric_assessment.ergonomics import use
 from hric_assessment.ergonomics.posture import ANGLES, MIDDLE, SAME, Posture, Task, of_joints, to_vertical
-from hric_assessment.evidence import finite_rows, unknown
+from hric_assessment.findings import finite_rows, unknown
 from hric_assessment.tables import PostureTable, verdict_table
 from hric_assessment.verdict.person import Person
 from hric_bags.records.human_record import HumanRecord

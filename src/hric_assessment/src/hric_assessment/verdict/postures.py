@@ -1,29 +1,26 @@
-"""Findings of postures: RULA and REBA of each arm over the recording.
+"""Findings of postures: scores of each arm by all methods over the recording.
 
 If uncertain angles allow several scores, the worst one decides. A finding is "within limits", or a warning, only if it
 would be so with the worst values of all unknown angles and times.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
+from types import MappingProxyType
 
 import numpy as np
 
-from hric_assessment.ergonomics import reba, rula
 from hric_assessment.ergonomics.posture import ANGLES, Posture
-from hric_assessment.ergonomics.scoring import IntArray, Scores, needed
-from hric_assessment.evidence import BoolArray, Evidence
-from hric_assessment.findings import Finding, Outcome
-from hric_assessment.tables import PostureTable, VerdictTable, reba_table, rula_table, verdict_table
+from hric_assessment.ergonomics.scoring import IntArray, PostureMethod, Scores, methods, needed
+from hric_assessment.findings import POSTURE, BoolArray, Evidence, Finding, Outcome
+from hric_assessment.tables import PostureTable, ValueTable, verdict_table
 from hric_assessment.verdict.person import Person
 from hric_assessment.verdict.posture_input import posture_of, spread_of, task_of
-from hric_assessment.verdict.result import thinned
+from hric_assessment.verdict.result import ScoreCurve, thinned
 from hric_bags.records.human_record import HumanRecord
 from hric_core.geometry import FloatArray
 
-GROUP = "posture"
 UNSEEN = ("shoulder_elevation",)
 """Angles without a joint in any body model; they do not make a verdict not assessable."""
 CURVES = ("score", "stricter", "looser")
@@ -35,16 +32,16 @@ RECORD_ROOT = (
     "human_base), or assess the run folder"
 )
 
-
 AT_WORST = "it can be up to"
 """Words of a reason that introduce the score with the worst values of all unknowns."""
 
 
 @dataclass(frozen=True)
-class Scored:
+class ArmScores:
     """Scores of one arm over time.
 
     Attributes:
+        key: key of the method, see `methods`.
         side: side of the arm.
         time: shape (n,) [s].
         scores: scores with each unknown angle where it scores least.
@@ -54,6 +51,7 @@ class Scored:
         evidence: time for which all other angles are known.
     """
 
+    key: str
     side: str
     time: FloatArray
     scores: Scores
@@ -77,54 +75,54 @@ class Scored:
         seconds = verdict_table()["lasting"] - (self.evidence.requested - self.evidence.known)
         return lasting(self.time, self.worst, seconds) if seconds > 0.0 else int(list(self.scores.table.levels)[-1])
 
-    def timeline(self) -> dict[str, Any]:
-        """Return the curves for the JSON."""
-        curves = {name: getattr(self.scores, name) for name in CURVES}
-        rows = thinned(self.time, *(curve.astype(np.float64) for curve in curves.values()))
-        shown = {name: curve[rows].tolist() for name, curve in curves.items()}
-        return {"side": self.side, "time": self.time[rows].tolist(), **shown}
+    def timeline(self) -> ScoreCurve:
+        """Return the curves for the verdict."""
+        curves = [getattr(self.scores, name) for name in CURVES]
+        rows = thinned(self.time, *(curve.astype(np.float64) for curve in curves))
+        return ScoreCurve(self.side, self.time[rows].tolist(), *(curve[rows].tolist() for curve in curves))
 
 
 def scored(
-    person: Person, record: HumanRecord | None, window: tuple[float, float], version: str = rula.VERSIONS[0]
-) -> Iterator[Scored]:
-    """Yield RULA and REBA of each arm, one at a time since each takes some 100 MB an hour; none without an instant.
+    person: Person,
+    record: HumanRecord | None,
+    window: tuple[float, float],
+    versions: Mapping[str, str] = MappingProxyType({}),
+) -> Iterator[ArmScores]:
+    """Yield the scores of each arm by each method, one at a time since each takes some 100 MB an hour.
 
     Args:
-        person: the person.
+        person: the person; without an instant nothing is yielded.
         record: grips of a simulated human; None: not recorded.
         window: start and end of the recording [s].
-        version: version of RULA's table A.
+        versions: versions of the tables, see `Choices`.
     """
     for side in person.sides if len(person.time) else ():
-        for table in (rula_table(), reba_table()):
-            yield _scored(table, person, record, side, window, version)
+        for key, method in methods().items():
+            yield _scored(key, method, person, record, side, window, versions.get(key, ""))
 
 
 def _scored(
-    table: PostureTable,
+    key: str,
+    method: PostureMethod,
     person: Person,
     record: HumanRecord | None,
     side: str,
     window: tuple[float, float],
     version: str,
-) -> Scored:
-    posture, vertical = posture_of(person, side)
+) -> ArmScores:
+    (posture, vertical), table = posture_of(person, side), method.table()
     task = task_of(person, record, posture, side, table)
     unknown, known = _known(posture, table, len(person.time))
     if task.load is not None:
         known &= np.isfinite(task.load)
-
-    def score(spread: dict[str, float]) -> Scores:
-        if table is rula_table():
-            return rula.score(posture, task, version, spread=spread)
-        return reba.score(posture, task, spread=spread)
-
-    spread = spread_of(person, side)
-    scores, open_ended = _bridged(score(spread), known), (*unknown, *(() if vertical else INCLINATION))
-    worst = _bridged(score(spread | dict.fromkeys(open_ended, np.inf)), known).highest if open_ended else scores.highest
+    spread, open_ended = spread_of(person, side), (*unknown, *(() if vertical else INCLINATION))
+    scores = _bridged(method.score(posture, task, version, spread), known)
+    worst = scores.highest
+    if open_ended:
+        spread = spread | dict.fromkeys(open_ended, np.inf)
+        worst = _bridged(method.score(posture, task, version, spread), known).highest
     evidence = Evidence.of(person.time, known, window, verdict_table()["max_gap"])
-    return Scored(side, person.time, scores, worst, tuple(unknown), vertical, evidence)
+    return ArmScores(key, side, person.time, scores, worst, tuple(unknown), vertical, evidence)
 
 
 def _bridged(scores: Scores, known: BoolArray) -> Scores:
@@ -172,9 +170,9 @@ def _periods(time: FloatArray) -> FloatArray:
     return np.gradient(time) if len(time) > 1 else np.zeros(len(time))
 
 
-def posture_finding(arm: Scored, person: Person) -> Finding:
+def posture_finding(arm: ArmScores, person: Person) -> Finding:
     """Return the finding of the scores of one arm."""
-    outcome, reason = _judged(arm, verdict_table())
+    outcome, reason = _judged(arm)
     remedies = [RECORD_JOINTS] * bool(arm.unknown) + [RECORD_ROOT] * arm.lacks_root
     if arm.evidence.shortfall:
         remedies.append(f"record the joint states all the time, without gaps above {arm.evidence.max_gap:g} s")
@@ -189,22 +187,22 @@ def posture_finding(arm: Scored, person: Person) -> Finding:
         person.signals,
         (*(f"the angle {name}" for name in arm.unknown), *["inclination of the trunk"] * arm.lacks_root),
         _notes(arm, verdict_table()),
-        GROUP,
+        group=POSTURE,
         evidence=arm.evidence,
         remedy="; ".join(remedies) if AT_WORST in reason else "",
     )
 
 
-def _judged(arm: Scored, table: VerdictTable) -> tuple[Outcome, str]:
-    name = arm.scores.table.title.lower()
-    within, warning = (table.values[f"{name}_{level}"] for level in ("within", "warning"))
+def _judged(arm: ArmScores) -> tuple[Outcome, str]:
+    table = arm.scores.table
+    within, warning = table.within, table.warning
 
     def graded(score: int) -> Outcome:
         return Outcome.ABOVE if score > warning.value else Outcome.WARNING if score > within.value else Outcome.WITHIN
 
     better, counts, worst = arm.lasting("lowest"), arm.lasting("highest"), arm.worst_lasting
     band = "" if better == counts else f"{better} to "
-    reason = f"score {band}{counts}: {arm.scores.table.level(counts)}"
+    reason = f"score {band}{counts}: {table.level(counts)}"
     if band:
         reason += f", decided by {', '.join(arm.scores.uncertain(_first(arm)))}"
     reason += f"; up to {within.value:g} is within limits, up to {warning.value:g} a warning ({table.mark_of(within)})"
@@ -218,7 +216,7 @@ def _judged(arm: Scored, table: VerdictTable) -> tuple[Outcome, str]:
     return outcome, f"{reason}; {AT_WORST} {worst}: {'; '.join(lacks)}"
 
 
-def _notes(arm: Scored, table: VerdictTable) -> tuple[str, ...]:
+def _notes(arm: ArmScores, table: ValueTable) -> tuple[str, ...]:
     scale = arm.scores.table
     trunk = "to the vertical" if arm.vertical else "to the pelvis, whose inclination is not known"
     static = f"range of angles up to {table['held']:g} deg for more than {scale.static_time:g} s"
@@ -227,18 +225,18 @@ def _notes(arm: Scored, table: VerdictTable) -> tuple[str, ...]:
     chosen = (f"{name} {threshold.value:g} deg" for name, threshold in scale.chosen.items())
     return (
         f"counts: the highest score that is reached for {table['lasting']:g} s, all stretches together "
-        f"({table.mark_of(table.lasting)}); at its first instant: "
+        f"({table.value_mark('lasting')}); at its first instant: "
         f"{'; '.join(arm.scores.reasons(_first(arm))) or 'nothing adds to it'}",
-        f"angles are rounded to {table['angle']:g} deg ({table.mark_of(table.angle)}): no body is known better",
+        f"angles are rounded to {table['angle']:g} deg ({table.value_mark('angle')}): no body is known better",
         f"inclination of the trunk: {trunk}; of the neck: to the trunk",
         f"static use: {static}; repeated use: there and back by more than {table['held']:g} deg, in any minute "
-        f"({table.mark_of(table.held)})",
+        f"({table.value_mark('held')})",
         f"thresholds chosen here: {'; '.join(chosen)}",
         f"assumed: {'; '.join(arm.scores.assumptions)}",
     )
 
 
-def _values(arm: Scored) -> dict[str, float | None]:
+def _values(arm: ArmScores) -> dict[str, float | None]:
     period, score = _periods(arm.time), arm.scores.score
     total = max(float(period.sum()), 1e-12)
     bounds = [0, *(int(highest) for highest in arm.scores.table.levels)]
@@ -258,12 +256,12 @@ def _values(arm: Scored) -> dict[str, float | None]:
     }
 
 
-def _first(arm: Scored) -> int:
+def _first(arm: ArmScores) -> int:
     """Return the index of the first instant with the score that counts."""
     return int(np.argmax(arm.scores.highest >= arm.lasting("highest")))
 
 
-def _longest(arm: Scored) -> tuple[float, float]:
+def _longest(arm: ArmScores) -> tuple[float, float]:
     """Return the longest stretch with at least the score that counts [s]."""
     rows = np.flatnonzero(arm.scores.highest >= arm.lasting("highest"))
     groups = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)

@@ -1,18 +1,21 @@
 """Verdict: conclusions, findings from the worst on, figures, and missing signals; as JSON and as text."""
 
-import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any
+from typing import Annotated, TypeVar
 
 import numpy as np
 
-from hric_assessment.findings import DISCLAIMER, Finding, Outcome
-from hric_assessment.tables import VerdictTable, verdict_table
+from hric_assessment.ergonomics.scoring import methods
+from hric_assessment.findings import DISCLAIMER, Figure, Finding, Missing, Outcome
+from hric_assessment.typed_json import NAMES, JsonObject, closed, plain, schema_of
 from hric_assessment.verdict.conclusions import GROUPS, ORDER, Conclusion, headline, outcome
+from hric_assessment.verdict.moment import Moment
+from hric_assessment.verdict.person import PersonSummary
 from hric_core.geometry import FloatArray
 
+T = TypeVar("T", Finding, Figure)
 VERSION = 2
 """Version of the JSON; its schema is config/verdict.schema.json."""
 EXIT_CODES = {Outcome.WITHIN: 0, Outcome.WARNING: 0, Outcome.ABOVE: 1, Outcome.NOT_ASSESSABLE: 4}
@@ -22,38 +25,74 @@ SHOWN = 20
 """Maximum findings of one group in a full text; the JSON has all."""
 SHOWN_FIGURES = 12
 """Maximum figures of one group in a full text; the JSON has all."""
+OUTCOME_TEXT = (
+    "the worst of the answers about limits of a person (contact, distance, posture, and a lift above its limit), in "
+    "the order above limits, not assessable, warning, within limits"
+)
+CONCLUSIONS_TEXT = "one for each question, that of the person with the worst finding"
 
 
 @dataclass(frozen=True)
-class Figure:
-    """Number without a limit: it neither passes nor fails.
+class RecordingSummary:
+    """Recording that was judged; begin, end: robot time [s]; experiment: name, None without a run folder."""
+
+    name: str
+    kind: Annotated[str, ("enum", ("run", "bag", "c3d"))]
+    experiment: str | None
+    begin: float
+    end: float
+
+
+@dataclass(frozen=True)
+class TableTitle:
+    """Table of contact limits."""
+
+    title: str
+    edition: str
+
+
+@dataclass(frozen=True)
+class ScoreCurve:
+    """Scores of one arm over time [s]; stricter, looser: with the chosen thresholds smaller and larger."""
+
+    side: Annotated[str, ("enum", ("right", "left"))]
+    time: Sequence[float]
+    score: Sequence[int]
+    stricter: Sequence[int]
+    looser: Sequence[int]
+
+
+@dataclass(frozen=True)
+class SeparationCurve:
+    """Distance and protective distance over time [s]; NaN: the arm is at rest, or not known."""
+
+    time: Sequence[float]
+    distance: Annotated[Sequence[float | None], "[m]"]
+    protective: Annotated[Sequence[float | None], "S_p [m]; null: the arm stands"]
+
+
+@dataclass(frozen=True)
+class ActivationCurve:
+    """Activation of muscles by name over time [s]; NaN: not known."""
+
+    name: Sequence[str]
+    time: Sequence[float]
+    activation: Annotated[Sequence[Sequence[float | None]], "one list per name"]
+
+
+@dataclass(frozen=True)
+class Timelines:
+    """Curves of a verdict.
 
     Attributes:
-        group: strength, muscles, joint load, interaction, productivity.
-        value: value in `unit`; None: not known.
-        note: origin of the value.
+        scores: scores of each arm, by the key of the method.
+        separation: distance of the nearest person; None: not known.
+        activation: muscle activation of the first person with one; None: not known.
     """
 
-    group: str
-    name: str
-    value: float | None
-    unit: str
-    note: str = ""
-
-    def __str__(self) -> str:
-        value = "not known" if self.value is None else f"{self.value:.4g} {self.unit}"
-        return f"{self.name}: {value}" + (f" ({self.note})" if self.note else "")
-
-
-@dataclass(frozen=True)
-class Missing:
-    """Missing signal, and what it would add."""
-
-    signal: str
-    gives: str
-
-    def __str__(self) -> str:
-        return f"{self.signal}: would give {self.gives}"
+    scores: Mapping[str, Sequence[ScoreCurve]] = field(default_factory=dict, metadata={NAMES: methods})
+    separation: SeparationCurve | None = None
+    activation: ActivationCurve | None = None
 
 
 @dataclass(frozen=True)
@@ -61,28 +100,28 @@ class Verdict:
     """Verdict of one recording.
 
     Attributes:
-        input: name, kind, experiment, begin and end [s].
-        limits: title and edition of the table of contact limits.
+        input: recording that was judged.
+        limits: table of contact limits.
         person: description of the body; None: there was no person.
         assumptions: a sentence each.
         findings: findings from the worst on.
         figures: numbers without a limit.
         missing: missing signals.
-        timelines: curves as in the JSON.
+        timelines: curves over time.
         conclusions: conclusions about the five questions.
-        moment: arm and person at the worst moment, as in the JSON; None: not known.
+        moment: arm and person at the worst moment; None: not known.
     """
 
-    input: Mapping[str, Any]
-    limits: Mapping[str, str]
-    person: Mapping[str, Any] | None
+    input: RecordingSummary
+    limits: TableTitle
+    person: Annotated[PersonSummary, ("additionalProperties", True)] | None
     assumptions: tuple[str, ...]
-    findings: tuple[Finding, ...]
-    figures: tuple[Figure, ...] = ()
+    findings: Annotated[tuple[Finding, ...], "from the worst on"]
+    figures: Annotated[tuple[Figure, ...], "without a limit: they neither pass nor fail"] = ()
     missing: tuple[Missing, ...] = ()
-    timelines: Mapping[str, Any] = field(default_factory=dict)
+    timelines: Timelines = field(default_factory=Timelines)
     conclusions: tuple[Conclusion, ...] = ()
-    moment: Mapping[str, Any] | None = None
+    moment: Annotated[Moment | None, "capsules of arm and person at the worst moment of the worst answer"] = None
 
     @property
     def outcome(self) -> Outcome:
@@ -93,28 +132,11 @@ class Verdict:
         """Return the exit code of the command; only: questions that count, empty: those of `outcome`."""
         return EXIT_CODES[outcome(self.conclusions, only)]
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the contents of the JSON."""
-        return {
-            "version": VERSION,
-            "disclaimer": DISCLAIMER,
-            "outcome": str(self.outcome),
-            "answers": [self._conclusion(one) for one in self.conclusions],
-            "input": dict(self.input),
-            "limits": dict(self.limits),
-            "person": None if self.person is None else dict(self.person),
-            "assumptions": list(self.assumptions),
-            "findings": [_finding(one) for one in self.findings],
-            "figures": [{**vars(one), "value": _finite(one.value)} for one in self.figures],
-            "missing": [vars(one) for one in self.missing],
-            "timelines": dict(self.timelines),
-            "moment": None if self.moment is None else dict(self.moment),
-        }
-
-    def _conclusion(self, one: Conclusion) -> dict[str, Any]:
-        index = None if one.finding is None else self.findings.index(one.finding)
-        numbers = {"value": _finite(one.value), "limit": _finite(one.limit), "finding": index}
-        return {**vars(one), "reply": str(one.reply), **numbers}
+        content: JsonObject = plain(self)
+        head = {"version": VERSION, "disclaimer": DISCLAIMER, "outcome": str(self.outcome)}
+        return head | {"answers": content.pop("conclusions")} | content
 
     def render(self, only: Collection[str] = (), *, full: bool = False) -> str:
         """Return the text: the conclusions, then the worst findings.
@@ -123,21 +145,22 @@ class Verdict:
             only: questions that count; empty: those of `outcome`.
             full: with all findings, figures, missing signals, and assumptions.
         """
-        name, begin, end = (self.input[key] for key in ("name", "begin", "end"))
-        lines = [f"{name}, {begin:.2f} to {end:.2f} s: {headline(self.conclusions, only)}", ""]
-        lines += [str(one) for one in self.conclusions if not only or one.question in only]
+        span = f"{self.input.begin:.2f} to {self.input.end:.2f} s"
+        lines = [f"{self.input.name}, {span}: {headline(self.conclusions, only)}", ""]
+        lines += [str(item) for item in self.conclusions if not only or item.question in only]
         lines += ["", DISCLAIMER, ""]
-        groups = [GROUPS[one] for one in only if one in GROUPS] if only else list(GROUPS.values())
-        decide = ranked([one.finding for one in self.conclusions if one.finding is not None])
-        others = [one for one in self.findings if not any(one is known for known in decide)]
-        shown = [one for one in (*decide, *others) if one.group in groups]
+        groups = [GROUPS[item] for item in only if item in GROUPS] if only else list(GROUPS.values())
+        decisive = [item.finding for item in self.conclusions if item.finding is not None]
+        others = [item for index, item in enumerate(self.findings) if index not in decisive]
+        first = ranked([self.findings[index] for index in decisive])
+        shown = [item for item in (*first, *others) if item.group in groups]
         return "\n".join(lines + (self._full(shown) if full else self._short(shown))) + "\n"
 
     def _short(self, findings: Sequence[Finding]) -> list[str]:
         lines: list[str] = []
-        for count, one in enumerate(findings):
-            remedy = f"  to know it: {one.remedy}"
-            more = [f"- {one}"] + ([remedy] if one.remedy and remedy not in lines else [])
+        for count, item in enumerate(findings):
+            remedy = f"  to know it: {item.remedy}"
+            more = [f"- {item}"] + ([remedy] if item.remedy and remedy not in lines else [])
             if len(lines) + len(more) > SHOWN_LINES:
                 return [*lines, f"and {len(findings) - count} more findings, figures and assumptions: --all"]
             lines += more
@@ -145,9 +168,9 @@ class Verdict:
 
     def _full(self, findings: Sequence[Finding]) -> list[str]:
         lines: list[str] = []
-        for group, own in _grouped(findings).items():
-            lines += [f"{group}:", *(line for one in own[:SHOWN] for line in [f"- {one}", *_details(one)])]
-            lines += [f"- and {len(own) - SHOWN} more, which are no worse"] if len(own) > SHOWN else []
+        for group, members in _grouped(findings).items():
+            lines += [f"{group}:", *(line for item in members[:SHOWN] for line in [f"- {item}", *_details(item)])]
+            lines += [f"- and {len(members) - SHOWN} more, which are no worse"] if len(members) > SHOWN else []
             lines.append("")
         parts: Mapping[str, Sequence[object]] = {
             "figures without a limit": _figures(self.figures),
@@ -155,23 +178,32 @@ class Verdict:
             "assumptions": self.assumptions,
         }
         for title, content in parts.items():
-            lines += [f"{title}:", *(f"- {one}" for one in content), ""] if content else []
+            lines += [f"{title}:", *(f"- {item}" for item in content), ""] if content else []
         return lines
+
+
+def verdict_schema() -> JsonObject:
+    """Return the schema of the JSON; config/verdict.schema.json is that of the methods of this package."""
+    properties = schema_of(Verdict)["properties"]
+    head = {
+        "version": Annotated[int, ("const", VERSION)],
+        "disclaimer": Annotated[str, "to be shown once with the findings"],
+    }
+    head |= {"outcome": Annotated[Outcome, OUTCOME_TEXT], "answers": Annotated[Sequence[Conclusion], CONCLUSIONS_TEXT]}
+    properties = {name: schema_of(kind) for name, kind in head.items()} | properties
+    del properties["conclusions"]
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "Verdict of hric_assessment",
+        "description": "What rosrun hric_assessment assess writes as verdict.json. Times are robot time [s]; "
+        "null: not known.",
+        **closed(properties),
+    }
 
 
 def ranked(findings: Sequence[Finding]) -> tuple[Finding, ...]:
     """Sort from the worst on: by outcome, then by the share of the limit."""
-    return tuple(sorted(findings, key=lambda one: (ORDER.index(one.outcome), -(one.share or 0.0))))
-
-
-def warned(finding: Finding, table: VerdictTable | None = None) -> Finding:
-    """Return the finding, as a warning if it is near its limit."""
-    table = table or verdict_table()
-    near = table["near_limit"]
-    if finding.outcome != Outcome.WITHIN or finding.share is None or finding.share < near:
-        return finding
-    note = f"a warning from {100.0 * near:.0f} % of a limit on ({table.mark_of(table.near_limit)})"
-    return replace(finding, outcome=Outcome.WARNING, notes=(*finding.notes, note))
+    return tuple(sorted(findings, key=lambda item: (ORDER.index(item.outcome), -(item.share or 0.0))))
 
 
 def thinned(time: FloatArray, *curves: FloatArray, count: int = 2000) -> list[int]:
@@ -189,68 +221,28 @@ def thinned(time: FloatArray, *curves: FloatArray, count: int = 2000) -> list[in
     edges = np.linspace(0, n, (count - 2) // (2 * max(len(curves), 1)) + 1).astype(int)
     for begin, end in pairwise(edges.tolist()):
         for curve in curves:
-            part = curve[begin:end]
-            kept |= {begin + int(np.nanargmin(part)), begin + int(np.nanargmax(part))} if _any_known(part) else set()
+            if np.isfinite(part := curve[begin:end]).any():
+                kept |= {begin + int(np.nanargmin(part)), begin + int(np.nanargmax(part))}
     return sorted(kept)
 
 
-def _any_known(values: FloatArray) -> bool:
-    return bool(np.isfinite(values).any())
-
-
-def numbers(values: FloatArray) -> list[float | None]:
-    """Return values for JSON, None for NaN."""
-    return [_finite(value) for value in np.asarray(values, dtype=float).tolist()]
-
-
-def _finite(value: float | None) -> float | None:
-    return None if value is None or not math.isfinite(value) else float(value)
-
-
-def _finding(one: Finding) -> dict[str, Any]:
-    return {
-        "group": one.group,
-        "subject": one.subject,
-        "outcome": str(one.outcome),
-        "reason": one.reason,
-        "table": one.table,
-        "share": _finite(one.share),
-        "values": {name: _finite(value) for name, value in one.values.items()},
-        "window": None if one.window is None else list(one.window),
-        "signals": list(one.signals),
-        "missing": list(one.missing),
-        "notes": list(one.notes),
-        "regions": list(one.regions),
-        "evidence": None if one.evidence is None else vars(one.evidence),
-        "remedy": one.remedy,
-        "person": one.person,
-    }
-
-
-def _grouped(findings: Sequence[Finding]) -> dict[str, list[Finding]]:
-    found: dict[str, list[Finding]] = {}
-    for one in findings:
-        found.setdefault(one.group, []).append(one)
-    return found
+def _grouped(items: Sequence[T]) -> dict[str, list[T]]:
+    """Return items by group, in the order of each group's first item."""
+    return {group: [item for item in items if item.group == group] for group in dict.fromkeys(i.group for i in items)}
 
 
 def _figures(figures: Sequence[Figure]) -> list[str]:
     """Return the first figures of each group, which are the largest if the group has no other order."""
-    groups: dict[str, list[Figure]] = {}
-    for one in figures:
-        groups.setdefault(one.group, []).append(one)
     lines = []
-    for group, found in groups.items():
-        lines += [str(one) for one in found[:SHOWN_FIGURES]]
-        if len(found) > SHOWN_FIGURES:
-            lines.append(f"and {len(found) - SHOWN_FIGURES} more of {group}")
+    for group, members in _grouped(figures).items():
+        lines += [str(item) for item in members[:SHOWN_FIGURES]]
+        if len(members) > SHOWN_FIGURES:
+            lines.append(f"and {len(members) - SHOWN_FIGURES} more of {group}")
     return lines
 
 
-def _details(one: Finding) -> list[str]:
-    known = [f"{name} {value:.4g}" for name, value in one.values.items() if value is not None]
-    lines = [f"values: {'; '.join(known)}"] if known else []
-    lines += [f"from: {', '.join(one.signals)}"] if one.signals else []
-    lines += [f"missing: {', '.join(one.missing)}"] if one.missing else []
-    lines += [f"to know it: {one.remedy}"] if one.remedy else []
-    return [f"  {line}" for line in [*lines, *one.notes]]
+def _details(finding: Finding) -> list[str]:
+    values = "; ".join(f"{name} {value:.4g}" for name, value in finding.values.items() if value is not None)
+    parts = {"values": values, "from": ", ".join(finding.signals), "missing": ", ".join(finding.missing)}
+    parts["to know it"] = finding.remedy
+    return [f"  {line}" for line in [*(f"{name}: {text}" for name, text in parts.items() if text), *finding.notes]]

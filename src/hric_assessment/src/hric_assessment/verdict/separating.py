@@ -1,26 +1,31 @@
 """Finding of separation: distance of a person from the arm, compared with the distance that the arm needs to stop."""
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hric_assessment.evidence import BoolArray, Evidence, finite_rows, unknown
-from hric_assessment.findings import Finding, NotAssessableError, Outcome
-from hric_assessment.separation.capsules import of_body
-from hric_assessment.separation.links import CapsuleMotion, capsules_of, moved_by, speeds
+from hric_assessment.findings import (
+    SEPARATION,
+    BoolArray,
+    Evidence,
+    Finding,
+    NotAssessableError,
+    Outcome,
+    finite_rows,
+    unknown,
+)
+from hric_assessment.separation.capsules import CapsuleMotion, capsules_of, moved_by, of_body, speeds
 from hric_assessment.separation.minima import Separation, separation
-from hric_assessment.separation.protective import Stop, Terms, person_speed, protective_distance
+from hric_assessment.separation.protective import Terms, person_speed, protective_distance
 from hric_assessment.tables import separation_table, verdict_table
 from hric_assessment.verdict.choices import Choices
-from hric_assessment.verdict.given import Given
+from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.person import Person
-from hric_assessment.verdict.result import numbers, thinned
+from hric_assessment.verdict.result import SeparationCurve, thinned
 from hric_bags.reader import ControlRecord
 from hric_core import urdf
 from hric_core.geometry import FloatArray
 
-GROUP = "separation"
 SUBJECT = "distance from the arm"
 TOUCHING = 0.01
 """Distance up to which the ratio of S_p to it is not reported [m]; project default."""
@@ -29,39 +34,35 @@ NAMES = ("S_h", "S_r", "S_s", "C", "Z_d", "Z_r")
 
 
 @dataclass(frozen=True)
-class Separated:
+class PersonSeparation:
     """Separation of one person over a recording.
 
     Attributes:
-        found: distances.
+        distances: distances of arm and person.
         speed: speed of the fastest end of the arm's capsules, shape (n,) [m/s].
         human: v_h, shape (n,) [m/s].
         terms: terms of S_p.
-        arm, person: links of the capsules.
+        arm, body: links of the capsules of arm and person.
+        person: the person.
         notes: assumptions and methods.
-        signals: topics.
         sampled: True where arm and person were recorded, shape (n,).
         evidence: evidence of the arm's log, with the share of its motion in which the person is known.
         relied: True if only the distance protected the person.
         shapeless: links of the arm with mesh shapes, which the distances ignore.
-        unmeasured: joints of the body whose angles are never known, and assumed as zero.
-        name: namespace of the person.
     """
 
-    found: Separation
+    distances: Separation
     speed: FloatArray
     human: FloatArray
     terms: Terms
     arm: tuple[str, ...]
-    person: tuple[str, ...]
+    body: tuple[str, ...]
+    person: Person
     notes: tuple[str, ...]
-    signals: tuple[str, ...]
     sampled: BoolArray
     evidence: Evidence
     relied: bool
     shapeless: tuple[str, ...]
-    unmeasured: tuple[str, ...]
-    name: str
 
     @property
     def protective(self) -> FloatArray:
@@ -71,33 +72,29 @@ class Separated:
     @property
     def margin(self) -> float:
         """Smallest distance minus S_p while the arm moves [m]; infinite: it never moves."""
-        margins = self.found.distance - self.protective
+        margins = self.distances.distance - self.protective
         return float(np.nanmin(margins)) if np.isfinite(margins).any() else float("inf")
 
-    def timeline(self) -> dict[str, Any]:
-        """Return the curves for the JSON."""
-        time, distance, protective = self.found.time, self.found.distance, self.protective
-        rows = thinned(time, distance, protective)
-        return {
-            "time": time[rows].tolist(),
-            "distance": numbers(distance[rows]),
-            "protective": numbers(protective[rows]),
-        }
+    def timeline(self) -> SeparationCurve:
+        """Return the curves for the verdict."""
+        curves = self.distances.time, self.distances.distance, self.protective
+        rows = thinned(*curves)
+        return SeparationCurve(*(curve[rows].tolist() for curve in curves))
 
 
-def separated(given: Given, person: Person, choices: Choices) -> Separated | None:
+def separated(source: AssessmentInput, person: Person, choices: Choices) -> PersonSeparation | None:
     """Return the distances of a person from the arm; None: a required signal is not in the recording.
 
     Raises:
         NotAssessableError: the arm is faster, or carries more, than any known stop, or the accuracy of the markers on
             the body is unknown.
     """
-    log = given.recording.log
-    if person.root is None or log is None or not given.description:
+    log = source.recording.log
+    if person.root is None or log is None or not source.description:
         return None
     if not np.isfinite(person.uncertainty):
         raise NotAssessableError("how far the markers are from those of the body is not known")
-    tree = urdf.read(given.description)
+    tree = urdf.read(source.description)
     robot, left_out = capsules_of(tree, moved_by(tree, log.joint_names))
     if not len(robot.radii):
         return None
@@ -108,27 +105,27 @@ def separated(given: Given, person: Person, choices: Choices) -> Separated | Non
     begin, end = max(log.time[0], person.time[0]), min(log.time[-1], person.time[-1])
     if not end > begin:
         raise NotAssessableError("arm and person were not recorded at the same time")
-    found = separation(float(begin), float(end), arm, robot.radii, bodies, body.radii)
-    speed = speeds(arm, found.time)
-    load = float((given.definition.get("robot") or {}).get("load", {}).get("mass", 0.0))
-    human, terms = _protective(speed, choices.braking.stop(speed, load), person.uncertainty)
+    distances = separation(float(begin), float(end), arm, robot.radii, bodies, body.radii)
+    speed = speeds(arm, distances.time)
+    load = float((source.definition.get("robot") or {}).get("load", {}).get("mass", 0.0))
+    stop = choices.braking.stop(speed, load)
+    human = person_speed(speed, stop, 0.0, person.uncertainty, 0.0)
+    terms = protective_distance(speed, human, stop, 0.0, person.uncertainty, 0.0)
     notes = _notes(person, choices.braking.text(load), unknown_share)
     relied = _relied(person, notes)
-    return Separated(
-        found,
+    return PersonSeparation(
+        distances,
         speed,
         human,
         terms,
         robot.links,
         body.links,
+        person,
         tuple(notes),
-        ("/control_log", *person.signals),
-        _sampled(log, person, found.time),
-        _evidence(given, log, person, arm),
+        _sampled(log, person, distances.time),
+        _evidence(source, log, person, arm),
         relied,
         tuple(dict.fromkeys(left_out)),
-        tuple(joint for joint in person.body.joints if joint not in person.names),
-        person.name,
     )
 
 
@@ -140,12 +137,6 @@ def _relied(person: Person, notes: list[str]) -> bool:
     why = "a hand held the robot or what it holds" if held else "contacts are assessed by their force"
     notes.append(f"the distance was not what protected the person: {why}; below it is a warning (chosen here)")
     return False
-
-
-def _protective(speed: FloatArray, stop: Stop, uncertainty: float) -> tuple[FloatArray, Terms]:
-    """Return v_h [m/s] and the terms of S_p for speeds of the arm [m/s] and the uncertainty of the person [m]."""
-    human = person_speed(speed, stop, 0.0, uncertainty, 0.0)
-    return human, protective_distance(speed, human, stop, 0.0, uncertainty, 0.0)
 
 
 def _sampled(log: ControlRecord, person: Person, time: FloatArray) -> BoolArray:
@@ -168,9 +159,9 @@ def _gaps(
     return gaps
 
 
-def _evidence(given: Given, log: ControlRecord, person: Person, arm: CapsuleMotion) -> Evidence:
+def _evidence(source: AssessmentInput, log: ControlRecord, person: Person, arm: CapsuleMotion) -> Evidence:
     """Return the evidence of the arm's log, with the share of its motion in which the person is completely known."""
-    window = given.recording.begin, given.recording.end
+    window = source.recording.begin, source.recording.end
     finite = finite_rows(log.position)
     evidence = Evidence.of(log.time, finite, window, verdict_table()["max_gap"])
     moving = speeds(arm, log.time) > verdict_table()["moving"]
@@ -179,7 +170,7 @@ def _evidence(given: Given, log: ControlRecord, person: Person, arm: CapsuleMoti
     for begin, end in _gaps(log, person, window, finite_rows(person.q)):
         unseen |= (log.time > begin) & (log.time < end)
     total = float(period[moving].sum())
-    return evidence.with_arm_motion(1.0 if total <= 0.0 else 1.0 - float(period[moving & unseen].sum()) / total)
+    return replace(evidence, arm_motion=1.0 if total <= 0.0 else 1.0 - float(period[moving & unseen].sum()) / total)
 
 
 def filled(q: FloatArray) -> tuple[FloatArray, float]:
@@ -206,7 +197,7 @@ def _notes(person: Person, braking: str, unknown_share: float) -> list[str]:
         f"T_r, T_s, S_s: {braking}",
         f"C: 0, since the whole body is known; Z_d: {person.uncertainty:.3f} m ({person.uncertainty_from}); Z_r: 0, "
         "the arm's joints are measured",
-        f"an arm that is slower than {rules['moving']:g} m/s stands ({rules.mark_of(rules.moving)})",
+        f"an arm that is slower than {rules['moving']:g} m/s stands ({rules.value_mark('moving')})",
     ]
     if unknown_share:
         notes.append(
@@ -219,78 +210,79 @@ def _notes(person: Person, braking: str, unknown_share: float) -> list[str]:
 def not_separated(why: str, name: str = "", remedy: str = "") -> Finding:
     """Return the finding if nothing can be compared with the protective distance; why: a clause."""
     table = separation_table().name
-    return Finding(SUBJECT, Outcome.NOT_ASSESSABLE, why, table, group=GROUP, person=name, remedy=remedy)
+    return Finding(SUBJECT, Outcome.NOT_ASSESSABLE, why, table, group=SEPARATION, person=name, remedy=remedy)
 
 
-def separation_finding(one: Separated) -> Finding:
+def separation_finding(approach: PersonSeparation) -> Finding:
     """Return the finding of the protective separation distance."""
-    found, protective, table = one.found, one.protective, separation_table()
-    violations = found.violations(protective)
-    ratio = np.where(found.distance > TOUCHING, protective / np.maximum(found.distance, TOUCHING), np.nan)
+    distances, protective, table = approach.distances, approach.protective, separation_table()
+    violations = distances.violations(protective)
+    ratio = np.where(distances.distance > TOUCHING, protective / np.maximum(distances.distance, TOUCHING), np.nan)
     if violations:
         worst = min(violations, key=lambda violation: violation.margin)
-        at = int(np.searchsorted(found.time, worst.time))
+        at = int(np.searchsorted(distances.time, worst.time))
         below = sum(violation.end - violation.begin for violation in violations)
         window = worst.begin, worst.end
         reason = (
             f"nearer than S_p for {below:.2f} s in {len(violations)} stretches while the arm moves; at "
-            f"{worst.time:.3f} s {found.distance[at]:.3f} m of {protective[at]:.3f} m"
+            f"{worst.time:.3f} s {distances.distance[at]:.3f} m of {protective[at]:.3f} m"
         )
-        outcome = Outcome.ABOVE if one.relied else Outcome.WARNING
+        outcome = Outcome.ABOVE if approach.relied else Outcome.WARNING
     else:
-        at = int(np.argmin(found.distance))
-        window = float(found.time[0]), float(found.time[-1])
-        reason = f"never nearer than S_p while the arm moves; nearest {found.distance[at]:.3f} m"
+        at = int(np.argmin(distances.distance))
+        window = float(distances.time[0]), float(distances.time[-1])
+        reason = f"never nearer than S_p while the arm moves; nearest {distances.distance[at]:.3f} m"
         outcome = Outcome.WITHIN
-    why, remedy = _unproven(one)
+    why, remedy = _unproven(approach)
     if outcome != Outcome.ABOVE and why:
         outcome, reason = Outcome.NOT_ASSESSABLE, f"{why}; {reason}"
-    link = f"{one.person[found.person[at]]} from {one.arm[found.arm[at]]}"
+    link = f"{approach.body[distances.person[at]]} from {approach.arm[distances.arm[at]]}"
     return Finding(
         f"distance of {link}",
         outcome,
         reason,
         table.name,
-        None if (violations and not one.relied) or not np.isfinite(ratio).any() else float(np.nanmax(ratio)),
-        _values(one, at),
+        None if (violations and not approach.relied) or not np.isfinite(ratio).any() else float(np.nanmax(ratio)),
+        _values(approach, at),
         window,
-        one.signals,
+        ("/control_log", *approach.person.signals),
         (),
-        one.notes,
-        GROUP,
-        evidence=one.evidence,
+        approach.notes,
+        group=SEPARATION,
+        evidence=approach.evidence,
         remedy=remedy if outcome == Outcome.NOT_ASSESSABLE else "",
-        person=one.name,
+        person=approach.person.name,
     )
 
 
-def _unproven(one: Separated) -> tuple[str, str]:
+def _unproven(approach: PersonSeparation) -> tuple[str, str]:
     """Return why a distance is not proven to be large enough, and the remedy; both empty: it is proven."""
-    if not one.evidence.complete:
-        why = f"the arm's motion or the person is not known for all of the time: {one.evidence.shortfall}"
-        topics = [topic for topic in one.signals if not topic.endswith("joint_torque")]
-        return why, f"record {' and '.join(topics)} for all of the run"
-    if one.unmeasured:
-        why = f"the angles of {', '.join(one.unmeasured)} are not known, and taken as zero"
-        return why, f"record all joints of the body in {one.name}/joint_states"
-    if one.shapeless:
-        why = f"the distance of {', '.join(one.shapeless)} is not known, whose shapes are meshes"
+    person = approach.person
+    if not approach.evidence.complete:
+        why = f"the arm's motion or the person is not known for all of the time: {approach.evidence.shortfall}"
+        topics = [topic for topic in person.signals if not topic.endswith("joint_torque")]
+        return why, f"record {' and '.join(['/control_log', *topics])} for all of the run"
+    if unmeasured := [joint for joint in person.body.joints if joint not in person.names]:
+        why = f"the angles of {', '.join(unmeasured)} are not known, and taken as zero"
+        return why, f"record all joints of the body in {person.name}/joint_states"
+    if approach.shapeless:
+        why = f"the distance of {', '.join(approach.shapeless)} is not known, whose shapes are meshes"
         return why, "give these links collision shapes: capsules, cylinders, spheres or boxes"
     return "", ""
 
 
-def _values(one: Separated, at: int) -> dict[str, float | None]:
-    found, closest = one.found, one.found.closest
+def _values(approach: PersonSeparation, at: int) -> dict[str, float | None]:
+    distances, closest = approach.distances, approach.distances.closest
     terms = {
-        f"{name} [m]": float(np.broadcast_to(term, found.time.shape)[at])
-        for name, term in zip(NAMES, one.terms, strict=True)
+        f"{name} [m]": float(np.broadcast_to(term, distances.time.shape)[at])
+        for name, term in zip(NAMES, approach.terms, strict=True)
     }
     return {
         "smallest distance [m]": closest.distance,
         "when [s]": closest.time,
-        "distance [m]": float(found.distance[at]),
-        "S_p [m]": float(one.terms.total[at]),
+        "distance [m]": float(distances.distance[at]),
+        "S_p [m]": float(approach.terms.total[at]),
         **terms,
-        "v_r [m/s]": float(one.speed[at]),
-        "v_h [m/s]": float(one.human[at]),
+        "v_r [m/s]": float(approach.speed[at]),
+        "v_h [m/s]": float(approach.human[at]),
     }

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from hric_analysis.carrying import Carried
-from hric_assessment.contact.impact import Impact, Press, Transient
+from hric_assessment.contact.impact import Clamping, ClosedFormImpact, ExpectedContact
 from hric_bags.records.human_record import HumanRecord
 from hric_bags.records.muscle_record import MuscleRecord
 from hric_human.muscles.lines import ACTIVATION_COLOURS
@@ -81,14 +81,14 @@ def _muscle_figures(record: MuscleRecord) -> list[Figure]:
     return found
 
 
-def _contact_figures(impacts: Sequence[Impact]) -> list[Figure]:
+def _contact_figures(impacts: Sequence[ExpectedContact]) -> list[Figure]:
     """Return the figures of impacts and of clamping, of the spring contacts that have expected values."""
-    hardest: dict[tuple[str, str], tuple[Impact, Transient]] = {}
+    hardest: dict[tuple[str, str], tuple[ExpectedContact, ClosedFormImpact]] = {}
     for impact in impacts:
-        pair, form = (impact.met.link, impact.met.other), impact.transient
+        pair, form = (impact.contact.link, impact.contact.other), impact.impact
         if (
             form is not None
-            and len(impact.met.course.time)
+            and len(impact.contact.course.time)
             and (pair not in hardest or form.peak > hardest[pair][1].peak)
         ):
             hardest[pair] = impact, form
@@ -103,15 +103,15 @@ def _contact_figures(impacts: Sequence[Impact]) -> list[Figure]:
             "blow", "Blow", "force [N]", tuple(panels), min_height=1.0, abscissa="after the first touch [ms]"
         )
         found.append(figure.about(HUMAN, text))
-    if panels := [_press_panel(impact, impact.press) for impact in impacts if impact.press]:
+    if panels := [_press_panel(impact, impact.clamping) for impact in impacts if impact.clamping]:
         text = f"Force of contacts that last, beside what the commanded torque balances along the normal. {ESTIMATE}"
         figure = Figure("press", "Pressed contact", "force [N]", tuple(panels), min_height=1.0)
         found.append(figure.about(HUMAN, text))
     return found
 
 
-def _blow_panel(impact: Impact, form: Transient) -> Panel:
-    course, met = impact.met.course, impact.met
+def _blow_panel(impact: ExpectedContact, form: ClosedFormImpact) -> Panel:
+    course, met = impact.contact.course, impact.contact
     shown = course.time <= met.begin + SHOWN * form.duration
     time, force = course.time[shown] - course.time[0] + impact.late(), course.force[shown]
     instants = np.linspace(0.0, form.duration, 101)
@@ -123,7 +123,7 @@ def _blow_panel(impact: Impact, form: Transient) -> Panel:
     return Panel(title, curves, (("v sqrt(mu k)", form.peak),))
 
 
-def _press_panel(impact: Impact, press: Press) -> Panel:
+def _press_panel(impact: ExpectedContact, press: Clamping) -> Panel:
     curves = (
         Curve("balanced by the commanded torque", "desired", press.time, press.balanced),
         Curve("contact", "measured", press.time, press.force),
@@ -132,8 +132,8 @@ def _press_panel(impact: Impact, press: Press) -> Panel:
     return Panel(_between(impact), curves, (("balanced", level),))
 
 
-def _between(impact: Impact) -> str:
-    return f"{', '.join(impact.met.regions) or impact.met.link}: {impact.met.other}"
+def _between(impact: ExpectedContact) -> str:
+    return f"{', '.join(impact.contact.regions) or impact.contact.link}: {impact.contact.other}"
 
 
 def _carrying(one: Carried, key: str) -> Figure:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from hric_assessment.verdict.given import Given
+from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.person import Person, people_of
 from hric_assessment.verdict.separating import filled
 from hric_bags import files
@@ -16,7 +16,7 @@ from hric_report.html.page import Page, render_page, replay_rate
 from hric_report.html.scene import Robot, Track, instants, joint_track
 
 
-def build(given: Given, found: Mapping[str, Any]) -> Page:
+def build(given: AssessmentInput, found: Mapping[str, Any]) -> Page:
     """Return the contents of the page.
 
     Args:
@@ -35,7 +35,7 @@ def build(given: Given, found: Mapping[str, Any]) -> Page:
     return Page(given.name, kind, robots=robots, notes=notes, verdict=verdict.part(found), name=given.name)
 
 
-def _person(given: Given, person: Person, rate: float, notes: list[str]) -> Robot:
+def _person(given: AssessmentInput, person: Person, rate: float, notes: list[str]) -> Robot:
     root = person.root or _of_markers(given)
     if root is None:
         notes.append("Where the person was is not known: they are drawn about the origin.")
@@ -52,7 +52,7 @@ def _person(given: Given, person: Person, rate: float, notes: list[str]) -> Robo
     return one
 
 
-def _of_markers(given: Given) -> RootRecord | None:
+def _of_markers(given: AssessmentInput) -> RootRecord | None:
     """Return the tracked root pose in the frame of the markers, at the times at which it is known; None: never."""
     for tracked in given.recording.tracked.values():
         known = np.isfinite(tracked.pose).all(axis=1)
@@ -61,7 +61,7 @@ def _of_markers(given: Given) -> RootRecord | None:
     return None
 
 
-def write(given: Given, found: Mapping[str, Any], target: Path) -> Path:
+def write(given: AssessmentInput, found: Mapping[str, Any], target: Path) -> Path:
     """Write the page, overwriting an earlier one.
 
     Raises:

@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
+from hric_assessment.ergonomics.scoring import PostureMethod, methods
 from hric_assessment.verdict import assess, moment, opened
 from hric_assessment.verdict.command import FILE
 from hric_assessment.verdict.conclusions import CONTACT, DISTANCE, EFFORT, POSTURE, TASK, Conclusion
-from hric_assessment.verdict.given import Given
+from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.result import VERSION
 from hric_bags import files
 from hric_bags.run_folder import RunFolder
@@ -43,8 +44,6 @@ SHOWN = 200
 MUSCLES, INSTANTS = 24, 500
 """Maximum number of rows and columns of the heat map: the most active muscles, and the peaks of equal time spans.
 Project default, unconfirmed."""
-LEVELS = {"RULA": (2, 4, 6, 7), "REBA": (1, 3, 7, 10, 15)}
-"""Highest score of each level, by method."""
 
 
 def verdict_of(folder: RunFolder) -> dict[str, Any] | None:
@@ -76,7 +75,7 @@ def _kept(path: Path, name: str, kind: str) -> dict[str, Any] | None:
     return kept if own else None
 
 
-def verdict_beside(given: Given) -> dict[str, Any]:
+def verdict_beside(given: AssessmentInput) -> dict[str, Any]:
     """Return the verdict of a bag or a c3d file from verdict.json next to it; replace one of another recording."""
     path, recording = given.folder / FILE, given.recording
     kept = _kept(path, given.name, given.kind)
@@ -88,8 +87,8 @@ def verdict_beside(given: Given) -> dict[str, Any]:
 
 
 def conclusions_of(verdict: Verdict) -> list[Conclusion]:
-    """Return the conclusions of a verdict.json, without their findings."""
-    return [Conclusion(**{**one, "finding": None}) for one in verdict["answers"]]
+    """Return the conclusions of a verdict.json."""
+    return [Conclusion(**one) for one in verdict["answers"]]
 
 
 def summary(verdict: Verdict) -> str:
@@ -100,7 +99,8 @@ def summary(verdict: Verdict) -> str:
 
 def part(verdict: Verdict) -> Markup:
     """Return the HTML of the section."""
-    scene, sides = verdict["moment"], [curve["side"] for curve in verdict["timelines"]["rula"]]
+    scene = verdict["moment"]
+    sides = list({curve["side"]: None for key in methods() for curve in verdict["timelines"].get(key, ())})
     text = (
         templates.environment()
         .get_template("verdict.html")
@@ -109,7 +109,7 @@ def part(verdict: Verdict) -> Markup:
             conclusions=conclusions_of(verdict),
             questions=BY_DEFAULT,
             replies=REPLIES,
-            moment=scene and Markup(moment.picture(scene)),
+            moment=scene and Markup(moment.picture(moment.Moment.of(scene))),
             body=body_picture.picture(verdict["findings"], sides),
             strips=list(_strips(verdict, time_axis(verdict["input"]["begin"], verdict["input"]["end"]))),
             shown=SHOWN,
@@ -119,7 +119,7 @@ def part(verdict: Verdict) -> Markup:
 
 
 def _strips(verdict: Verdict, axis: Axis) -> Iterator[Strip]:
-    """Yield the strips over time: findings, RULA and REBA scores, muscle activation."""
+    """Yield the strips over time: findings, posture scores, muscle activation."""
     windows = [one for one in verdict["findings"] if one["window"]]
     if windows:
         groups = list(dict.fromkeys(one["group"] for one in windows))
@@ -129,8 +129,8 @@ def _strips(verdict: Verdict, axis: Axis) -> Iterator[Strip]:
         ]
         key = [(look, word) for word, look in KINDS.items()]
         yield Strip("findings", "Findings; a click shows the time in the replay", groups, axis, bars, key)
-    for method in LEVELS:
-        if curves := verdict["timelines"][method.lower()]:
+    for name, method in methods().items():
+        if curves := verdict["timelines"].get(name):
             yield _scores(method, curves, verdict["findings"], axis)
     activation = verdict["timelines"]["activation"]
     if activation and activation["time"]:
@@ -143,33 +143,34 @@ def _said(one: Mapping[str, Any]) -> str:
 
 
 def _scores(
-    method: str, curves: Sequence[Mapping[str, Any]], findings: Sequence[Mapping[str, Any]], axis: Axis
+    method: PostureMethod, curves: Sequence[Mapping[str, Any]], findings: Sequence[Mapping[str, Any]], axis: Axis
 ) -> Strip:
     """Return the strip of the levels of a score; a low score is within limits only if all angles are known."""
+    title, levels = method.table().title, [int(highest) for highest in method.table().levels]
     lacking = [one["subject"] for one in findings if one["outcome"] == "not assessable"]
-    known = [f"{method} of the {one['side']} arm" not in lacking for one in curves]
-    bars = [bar for row, one in enumerate(curves) for bar in _levels(method, one, row, known[row])]
-    key = [(_look(method, k), f"up to {highest}") for k, highest in enumerate(LEVELS[method])]
+    known = [f"{title} of the {one['side']} arm" not in lacking for one in curves]
+    bars = [bar for row, one in enumerate(curves) for bar in _levels(title, levels, one, row, known[row])]
+    key = [(_look(levels, k), f"up to {highest}") for k, highest in enumerate(levels)]
     if not all(known):
         key.append(("unknown", "low, but it can only be higher: not all angles are known"))
-    labels = [f"{method} {one['side']}" for one in curves]
-    return Strip(method, f"{method}, by the levels of its score", labels, axis, bars, key)
+    labels = [f"{title} {one['side']}" for one in curves]
+    return Strip(title, f"{title}, by the levels of its score", labels, axis, bars, key)
 
 
-def _look(method: str, level: int) -> str:
+def _look(levels: Sequence[int], level: int) -> str:
     """Return the CSS class of a level; the highest level of each method is level4."""
-    return f"level{level + 5 - len(LEVELS[method])}"
+    return f"level{level + 5 - len(levels)}"
 
 
-def _levels(method: str, curve: Mapping[str, Any], row: int, known: bool) -> Iterator[Bar]:
+def _levels(title: str, levels: Sequence[int], curve: Mapping[str, Any], row: int, known: bool) -> Iterator[Bar]:
     """Yield the bars of constant level of a score."""
     time = curve["time"]
-    reached = [next(k for k, highest in enumerate(LEVELS[method]) if score <= highest) for score in curve["score"]]
+    reached = [next(k for k, highest in enumerate(levels) if score <= highest) for score in curve["score"]]
     first = 0
     for level, group in groupby(reached):
         last = first + len(list(group))
-        scores, look = curve["score"][first:last], _look(method, level)
-        text = f"{method} {min(scores)} to {max(scores)} from {time[first]:.2f} s"
+        scores, look = curve["score"][first:last], _look(levels, level)
+        text = f"{title} {min(scores)} to {max(scores)} from {time[first]:.2f} s"
         shown = look if known or look > "level1" else "unknown"
         yield Bar(time[first], time[min(last, len(time) - 1)], row, shown, text)
         first = last

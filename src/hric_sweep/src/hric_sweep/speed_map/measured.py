@@ -99,8 +99,8 @@ def measure(robot: FrankaHWSim, request: Request, points: FloatArray) -> Iterato
     """
     force = request.check()
     postures, blows = Postures(robot), Blows(robot, request.arm)
-    arm = masses(urdf.read(robot.description), robot.model.joint_names)
-    standard = half_mass(arm.moving - arm.tool, arm.tool)
+    moving, tool = masses(urdf.read(robot.description), robot.model.joint_names)
+    standard = half_mass(moving - tool, tool)
     for point in points:
         q = postures.at(point)
         yield (
