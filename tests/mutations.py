@@ -141,14 +141,14 @@ MUTATIONS = {
     ),
     "freedom": Mutation(
         "Student's distribution has a degree of freedom too many",
-        "hric_experiments",
+        "hric_sweep",
         "max(size - 1.0, 1.0)",
         "max(size, 1.0)",
         "rare_events",
     ),
     "lags": Mutation(
         "correlations of a chain all have the same weight",
-        "hric_experiments",
+        "hric_sweep",
         "(1.0 - k / length) * (float(np.mean",
         "(float(np.mean",
         "rare_events",

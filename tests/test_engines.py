@@ -14,6 +14,7 @@ from bringup_arguments import check, choices, completed, documented  # noqa: E40
 
 from hric_core import plugins  # noqa: E402
 from hric_report import headless  # noqa: E402
+from hric_run import provenance  # noqa: E402
 from hric_run.definition import experiment  # noqa: E402
 
 PACKAGE_XML = """<package format="3"><name>toy_ros_control</name><version>0.7.0</version>
@@ -41,9 +42,12 @@ def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         (package / name).write_text(text)
     monkeypatch.setenv("ROS_PACKAGE_PATH", os.pathsep.join([os.environ["ROS_PACKAGE_PATH"], str(package.parent)]))
     monkeypatch.syspath_prepend(str(package))
-    plugins.clear_cache()
+    caches = plugins.clear_cache, provenance._code.cache_clear
+    for clear in caches:
+        clear()
     yield
-    plugins.clear_cache()
+    for clear in caches:
+        clear()
 
 
 @pytest.mark.usefixtures("toy")

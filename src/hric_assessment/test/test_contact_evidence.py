@@ -429,7 +429,7 @@ def test_sequence_numbers_of_two_persons_are_refused_wherever_they_begin(tmp_pat
     bag.person(7.01, 7.4, WHOLE)
     for at, *_, message in bag.rows:
         message.header.seq = round(50.0 * at) if abs(50.0 * at - round(50.0 * at)) < 0.1 else round(50.0 * (at - 7.0))
-    with pytest.raises(HricError, match=r"sequence numbers that were there before, from 7\..*two persons in one name"):
+    with pytest.raises(HricError, match=r"repeated sequence numbers, from 7\..*two persons in one name"):
         assess(opened(str(bag.save(tmp_path / "case.bag", numbered=None))))
 
 

@@ -18,6 +18,7 @@ from hric_bags import reader as bag_reader
 from hric_bags.run_folder import RunFolder
 from hric_core.errors import HricError
 from hric_experiments import cli
+from hric_msgs.msg import JointLimitCounts
 from hric_report import headless
 from hric_report.run import analyse
 from hric_run.definition import experiment
@@ -55,6 +56,12 @@ def test_pd_step_ends_within_a_milliradian_and_touches_no_limit(tmp_path: Path, 
     assert not result.interrupted and result.folder.read()["status"] == "completed"
 
 
+def _plain(record: bag_reader.RunRecord) -> dict[str, Any]:
+    """A record as plain values: counts in memory and counts from a bag are messages of different classes."""
+    counts = {name: getattr(record.limit_counts, name, None) for name in JointLimitCounts.__slots__ if name != "header"}
+    return {**dataclasses.asdict(dataclasses.replace(record, limit_counts=None)), "limit_counts": counts}
+
+
 @pytest.mark.parametrize(
     ("name", "overrides"),
     [
@@ -77,7 +84,7 @@ def test_what_a_run_still_has_in_memory_is_what_its_bag_says(
     kept, read = bag_reader.read(bag, taken[0]), bag_reader.read(bag)
     assert kept.reflexes == read.reflexes and bool(read.reflexes) == (name == "pd_step")
     kept.robot_time = read.robot_time
-    np.testing.assert_equal(dataclasses.asdict(kept), dataclasses.asdict(read))
+    np.testing.assert_equal(_plain(kept), _plain(read))
     assert analyse(result.folder, figures=False) == result.metrics
 
 

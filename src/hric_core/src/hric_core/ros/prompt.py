@@ -22,8 +22,8 @@ def send_promptly() -> None:
 def prompt_connections(topic: Any) -> Sequence["PromptConnection"]:
     """Return the connections of rospy's implementation of a topic.
 
-    rospy tells a topic the size of its queue after it has begun to listen: who connects in between is left without a
-    queue, and gets its connection here.
+    rospy sets the queue size of a topic after the topic has begun to listen: a subscriber that connects in between has
+    no queue, and gets its connection here.
     """
     if not all(isinstance(connection, PromptConnection) for connection in topic.connections or ()):
         with topic.c_lock:

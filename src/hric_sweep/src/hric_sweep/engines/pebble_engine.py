@@ -7,6 +7,7 @@ import signal
 import time
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as Late
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
@@ -16,11 +17,14 @@ from typing import Any
 from pebble import ProcessExpired, ProcessPool
 
 from hric_sweep import task as runs
-from hric_sweep.engines.engine import Died, TimedOut, same
+from hric_sweep.engines.engine import Died, Lost, TimedOut, same
 from hric_sweep.records import ReferenceRun, RunResponse, RunTask
 
 OPEN_EACH = 2
 """Open tasks per worker: one that runs, one that waits."""
+IDLE_DEATHS = 5
+"""Number of workers, per worker of the pool, that may end without a task before a run succeeds; project default,
+unconfirmed."""
 STARTING = 300.0
 """Timeout for a worker to load its code and execute a reference run [s]."""
 FIRST_TO_GO = 1000
@@ -47,14 +51,52 @@ class PebbleEngine:
             initializer=begin_worker,
             initargs=(os.getpid(), int(memory)),
         )
-        self._pool._pool_manager.task_manager.timeout = Patience().exhausted
+        self._manager = self._pool._pool_manager
+        self._manager.task_manager.timeout = Patience().exhausted
+        self._manager.find_expired_task = self._task_of
+        self._idle_deaths = 0
 
     def submit(self, task: RunTask) -> "Future[RunResponse]":
         """Submit a task to the pool."""
         response: Future[RunResponse] = Future()
         inner = self._pool.schedule(runs.run, args=[task], timeout=task.timeout)
-        inner.add_done_callback(lambda done: _pass_on(done, response, task))
+        inner.add_done_callback(lambda done: self._pass_on(done, response, task))
         return response
+
+    def _task_of(self, worker: int) -> Any:
+        """Return the task of a worker that ended.
+
+        This replaces pebble's own rule, by which a worker that is killed between two tasks ends the pool.
+
+        Raises:
+            LookupError: it had none; the pool starts another worker.
+            BrokenProcessPool: workers end before they run anything.
+        """
+        for task in list(self._manager.task_manager.tasks.values()):
+            if task.worker_id == worker:
+                return task
+        self._idle_deaths += 1
+        if self._idle_deaths > IDLE_DEATHS * self.workers:
+            raise BrokenProcessPool
+        raise LookupError
+
+    def _pass_on(self, done: "Future[RunResponse]", response: "Future[RunResponse]", task: RunTask) -> None:
+        if done.cancelled():
+            response.cancel()
+            return
+        error = done.exception()
+        if error is None:
+            self._idle_deaths = 0
+            response.set_result(done.result())
+        elif isinstance(error, Late):
+            patience = f"took more than {task.timeout:g} s of processor time, or did nothing so long"
+            response.set_exception(TimedOut(patience))
+        elif isinstance(error, ProcessExpired):
+            response.set_exception(Died(f"ended its worker ({_how(error.exitcode)})"))
+        elif isinstance(error, BrokenProcessPool):
+            response.set_exception(Lost("the workers of this machine end before they run anything"))
+        else:
+            response.set_exception(error)
 
     def flush(self) -> None:
         """Do nothing: this engine has no buffer."""
@@ -136,21 +178,6 @@ def processor_time(pid: int) -> float:
     except OSError:
         return 0.0
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-
-
-def _pass_on(done: "Future[RunResponse]", response: "Future[RunResponse]", task: RunTask) -> None:
-    if done.cancelled():
-        response.cancel()
-        return
-    error = done.exception()
-    if error is None:
-        response.set_result(done.result())
-    elif isinstance(error, Late):
-        response.set_exception(TimedOut(f"took more than {task.timeout:g} s of processor time, or did nothing so long"))
-    elif isinstance(error, ProcessExpired):
-        response.set_exception(Died(f"ended its worker ({_how(error.exitcode)})"))
-    else:
-        response.set_exception(error)
 
 
 def _how(code: int | None) -> str:
