@@ -1,1 +1,5 @@
 """Command line, live experiments, recorder, and check of the robot model."""
+
+from hric_core import former_names
+
+former_names.install()

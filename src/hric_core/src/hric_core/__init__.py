@@ -1,0 +1,1 @@
+"""Errors, parameters, geometry, robot descriptions, time, trial files and nodes, on which all packages stand."""

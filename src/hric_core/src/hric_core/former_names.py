@@ -1,0 +1,87 @@
+"""Former import paths of modules that moved; they work until the next release, with a warning."""
+
+import sys
+import warnings
+from collections.abc import Sequence
+from importlib import import_module
+from importlib.abc import Loader, MetaPathFinder
+from importlib.machinery import ModuleSpec, PathFinder
+from importlib.util import spec_from_loader
+from types import ModuleType
+
+FORMER = {
+    "hric_control.plants.resources": "hric_core.resources",
+    "hric_control.robot_time.clock_pairs": "hric_control.clock_pairs",
+    "hric_control.sim.pid": "hric_control.pid",
+    "hric_controllers.joint.pid": "hric_control.pid",
+    "hric_experiments.analysis": "hric_analysis",
+    "hric_experiments.analysis.compare": "hric_report.compare",
+    "hric_experiments.analysis.muscle_load": "hric_report.muscle_load",
+    "hric_experiments.analysis.run": "hric_report.run",
+    "hric_experiments.approaches": "hric_sweep.approaches",
+    "hric_experiments.approaches.meetings": "hric_sweep.approaches.contact_events",
+    "hric_experiments.benchmark": "hric_sweep.benchmark",
+    "hric_experiments.definition": "hric_run.definition",
+    "hric_experiments.definition.study": "hric_sweep.study.definition",
+    "hric_experiments.headless.bag_writer": "hric_run.bag_writer",
+    "hric_experiments.provenance": "hric_run.provenance",
+    "hric_experiments.report": "hric_report",
+    "hric_experiments.report_html": "hric_report.html",
+    "hric_experiments.simulation": "hric_run.simulation",
+    "hric_experiments.speed_map": "hric_sweep.speed_map",
+    "hric_experiments.stops": "hric_sweep.stops",
+    "hric_experiments.sweep": "hric_sweep",
+    "hric_experiments.sweep_page": "hric_sweep.page",
+}
+"""Present path of packages and modules by the former one. Modules that moved from hric_control to hric_core kept their
+name and are found without being listed."""
+HOMES = ("hric_control", "hric_controllers", "hric_experiments")
+"""Packages that modules left."""
+
+
+def present(name: str) -> str | None:
+    """Return the present path of a module that moved; None: it did not move, or does not exist any more."""
+    package, _, rest = name.partition(".")
+    if package not in HOMES or not rest:
+        return None
+    parts = name.split(".")
+    for count in range(len(parts), 1, -1):
+        if (moved := FORMER.get(".".join(parts[:count]))) is not None:
+            return _existing([*moved.split("."), *parts[count:]])
+    return _existing(["hric_core", *parts[1:]]) if package == "hric_control" else None
+
+
+def _existing(parts: Sequence[str]) -> str | None:
+    """Return the name of a module with these parts, without importing its packages; None: there is none."""
+    path: Sequence[str] | None = None
+    for count in range(1, len(parts) + 1):
+        spec = PathFinder.find_spec(".".join(parts[:count]), path)
+        if spec is None:
+            return None
+        path = spec.submodule_search_locations or ()
+    return ".".join(parts)
+
+
+class _Finder(MetaPathFinder, Loader):
+    """Finder that gives the present module under its former name.
+
+    It comes before Python's own ones: these would load a submodule of a package with a former name a second time, with
+    classes of its own.
+    """
+
+    def find_spec(
+        self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        return None if present(name) is None else spec_from_loader(name, self)
+
+    def exec_module(self, module: ModuleType) -> None:
+        moved = present(module.__name__)
+        assert moved is not None
+        warnings.warn(f"{module.__name__} is {moved} now", DeprecationWarning, stacklevel=2)
+        sys.modules[module.__name__] = import_module(moved)
+
+
+def install() -> None:
+    """Let this process import modules by their former paths."""
+    if not any(isinstance(finder, _Finder) for finder in sys.meta_path):
+        sys.meta_path.insert(0, _Finder())
