@@ -20,7 +20,7 @@ from franka_sim.box.config import read_config
 from franka_sim.box.control_box import ControlBox
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MoveRequest
 from franka_sim.fci import app
-from franka_sim.fci.arguments import parser
+from franka_sim.fci.app import ControlBoxCommand
 from franka_sim.fci.arm_device import ArmDevice, make_arm
 from franka_sim.fci.protocol import PROTOCOL_5 as V5
 from franka_sim.fci.robots import ROBOTS
@@ -38,7 +38,7 @@ def make_device() -> Iterator[Callable[..., ArmDevice]]:
     made: list[ArmDevice] = []
 
     def make(*words: str, robot: str = "panda") -> ArmDevice:
-        made.append(make_arm(parser().parse_args(["--no-collision", *words]), ROBOTS[robot]))
+        made.append(make_arm(ControlBoxCommand().parser().parse_args(["--no-collision", *words]), ROBOTS[robot]))
         return made[-1]
 
     yield make
@@ -60,7 +60,11 @@ def seen(arm: ArmDevice, cycles: int) -> np.ndarray:
 
 def test_ideal_is_the_default_and_changes_nothing() -> None:
     ideal = parse(IDEAL, "")
-    assert presets() == ("ideal", "measured") and parse({}, "") == ideal and parser().parse_args([]).realism == IDEAL
+    assert (
+        presets() == ("ideal", "measured")
+        and parse({}, "") == ideal
+        and ControlBoxCommand().parser().parse_args([]).realism == IDEAL
+    )
     assert not ideal.noisy
     assert ideal.body(URDF, "panda") is URDF
     assert ideal.with_friction({"rotor_inertia": 0.1}, "panda") == {"rotor_inertia": 0.1}

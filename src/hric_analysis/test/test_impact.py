@@ -11,7 +11,7 @@ import pytest
 from hric_analysis import human
 from hric_assessment.contact import impact
 from hric_bags.run_folder import RunFolder
-from hric_experiments import cli
+from hric_core.command import main
 from hric_report import human_figures
 from hric_report.html import run_data, tables
 
@@ -23,7 +23,7 @@ def clamped(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunFolder]:
     """The arm meets a forearm, pushes it to a wall, and goes on pushing."""
     root = tmp_path_factory.mktemp("runs")
     words = ["simulator:=mujoco", "robot.parameters.reflexes:=false", f"world:={WALL}", "human.parts:=right_arm"]
-    assert cli.main(["run", "contact", *words, "--quiet", "--no-figures", "--runs", str(root)]) == 0
+    assert main(["run", "contact", *words, "--quiet", "--no-figures", "--runs", str(root)]) == 0
     yield RunFolder((root / "latest").resolve())
 
 

@@ -72,6 +72,6 @@ def test_ctrl_c_during_the_report_leaves_the_bag_whole_and_says_how_to_make_it_l
         live_experiment()._report(folder)
     assert said == [
         "interrupted: the bag is whole, the report is not made; to make it: "
-        f"rosrun hric_experiments report {folder.path}"
+        f"hric report {folder.path}"
     ]
     assert bag_reader.read(folder.bag_path).log.cycles == report_run.CYCLES

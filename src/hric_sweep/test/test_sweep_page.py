@@ -407,7 +407,7 @@ def test_hovering_a_line_tells_its_run_and_a_click_its_command(opened: Browser, 
     mouse(opened, "mousePressed", left + x, top + y)
     mouse(opened, "mouseReleased", left + x, top + y)
     command = opened.evaluate("document.getElementById('picked-command').textContent")
-    assert command == f"rosrun hric_experiments sweep rerun 'peak force' {table.id[row]}"
+    assert command == f"hric sweep rerun 'peak force' {table.id[row]}"
 
 
 @in_a_browser

@@ -88,7 +88,7 @@ def parts(bag: Path) -> list[Path]:
         if not part.is_file():
             active = part.with_name(part.name + ".active")
             hint = (
-                f" was not closed, try: rosrun hric_experiments health --salvage {active}"
+                f" was not closed, try: hric health --salvage {active}"
                 if active.is_file()
                 else " is missing"
             )

@@ -18,12 +18,14 @@ ROBOT_HW = "hric_control::RobotHW"
 PLANT = "hric_control::Plant"
 PARTICIPANT = "hric_control::Participant"
 HUMAN_CONTROLLER = "hric_human::HumanController"
+COMMAND = "hric_core::Command"
 _BASES = {
     CONTROLLER: "hric_control.controller:Controller",
     ROBOT_HW: "hric_control.robot_hw:RobotHW",
     PLANT: "hric_control.plant:Plant",
     PARTICIPANT: "hric_control.sim.participants:Participant",
     HUMAN_CONTROLLER: "hric_human.control.controller:HumanController",
+    COMMAND: "hric_core.command:Command",
 }
 
 
@@ -57,7 +59,7 @@ class _Index:
 
 
 def names(base: str) -> dict[str, PluginInfo]:
-    """Return all plugins of a base (CONTROLLER, ROBOT_HW, PLANT, PARTICIPANT, HUMAN_CONTROLLER) by name."""
+    """Return all plugins of a base (CONTROLLER, ROBOT_HW, PLANT, PARTICIPANT, HUMAN_CONTROLLER, COMMAND) by name."""
     check_known("plugin base", [base], _BASES)
     return dict(_index(_search_path()).plugins[base])
 

@@ -1,4 +1,4 @@
-"""`rosrun hric_experiments sweep`: run a sweep or go on with it, draw it, run one of its runs again."""
+"""Commands `sweep`, `sweep rerun` and `sweep page`."""
 
 import argparse
 import math
@@ -14,50 +14,56 @@ from typing import Any
 from tqdm import tqdm
 
 from hric_bags import files
-from hric_bags.run_folder import RunFolder, iso_now, runs_root
-from hric_core.errors import HricError
+from hric_bags.arguments import RUNS
+from hric_bags.run_folder import RunFolder, iso_now
+from hric_core.command import Argument, Command
+from hric_core.errors import NOT_GOOD, HricError
 from hric_core.parameters import read_yaml
 from hric_core.processes import INTERRUPTED_CODE
 from hric_run import provenance
 from hric_sweep import definition, table, task
 from hric_sweep.definition import Plan
 from hric_sweep.engines.engine import Engine, Response, going_on_with, same
-from hric_sweep.engines.make import add_options, engine_of
-from hric_sweep.journal import UNFINISHED_CODE, Journal
+from hric_sweep.engines.make import engine_arguments, engine_of
+from hric_sweep.journal import Journal
 from hric_sweep.supervisor import Supervisor, make_task
 
 FILE = "sweep.yaml"
+FOLDER = Argument("sweep", help="folder of the sweep, or its name in the folder of all runs")
 
 
-def main(arguments: Sequence[str]) -> int:
-    """Run the command; returns the exit code."""
-    if arguments and arguments[0] in _OTHERS:
-        return _OTHERS[arguments[0]](arguments[1:])
-    given = _parser().parse_args(list(arguments))
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    if (given.sweep is None) == (given.resume is None):
-        raise HricError(f"one sweep is needed; valid: {', '.join(definition.names())}, a YAML file, or --resume DIR")
-    if given.resume is not None:
-        folder = table.find(given.resume)
-        return _run(folder, *_opened(folder), given)
-    return _run(None, definition.load(given.sweep, quick=given.quick), None, given)
+class SweepCommand(Command):
+    """Run an experiment many times with variables and seeds, on all processors, into one table. See also: sweep rerun,
+    sweep page."""
 
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        "rosrun hric_experiments sweep",
-        description="Run an experiment many times with variables and seeds, on all processors, into one table. "
-        "Also: sweep rerun DIR ID, one of its runs again with bag and page; sweep page DIR, its page from its table.",
-        epilog="exit codes: 0 all runs ended; 2 a mistake, and nothing was begun; 3 runs failed, or it could not go on "
-        "(what ended is kept); 130 Ctrl-C (go on with --resume DIR)",
+    epilog = (
+        "exit codes: 0 all runs ended; 2 a mistake, and nothing was begun; 3 runs failed, or it could not go on "
+        "(what ended is kept); 130 Ctrl-C (go on with --resume DIR)"
     )
-    parser.add_argument("sweep", nargs="?", help=f"one of: {', '.join(definition.names())}; or the path of a YAML file")
-    add_options(parser)
-    parser.add_argument("--quick", action="store_true", help="the sweep's form with few runs")
-    parser.add_argument("--resume", metavar="DIR", help="go on with a sweep that was ended before its end, by whatever")
-    parser.add_argument("--runs", metavar="DIR", help="folder of all runs (default: $HRIC_RUNS, else runs/)")
-    parser.add_argument("--quiet", action="store_true", help="no progress bar")
-    return parser
+
+    def arguments(self) -> list[Argument]:
+        """Return the arguments."""
+        return [
+            Argument(
+                "sweep",
+                nargs="?",
+                help=f"one of: {', '.join(definition.names())}; or the path of a YAML file",
+                complete=definition.names,
+            ),
+            *engine_arguments("sweep"),
+            Argument("--quick", action="store_true", help="the sweep's form with few runs"),
+        ]
+
+    def run(self, given: argparse.Namespace) -> int:
+        """Run a new sweep, or go on with one."""
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
+        if (given.sweep is None) == (given.resume is None):
+            names = ", ".join(definition.names())
+            raise HricError(f"one sweep is needed; valid: {names}, a YAML file, or --resume DIR")
+        if given.resume is not None:
+            folder = table.find(given.resume)
+            return _run(folder, *_opened(folder), given)
+        return _run(None, definition.load(given.sweep, quick=given.quick), None, given)
 
 
 def _opened(folder: Path) -> tuple[Plan, Response]:
@@ -89,7 +95,7 @@ def _run(folder: Path | None, plan: Plan, before: Response | None, given: argpar
     finally:
         engine.close(now=now)
     print(summary(folder))
-    return UNFINISHED_CODE if any(row["failure"] for row in supervisor.rows.values()) else 0
+    return NOT_GOOD if any(row["failure"] for row in supervisor.rows.values()) else 0
 
 
 def _probed(plan: Plan, engine: Engine, code: str) -> None:
@@ -102,12 +108,12 @@ def _probed(plan: Plan, engine: Engine, code: str) -> None:
 
 
 def _command(folder: Path) -> str:
-    return f"rosrun hric_experiments sweep --resume {folder}"
+    return f"hric sweep --resume {folder}"
 
 
 def _begin(plan: Plan, own: Response, given: argparse.Namespace) -> Path:
     """A new folder with sweep.yaml."""
-    folder = RunFolder.create(runs_root(given.runs), plan.name).path
+    folder = RunFolder.create(given.runs, plan.name).path
     files.write_yaml(
         folder / FILE,
         {
@@ -162,36 +168,36 @@ def summary(folder: Path) -> str:
     return "\n".join(lines)
 
 
-def rerun(arguments: Sequence[str]) -> int:
-    """Run one run of a sweep again, with bag, metrics and page."""
-    parser = argparse.ArgumentParser(
-        "rosrun hric_experiments sweep rerun",
-        description="Run one run of a sweep again, into a run folder with bag, metrics, figures and page; its hash is "
-        "compared with that of the sweep.",
-    )
-    parser.add_argument("sweep", help="folder of the sweep, or its name in the folder of all runs")
-    parser.add_argument("id", help="of the run, or the first characters of it")
-    parser.add_argument("--runs", metavar="DIR", help="folder of all runs (default: $HRIC_RUNS, else runs/)")
-    given = parser.parse_args(list(arguments))
-    folder = table.find(given.sweep)
-    plan, before = _opened(folder)
-    row = _row(table.read(folder).to_pylist(), given.id)
-    values = {name: row[name] for name in plan.section.vary}
-    one = make_task(plan, row["index"], values, before["code"])
-    from hric_report import headless as runner
-    from hric_report import html as report_html
+class RerunCommand(Command):
+    """Run one run of a sweep again, into a run folder with bag, metrics, figures and page; its hash is compared with
+    that of the sweep."""
 
-    result = runner.run(
-        task.definition_of(one), definition.written(one["changes"]), seed=one["seed"], root=runs_root(given.runs)
-    )
-    print(f"{result.metrics['report']}\nrun folder: {result.folder.path}\npage: {report_html.write(result.folder)}")
-    if result.metrics["state_sha256"] != row["state_sha256"]:
-        raise HricError(
-            f"state_sha256 is {result.metrics['state_sha256']}, and was {row['state_sha256']} in the sweep: code or "
-            f"machine differ (sweep: code {before['code'][:12]}, here {task.code_version()[:12]})"
-        )
-    print(f"state_sha256: {row['state_sha256']}, as in the sweep")
-    return 0
+    def arguments(self) -> list[Argument]:
+        """Return the arguments."""
+        return [
+            FOLDER,
+            Argument("id", help="of the run, or the first characters of it"),
+            RUNS,
+        ]
+
+    def run(self, given: argparse.Namespace) -> None:
+        """Run it again. Raises HricError: it gave another result."""
+        folder = table.find(given.sweep)
+        plan, before = _opened(folder)
+        row = _row(table.read(folder).to_pylist(), given.id)
+        one = make_task(plan, row["index"], {name: row[name] for name in plan.section.vary}, before["code"])
+        from hric_report import headless as runner
+        from hric_report import html as report_html
+
+        changes = definition.written(one["changes"])
+        result = runner.run(task.definition_of(one), changes, seed=one["seed"], root=given.runs)
+        print(f"{result.metrics['report']}\nrun folder: {result.folder.path}\npage: {report_html.write(result.folder)}")
+        if result.metrics["state_sha256"] != row["state_sha256"]:
+            raise HricError(
+                f"state_sha256 is {result.metrics['state_sha256']}, and was {row['state_sha256']} in the sweep: code "
+                f"or machine differ (sweep: code {before['code'][:12]}, here {task.code_version()[:12]})"
+            )
+        print(f"state_sha256: {row['state_sha256']}, as in the sweep")
 
 
 def _row(rows: Sequence[dict[str, Any]], given: str) -> dict[str, Any]:
@@ -203,17 +209,15 @@ def _row(rows: Sequence[dict[str, Any]], given: str) -> dict[str, Any]:
     return found[0]
 
 
-def draw(arguments: Sequence[str]) -> int:
-    """Write the page of a sweep again, from its table."""
-    parser = argparse.ArgumentParser(
-        "rosrun hric_experiments sweep page", description="Write report.html of a sweep again, from its table."
-    )
-    parser.add_argument("sweep", help="folder of the sweep, or its name in the folder of all runs")
-    folder = table.find(parser.parse_args(list(arguments)).sweep)
-    from hric_sweep.page import build as page
+class PageCommand(Command):
+    """Write report.html of a sweep again, from its table."""
 
-    print(f"page: {page.write(folder)}")
-    return 0
+    def arguments(self) -> list[Argument]:
+        """Return the arguments."""
+        return [FOLDER]
 
+    def run(self, given: argparse.Namespace) -> None:
+        """Write the page."""
+        from hric_sweep.page import build as page
 
-_OTHERS = {"rerun": rerun, "page": draw}
+        print(f"page: {page.write(table.find(given.sweep))}")

@@ -12,17 +12,15 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from hric_core.errors import HricError
+from hric_core.errors import NOT_GOOD, HricError
 
 NAME = "runs.jsonl"
-UNFINISHED_CODE = 3
-"""Exit code of a sweep in which runs failed, or which could not go on; what ended is kept."""
 
 
 class JournalError(HricError):
     """The journal cannot be written, or it is another program's at the moment."""
 
-    exit_code = UNFINISHED_CODE
+    exit_code = NOT_GOOD
 
 
 class Journal:
@@ -75,7 +73,7 @@ class Journal:
             why = "there is no space left" if full else error.strerror
             raise JournalError(
                 f"cannot write {self.path}: {why}; {len(self.entries)} runs are kept there, and no other is lost but "
-                f"what just ended ({len(entries)}); make space, then: rosrun hric_experiments sweep --resume "
+                f"what just ended ({len(entries)}); make space, then: hric sweep --resume "
                 f"{self.path.parent}"
             ) from error
         self._size += len(lines)

@@ -86,7 +86,7 @@ def write(folder: Path, plan: Plan, rows: Sequence[Row], estimate: Mapping[str, 
     except files.FileError as error:
         raise JournalError(
             f"{error}; all runs that ended are in the journal beside it; make "
-            f"space, then: rosrun hric_experiments sweep --resume {folder}"
+            f"space, then: hric sweep --resume {folder}"
         ) from error
     return path
 
@@ -131,7 +131,7 @@ def read(folder: str | Path) -> pyarrow.Table:
     """The table of a sweep. Raises HricError: there is none."""
     path = find(folder) / NAME
     if not path.is_file():
-        raise HricError(f"{path.parent} has no {NAME} yet; valid: rosrun hric_experiments sweep --resume {path.parent}")
+        raise HricError(f"{path.parent} has no {NAME} yet; valid: hric sweep --resume {path.parent}")
     return pyarrow.parquet.read_table(path)
 
 

@@ -11,11 +11,12 @@ import numpy as np
 from hric_assessment.findings import DISCLAIMER, Finding, Outcome
 from hric_assessment.tables import VerdictTable, verdict_table
 from hric_assessment.verdict.conclusions import GROUPS, ORDER, Conclusion, headline, outcome
+from hric_core.errors import NOT_GOOD, NOT_KNOWN
 from hric_core.geometry import FloatArray
 
 VERSION = 2
 """Version of the JSON; its schema is config/verdict.schema.json."""
-EXIT_CODES = {Outcome.WITHIN: 0, Outcome.WARNING: 0, Outcome.ABOVE: 1, Outcome.NOT_ASSESSABLE: 4}
+EXIT_CODES = {Outcome.WITHIN: 0, Outcome.WARNING: 0, Outcome.ABOVE: NOT_GOOD, Outcome.NOT_ASSESSABLE: NOT_KNOWN}
 SHOWN_LINES = 15
 """Maximum lines of findings in a short text (project default)."""
 SHOWN = 20

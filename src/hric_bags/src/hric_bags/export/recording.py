@@ -64,7 +64,7 @@ def find(given: str, root: Path | None = None) -> Source:
     for bag in bags:
         if bag.name.endswith(ACTIVE):
             raise ExportError(
-                f"{bag.name} was not closed; if its recorder was killed: rosrun hric_experiments health "
+                f"{bag.name} was not closed; if its recorder was killed: hric health "
                 f"--salvage {given}"
             )
     urdf = folder.urdf_path.read_text() if folder is not None and folder.urdf_path.is_file() else ""

@@ -177,7 +177,7 @@ def _conclusions(verdict: Verdict) -> str:
         who = f"{one.person}: " if one.person else ""
         remedy = one.remedy
         if remedy.startswith("--"):
-            remedy = f"rosrun hric_assessment assess {verdict['input']['name']} {remedy}"
+            remedy = f"hric assess {verdict['input']['name']} {remedy}"
         known = f"<div class=remedy>To know it: {escape(remedy)}</div>" if remedy else ""
         rows.append(
             f'<tr title="{escape(BY_DEFAULT[one.question])}"><th scope=row>{escape(one.question)}</th>'

@@ -1,4 +1,4 @@
-"""Command line: approaches. Draw, run, write each outcome at once, and count."""
+"""Command `approaches`."""
 
 import argparse
 import json
@@ -18,6 +18,7 @@ from hric_assessment.findings import DISCLAIMER
 from hric_assessment.findings import Outcome as Result
 from hric_assessment.verdict.conclusions import ORDER
 from hric_assessment.verdict.result import EXIT_CODES
+from hric_core.command import Argument, Command
 from hric_core.errors import HricError
 from hric_core.parameters import whole
 from hric_sweep.approaches.draw import draw
@@ -31,45 +32,50 @@ CONFIDENCE = 0.95
 """Level of the one-sided bound [1]."""
 
 
-def parser() -> argparse.ArgumentParser:
-    """Return the parser of the command line."""
-    made = argparse.ArgumentParser(
-        "rosrun hric_experiments approaches",
-        description="Approaches of a person to a working arm, drawn by seed, in the experiment shared_workspace: "
-        "contacts above limits while the arm moves, and those with a standing arm. "
-        "Exit code 1: a contact with the moving arm was above limits; 4: one is not assessable, or a run failed.",
-    )
-    made.add_argument("--count", type=int, default=COUNT, help=f"how many (default: {COUNT})")
-    made.add_argument("--quick", action="store_true", help=f"{QUICK} of them")
-    made.add_argument("--first", type=int, default=0, help="seed of the first; the others follow (default: 0)")
-    made.add_argument("--without", action="store_true", help="the supervisor watches and does not act")
-    made.add_argument("--simulator", default="mujoco", help="engine (default: mujoco)")
-    made.add_argument("--jobs", type=int, default=2, help="processes (default: 2)")
-    made.add_argument(
-        "--output", type=Path, metavar="FILE", help="a line of JSON for each; what is there already is not run again"
-    )
-    return made
+class ApproachesCommand(Command):
+    """Simulate approaches of a person to a working arm, drawn by seed, in the experiment shared_workspace: contacts
+    above limits while the arm moves, and those with a standing arm."""
 
+    epilog = (
+        "exit codes: 0 no contact with the moving arm was above limits; 3 one was; 4 one is not assessable, or a "
+        "run failed."
+    )
 
-def main(arguments: Sequence[str]) -> int:
-    """Run the command; return 1 if a contact with the moving arm was above limits, else 4 if that is not known."""
-    options = parser().parse_args(arguments)
-    for name in ("count", "first", "jobs"):
-        whole(minimum=0 if name == "first" else 1).checked(getattr(options, name), f"--{name}")
-    count = QUICK if options.quick else options.count
-    done = {} if options.output is None else read(options.output, not options.without)
-    missing = [seed for seed in range(options.first, options.first + count) if seed not in done]
-    for outcome in _outcomes(missing, options):
-        done[outcome.seed] = outcome
-        if options.output is not None:
-            with options.output.open("a") as file:
-                file.write(json.dumps(asdict(outcome)) + "\n")
-    outcomes = [done[seed] for seed in range(options.first, options.first + count)]
-    print(report(outcomes))
-    results = {contact.outcome for outcome in outcomes for contact in outcome.met(MOVING)}
-    if any(outcome.failure for outcome in outcomes):
-        results.add(Result.NOT_ASSESSABLE)
-    return next((EXIT_CODES[result] for result in ORDER if result in results), 0)
+    def arguments(self) -> list[Argument]:
+        """Return the arguments."""
+        return [
+            Argument("--count", type=int, default=COUNT, help=f"how many (default: {COUNT})"),
+            Argument("--quick", action="store_true", help=f"{QUICK} of them"),
+            Argument("--first", type=int, default=0, help="seed of the first; the others follow (default: 0)"),
+            Argument("--without", action="store_true", help="the supervisor watches and does not act"),
+            Argument("--simulator", default="mujoco", help="engine (default: mujoco)"),
+            Argument("--jobs", type=int, default=2, help="processes (default: 2)"),
+            Argument(
+                "--output",
+                type=Path,
+                metavar="FILE",
+                help="a line of JSON for each; what is there already is not run again",
+            ),
+        ]
+
+    def run(self, given: argparse.Namespace) -> int:
+        """Run the approaches that are missing, write each outcome at once, and count."""
+        for name in ("count", "first", "jobs"):
+            whole(minimum=0 if name == "first" else 1).checked(getattr(given, name), f"--{name}")
+        count = QUICK if given.quick else given.count
+        done = {} if given.output is None else read(given.output, not given.without)
+        missing = [seed for seed in range(given.first, given.first + count) if seed not in done]
+        for outcome in _outcomes(missing, given):
+            done[outcome.seed] = outcome
+            if given.output is not None:
+                with given.output.open("a") as file:
+                    file.write(json.dumps(asdict(outcome)) + "\n")
+        outcomes = [done[seed] for seed in range(given.first, given.first + count)]
+        print(report(outcomes))
+        results = {contact.outcome for outcome in outcomes for contact in outcome.met(MOVING)}
+        if any(outcome.failure for outcome in outcomes):
+            results.add(Result.NOT_ASSESSABLE)
+        return next((EXIT_CODES[result] for result in ORDER if result in results), 0)
 
 
 def _outcomes(seeds: Sequence[int], options: argparse.Namespace) -> Iterator[Outcome]:

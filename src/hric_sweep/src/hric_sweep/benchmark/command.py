@@ -1,4 +1,4 @@
-"""`rosrun hric_experiments benchmark`: controllers compared over collaborations, bodies and seeds."""
+"""Command `benchmark`: controllers compared over collaborations, bodies and seeds."""
 
 import argparse
 import signal
@@ -11,72 +11,79 @@ from typing import Any
 from tqdm import tqdm
 
 from hric_bags import files
-from hric_bags.run_folder import RunFolder, iso_now, runs_root
-from hric_core.errors import HricError
+from hric_bags.run_folder import RunFolder, iso_now
+from hric_core.command import Argument, Command
+from hric_core.errors import NOT_GOOD, HricError
 from hric_core.parameters import read_yaml, whole
 from hric_run import provenance
 from hric_sweep.benchmark import definition, results, running, scoring, text
 from hric_sweep.benchmark.definition import Benchmark, Controller
 from hric_sweep.carrying import carry_out
 from hric_sweep.engines.engine import going_on_with
-from hric_sweep.engines.make import add_options, engine_of
-from hric_sweep.journal import UNFINISHED_CODE, Journal
+from hric_sweep.engines.make import engine_arguments, engine_of
+from hric_sweep.journal import Journal
 from hric_sweep.task import code_version
 
 FILE = "benchmark.yaml"
 MEMORY = 4e9
 """That a worker may take [bytes]; project default, unconfirmed."""
-DIFFERS = 1
-"""Exit code of a comparison that is not within the tolerance."""
 
 
-def main(arguments: Sequence[str]) -> int:
-    """Run the command; returns the exit code."""
-    given = _parser().parse_args(list(arguments))
-    if given.seeds is not None:
-        whole(minimum=1).checked(given.seeds, "--seeds")
-    theirs = None if given.compare is None else results.read(given.compare)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    folder = _folder(given.resume) if given.resume else None
-    benchmark, content, controllers = _what(given, folder)
-    code = code_version()
-    if folder is not None and (before := read_yaml(folder / FILE)["code"]) != code:
-        raise HricError(
-            f"{folder} was begun with code {before[:12]}, and this is {code[:12]}; valid: the same, or anew"
-        )
-    folder, found = _run(folder, benchmark, content, controllers, code, given)
-    print(text.render(found))
-    print(f"page: {folder / 'report.html'}\nresults: {folder / results.NAME}")
-    if theirs is not None:
-        return _compared(found, theirs)
-    failed = any(cell["failures"] for one in found["collaborations"].values() for cell in one["controllers"].values())
-    return UNFINISHED_CODE if failed else 0
+class BenchmarkCommand(Command):
+    """Compare controllers over collaborations, bodies and seeds: findings, ergonomics, task and robustness side by
+    side, in one table, one page and one results file. Needs no ROS master."""
 
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        "rosrun hric_experiments benchmark",
-        description="Compare controllers over collaborations, bodies and seeds: findings, ergonomics, task and "
-        "robustness side by side, in one table, one page and one results file. Needs no ROS master.",
-        epilog=f"order: {scoring.RULE}  exit codes: 0; 1 --compare: not within the tolerance; 2 a mistake, and nothing "
-        "was begun; 3 runs failed (they count as such in the table); 130 Ctrl-C (go on with --resume DIR)",
+    epilog = (
+        f"order: {scoring.RULE}  exit codes: 0; 2 a mistake, and nothing was begun; 3 runs failed (they count as "
+        "such in the table), or --compare: not within the tolerance; 130 Ctrl-C (go on with --resume DIR)"
     )
-    references = ", ".join(definition.references())
-    parser.add_argument(
-        "controllers", nargs="*", metavar="CONTROLLER", help=f"YAML files beside the references ({references})"
-    )
-    add = parser.add_argument
-    add("--without-references", action="store_true", help="only the controllers given")
-    add("--definition", type=Path, metavar="FILE", help="another definition than the one that comes with it")
-    add("--collaborations", nargs="+", default=[], metavar="NAME", help="only these")
-    add("--bodies", nargs="+", default=[], metavar="NAME", help="only these")
-    add("--seeds", type=int, metavar="N", help="only the first N seeds")
-    add_options(parser)
-    add("--resume", metavar="DIR", help="go on with a benchmark that was ended before its end, by whatever")
-    add("--compare", type=Path, metavar="FILE", help="results of another laboratory: says what differs from them")
-    add("--runs", metavar="DIR", help="folder of all runs (default: $HRIC_RUNS, else runs/)")
-    add("--quiet", action="store_true", help="no progress bar")
-    return parser
+
+    def arguments(self) -> list[Argument]:
+        """Return the arguments."""
+        return [
+            Argument(
+                "controllers",
+                nargs="*",
+                metavar="CONTROLLER",
+                help=f"YAML files beside the references ({', '.join(definition.references())})",
+            ),
+            Argument("--without-references", action="store_true", help="only the controllers given"),
+            Argument(
+                "--definition", type=Path, metavar="FILE", help="another definition than the one that comes with it"
+            ),
+            Argument("--collaborations", nargs="+", default=[], metavar="NAME", help="only these"),
+            Argument("--bodies", nargs="+", default=[], metavar="NAME", help="only these"),
+            Argument("--seeds", type=int, metavar="N", help="only the first N seeds"),
+            *engine_arguments("benchmark"),
+            Argument(
+                "--compare",
+                type=Path,
+                metavar="FILE",
+                help="results of another laboratory: says what differs from them",
+            ),
+        ]
+
+    def run(self, given: argparse.Namespace) -> int:
+        """Run a new benchmark or go on with one, print and compare its results."""
+        if given.seeds is not None:
+            whole(minimum=1).checked(given.seeds, "--seeds")
+        theirs = None if given.compare is None else results.read(given.compare)
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
+        folder = _folder(given.resume) if given.resume else None
+        benchmark, content, controllers = _what(given, folder)
+        code = code_version()
+        if folder is not None and (before := read_yaml(folder / FILE)["code"]) != code:
+            raise HricError(
+                f"{folder} was begun with code {before[:12]}, and this is {code[:12]}; valid: the same, or anew"
+            )
+        folder, found = _run(folder, benchmark, content, controllers, code, given)
+        print(text.render(found))
+        print(f"page: {folder / 'report.html'}\nresults: {folder / results.NAME}")
+        if theirs is not None:
+            return _compared(found, theirs)
+        collaborations = found["collaborations"].values()
+        failed = any(cell["failures"] for one in collaborations for cell in one["controllers"].values())
+        return NOT_GOOD if failed else 0
 
 
 def _folder(given: str) -> Path:
@@ -103,7 +110,7 @@ def _what(given: argparse.Namespace, folder: Path | None) -> tuple[Benchmark, di
 
 def _begin(given: argparse.Namespace, content: Mapping[str, Any], code: str) -> Path:
     """A new folder with benchmark.yaml."""
-    folder = RunFolder.create(runs_root(given.runs), "benchmark").path
+    folder = RunFolder.create(given.runs, "benchmark").path
     said = {key: getattr(given, key) for key in ("without_references", "collaborations", "bodies", "seeds")}
     said["definition"] = None if given.definition is None else str(given.definition.expanduser().resolve())
     said["controllers"] = [
@@ -160,7 +167,7 @@ def _run(
 
 
 def _command(folder: Path) -> str:
-    return f"rosrun hric_experiments benchmark --resume {folder}"
+    return f"hric benchmark --resume {folder}"
 
 
 def _bar(total: int, quiet: bool) -> Any:
@@ -174,4 +181,4 @@ def _compared(ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> int:
         print(f"within {share} of the other results")
         return 0
     print("\n".join([f"differs from the other results by more than {share}:", *(f"  {one}" for one in differences)]))
-    return DIFFERS
+    return NOT_GOOD

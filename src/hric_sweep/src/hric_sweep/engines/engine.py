@@ -6,8 +6,7 @@ from contextlib import contextmanager
 from queue import Empty, SimpleQueue
 from typing import Any, Protocol, TypeVar
 
-from hric_core.errors import FailureError, HricError
-from hric_sweep.journal import UNFINISHED_CODE
+from hric_core.errors import NOT_GOOD, FailureError, HricError
 
 Task = dict[str, Any]
 Response = dict[str, Any]
@@ -29,7 +28,7 @@ class Differs(HricError):
 class Lost(FailureError):
     """What carries runs out is not there any more: no run failed, and those that are open have no response."""
 
-    exit_code = UNFINISHED_CODE
+    exit_code = NOT_GOOD
 
 
 class Engine(Protocol):

@@ -3,6 +3,8 @@
 import argparse
 import os
 
+from hric_bags.arguments import RUNS
+from hric_core.command import Argument
 from hric_core.errors import HricError
 from hric_core.parameters import whole
 from hric_core.wires import host_of, is_local, reached_by_others
@@ -13,28 +15,33 @@ LOCAL = "local"
 """Instead of an address: a cluster of this machine's processors, that ends with the command."""
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """--jobs, --dask and --insecure."""
-    parser.add_argument("--jobs", type=int, help=f"runs at once (default: {JOBS}, the processors)")
-    parser.add_argument(
-        "--dask",
-        metavar=f"ADDRESS|{LOCAL}",
-        help=f"run on a Dask cluster: the address of its scheduler, such as tcp://10.0.0.1:8786; {LOCAL}: one of this "
-        "machine. Workers: scripts/worker ADDRESS",
-    )
-    parser.add_argument(
-        "--insecure",
-        action="store_true",
-        help="connect without certificate to a cluster that other machines reach: a network where everybody may run "
-        "programs as you",
-    )
+def engine_arguments(work: str) -> list[Argument]:
+    """Return the options of a command that runs many tasks and can go on with them; work: its name, for --help."""
+    return [
+        Argument("--jobs", type=int, help=f"runs at once (default: {JOBS}, the processors)"),
+        Argument(
+            "--dask",
+            metavar=f"ADDRESS|{LOCAL}",
+            help=f"run on a Dask cluster: the address of its scheduler, such as tcp://10.0.0.1:8786; {LOCAL}: one of "
+            "this machine. Workers: scripts/worker ADDRESS",
+        ),
+        Argument(
+            "--insecure",
+            action="store_true",
+            help="connect without certificate to a cluster that other machines reach: a network where everybody may "
+            "run programs as you",
+        ),
+        Argument("--resume", metavar="DIR", help=f"go on with a {work} that was ended before its end, by whatever"),
+        RUNS,
+        Argument("--quiet", action="store_true", help="no progress bar"),
+    ]
 
 
 def engine_of(given: argparse.Namespace, memory: float, runs: int) -> Engine:
     """The engine of a command.
 
     Args:
-        given: of `add_options`.
+        given: of `engine_arguments`.
         memory: that a worker may take [bytes].
         runs: that there are at most.
 

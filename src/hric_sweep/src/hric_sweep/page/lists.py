@@ -19,7 +19,7 @@ DECIMAL = re.compile(r"[-+]?\d+\.\d+(e[-+]?\d+)?")
 
 def command(study: Study) -> str:
     """What repeats a run, without its id; the folder by its name, as the page names none of a machine."""
-    return f"rosrun hric_experiments sweep rerun {shlex.quote(study.folder.resolve().name)}"
+    return f"hric sweep rerun {shlex.quote(study.folder.resolve().name)}"
 
 
 def worst(study: Study) -> str:
