@@ -161,5 +161,5 @@ def _complete() -> None:
         os.environ["_ARGCOMPLETE"] = str(1 + len(name.split()))  # words of the line that are the program's name
     else:
         parser = argparse.ArgumentParser("hric")
-        parser.add_argument("command", choices=sorted(plugins.names(plugins.COMMAND)))
+        parser.add_argument("command", choices=[name for name in plugins.names(plugins.COMMAND) if " " not in name])
     argcomplete.autocomplete(parser)

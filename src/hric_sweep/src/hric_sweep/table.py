@@ -85,8 +85,7 @@ def write(folder: Path, plan: Plan, rows: Sequence[Row], estimate: Mapping[str, 
             pyarrow.parquet.write_table(made, temporary)
     except files.FileError as error:
         raise JournalError(
-            f"{error}; all runs that ended are in the journal beside it; make "
-            f"space, then: hric sweep --resume {folder}"
+            f"{error}; all runs that ended are in the journal beside it; make space, then: hric sweep --resume {folder}"
         ) from error
     return path
 

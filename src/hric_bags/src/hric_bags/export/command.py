@@ -26,6 +26,7 @@ class ExportCommand(Command):
                 metavar=f"{{{','.join(FORMATS)}}}",
                 dest="formats",
                 help="what to write",
+                complete=lambda: FORMATS,
             ),
             Argument("--topics", nargs="+", default=[], metavar="TOPIC", help="to which to keep (default: all)"),
             Argument(
