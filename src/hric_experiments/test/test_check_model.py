@@ -212,7 +212,7 @@ def test_what_cannot_be_compared_is_refused_in_one_line_and_nothing_is_written(
 ) -> None:
     write, said = REFUSED[kind]
     code, out, err = called(capsys, write(tmp_path / "arm.csv", data))
-    assert (code, out, err.count("\n")) == (2, "", 1) and err.startswith("check_model: ")
+    assert (code, out, err.count("\n")) == (2, "", 1) and err.startswith("hric check_model: ")
     assert said in err
     assert [file.name for file in tmp_path.iterdir()] == ["arm.csv"]
 

@@ -55,7 +55,7 @@ def test_a_refusal_is_one_line_and_exit_code_2_and_nothing_is_left(tmp_path: Pat
     (tmp_path / "bad.urdf").write_text(one_joint(child=""))
     done = run(tmp_path, "bad.urdf")
     assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.startswith("urdf_to_osim: link arm: joint swing moves it") and done.stderr.count("\n") == 1
+    assert done.stderr.startswith("hric convert: link arm: joint swing moves it") and done.stderr.count("\n") == 1
     assert names(tmp_path) == ["bad.urdf"]
 
 

@@ -236,7 +236,7 @@ class UrdfCommand(Command):
     """Print the Panda as pure URDF."""
 
     epilog = "arguments:\n" + "\n".join(
-        f"  {name}:={_text(parameter.default)}\n      {parameter.text}; {parameter.accepts}"
+        f"  {name}:={_text(parameter.default)}\n      {parameter.text}; {parameter.valid}"
         for name, parameter in declared(Arguments).items()
     )
 
