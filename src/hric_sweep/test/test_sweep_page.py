@@ -162,7 +162,7 @@ def test_the_worst_ten_are_in_order_and_each_has_its_command(folder: Path, text:
     commands = [shlex.split(one.replace("&#x27;", "'")) for one in re.findall('data-command="(.*?)"', part)]
     assert re.findall("<td><code>(.*?)</code>", part) == list(worst.id)
     assert [one[-1] for one in commands] == list(worst.id)
-    assert all(one[:-1] == ["rosrun", "hric_experiments", "sweep", "rerun", "peak force"] for one in commands)
+    assert all(one[:-1] == ["hric", "sweep", "rerun", "peak force"] for one in commands)
 
 
 def test_the_page_names_no_folder_of_the_machine(folder: Path, text: str) -> None:

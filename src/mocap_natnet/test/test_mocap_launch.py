@@ -48,5 +48,19 @@ def test_every_argument_is_explained() -> None:
 
 
 def test_the_names_that_roslaunch_adds_are_left_alone(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["emulated_motive", "--rate", "-1", "/tf:=tf", "__name:=emulated_motive", "__log:=/tmp/x.log"]) == 2
+    assert (
+        main(
+            [
+                "emulated_motive",
+                "--clock",
+                "wall",
+                "--rate",
+                "-1",
+                "/tf:=tf",
+                "__name:=emulated_motive",
+                "__log:=/tmp/x.log",
+            ]
+        )
+        == 2
+    )
     assert "rate is -1" in capsys.readouterr().err
