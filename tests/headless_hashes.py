@@ -4,7 +4,7 @@
     python3 tests/headless_hashes.py [NAME...]          # compares, and prints what differs
     python3 -m pytest tests/test_headless_hashes.py     # the same; with -m "not slow": of the quick ones
 
-Each runs through the public command, `rosrun hric_experiments run`, but within this process. What of a bag counts and
+Each runs through the public command, `hric run`, but within this process. What of a bag counts and
 how it is compared: bag_digest.py. Write the list again only where a change is meant to alter what a run gives, and name
 in the commit which run changed and why.
 

@@ -19,8 +19,8 @@ import yaml
 from roslaunch.core import RLException
 
 from hric_core import urdf
+from hric_core.command import perform
 from hric_core.errors import HricError
-from hric_experiments import cli
 
 PACKAGE, FILE = "hric_bringup", "bringup.launch"
 
@@ -49,7 +49,7 @@ def parameters(config: roslaunch.config.ROSLaunchConfig) -> dict[str, object]:
 def described(*words: str) -> str:
     """What `describe` prints. Raises HricError."""
     with redirect_stdout(io.StringIO()) as printed:
-        cli.describe(words)
+        perform(["describe", *words])
     return printed.getvalue()
 
 

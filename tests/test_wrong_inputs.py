@@ -59,6 +59,9 @@ SCRIPTS = [
 """Words after scripts/, and what the answer has."""
 
 TOOLS = [
+    ("hric_core hric", r"hric: no command ''; valid: approaches, .*urdf"),
+    ("hric_core hric rn pd_step", r"hric: no command 'rn'; valid: .*did you mean run\?"),
+    ("hric_core hric run", r"hric run: one experiment is needed; got none; valid: .*pd_step"),
     ("hric_experiments run", r"one experiment is needed; got none; valid: .*pd_step"),
     ("hric_experiments run step_pd", r"no experiment 'step_pd' .*valid: co_transport, .*pd_step"),
     ("hric_experiments run pd_step kpp:=200", r"no override 'kpp' \(did you mean kp\?\); valid: .*kd, kp, limits"),
@@ -106,7 +109,10 @@ TOOLS = [
     ("hric_experiments export notes.txt --format csv", r"cannot read notes\.txt: .*health --salvage"),
     ("hric_experiments compare open nowhere", r"no run folder 'nowhere'"),
     ("hric_experiments compare open open --labels a", r"--labels names 1 runs \(a\), but 2 are compared"),
-    ("hric_experiments schema --studies", r"\[--study \| --sweep\] \[--example\]\n.*unrecognized arguments: --studies"),
+    (
+        "hric_experiments schema --studies",
+        r"\[--study\] \[--sweep\] \[--example\]\n.*unrecognized arguments: --studies",
+    ),
     ("hric_experiments check_model notes.csv", r"notes\.csv has no columns t .*there: a, b; .*--columns t=NAME"),
     (
         "hric_experiments measure_stops --speeds 40",

@@ -270,7 +270,7 @@ def _check_mocap(given: Mapping[str, str], known: Choices) -> None:
         raise ArgumentError(
             f"real_time_factor:=0 is not possible with a motion capture (mocap:={chosen}), which comes by wire "
             "and needs a run that is paced; "
-            "valid: a factor above 0, or the headless runner, rosrun hric_experiments run"
+            "valid: a factor above 0, or the headless runner, hric run"
         )
 
 

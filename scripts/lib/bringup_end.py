@@ -85,7 +85,7 @@ def _wait(alive: Sequence[Any], impatient: Callable[[], bool]) -> None:
             if impatient() or now - began > LONGER.get(_name(process), LIMIT):
                 _signal(process, signal.SIGKILL)
                 reason = "at your request" if impatient() else f"after {now - began:.0f} s"
-                lost = "; its bag is closed by: rosrun hric_experiments health --salvage"
+                lost = "; its bag is closed by: hric health --salvage"
                 _say(f"killed {_name(process)} {reason}" + (lost if _name(process) == "recorder" else ""))
         if now >= due:
             due = now + PROGRESS_PERIOD

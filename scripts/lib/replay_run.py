@@ -49,7 +49,7 @@ def find(given: str, root: str | None) -> Run:
     if not bag.is_file():
         unfinished = bag.with_name(bag.name + ".active").is_file()
         hint = (
-            f"its recording did not end properly, try: rosrun hric_experiments health --salvage {folder.path}"
+            f"its recording did not end properly, try: hric health --salvage {folder.path}"
             if unfinished
             else "it was moved away"
         )

@@ -3,7 +3,7 @@ simulated arm.
 
     python tests/benchmarks/false_reflexes.py [motions]
 
-The emulated arm of `rosrun franka_sim control_box` moves from pose to pose about the ready pose, with its internal
+The emulated arm of `hric control_box` moves from pose to pose about the ready pose, with its internal
 joint impedance and no shapes that could touch anything, along fifth-order polynomials at half of its limits of velocity
 and acceleration. Its thresholds are out of reach meanwhile: with thresholds of s times the default
 (config/control_box.yaml) a motion would have ended in joint_reflex or cartesian_reflex if its largest external torque
@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from franka_hw_interface.robot_state import RobotMode
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand, MoveRequest, Outcome
-from franka_sim.fci.arguments import parser
+from franka_sim.fci.app import ControlBoxCommand
 from franka_sim.fci.arm_device import ArmDevice, make_arm
 from franka_sim.fci.robots import ROBOTS
 from franka_sim.settings import Q_START
@@ -85,7 +85,7 @@ def emulated_arm(realism: Mapping[str, Any] | str, seed: int = 0) -> ArmDevice:
         realism: value of --realism.
         seed: of the noise.
     """
-    options = parser().parse_args(["--no-collision", "--seed", str(seed)])
+    options = ControlBoxCommand().parser().parse_args(["--no-collision", "--seed", str(seed)])
     options.realism = realism
     return make_arm(options, ROBOTS["panda"])
 

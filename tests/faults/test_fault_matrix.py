@@ -23,7 +23,8 @@ import pytest
 import yaml
 
 from hric_bags.run_folder import RunFolder
-from hric_experiments.cli import COMMANDS
+from hric_core import plugins
+from hric_core.command import perform
 
 pytestmark = pytest.mark.alone
 
@@ -35,10 +36,10 @@ NODES = {
     *("experiment", "recorder", "spawn", "supervisor", "robot", "spawner", "unspawner", "controller_manager"),
     *("franka_gripper", "control_box", "emulated_arm", "emulated_motive", "natnet_client", "body", "camera", "emg"),
     *("emulated_emg", "emulated_human", "emulated_plate", "force_plate", "live_plot", "live_view", "person"),
-    *("synchronizer", "synchronizer_cpp", "calibrate", "check_workstation", "xacro"),
+    *("synchronizer", "synchronizer_cpp", "calibrate", "check_workstation", "xacro", "hric"),
 }
 """Programs that need a master or wait for a peer, whose faults are in tests/integration/test_killed.py; the machine's
-check; and ROS's own xacro."""
+check; ROS's own xacro; and the program of which the others are aliases."""
 NO_FILES = {"schema"}
 """Commands that neither read nor write a file of the user: of them standard output alone can fail."""
 DEFAULT = ["run"]
@@ -120,7 +121,10 @@ class Cell:
 def commands() -> list[str]:
     """Names of all commands, and their further forms."""
     programs = {path.name for path in SOURCES.glob("*/nodes/*")}
-    assert programs >= set(COMMANDS) and programs >= NODES
+    assert (
+        programs >= {name for name in plugins.names(plugins.COMMAND) if name != "convert" and " " not in name}
+        and programs >= NODES
+    )
     return sorted(programs - NODES | set(RECIPES))
 
 
@@ -157,8 +161,6 @@ class Ended:
 @pytest.fixture(scope="session")
 def given(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder with a run of 0.2 s, one with a person, a longer one, a bag that was cut off, and files."""
-    from hric_experiments import cli
-
     folder = tmp_path_factory.mktemp("given")
     options = ["--runs", str(folder / "made"), "--quiet", "--no-figures"]
     for name, words in (
@@ -166,7 +168,7 @@ def given(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("person", ["co_transport", "duration:=0.3"]),
         ("long", ["pd_step", "duration:=2.7"]),
     ):
-        assert cli.COMMANDS["run"]([*words, *options]) == 0
+        assert perform(["run", *words, *options]) == 0
         made = (folder / "made" / "latest").resolve()
         shutil.move(made, folder / name)
     shutil.rmtree(folder / "made")

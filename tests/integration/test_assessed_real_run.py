@@ -10,6 +10,7 @@ from live_system import LiveSystem
 from test_data_collection import ran, shortened
 
 from hric_assessment.verdict import command
+from hric_core.command import perform
 
 pytestmark = [pytest.mark.alone, pytest.mark.live]
 
@@ -32,7 +33,7 @@ def test_a_run_of_the_laboratory_is_assessed_as_far_as_its_signals_go(
         sources = ran(system, 300.0)["sources"]
     for sensor in ("/hric/perception/mocap", "/hric/perception/emg/raw", "/hric/perception/force_plate/1/samples"):
         assert sources[sensor]["recorded"] > 0
-    assert command.main([str(system.run_folder)]) == 4  # nothing could be held against a limit
+    assert perform(["assess", str(system.run_folder)]) == 4  # nothing could be held against a limit
     said = capsys.readouterr().out
     verdict = json.loads((system.run_folder / command.FILE).read_text())
     assert verdict["outcome"] == "not assessable" and verdict["person"] is None

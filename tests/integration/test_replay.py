@@ -10,14 +10,14 @@ from pathlib import Path
 
 import pytest
 
+from hric_core.command import main
+
 pytestmark = pytest.mark.alone
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "scripts/lib"))
 from bringup_master import call, free_port  # noqa: E402
 from replay_run import Run, blocked  # noqa: E402
-
-from hric_experiments import cli  # noqa: E402
 
 HEARD = """
 import sys, rospy
@@ -38,7 +38,7 @@ print(*sorted(frames), rospy.get_time() < 100.0)
 def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of a short headless run."""
     folder = tmp_path_factory.mktemp("runs")
-    assert cli.main(["run", "pd_step", "duration:=3", "--runs", str(folder), "--quiet", "--no-figures"]) == 0
+    assert main(["run", "pd_step", "duration:=3", "--runs", str(folder), "--quiet", "--no-figures"]) == 0
     return folder
 
 

@@ -13,7 +13,7 @@ TRIED = ("README.md", "docs/tutorials/*.md", "docs/howto/*.md")
 SHORT = ("docs/howto/salvage_a_bag.md",)
 """Pages that are tried in every run of the tests: headless, a few seconds."""
 ENDS = re.compile(r"\s(?P<by>\|\||&&|[|&;>])\s?")
-OF_THE_WORKSPACE = re.compile(r"(\w+=\S+ )*(scripts/|rosrun |roslaunch )")
+OF_THE_WORKSPACE = re.compile(r"(\w+=\S+ )*(scripts/|hric |rosrun |roslaunch )")
 VARIABLE = re.compile(r"[A-Z_]+=")
 PRINTED_INTO = re.compile(r">>? *([\w./-]+)(?=\s)")
 

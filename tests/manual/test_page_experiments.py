@@ -38,8 +38,8 @@ def test_the_experiments_of_a_page_are_accepted(name: str, tmp_path: Path, monke
     monkeypatch.chdir(tmp_path)
     for command in commands(taken):
         match command.words:
-            case ["rosrun", "hric_experiments", "run", which, *words] if not (command.fails and Path(which).exists()):
+            case ["hric", "run", which, *words] if not (command.fails and Path(which).exists()):
                 accept(which, overrides(words))
-            case ["rosrun", "hric_experiments", "run", which, *words]:
+            case ["hric", "run", which, *words]:
                 with pytest.raises(HricError):
                     accept(which, overrides(words))

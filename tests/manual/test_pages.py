@@ -8,6 +8,8 @@ import pytest
 from manual_page import steps
 from manual_pages import ROOT, commands, names, write
 
+from hric_core import plugins
+
 sys.path.insert(0, str(ROOT / "scripts/lib"))
 from bringup_arguments import check, choices, documented, split
 
@@ -42,6 +44,8 @@ def test_the_commands_of_a_page_name_what_is_there(name: str) -> None:
         match command.words:
             case ["rosrun", package, program, *_] if (ROOT / "src" / package).exists():
                 assert (ROOT / "src" / package / "nodes" / program).exists(), command
+            case ["hric", *words]:
+                assert plugins.names(plugins.COMMAND).keys() & {words[0], " ".join(words[:2])}, command
             case ["roslaunch", package, launch, *_] if (ROOT / "src" / package).exists():
                 assert (ROOT / "src" / package / "launch" / launch).exists(), command
             case [script, *_] if script.startswith("scripts/"):

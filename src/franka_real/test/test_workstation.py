@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from franka_real import workstation
-from franka_real import workstation as workstation_cli
 from franka_real.workstation import Finding
+from hric_core.command import perform
 
 
 def processors(root: Path, *governors: str) -> list[Path]:
@@ -54,14 +54,14 @@ def test_it_prints_each_finding_and_returns_whether_all_is_well(monkeypatch, cap
     called = []
     bad = Finding("governor", False, "powersave", "set performance", lambda: called.append(1) or "done")
     monkeypatch.setattr(workstation, "look", lambda address: iter([Finding("kernel", True, "rt"), bad]))
-    assert workstation_cli.main([]) == 1
+    assert perform(["check_workstation"]) == 3
     assert called == []
     assert capsys.readouterr().out.splitlines() == [
         "ok   kernel: rt",
         "BAD  governor: powersave",
         "       set performance",
     ]
-    assert workstation_cli.main(["--fix"]) == 1
+    assert perform(["check_workstation", "--fix"]) == 3
     assert called == [1] and "fixed: done" in capsys.readouterr().out
 
 

@@ -12,7 +12,7 @@ from fci_peer import PATIENCE, Peer, command, control_box, log_of, run_client, w
 
 from franka_hw_interface.robot_state import RobotMode
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MoveRequest, Outcome
-from franka_sim.fci.arguments import parser
+from franka_sim.fci.app import ControlBoxCommand
 from franka_sim.fci.arm_device import make_arm
 from franka_sim.fci.robots import ROBOTS
 from franka_sim.fci.wire import WIRE_ERRORS
@@ -211,7 +211,7 @@ def test_the_model_that_libfranka_loads_knows_the_torque_that_holds_the_arm() ->
 def test_a_plant_that_breaks_down_ends_the_motion_by_name_is_put_back_and_the_box_goes_on(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    device = make_arm(parser().parse_args(["--no-collision"]), ROBOTS["panda"])
+    device = make_arm(ControlBoxCommand().parser().parse_args(["--no-collision"]), ROBOTS["panda"])
     try:
         start = device.state.q[:]
         assert device.move(MoveRequest(ControllerMode.EXTERNAL, GeneratorMode.JOINT_VELOCITY)) is Outcome.STARTED
@@ -235,7 +235,7 @@ def test_a_plant_that_breaks_down_ends_the_motion_by_name_is_put_back_and_the_bo
 
 
 def test_a_plant_that_breaks_down_at_idle_is_put_back_without_an_error() -> None:
-    device = make_arm(parser().parse_args(["--no-collision"]), ROBOTS["panda"])
+    device = make_arm(ControlBoxCommand().parser().parse_args(["--no-collision"]), ROBOTS["panda"])
     try:
         start = device.state.q[:]
         device.push("panda_link7", (0.0, 0.0, 1e7), 0.01)

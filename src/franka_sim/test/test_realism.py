@@ -19,13 +19,13 @@ from franka_sim.box.compiled_arm import CompiledArm
 from franka_sim.box.config import read_config
 from franka_sim.box.control_box import ControlBox
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MoveRequest
-from franka_sim.fci import app
-from franka_sim.fci.arguments import parser
+from franka_sim.fci.app import ControlBoxCommand
 from franka_sim.fci.arm_device import ArmDevice, make_arm
 from franka_sim.fci.protocol import PROTOCOL_5 as V5
 from franka_sim.fci.robots import ROBOTS
 from franka_sim.realism import IDEAL, parse, presets
 from franka_sim.sensors import attach
+from hric_core.command import main
 from hric_core.errors import HricError
 
 URDF = panda_description.load(meshes=False, collision=False)
@@ -38,7 +38,7 @@ def make_device() -> Iterator[Callable[..., ArmDevice]]:
     made: list[ArmDevice] = []
 
     def make(*words: str, robot: str = "panda") -> ArmDevice:
-        made.append(make_arm(parser().parse_args(["--no-collision", *words]), ROBOTS[robot]))
+        made.append(make_arm(ControlBoxCommand().parser().parse_args(["--no-collision", *words]), ROBOTS[robot]))
         return made[-1]
 
     yield make
@@ -60,7 +60,11 @@ def seen(arm: ArmDevice, cycles: int) -> np.ndarray:
 
 def test_ideal_is_the_default_and_changes_nothing() -> None:
     ideal = parse(IDEAL, "")
-    assert presets() == ("ideal", "measured") and parse({}, "") == ideal and parser().parse_args([]).realism == IDEAL
+    assert (
+        presets() == ("ideal", "measured")
+        and parse({}, "") == ideal
+        and ControlBoxCommand().parser().parse_args([]).realism == IDEAL
+    )
     assert not ideal.noisy
     assert ideal.body(URDF, "panda") is URDF
     assert ideal.with_friction({"rotor_inertia": 0.1}, "panda") == {"rotor_inertia": 0.1}
@@ -112,11 +116,11 @@ def test_each_value_of_a_preset_can_be_overridden() -> None:
 
 def test_the_command_takes_a_preset_or_yaml_and_refuses_the_rest_in_one_line(capsys) -> None:
     assert CONTROL_BOX.is_file()
-    assert app.main(["--realism", "{preset: measured, noise: 1}"]) == 2
+    assert main(["control_box", "--realism", "{preset: measured, noise: 1}"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith("control_box: no value 'noise' in --realism; valid: body_seed")
+    assert line.startswith("hric control_box: no value 'noise' in --realism; valid: body_seed")
     with pytest.raises(SystemExit) as ended:
-        app.main(["--realism", "{preset: "])
+        main(["control_box", "--realism", "{preset: "])
     assert ended.value.code == 2 and "is not YAML" in capsys.readouterr().err
 
 

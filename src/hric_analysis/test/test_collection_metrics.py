@@ -12,8 +12,8 @@ from synthetic import log_message, signals
 from hric_analysis import collection, collection_record
 from hric_analysis.collection import CollectionMetrics
 from hric_bags import reader as bag_reader
+from hric_core.command import main
 from hric_core.robot_time.stamps import to_time
-from hric_experiments import cli
 from hric_msgs.msg import MocapData, SampleChunk, SourceCount, SyncedSample, SyncLayout, SyncStatus
 from hric_report import sensor_text
 from hric_run.bag_writer import BagWriter
@@ -177,7 +177,7 @@ def test_frames_go_on_after_the_last_number_of_their_counter(tmp_path: Path) -> 
             bag.write(FRAMES, stamped(MocapData(frame_number=number), k / FRAME_RATE, "base"), k / FRAME_RATE)
     found = judged(tmp_path / "a.bag", None).sources[FRAMES]
     assert (found.recorded, found.driver_lost, found.twice) == (99, 1, 0)
-    assert cli.main(["health", str(tmp_path / "a.bag"), "--quiet"]) == 3
+    assert main(["health", str(tmp_path / "a.bag"), "--quiet"]) == 3
 
 
 def test_without_an_interval_nothing_is_known_to_be_sent(tmp_path: Path) -> None:

@@ -12,8 +12,8 @@ import pytest
 from hric_analysis.human import HumanMetrics
 from hric_assessment.contact import impact
 from hric_bags.run_folder import RunFolder
+from hric_core.command import main
 from hric_core.json_values import from_json
-from hric_experiments import cli
 from hric_report import human_text
 from hric_report.figures import human as human_figures
 from hric_report.html import run_data, run_page
@@ -27,7 +27,7 @@ def clamped(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunFolder]:
     """The arm meets a forearm, pushes it to a wall, and goes on pushing."""
     root = tmp_path_factory.mktemp("runs")
     words = ["simulator:=mujoco", "robot.parameters.reflexes:=false", f"world:={WALL}", "human.parts:=right_arm"]
-    assert cli.main(["run", "contact", *words, "--quiet", "--no-figures", "--runs", str(root)]) == 0
+    assert main(["run", "contact", *words, "--quiet", "--no-figures", "--runs", str(root)]) == 0
     yield RunFolder((root / "latest").resolve())
 
 

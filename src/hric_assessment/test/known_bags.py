@@ -180,9 +180,9 @@ def contacts(folder: Path) -> list[Known]:
             outcomes=("within limits",),
             values={"share": 200.0 / 280.0, "transient peak": 200.0, "transient mean pressure": 200.0 / AREA},
         ),
-        Known("above", area, outcomes=("above limits",), values={"share": 350.0 / 280.0}, code=1),
-        Known("clamped", area, outcomes=("above limits",), values={"share": 168.0 / 140.0}, code=1),
-        Known("head", area, outcomes=("above limits",), code=1),
+        Known("above", area, outcomes=("above limits",), values={"share": 350.0 / 280.0}, code=3),
+        Known("clamped", area, outcomes=("above limits",), values={"share": 168.0 / 140.0}, code=3),
+        Known("head", area, outcomes=("above limits",), code=3),
         Known("rigid", area, outcomes=("not assessable",), reason="rigid", code=4),
         Known("no_area", outcomes=("not assessable",), reason="pressure not assessable", code=4),
     ]
@@ -225,7 +225,7 @@ def approach(folder: Path, seen: Callable[[float], bool] = lambda time: True) ->
         group="separation",
         outcomes=("above limits",),
         values={"smallest distance": smallest, "when": float(times[at]), "S_p": s_p, "share": s_p / smallest},
-        code=1,
+        code=3,
     )
 
 

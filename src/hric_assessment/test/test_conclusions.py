@@ -14,8 +14,8 @@ import pytest
 from hric_assessment.contact.area import check_area
 from hric_assessment.findings import DISCLAIMER, Figure, Finding, Missing, Outcome
 from hric_assessment.tables import REGIONS, area_table
-from hric_assessment.verdict import Choices, Verdict, command, result
-from hric_assessment.verdict.command import compared
+from hric_assessment.verdict import Choices, Verdict, result
+from hric_assessment.verdict.comparing import compared
 from hric_assessment.verdict.conclusions import (
     QUESTIONS,
     Conclusion,
@@ -24,6 +24,7 @@ from hric_assessment.verdict.conclusions import (
     unknown_beforehand,
     with_remedy,
 )
+from hric_core.command import perform
 from hric_core.errors import HricError
 
 WITHIN, WARNING, ABOVE, UNKNOWN = Outcome.WITHIN, Outcome.WARNING, Outcome.ABOVE, Outcome.NOT_ASSESSABLE
@@ -105,11 +106,11 @@ def test_no_finding_of_another_question_changes_an_answer() -> None:
         (WITHIN, WITHIN, WITHIN, (), 0),
         (WARNING, WITHIN, WARNING, (), 0),
         (WITHIN, UNKNOWN, WITHIN, (), 4),
-        (WITHIN, UNKNOWN, ABOVE, (), 1),
+        (WITHIN, UNKNOWN, ABOVE, (), 3),
         (WITHIN, UNKNOWN, ABOVE, ("contact",), 0),
         (UNKNOWN, WITHIN, WITHIN, ("contact",), 4),
         (WITHIN, UNKNOWN, ABOVE, ("contact", "distance"), 4),
-        (WITHIN, UNKNOWN, ABOVE, ("distance", "posture"), 1),
+        (WITHIN, UNKNOWN, ABOVE, ("distance", "posture"), 3),
         (ABOVE, ABOVE, ABOVE, ("task",), 0),
         (WITHIN, WITHIN, WITHIN, ("effort",), 4),
     ],
@@ -124,7 +125,7 @@ def test_the_exit_code_is_that_of_the_questions_that_count(
 def test_a_lift_above_its_limit_counts_and_a_lift_that_no_table_rates_does_not() -> None:
     good = [finding(CONTACT, WITHIN), finding(DISTANCE, WITHIN), finding(RULA, WITHIN)]
     assert verdict(*good, finding("lift", UNKNOWN)).exit_code() == 0
-    assert verdict(*good, finding("lift", ABOVE)).exit_code() == 1
+    assert verdict(*good, finding("lift", ABOVE)).exit_code() == 3
     assert verdict(*good, finding("lift", UNKNOWN)).exit_code(["effort"]) == 4
 
 
@@ -235,7 +236,7 @@ def test_the_headline_says_of_the_task_whether_the_run_was_completed(
     drawn = conclusions((contact,), (), (), run)
     made = replace(verdict(contact), conclusions=drawn)
     assert made.render(only).splitlines()[0] == f"a, 0.00 to 1.00 s: {text}"
-    assert made.exit_code(("task",)) == (0 if run == DONE else 1 if run else 4)
+    assert made.exit_code(("task",)) == (0 if run == DONE else 3 if run else 4)
 
 
 # -- areas -------------------------------------------------------------------------------------------------------------
@@ -310,28 +311,17 @@ def bags(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_one_question_alone_has_an_exit_code_of_its_own(bags: Path) -> None:
     bag, area = str(bags / "within.bag"), ("--contact-area", str(known_bags.AREA))
-    assert command.main([bag, *area]) == 4  # nobody knows where the arm was
-    assert command.main([bag, *area, "--only", "contact"]) == 0
-    assert command.main([bag, "--only", "contact"]) == 4
-    assert command.main([bag, *area, "--only", "contact,distance"]) == 4
+    assert perform(["assess", bag, *area]) == 4  # nobody knows where the arm was
+    assert perform(["assess", bag, *area, "--only", "contact"]) == 0
+    assert perform(["assess", bag, "--only", "contact"]) == 4
+    assert perform(["assess", bag, *area, "--only", "contact,distance"]) == 4
 
 
 def test_an_area_larger_than_the_hand_that_was_met_leaves_no_verdict(bags: Path) -> None:
     (bags / "verdict.json").unlink(missing_ok=True)
     with pytest.raises(HricError, match=r"--contact-area is 0\.1 m\^2.*hand, fingers"):
-        command.main([str(bags / "within.bag"), "--contact-area", "0.1"])
+        perform(["assess", str(bags / "within.bag"), "--contact-area", "0.1"])
     assert not (bags / "verdict.json").exists()
-
-
-def test_an_error_of_the_program_has_an_exit_code_of_its_own(
-    bags: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def broken(*_: object) -> None:
-        raise IndexError("boom")
-
-    monkeypatch.setattr(command, "assess", broken)
-    assert command.run([str(bags / "within.bag")]) == command.SOFTWARE == 70
-    assert "IndexError: boom" in capsys.readouterr().err
 
 
 def test_the_schema_of_the_json_is_that_of_its_types() -> None:
@@ -345,13 +335,13 @@ def test_an_area_that_run_yaml_has_as_the_text_1e_4_is_a_number() -> None:
 
 
 def test_the_older_table_of_rula_can_be_chosen(bags: Path) -> None:
-    assert command.main([str(bags / "posture.bag"), "--only", "posture", "--rula-table", "older"]) in (0, 4)
+    assert perform(["assess", str(bags / "posture.bag"), "--only", "posture", "--rula-table", "older"]) in (0, 4)
     with pytest.raises(SystemExit):
-        command.main([str(bags / "posture.bag"), "--rula-table", "oldest"])
+        perform(["assess", str(bags / "posture.bag"), "--rula-table", "oldest"])
 
 
 def test_the_worst_moment_is_drawn_with_what_decides(bags: Path, tmp_path: Path) -> None:
-    command.main([str(bags / "approach.bag"), "--only", "distance", "--picture", str(tmp_path / "worst.svg")])
+    perform(["assess", str(bags / "approach.bag"), "--only", "distance", "--picture", str(tmp_path / "worst.svg")])
     drawn = ElementTree.parse(tmp_path / "worst.svg").getroot()
     moment = json.loads((bags / "verdict.json").read_text())["moment"]
     capsules = [*moment["arm"], *moment["person"]]

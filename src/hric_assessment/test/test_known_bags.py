@@ -9,7 +9,7 @@ import known_bags
 import pytest
 from known_bags import Known
 
-from hric_assessment.verdict import command
+from hric_core.command import perform
 
 SCHEMA = Path(__file__).parents[1] / "config" / "verdict.schema.json"
 NAMES = ("within", "above", "clamped", "head", "rigid", "no_area", "approach", "posture", "sweep", "nothing")
@@ -35,7 +35,7 @@ def test_there_are_ten(bags: tuple[Path, dict[str, Known]]) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_what_is_known_comes_out(name: str, bags: tuple[Path, dict[str, Known]]) -> None:
     folder, known = bags[0], bags[1][name]
-    code = command.main([str(folder / f"{name}.bag"), *known.options])
+    code = perform(["assess", str(folder / f"{name}.bag"), *known.options])
     verdict = json.loads((folder / "verdict.json").read_text())
     jsonschema.Draft202012Validator(json.loads(SCHEMA.read_text())).validate(verdict)
     found = [one for one in verdict["findings"] if one["group"] == known.group]

@@ -151,7 +151,7 @@ def test_rows_that_are_missing_or_twice_are_refused(rows: str, said: str, tmp_pa
 def test_the_table_that_ships_says_how_it_was_made_and_is_plausible() -> None:
     """No stop covers more than moving on at its speed would."""
     shipped = stopping.load()
-    assert shipped.kind == SIMULATION and shipped.command and shipped.command.startswith("rosrun hric_experiments")
+    assert shipped.kind == SIMULATION and shipped.command and shipped.command.startswith("hric measure_stops")
     assert shipped.max_load >= 3.0 and max(row.speed for row in shipped.stops) >= 1.5
     for row in shipped.stops:
         assert row.distance is not None and 0.0 < row.distance <= row.speed * row.time

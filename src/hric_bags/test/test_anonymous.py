@@ -27,9 +27,9 @@ from hric_bags.export.anonymous import STAYS, Anonymiser
 from hric_bags.export.exporting import FORMATS, Request
 from hric_bags.export.recording import Source
 from hric_bags.run_folder import RunFolder
+from hric_core.command import perform
 from hric_core.errors import HricError
 from hric_core.robot_time.stamps import to_time
-from hric_experiments import cli
 from hric_msgs.msg import HumanEvent, JointTorque
 from hric_run.bag_writer import BagWriter
 
@@ -254,8 +254,8 @@ def test_it_does_not_go_into_a_folder_with_the_person(run: RunFolder, tmp_path: 
 def test_a_bag_by_itself_needs_a_folder_whose_name_its_user_chooses(run: RunFolder, tmp_path: Path) -> None:
     words = ["--format", "csv", "--topics", RAW, "--quiet", "--anonymise"]
     with pytest.raises(HricError, match="needs --output DIR"):
-        cli.COMMANDS["export"]([str(run.bag_path), *words])
-    assert cli.COMMANDS["export"]([str(run.bag_path), "--output", str(tmp_path / "out"), *words]) == 0
+        perform(["export", str(run.bag_path), *words])
+    assert perform(["export", str(run.bag_path), "--output", str(tmp_path / "out"), *words]) == 0
     assert {path.name for path in (tmp_path / "out").rglob("*")} >= {"hric.perception.emg.raw.csv", "anonymised.txt"}
 
 

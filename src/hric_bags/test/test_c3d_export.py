@@ -20,9 +20,9 @@ from hric_bags.export.exporting import Request
 from hric_bags.export.resampling import Sampled, frame_grid
 from hric_bags.export.table import Column, ExportError, Table
 from hric_bags.run_folder import RunFolder
+from hric_core.command import main
 from hric_core.errors import HricError
 from hric_core.trial.c3d import read_trial
-from hric_experiments import cli
 from hric_perception.plate.section import PlateSection
 
 SINGLE = 2.0**-24
@@ -61,7 +61,7 @@ def file(truth: Truth, tmp_path_factory: pytest.TempPathFactory, request: pytest
     """(type of the plate, the file)."""
     section = {"size": [0.5, 0.3], "calibration": CALIBRATION} if request.param == 4 else {"size": [0.5, 0.3]}
     run = run_of(truth, tmp_path_factory.mktemp("run"), section)
-    assert cli.main(["export", str(run.path), "--format", "c3d", "--quiet"]) == 0
+    assert main(["export", str(run.path), "--format", "c3d", "--quiet"]) == 0
     return request.param, run.path / "export" / "c3d" / f"{run.path.name}.c3d"
 
 
@@ -202,7 +202,7 @@ def test_height_and_sign_of_a_device_are_those_of_the_file(
 ) -> None:
     section = {"height": height, "invert": invert, "calibration": calibration}
     run = run_of(truth, tmp_path, section)
-    assert cli.main(["export", str(run.path), "--format", "c3d", "--quiet"]) == 0
+    assert main(["export", str(run.path), "--format", "c3d", "--quiet"]) == 0
     plate = read_trial(run.path / "export" / "c3d" / f"{run.path.name}.c3d").plate(1)
     F, M = np.array([0.0, 0.0, -WEIGHT]), np.array([-WEIGHT * PRESSED[1], WEIGHT * PRESSED[0], 0.0])
     load = (-1 if invert else 1) * np.array([*F, *(M - np.cross([0.0, 0.0, height], F))])
@@ -278,7 +278,7 @@ def test_a_run_without_some_of_the_sensors_has_a_file_too(
 def test_the_line_that_is_printed_tells_how_the_file_was_made(
     truth: Truth, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert cli.main(["export", str(truth.bag), "--format", "c3d", "--output", str(tmp_path), "--quiet"]) == 0
+    assert main(["export", str(truth.bag), "--format", "c3d", "--output", str(tmp_path), "--quiet"]) == 0
     (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("c3d: ")]
     for words in (
         "60 frames at 240 Hz from 0.000 s",

@@ -23,7 +23,7 @@ from hric_bags.export.exporting import Request
 from hric_bags.files import FileError
 from hric_bags.health.examine import examine
 from hric_bags.run_folder import RunFolder
-from hric_experiments import cli
+from hric_core.command import main
 
 
 @pytest.fixture(scope="module")
@@ -162,10 +162,10 @@ def test_a_run_recorded_in_parts_that_overlap_is_exported_once(truth: Truth, tmp
     whole, parts = (recording.read(recording.find(str(path))) for path in (truth.bag, folder.path))
     for topic in ("/control_log", "/hric/perception/emg/raw", "/joint_states", "/hric/perception/mocap"):
         assert np.array_equal(whole[topic].stamp, parts[topic].stamp), topic
-    assert cli.main(["export", str(folder.path), "--format", "bag"]) == 0
+    assert main(["export", str(folder.path), "--format", "bag"]) == 0
     (path,) = (folder.path / "export" / "bag").iterdir()
     assert {s.topic: len(s.recorded) for s in examine(path).streams}["/hric/perception/emg/raw"] == 800
-    assert cli.main(["health", str(folder.path), "--quiet"]) == 0
+    assert main(["health", str(folder.path), "--quiet"]) == 0
 
 
 def test_an_interrupted_export_goes_on_where_it_ended(
@@ -221,7 +221,7 @@ def test_a_disk_that_refuses_leaves_no_half_file(tmp_path: Path) -> None:
 def test_a_wrong_argument_is_one_line_with_the_valid_choices(
     truth: Truth, tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], reason: str
 ) -> None:
-    assert cli.main(["export", str(truth.bag), "--output", str(tmp_path / "out"), *arguments]) == 2
+    assert main(["export", str(truth.bag), "--output", str(tmp_path / "out"), *arguments]) == 2
     message = capsys.readouterr().err
     assert reason in message and message.count("\n") == 1
     assert not (tmp_path / "out").exists()
@@ -237,7 +237,7 @@ def test_a_format_that_cannot_be_written_does_not_keep_the_others_from_it(
 
     monkeypatch.setattr(opensim_formats, "write_signals", broken)
     topics = ["--topics", "/joint_states", "/note", "--output", str(tmp_path), "--quiet"]
-    assert cli.main(["export", str(truth.bag), "--format", "trc", "sto", "mot", "csv", *topics]) == 1
+    assert main(["export", str(truth.bag), "--format", "trc", "sto", "mot", "csv", *topics]) == 1
     said = capsys.readouterr()
     assert [line.split()[0] for line in said.out.splitlines() if "files," in line] == ["mot", "csv"]
     failed = said.err.splitlines()
@@ -245,7 +245,7 @@ def test_a_format_that_cannot_be_written_does_not_keep_the_others_from_it(
     assert failed[1] == "export: sto was not written: ValueError: no such thing"
     assert (tmp_path / "mot" / "joint_states.mot").is_file() and not list((tmp_path).glob("sto/*"))
     monkeypatch.undo()
-    assert cli.main(["export", str(truth.bag), "--format", "sto", "mot", *topics]) == 0  # and goes on where it failed
+    assert main(["export", str(truth.bag), "--format", "sto", "mot", *topics]) == 0  # and goes on where it failed
 
 
 def test_a_disk_that_refuses_one_format_is_reported_and_the_others_are_written(
@@ -253,7 +253,7 @@ def test_a_disk_that_refuses_one_format_is_reported_and_the_others_are_written(
 ) -> None:
     (tmp_path / "npz").write_text("in the way")
     assert (
-        cli.main(
+        main(
             [
                 "export",
                 str(truth.bag),
@@ -278,7 +278,7 @@ def test_external_loads_without_a_plate_say_so_and_the_export_goes_on(
     truth: Truth, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     arguments = ["--format", "external_loads", "csv", "--topics", "/note", "--output", str(tmp_path), "--quiet"]
-    assert cli.main(["export", str(truth.bag), *arguments]) == 0
+    assert main(["export", str(truth.bag), *arguments]) == 0
     said = capsys.readouterr()
     (line,) = [line for line in said.out.splitlines() if line.startswith("external_loads")]
     assert "no force plate" in line and said.err == ""
@@ -287,10 +287,10 @@ def test_external_loads_without_a_plate_say_so_and_the_export_goes_on(
 
 def test_export_and_health_load_nothing_of_ros(truth: Truth, tmp_path: Path) -> None:
     program = (
-        "import sys; from hric_experiments import cli\n"
-        f"assert cli.main(['export', {str(truth.bag)!r}, '--output', {str(tmp_path)!r}, '--format', "
+        "import sys; from hric_core.command import main\n"
+        f"assert main(['export', {str(truth.bag)!r}, '--output', {str(tmp_path)!r}, '--format', "
         f"*{exporting.FORMATS!r}]) == 0\n"
-        f"assert cli.main(['health', {str(truth.bag)!r}, '--quiet']) == 0\n"
+        f"assert main(['health', {str(truth.bag)!r}, '--quiet']) == 0\n"
         "print(sorted({'rospy', 'rosbag', 'genpy', 'roslib', 'std_msgs'} & set(sys.modules)))"
     )
     ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
@@ -302,5 +302,5 @@ def test_a_damaged_bag_is_refused_with_the_way_to_salvage_it(
 ) -> None:
     cut = tmp_path / "cut.bag"
     cut.write_bytes(truth.bag.read_bytes()[:20000])
-    assert cli.main(["export", str(cut), "--format", "npz"]) == 2
+    assert main(["export", str(cut), "--format", "npz"]) == 2
     assert "health --salvage" in capsys.readouterr().err

@@ -11,7 +11,7 @@ from export_bags import FRAMES, HIDDEN, MARKERS_BODY, PLATE_ORIGIN, PRESSED, WEI
 from hric_bags.export import exporting, inverse_dynamics, inverse_kinematics, recording
 from hric_bags.export.exporting import Request
 from hric_bags.run_folder import RunFolder
-from hric_experiments import cli
+from hric_core.command import main
 from hric_report import headless
 from hric_run.definition import experiment
 
@@ -107,7 +107,7 @@ def test_inverse_kinematics_of_a_free_body_finds_the_poses_of_the_stream(tmp_pat
 def test_inverse_kinematics_of_a_body_without_markers_is_refused(
     truth: Truth, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert cli.main(["inverse_kinematics", str(truth.bag), "--body", "foot", "--output", str(tmp_path)]) == 2
+    assert main(["inverse_kinematics", str(truth.bag), "--body", "foot", "--output", str(tmp_path)]) == 2
     message = capsys.readouterr().err
     assert "no body 'foot' with 3 labelled markers" in message and "hand (3)" in message and message.count("\n") == 1
 
@@ -118,7 +118,7 @@ def test_inverse_kinematics_whose_markers_cannot_be_written_says_why(
     truth = export_bags.write(tmp_path / "made_up.bag")
     (tmp_path / "made_up_export").mkdir()
     (tmp_path / "made_up_export" / "trc").write_text("in the way")
-    assert cli.main(["inverse_kinematics", str(truth.bag), "--output", str(tmp_path / "ik")]) == 1
+    assert main(["inverse_kinematics", str(truth.bag), "--output", str(tmp_path / "ik")]) == 1
     message = capsys.readouterr().err
     assert "cannot write" in message and message.count("\n") == 1
 
@@ -142,5 +142,5 @@ def test_inverse_dynamics_of_a_run_is_the_torque_that_it_logged(run: RunFolder) 
 
 
 def test_inverse_dynamics_of_a_bag_by_itself_is_refused(truth: Truth, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["inverse_dynamics", str(truth.bag)]) == 2
+    assert main(["inverse_dynamics", str(truth.bag)]) == 2
     assert "needs the robot's description" in capsys.readouterr().err

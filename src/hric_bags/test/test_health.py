@@ -18,8 +18,8 @@ from std_msgs.msg import Header
 from synthetic import log_message, signals, write_run
 
 from hric_bags.health.examine import examine
+from hric_core.command import main
 from hric_core.robot_time.stamps import to_time
-from hric_experiments import cli
 from hric_msgs.msg import MocapData, SampleChunk
 from hric_run.bag_writer import BagWriter
 
@@ -52,7 +52,7 @@ def findings(path: Path) -> str:
 def test_a_whole_bag_is_healthy_and_its_rates_are_reported(
     whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert cli.main(["health", str(whole), "--json", str(tmp_path / "health.json")]) == 0
+    assert main(["health", str(whole), "--json", str(tmp_path / "health.json")]) == 0
     assert "healthy" in capsys.readouterr().out
     (found,) = json.loads((tmp_path / "health.json").read_text())["bags"]
     assert found["findings"] == [] and found["topics"]["/hric/perception/mocap"]["rate"] == pytest.approx(
@@ -186,9 +186,9 @@ def test_a_bag_that_was_cut_off_anywhere_gives_what_came_before(
     cut = tmp_path / "cut.bag"
     data = whole.read_bytes()
     cut.write_bytes(data[: int(share * len(data))])
-    assert cli.main(["health", str(cut)]) == 4
+    assert main(["health", str(cut)]) == 4
     assert "damaged" in capsys.readouterr().out
-    cli.main(["health", str(cut), "--salvage"])
+    main(["health", str(cut), "--salvage"])
     found, expected = contents(cut), contents(whole)
     assert set(found) <= set(expected) and len(found) >= (len(expected) if share > 0.99 else 0)
     assert cut.with_name("cut.bag.damaged").read_bytes() == data[: int(share * len(data))]
@@ -206,7 +206,7 @@ def test_a_damaged_chunk_costs_only_itself(tmp_path: Path) -> None:
     data[middle : middle + 64] = bytes(64)
     path.write_bytes(data)
     assert "is damaged" in findings(path)
-    assert cli.main(["health", str(path), "--salvage"]) == 3
+    assert main(["health", str(path), "--salvage"]) == 3
     assert len(contents(path)) >= 96
 
 
@@ -216,11 +216,11 @@ def test_what_is_salvaged_of_a_run_is_its_bag_and_the_run_counts_as_interrupted(
     folder.bag_path.rename(active)
     active.write_bytes(active.read_bytes()[:-5000])
     folder.update(status="running")
-    assert cli.main(["health", str(folder.path), "--salvage", "--quiet"]) == 0
+    assert main(["health", str(folder.path), "--salvage", "--quiet"]) == 0
     assert contents(folder.bag_path) and active.exists()
     run = folder.read()
     assert (run["status"], run["salvaged"]) == ("interrupted", True)
-    assert cli.main(["health", str(folder.path), "--quiet"]) == 0
+    assert main(["health", str(folder.path), "--quiet"]) == 0
 
 
 def test_a_bag_that_is_being_written_is_not_salvaged(
@@ -229,7 +229,7 @@ def test_a_bag_that_is_being_written_is_not_salvaged(
     path = tmp_path / "a.bag.active"
     path.write_bytes(whole.read_bytes()[:-4000])
     with path.open("ab"):
-        assert cli.main(["health", str(path), "--salvage", "--quiet"]) == 2
+        assert main(["health", str(path), "--salvage", "--quiet"]) == 2
     assert "is being written" in capsys.readouterr().err and list(tmp_path.iterdir()) == [path]
 
 
@@ -246,6 +246,6 @@ def test_what_is_no_bag_is_refused_in_one_line(
 ) -> None:
     if data is not None:
         (tmp_path / name).write_bytes(data)
-    assert cli.main(["health", str(tmp_path / name), "--runs", str(tmp_path), "--salvage"]) == 2
+    assert main(["health", str(tmp_path / name), "--runs", str(tmp_path), "--salvage"]) == 2
     message = capsys.readouterr().err
     assert expected in message and message.count("\n") == 1

@@ -22,7 +22,7 @@ from hric_analysis import recordings
 from hric_bags import reader as bag_reader
 from hric_bags.export import recording
 from hric_bags.run_folder import RunFolder
-from hric_experiments import cli
+from hric_core.command import main
 from hric_msgs.msg import ControlLog, SampleChunk
 
 SENT_AT, CYCLES = 0.1, 60_000
@@ -123,7 +123,7 @@ def test_every_reader_of_a_run_reads_all_its_parts_and_a_gap_between_them_is_rep
         end = max(message.first_cycle + message.n_cycles for _, message, _ in last.read_messages(CONTROL_LOG))
     assert log.first_cycle + log.cycles == end
 
-    assert cli.main(["report", str(split.path), "--no-figures", "--html"]) == 0
+    assert main(["report", str(split.path), "--no-figures", "--html"]) == 0
     metrics = json.loads(split.metrics_path.read_text())
     assert metrics["control_log"]["cycles"] == log.cycles and (split.path / "report.html").is_file()
     (shown,) = [s for s in recordings.read(split.path / names[0], float).signals if s.topic == EMG]
@@ -135,7 +135,7 @@ def test_every_reader_of_a_run_reads_all_its_parts_and_a_gap_between_them_is_rep
 
     capsys.readouterr()
     for given in (split.path, split.path / names[0]):
-        assert cli.main(["health", str(given), "--json", str(tmp_path / "health.json")]) == 0, capsys.readouterr().out
+        assert main(["health", str(given), "--json", str(tmp_path / "health.json")]) == 0, capsys.readouterr().out
         report = json.loads((tmp_path / "health.json").read_text())
         assert len(report["bags"]) == 3 and [seam["after"] for seam in report["seams"]] == names[1:]
     assert "recorded together for" in capsys.readouterr().out
@@ -145,7 +145,7 @@ def test_every_reader_of_a_run_reads_all_its_parts_and_a_gap_between_them_is_rep
     with rosbag.Bag(str(split.path / names[1])) as middle:
         ended = middle.get_end_time()
     cut(split.path / names[2], lambda _, recorded: recorded > ended + 0.1)
-    assert cli.main(["health", str(split.path), "--quiet"]) == 3
+    assert main(["health", str(split.path), "--quiet"]) == 3
     found = capsys.readouterr().out
     assert f"problem: {CONTROL_LOG}: " in found and "cycles are missing between the parts, from number" in found
     assert f"problem: {EMG}: " in found and "samples are missing between the parts" in found

@@ -15,8 +15,8 @@ from std_msgs.msg import Float64MultiArray, String
 from hric_bags import reader as bag_reader
 from hric_bags.health.examine import examine
 from hric_bags.health.salvage import salvage
+from hric_core.command import main
 from hric_core.errors import HricError
-from hric_experiments import cli
 from hric_run.bag_writer import BagWriter
 
 KINDS = ("headless", "none", "lz4", "bz2")
@@ -100,7 +100,7 @@ def test_what_a_wrong_checksum_leaves_readable_is_kept_and_marked(
     expected, data = contents(whole), bytearray(whole.read_bytes())
     data[places(whole)["middle of the data"]] ^= 1
     whole.write_bytes(data)
-    assert cli.main(["health", str(whole), "--salvage", "--quiet", "--json", str(tmp_path / "health.json")]) == 3
+    assert main(["health", str(whole), "--salvage", "--quiet", "--json", str(tmp_path / "health.json")]) == 3
     assert "may have wrong values: the checksum of the chunk at byte" in capsys.readouterr().out
     assert json.loads((tmp_path / "health.json").read_text())["bags"][0]["exit_code"] == 3
     assert (expected - contents(whole)).total() <= 1
@@ -148,7 +148,7 @@ def test_reading_a_damaged_bag_names_health(kind: str, tmp_path: Path) -> None:
     data = bytearray(path.read_bytes())
     data[places(path)["place of a chunk" if kind == "none" else "middle of the data"]] ^= 4
     path.write_bytes(data)
-    named = r"cannot read a\.bag: .*rosrun hric_experiments health --salvage /"
+    named = r"cannot read a\.bag: .*hric health --salvage /"
     with pytest.raises(HricError, match=named), bag_reader.opened(path) as reader:
         for connection, _, raw in reader.messages():
             reader.deserialize(raw, connection.msgtype)
@@ -161,7 +161,7 @@ def test_a_command_on_a_bag_that_was_cut_ends_in_one_line(
     path = write(tmp_path / "a.bag", "lz4")
     path.write_bytes(path.read_bytes()[:-1000])
     first, *options = command
-    assert cli.main([first, str(path), *options]) == 2
+    assert main([first, str(path), *options]) == 2
     message = capsys.readouterr().err
     assert message.count("\n") == 1 and "health --salvage" in message and "('" not in message
 
@@ -184,7 +184,7 @@ def test_a_file_that_is_no_bag_is_named_for_what_it_is(
 ) -> None:
     (tmp_path / "a.bag").write_bytes(head)
     first, *options = command
-    assert cli.main([first, str(tmp_path / "a.bag"), *options]) == 2
+    assert main([first, str(tmp_path / "a.bag"), *options]) == 2
     message = capsys.readouterr().err
     assert expected in message and message.count("\n") == 1
 
@@ -198,6 +198,6 @@ def test_a_folder_of_ros_2_is_named_for_what_it_is(
     (tmp_path / name / "metadata.yaml").write_text("rosbag2_bagfile_information: {}\n")
     (tmp_path / name / "recording_0.db3").write_bytes(b"SQLite format 3\0")
     first, *options = command
-    assert cli.main([first, str(tmp_path / name), *options]) == 2
+    assert main([first, str(tmp_path / name), *options]) == 2
     message = capsys.readouterr().err
     assert "rosbags-convert" in message and message.count("\n") == 1

@@ -13,7 +13,7 @@ from recorder_rig import Node, start  # noqa: F401
 from sensor_nodes import Nodes, TellsTime, nodes  # noqa: F401
 
 from hric_bags.run_folder import RunFolder
-from hric_experiments import cli
+from hric_core.command import main
 
 pytestmark = pytest.mark.alone
 
@@ -31,7 +31,7 @@ def missing(layout: str, bag: Path) -> list[str]:
 
 
 def unbatched(folder: RunFolder) -> Path:
-    assert cli.main(["export", str(folder.path), "--format", "bag", "--quiet"]) == 0
+    assert main(["export", str(folder.path), "--format", "bag", "--quiet"]) == 0
     (bag,) = (folder.path / "export" / "bag").iterdir()
     return bag
 
@@ -40,7 +40,7 @@ def unbatched(folder: RunFolder) -> Path:
 def tracking(tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
     """A short run of marker_tracking."""
     runs = tmp_path_factory.mktemp("runs")
-    assert cli.main(["run", "marker_tracking", "duration:=0.5", "--runs", str(runs), "--quiet", "--no-figures"]) == 0
+    assert main(["run", "marker_tracking", "duration:=0.5", "--runs", str(runs), "--quiet", "--no-figures"]) == 0
     return RunFolder.open("latest", runs)
 
 

@@ -15,9 +15,9 @@ from simulated_arm_log import FRICTION, sigmoid
 import panda_description
 from franka_hw_interface.friction_file import read_friction
 from franka_msgs.msg import FrankaState
+from hric_core.command import main
 from hric_core.errors import HricError
 from hric_core.robot_time.stamps import to_time
-from hric_experiments import cli
 from hric_experiments.check_model import csv_log
 from hric_run.bag_writer import BagWriter
 from hric_run.definition import experiment, overrides, parameters
@@ -60,7 +60,7 @@ def write_csv(
 
 
 def called(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
-    code = cli.main(["check_model", *map(str, arguments)])
+    code = main(["check_model", *map(str, arguments)])
     printed = capsys.readouterr()
     return code, printed.out, printed.err
 
@@ -212,7 +212,7 @@ def test_what_cannot_be_compared_is_refused_in_one_line_and_nothing_is_written(
 ) -> None:
     write, said = REFUSED[kind]
     code, out, err = called(capsys, write(tmp_path / "arm.csv", data))
-    assert (code, out, err.count("\n")) == (2, "", 1) and err.startswith("check_model: ")
+    assert (code, out, err.count("\n")) == (2, "", 1) and err.startswith("hric check_model: ")
     assert said in err
     assert [file.name for file in tmp_path.iterdir()] == ["arm.csv"]
 
@@ -356,7 +356,7 @@ def fitted(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_simulated_run_with_fitted_friction_leaves_a_small_residual(fitted: Path, tmp_path: Path, capsys) -> None:
     run = ["run", "pd_step", f"friction:={fitted}", "arm_id:=left", "--runs", str(tmp_path), "--quiet", "--no-figures"]
-    assert cli.main(run) == 0
+    assert main(run) == 0
     capsys.readouterr()
     code, out, _ = called(capsys, "latest", "--runs", tmp_path)
     assert code == 0 and "/control_log" in out and "friction identified, as it acted in the simulation" in out

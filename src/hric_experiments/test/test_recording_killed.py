@@ -12,7 +12,7 @@ from real_master import ros, roscore  # noqa: F401
 from rosbags.highlevel import AnyReader
 from std_msgs.msg import UInt32
 
-from hric_experiments import cli
+from hric_core.command import main
 from hric_experiments.recorder import process as recorder_process
 from hric_experiments.recorder.process import RecorderProcess
 
@@ -72,8 +72,8 @@ def lost_when_killed(counter: Counter, bag: Path, after: float) -> float:
     sent = counter.sent
     recorder._child.wait()
     active = bag.with_name(bag.name + ".active")
-    assert cli.main(["health", str(active), "--quiet"]) == 4
-    assert cli.main(["health", str(active), "--salvage", "--quiet"]) == 0
+    assert main(["health", str(active), "--quiet"]) == 4
+    assert main(["health", str(active), "--salvage", "--quiet"]) == 0
     with AnyReader([bag]) as reader:
         numbers = [reader.deserialize(raw, connection.msgtype).data for connection, _, raw in reader.messages()]  # type: ignore[attr-defined]
     assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))

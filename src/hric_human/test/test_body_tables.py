@@ -119,6 +119,6 @@ def test_the_command_ends_with_one_block_for_all_mistakes(tmp_path: Path) -> Non
     result = run(str(file))
     assert result.returncode == 2 and result.stdout == ""
     first, second = result.stderr.splitlines()
-    assert first.startswith("hric_human body: S07.yaml: mass is 7") and second.endswith("valid: female, male")
+    assert first.startswith("hric body: S07.yaml: mass is 7") and second.endswith("valid: female, male")
     missing = run(str(tmp_path / "none.yaml"))
     assert missing.returncode == 2 and "cannot be read" in missing.stderr

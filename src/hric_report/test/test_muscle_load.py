@@ -13,10 +13,10 @@ from numpy.testing import assert_allclose
 from hric_analysis import human_opensim
 from hric_bags.records import human_record
 from hric_bags.run_folder import RunFolder
+from hric_core.command import main
 from hric_core.errors import HricError
 from hric_core.geometry import FloatArray
 from hric_core.trial.plates import TrialPlate
-from hric_experiments.cli import main
 from hric_human.muscles import MuscleSet, find
 from hric_human.muscles.after_run import MuscleLoad
 from hric_report import headless as runner

@@ -18,8 +18,8 @@ from hric_analysis.recordings import Moving, Recordings, Signal
 from hric_analysis.tracking_run import tip_positions
 from hric_bags.reader import ControlRecord, RunRecord, read
 from hric_bags.run_folder import RunFolder
+from hric_core.command import main
 from hric_core.errors import HricError
-from hric_experiments import cli
 from hric_report import drawing, headline, sections
 from hric_report import html as report_html
 from hric_report.figure import Curve, Figure, Panel
@@ -120,7 +120,7 @@ def test_a_run_without_a_description_has_a_page_without_a_replay(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = synthetic.write_run(tmp_path)
-    assert cli.main(["report", str(folder.path), "--html", "--no-figures"]) == 0
+    assert main(["report", str(folder.path), "--html", "--no-figures"]) == 0
     text = (folder.path / report_html.NAME).read_text()
     assert "there is no replay" in text and str(folder.path / report_html.NAME) in capsys.readouterr().out
 
@@ -179,7 +179,7 @@ def test_a_wrong_comparison_is_refused(
     for name in "abc":
         (tmp_path / name).mkdir()
         (tmp_path / name / "run.yaml").write_text("{}")
-    assert cli.main(["compare", *words, "--runs", str(tmp_path)]) == 2
+    assert main(["compare", *words, "--runs", str(tmp_path)]) == 2
     assert told in capsys.readouterr().err
 
 
@@ -427,7 +427,7 @@ def test_three_runs_make_one_page_with_three_robots(browser: Browser, tmp_path: 
         "--output",
         str(tmp_path / "compared"),
     ]
-    assert cli.main(["compare", *words]) == 0
+    assert main(["compare", *words]) == 0
     browser.open(tmp_path / "compared" / report_html.NAME)
     browser.wait("typeof report === 'object' && report.ready === true")
     positions = "report.plots.find(({ spec }) => spec.key === 'positions')"

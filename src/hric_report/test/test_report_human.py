@@ -14,10 +14,10 @@ from geometry_msgs.msg import Point, Vector3
 
 from hric_bags.records import human_record
 from hric_bags.run_folder import RunFolder
+from hric_core.command import main
 from hric_core.geometry import homogeneous
 from hric_core.geometry.transforms import rotation_from_quaternion
 from hric_core.robot_time.stamps import to_time
-from hric_experiments import cli
 from hric_human.body import describe
 from hric_human.muscles.lines import ACTIVATION_COLOURS
 from hric_human.participant.settings import HumanSettings
@@ -61,7 +61,7 @@ def write_contacts(bag: Path) -> None:
 def run(tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
     root = tmp_path_factory.mktemp("runs")
     words = ["hand_guidance", "simulator:=mujoco", "human.drive:=muscle", "duration:=1.2"]
-    assert cli.main(["run", *words, "--quiet", "--no-figures", "--runs", str(root)]) == 0
+    assert main(["run", *words, "--quiet", "--no-figures", "--runs", str(root)]) == 0
     folder = RunFolder((root / "latest").resolve())
     write_contacts(folder.bag_path)
     report_html.write(folder)
@@ -216,7 +216,7 @@ class TestInABrowser:
         self, page: Browser, run: RunFolder, tmp_path: Path
     ) -> None:
         words = [str(run.path), str(run.path), "--labels", "one", "two", "--output", str(tmp_path)]
-        assert cli.main(["compare", *words, "--html", "--no-figures"]) == 0
+        assert main(["compare", *words, "--html", "--no-figures"]) == 0
         show(page, tmp_path)
         assert page.evaluate("report.replay.robots.map(({ role }) => role)") == ["s0", "s0", "s1", "s1"]
         painted = "report.replay.robots.map((robot) => [...robot.links.values()].flatMap(({ children }) => children).find((o) => o.isMesh).material.color.getHex())"  # noqa: E501

@@ -10,7 +10,7 @@ from browser import Browser, installed
 from rosbags.highlevel import AnyReader
 
 from hric_bags.run_folder import RunFolder
-from hric_experiments import cli
+from hric_core.command import main
 from hric_report import html as report_html
 from hric_report.html.strip import LEFT, WIDTH
 from hric_run.definition import experiment
@@ -25,9 +25,9 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
     setpoints = [row for row in experiment.read(NAME)["setpoints"] if row["time"] < END]
     short = [f"duration:={END}", f"setpoints:={json.dumps(setpoints)}", "simulator:=mujoco"]
     arguments = ["run", NAME, *short, "--runs", str(root), "--quiet"]
-    assert cli.main([*arguments, "--html"]) == 0
+    assert main([*arguments, "--html"]) == 0
     first = RunFolder.open("latest", root)
-    assert cli.main([*arguments, "supervisor.active:=false", "--no-figures"]) == 0
+    assert main([*arguments, "supervisor.active:=false", "--no-figures"]) == 0
     return first
 
 
@@ -65,7 +65,7 @@ def test_a_watched_arm_violates_and_all_of_it_says_so(run: RunFolder, watched: R
 
 def test_a_run_without_a_supervisor_has_nothing_of_it(run: RunFolder, tmp_path: Path) -> None:
     arguments = ["run", "pd_step", "simulator:=mujoco", "duration:=1.1", "--runs", str(tmp_path), "--no-figures"]
-    assert cli.main([*arguments, "--quiet"]) == 0
+    assert main([*arguments, "--quiet"]) == 0
     folder = RunFolder.open("latest", tmp_path)
     assert json.loads(folder.metrics_path.read_text())["supervisor"] is None
     assert "supervisor" not in (folder.path / "summary.txt").read_text()

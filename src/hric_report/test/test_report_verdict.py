@@ -16,8 +16,8 @@ from hric_assessment.findings import DISCLAIMER
 from hric_assessment.tables import rula_table
 from hric_assessment.verdict.result import VERSION
 from hric_bags.run_folder import RunFolder
+from hric_core.command import main, perform
 from hric_core.errors import HricError
-from hric_experiments import cli
 from hric_human.body import Body, describe
 from hric_human.body.regions import REGION_MODELS
 from hric_human.participant.settings import HumanSettings
@@ -218,7 +218,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
     """The arm meets a forearm."""
     root = tmp_path_factory.mktemp("runs")
     words = ["contact", "simulator:=mujoco", "duration:=2", "--quiet", "--no-figures", "--html", "--runs", str(root)]
-    assert cli.main(["run", *words]) == 0
+    assert main(["run", *words]) == 0
     return RunFolder((root / "latest").resolve())
 
 
@@ -270,7 +270,7 @@ def test_a_bag_alone_gets_a_page_with_its_verdict_and_a_replay(
 ) -> None:
     bag = tmp_path / "alone.bag"
     shutil.copy(run.bag_path, bag)
-    assert cli.main(["report", str(bag), "--html"]) == 0
+    assert main(["report", str(bag), "--html"]) == 0
     printed, page = capsys.readouterr().out, (tmp_path / "alone_report.html").read_text()
     found = json.loads((tmp_path / "verdict.json").read_text())
     assert f"verdict: {found['outcome']}" in printed and "alone_report.html" in printed and DISCLAIMER in printed
@@ -280,10 +280,10 @@ def test_a_bag_alone_gets_a_page_with_its_verdict_and_a_replay(
     assert person["columns"] == len(settings_body(run).joints) and person["motion"] is None
     assert "Where the person was is not known" in page  # his settings are in the run folder
     (tmp_path / "verdict.json").write_text(json.dumps(found | {"outcome": "warning"}))  # as one left it with choices
-    assert cli.main(["report", str(bag)]) == 0
+    assert main(["report", str(bag)]) == 0
     assert "verdict: warning" in capsys.readouterr().out
     (tmp_path / "verdict.json").write_text(json.dumps(MADE))  # of another recording
-    assert cli.main(["report", str(bag)]) == 0
+    assert main(["report", str(bag)]) == 0
     assert f"verdict: {found['outcome']}" in capsys.readouterr().out
 
 
@@ -293,7 +293,7 @@ def settings_body(run: RunFolder) -> Body:
 
 def test_a_bag_that_is_not_there_is_a_mistake(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(HricError, match=r"no bag nothing\.bag"):
-        cli.COMMANDS["report"]([str(tmp_path / "nothing.bag"), "--html"])
+        perform(["report", str(tmp_path / "nothing.bag"), "--html"])
 
 
 def in_a_browser(test: Callable[..., None]) -> Callable[..., None]:

@@ -9,10 +9,9 @@ import pytest
 from hric_assessment.findings import NotAssessableError
 from hric_assessment.separation import stopping
 from hric_assessment.separation.stopping import MEASUREMENT, Row, StopTable
-from hric_assessment.verdict import command
 from hric_assessment.verdict.choices import Braking
+from hric_core.command import main, perform
 from hric_core.errors import HricError
-from hric_experiments import cli
 
 
 def table(speed: float) -> StopTable:
@@ -24,12 +23,12 @@ def table(speed: float) -> StopTable:
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("runs")
     words = ["contact", "simulator:=mujoco", "duration:=1", "--quiet", "--no-figures", "--runs", str(root)]
-    assert cli.main(["run", *words]) == 0
+    assert main(["run", *words]) == 0
     return (root / "latest").resolve()
 
 
 def separation(run: Path, path: Path) -> dict[str, object]:
-    command.main([str(run), "--stop", str(path)])
+    perform(["assess", str(run), "--stop", str(path)])
     (found,) = (
         one for one in json.loads((run / "verdict.json").read_text())["findings"] if one["group"] == "separation"
     )
@@ -76,4 +75,4 @@ def test_a_wrong_file_is_a_mistake(run: Path, tmp_path: Path) -> None:
     path = tmp_path / "own.yaml"
     path.write_text("title: ours\n")
     with pytest.raises(HricError, match=r"own\.yaml.*"):
-        command.main([str(run), "--stop", str(path)])
+        perform(["assess", str(run), "--stop", str(path)])

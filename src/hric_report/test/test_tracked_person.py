@@ -11,8 +11,8 @@ import yaml
 
 from hric_bags.records import human_record
 from hric_bags.records.human_record import HumanRecord
+from hric_core.command import main
 from hric_core.errors import HricError
-from hric_experiments.cli import main
 from hric_human.muscles.after_run import MuscleLoad
 from hric_msgs.msg import JointTorque
 from hric_report import headless as runner

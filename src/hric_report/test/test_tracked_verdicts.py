@@ -13,7 +13,7 @@ import yaml
 from hric_assessment.findings import Finding, Outcome
 from hric_assessment.verdict import Verdict, assess, opened
 from hric_assessment.verdict.person import people_of
-from hric_experiments.cli import main
+from hric_core.command import main
 from hric_report import headless as runner
 from hric_run.definition import experiment
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from hric_assessment.findings import DISCLAIMER, Finding, Outcome
-from hric_assessment.verdict import command, result
+from hric_assessment.verdict import result
 from hric_bags.run_folder import RunFolder
-from hric_experiments import cli
+from hric_core.command import main, perform
 
 SCHEMA = Path(__file__).parents[2] / "hric_assessment" / "config" / "verdict.schema.json"
 
@@ -24,8 +24,7 @@ def contact(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """The arm meets a forearm."""
     root = tmp_path_factory.mktemp("runs")
     assert (
-        cli.main(["run", "contact", "simulator:=mujoco", "duration:=2", *NO_AREA, "--no-figures", "--runs", str(root)])
-        == 0
+        main(["run", "contact", "simulator:=mujoco", "duration:=2", *NO_AREA, "--no-figures", "--runs", str(root)]) == 0
     )
     yield (root / "latest").resolve()
 
@@ -35,7 +34,7 @@ def finding(outcome: Outcome, share: float | None = None) -> Finding:
 
 
 def test_a_run_leaves_a_verdict_that_keeps_its_schema(contact: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    code = command.main([str(contact), "--contact-area", "1e-4"])
+    code = perform(["assess", str(contact), "--contact-area", "1e-4"])
     found = json.loads((contact / "verdict.json").read_text())
     jsonschema.Draft202012Validator(json.loads(SCHEMA.read_text())).validate(found)
     text = capsys.readouterr().out
@@ -56,7 +55,7 @@ def test_a_run_leaves_a_verdict_that_keeps_its_schema(contact: Path, capsys: pyt
 
 
 def test_without_an_area_no_contact_is_within_limits(contact: Path) -> None:
-    assert command.main([str(contact)]) == 4
+    assert perform(["assess", str(contact)]) == 4
     found = json.loads((contact / "verdict.json").read_text())
     assert {one["outcome"] for one in found["findings"] if one["group"] == "contact"} == {"not assessable"}
 
@@ -68,7 +67,7 @@ def test_an_area_that_the_experiment_states_counts_and_is_among_the_assumptions(
     folder.write(
         run | {"definition": run["definition"] | {"human": run["definition"]["human"] | {"contact_area": 1e-4}}}
     )
-    command.main([str(folder.path), "--only", "contact"])
+    perform(["assess", str(folder.path), "--only", "contact"])
     found = json.loads((folder.path / "verdict.json").read_text())
     assert all(one["values"]["contact area [m^2]"] == 1e-4 for one in found["findings"] if one["group"] == "contact")
     assert any("1 cm^2, as the experiment states" in one for one in found["assumptions"])
@@ -77,7 +76,7 @@ def test_an_area_that_the_experiment_states_counts_and_is_among_the_assumptions(
 def test_a_run_says_before_it_starts_what_its_verdict_will_not_know(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    cli.main(["run", "contact", "simulator:=mujoco", "duration:=0.6", "--no-figures", "--runs", str(tmp_path)])
+    main(["run", "contact", "simulator:=mujoco", "duration:=0.6", "--no-figures", "--runs", str(tmp_path)])
     assert "the verdict of this run will not know posture" in capsys.readouterr().err
 
 
@@ -100,4 +99,4 @@ def test_a_thinned_timeline_keeps_its_ends_and_extremes() -> None:
 
 def test_a_recording_that_is_not_there_is_a_mistake(tmp_path: Path) -> None:
     with pytest.raises(Exception, match=r"no bag nothing.bag"):
-        command.main([str(tmp_path / "nothing.bag")])
+        perform(["assess", str(tmp_path / "nothing.bag")])

@@ -13,7 +13,7 @@ from rosbags.rosbag1 import Writer
 from hric_assessment.verdict import assess, opened
 from hric_bags.parts import PartsReader
 from hric_bags.reader import LOG_TYPE
-from hric_experiments import cli
+from hric_core.command import main
 
 MINUTE, HOUR = 60.0, 3600.0
 PROCESSOR = 6.0
@@ -32,7 +32,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Of an upper body that leads the robot."""
     root = tmp_path_factory.mktemp("runs")
     words = ["simulator:=mujoco", "human.parts:=upper_body", "duration:=5", "--quiet", "--no-figures"]
-    assert cli.main(["run", "hand_guidance", *words, "--runs", str(root)]) == 0
+    assert main(["run", "hand_guidance", *words, "--runs", str(root)]) == 0
     return (root / "latest").resolve()
 
 

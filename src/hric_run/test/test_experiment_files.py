@@ -11,9 +11,9 @@ import jsonschema
 import pytest
 import yaml
 
+from hric_core.command import main
 from hric_core.errors import HricError, ParameterError
 from hric_core.urdf import read
-from hric_experiments import cli
 from hric_run.definition import experiment, overrides, parameters
 from hric_run.definition.experiment import ExperimentError
 from hric_sweep import definition as sweep
@@ -141,10 +141,10 @@ def test_editors_have_the_schemas_and_accept_what_is_valid(capsys: pytest.Captur
         (["--study"], "study", study.EXAMPLE),
         (["--sweep"], "sweep", sweep.EXAMPLE),
     ):
-        assert cli.main(["schema", *arguments]) == 0
+        assert main(["schema", *arguments]) == 0
         printed = capsys.readouterr().out
         kept = experiment.package_path() / "config" / f"{kind}.schema.json"
-        assert kept.read_text() == printed, "rosrun hric_experiments schema prints what this file has to hold"
+        assert kept.read_text() == printed, "hric schema prints what this file has to hold"
         folder = experiment.config_path({"experiment": "experiments", "study": "studies", "sweep": "sweeps"}[kind])
         check = jsonschema.Draft202012Validator(json.loads(printed))
         check.validate(yaml.safe_load(example))
@@ -152,7 +152,7 @@ def test_editors_have_the_schemas_and_accept_what_is_valid(capsys: pytest.Captur
             check.validate(yaml.safe_load(path.read_text()))
             (first, *_) = path.read_text().splitlines()
             assert (path.parent / first.rpartition("$schema=")[2]).resolve() == kept
-        assert cli.main(["schema", *arguments, "--example"]) == 0
+        assert main(["schema", *arguments, "--example"]) == 0
         assert capsys.readouterr().out == example
     experiment.parse("example", yaml.safe_load(experiment.EXAMPLE))
     study.parse("example", yaml.safe_load(study.EXAMPLE))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from hric_experiments import cli
+from hric_core.command import main
 
 PD = "parameters.joint_pd_controller"
 GUIDED = "run hand_guidance parameters.cartesian_impedance_controller"
@@ -161,7 +161,7 @@ MISTAKES = [
     ("run marker_tracking mocap.base_from_mocap.xyz:=[100,0,0]", r"100 mm would be 0\.1 m"),
     ("benchmark controller.yaml", r"changes\.contact: .*no parameter 'kdd' .*did you mean kd\?"),
 ]
-"""Words after rosrun hric_experiments, and what the error says."""
+"""Words after hric, and what the error says."""
 
 
 @pytest.fixture(scope="module")
@@ -179,7 +179,7 @@ def test_it_is_refused_with_what_is_valid_before_anything_is_written(
     monkeypatch.chdir(home)
     monkeypatch.setenv("HRIC_RUNS", str(home / "runs"))
     try:
-        code = cli.main(shlex.split(words))
+        code = main(shlex.split(words))
     except SystemExit as end:  # argparse's own
         code = int(end.code or 0)
     shown = capsys.readouterr()

@@ -12,8 +12,8 @@ from scipy.integrate import solve_ivp
 from franka_sim.franka_hw_sim import FrankaHWSim
 from hric_assessment.contact.limits import Limits
 from hric_assessment.findings import DISCLAIMER
+from hric_core.command import main
 from hric_core.errors import FailureError, HricError
-from hric_experiments import cli
 from hric_run.definition import experiment
 from hric_run.simulation import Simulation
 from hric_sweep.speed_map import grid
@@ -129,7 +129,7 @@ def test_the_command_leaves_a_table_and_a_picture_that_say_what_they_are(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ["--x", "0.4", "0.5", "2", "--y", "0", "0", "1", "--z", "0.3", "0.5", "2", "--arm", "passive"]
-    assert cli.main(["speed_map", *words, "-o", str(tmp_path)]) == 0
+    assert main(["speed_map", *words, "-o", str(tmp_path)]) == 0
     told = capsys.readouterr().out
     assert DISCLAIMER in told and "4 points, 4 of them within reach; 24 directions" in told
     first, *lines = (tmp_path / "speed_map.csv").read_text().splitlines()
@@ -152,7 +152,7 @@ def test_the_command_leaves_a_table_and_a_picture_that_say_what_they_are(
     ],
 )
 def test_what_gives_no_map_is_refused(words: list[str], told: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["speed_map", *words]) == 2
+    assert main(["speed_map", *words]) == 2
     assert told in capsys.readouterr().err
 
 

@@ -11,8 +11,8 @@ from scipy.integrate import solve_ivp
 
 from hric_assessment.separation import stopping
 from hric_assessment.separation.stopping import NOT_A_BRAKE, SIMULATION
+from hric_core.command import main, perform
 from hric_core.errors import HricError
-from hric_experiments import cli
 from hric_run.definition import experiment
 from hric_run.simulation import Simulation
 from hric_sweep.stops.measuring import LOAD_RADIUS, POSES, STANDSTILL, Stopping, StopStart, standing
@@ -103,11 +103,11 @@ def test_the_command_prints_a_table_that_loads_and_says_what_it_is_not(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     words = ["measure_stops", "--speeds", "0.5", "--loads", "0", "1"]
-    assert cli.main(words) == 0
+    assert main(words) == 0
     printed = capsys.readouterr().out
     assert NOT_A_BRAKE in printed
     path = tmp_path / "stops.yaml"
-    assert cli.main([*words, "-o", str(path)]) == 0
+    assert main([*words, "-o", str(path)]) == 0
     said = capsys.readouterr().out
     assert NOT_A_BRAKE in said and str(path) in said
     table = stopping.load(path)
@@ -133,4 +133,4 @@ def test_the_command_prints_a_table_that_loads_and_says_what_it_is_not(
 )
 def test_mistakes_get_one_error(words: list[str], said: str) -> None:
     with pytest.raises(HricError, match=said):
-        cli.COMMANDS["measure_stops"](words)
+        perform(["measure_stops", *words])

@@ -10,6 +10,7 @@ import numpy as np
 import pyarrow.parquet
 import pytest
 
+from hric_core.command import perform
 from hric_core.errors import HricError
 from hric_sweep.study import definition as study
 from hric_sweep.study import running as study_run
@@ -117,7 +118,7 @@ def test_a_study_that_was_cut_off_goes_on_with_the_runs_it_lacks(tmp_path: Path)
     journal = whole.folder / "one" / "runs.jsonl"
     first, second = journal.read_text().splitlines(keepends=True)
     journal.write_text(first + second[:30])  # the machine went off within a line
-    assert study_run.main(["--resume", str(whole.folder), "--quiet"]) == (0 if whole.passed else 1)
+    assert perform(["sweep", "--resume", str(whole.folder), "--quiet"]) == (0 if whole.passed else 3)
     again = json.loads((whole.folder / "metrics.json").read_text())["forms"]["one"]
     expected = whole.metrics["forms"]["one"]
     assert again["runs"]["a"] == expected["runs"]["a"] and again["runs"]["b"]["run"] != expected["runs"]["b"]["run"]

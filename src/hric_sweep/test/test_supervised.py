@@ -11,6 +11,7 @@ from hric_assessment.supervisor.app import HeadlessSupervisor
 from hric_assessment.supervisor.arm import ArmShape, ArmState
 from hric_assessment.supervisor.settings import SupervisorSettings
 from hric_control.speed_scale import stopping_time
+from hric_core.command import perform
 from hric_core.errors import HricError
 from hric_core.local.node import LocalNode
 from hric_core.parameters import read_yaml
@@ -184,7 +185,7 @@ def test_what_is_drawn_is_the_seeds_and_within_what_is_said():
 )
 def test_approaches_meet_no_moving_arm_and_without_the_supervisor_they_do(given, count, bound, tmp_path, capsys):
     file = tmp_path / "approaches.jsonl"
-    assert command.main([*given, "--jobs", "1", "--output", str(file)]) == 0
+    assert perform(["approaches", *given, "--jobs", "1", "--output", str(file)]) == 0
     printed = capsys.readouterr().out
     assert f"in 0 of {count}, at most {bound} % (one-sided 95 %)" in printed
     assert "no certified safety function" in printed
@@ -192,10 +193,10 @@ def test_approaches_meet_no_moving_arm_and_without_the_supervisor_they_do(given,
     assert [row["index"] for row in rows] == list(range(count))
     assert any(row["outputs"]["standing_above"] for row in rows)  # somebody did come
     begun = time.process_time()
-    command.main([*given, "--jobs", "1", "--output", str(file)])  # nothing is run again
+    perform(["approaches", *given, "--jobs", "1", "--output", str(file)])  # nothing is run again
     assert time.process_time() - begun < 0.1 * sum(row["processor"] for row in rows) + 2.0
     assert capsys.readouterr().out == printed and len(file.read_text().splitlines()) == count
-    assert command.main(["--count", "2", "--without", "--jobs", "1"]) == 1
+    assert perform(["approaches", "--count", "2", "--without", "--jobs", "1"]) == 3
     assert "WITHOUT the supervisor" in capsys.readouterr().out
 
 
@@ -245,18 +246,16 @@ def test_a_contact_that_is_not_assessable_is_counted_as_such_and_bounded_as_abov
     assert "contacts with a moving arm: in 1 of 20 runs (above limits in 0, not assessable in 1" in text
 
 
-@pytest.mark.parametrize(("result", "code"), [("above", 1), ("not_assessable", 4), ("warning", 0)])
-def test_the_exit_code_is_that_of_the_worst_contact_with_a_moving_arm(result, code, monkeypatch):
-    runs = [ended(0, **{result: 1.0}), ended(1, standing_above=1.0)]
-    monkeypatch.setattr(command, "run", lambda options: runs)
-    assert command.main(["--count", "2"]) == code
+@pytest.mark.parametrize(("result", "code"), [("above", 3), ("not_assessable", 4), ("warning", 0)])
+def test_the_exit_code_is_that_of_the_worst_contact_with_a_moving_arm(result, code):
+    assert command.exit_code([ended(0, **{result: 1.0}), ended(1, standing_above=1.0)]) == code
 
 
 def test_a_file_that_is_none_of_its_own_is_refused(tmp_path):
     file = tmp_path / "x.jsonl"
     file.write_text('{"seed": 1}\n')
     with pytest.raises(HricError, match="line 1"):
-        command.main(["--count", "1", "--jobs", "1", "--output", str(file)])
+        perform(["approaches", "--count", "1", "--jobs", "1", "--output", str(file)])
 
 
 @pytest.mark.parametrize("engine", ["pybullet", "opensim"])

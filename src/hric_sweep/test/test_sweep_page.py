@@ -163,7 +163,7 @@ def test_the_worst_ten_are_in_order_and_each_has_its_command(folder: Path, text:
     commands = [shlex.split(html.unescape(one)) for one in re.findall('data-command="(.*?)"', part)]
     assert re.findall("<td><code>(.*?)</code>", part) == list(worst.id)
     assert [one[-1] for one in commands] == list(worst.id)
-    assert all(one[:-1] == ["rosrun", "hric_experiments", "sweep", "rerun", "peak force"] for one in commands)
+    assert all(one[:-1] == ["hric", "sweep", "rerun", "peak force"] for one in commands)
 
 
 def test_the_page_names_no_folder_of_the_machine(folder: Path, text: str) -> None:
@@ -408,7 +408,7 @@ def test_hovering_a_line_tells_its_run_and_a_click_its_command(opened: Browser, 
     mouse(opened, "mousePressed", left + x, top + y)
     mouse(opened, "mouseReleased", left + x, top + y)
     command = opened.evaluate("document.getElementById('picked-command').textContent")
-    assert command == f"rosrun hric_experiments sweep rerun 'peak force' {table.id[row]}"
+    assert command == f"hric sweep rerun 'peak force' {table.id[row]}"
 
 
 @in_a_browser

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import roslaunch.config
 
-from mocap_natnet.server import app
+from hric_core.command import main
 
 FILE = Path(__file__).parents[1] / "launch" / "mocap.launch"
 
@@ -33,11 +33,6 @@ def test_the_emulated_motive_takes_its_place_by_one_argument() -> None:
     assert values["/natnet_client/server"] == "127.0.0.1" and values["/natnet_client/up_axis"] == "z"
 
 
-def test_the_emulated_motive_leaves_to_ros_what_roslaunch_adds_for_it() -> None:
-    added = ("/tf:=tf", "__name:=emulated_motive", "__log:=/tmp/a.log")
-    assert app.options_of(["--rate", "100", *added]) == app.options_of(["--rate", "100"])
-
-
 def test_a_calibration_names_base_and_place(tmp_path: Path) -> None:
     path = tmp_path / "base.yaml"
     path.write_text("base_frame: panda_link0\nbase_from_mocap: {xyz: [1, 2, 3], xyzw: [0, 0, 0, 1]}\n")
@@ -53,5 +48,19 @@ def test_every_argument_is_explained() -> None:
 
 
 def test_the_names_that_roslaunch_adds_are_left_alone(capsys: pytest.CaptureFixture[str]) -> None:
-    assert app.main(["--rate", "-1", "__name:=emulated_motive", "__log:=/tmp/x.log"]) == 2
+    assert (
+        main(
+            [
+                "emulated_motive",
+                "--clock",
+                "wall",
+                "--rate",
+                "-1",
+                "/tf:=tf",
+                "__name:=emulated_motive",
+                "__log:=/tmp/x.log",
+            ]
+        )
+        == 2
+    )
     assert "rate is -1" in capsys.readouterr().err

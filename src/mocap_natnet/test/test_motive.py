@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
+from hric_core.command import main
 from mocap_natnet.codec import Codec, packets
 from mocap_natnet.codec.packets import Connect, Message, packet, split
 from mocap_natnet.codec.types import EDIT_MODE, RECORDING, VERSION_CHANGED
 from mocap_natnet.server import Body, Motive, Scene, Settings, Sinusoid
-from mocap_natnet.server.app import main
 from mocap_natnet.server.motive import Address
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -139,11 +139,11 @@ def test_the_same_seed_gives_the_same_bytes() -> None:
 def test_a_wrong_argument_ends_the_command_with_one_line(
     arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(arguments) == 2
+    assert main(["emulated_motive", "--clock", "wall", *arguments]) == 2
     told = capsys.readouterr().err
     assert words in told and told.count("\n") == 1
 
 
 def test_an_address_of_another_machine_is_a_failure_of_one_line(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["--ip", "203.0.113.7"]) == 1
+    assert main(["emulated_motive", "--clock", "wall", "--ip", "203.0.113.7"]) == 1
     assert "cannot listen on 203.0.113.7" in capsys.readouterr().err

@@ -116,4 +116,4 @@ def test_help_works_without_a_master(name: str) -> None:
         text=True,
         timeout=LIMIT,
     )
-    assert result.returncode == 0 and f"rosrun mocap_natnet {name}" in result.stdout
+    assert result.returncode == 0 and name in result.stdout.partition("\n")[0]

@@ -5,6 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import panda_description
+from hric_core.command import perform
 from hric_core.errors import UnknownNameError
 from hric_core.geometry import judge
 from panda_description import inertial_sets
@@ -47,11 +48,15 @@ def test_an_unknown_set_is_refused_with_the_valid_ones() -> None:
         panda_description.inertials("best")
 
 
-def test_the_tool_prints_every_part_and_undoing_steiner_on_the_default_set_shows_the_broken_links() -> None:
-    plain = inertial_sets.run([]).splitlines()
+def test_the_tool_prints_every_part_and_undoing_steiner_on_the_default_set_shows_the_broken_links(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    perform(["inertials"])
+    plain = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in plain[2:]] == list(panda_description.inertials())
     assert all("physical" in line for line in plain[2:])
-    undone = {line.split()[0]: line for line in inertial_sets.run(["--steiner", "undo"]).splitlines()[2:]}
+    perform(["inertials", "--steiner", "undo"])
+    undone = {line.split()[0]: line for line in capsys.readouterr().out.splitlines()[2:]}
     assert (
         "breaks the triangle inequality by 0.073013" in undone["link4"] and "not positive definite" in undone["link4"]
     )

@@ -1,10 +1,11 @@
-"""The command `rosrun panda_description urdf`."""
+"""The command `hric urdf`."""
 
 from pathlib import Path
 
 import pytest
 
 import panda_description
+from hric_core.command import perform
 from hric_core.errors import ParameterError, UnknownNameError
 from panda_description import description
 
@@ -22,12 +23,13 @@ def test_words_become_arguments_of_the_right_type() -> None:
     }
 
 
-def test_the_command_prints_what_load_returns() -> None:
-    assert description.run(["hand:=false", "damping:=0.5"]) == panda_description.load(hand=False, damping=0.5)
+def test_the_command_prints_what_load_returns(capsys: pytest.CaptureFixture[str]) -> None:
+    perform(["urdf", "hand:=false", "damping:=0.5"])
+    assert capsys.readouterr().out == panda_description.load(hand=False, damping=0.5) + "\n"
 
 
 def test_help_names_every_argument_with_default_and_valid_values() -> None:
-    text = description.run(["--help"])
+    text = description.UrdfCommand().parser().format_help()
     for name, argument in panda_description.arguments().items():
         assert f"  {name}:=" in text
         assert argument.valid in text

@@ -8,7 +8,7 @@ import pytest
 from small_robots import LIMIT, joint, link, one_joint, robot
 
 import panda_description
-from urdf_to_osim import cli
+from hric_core.command import main
 
 ROOT = Path(__file__).resolve().parents[3]
 COMMAND = ROOT / "src" / "urdf_to_osim" / "nodes" / "urdf_to_osim"
@@ -55,7 +55,7 @@ def test_a_refusal_is_one_line_and_exit_code_2_and_nothing_is_left(tmp_path: Pat
     (tmp_path / "bad.urdf").write_text(one_joint(child=""))
     done = run(tmp_path, "bad.urdf")
     assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.startswith("urdf_to_osim: link arm: joint swing moves it") and done.stderr.count("\n") == 1
+    assert done.stderr.startswith("hric convert: link arm: joint swing moves it") and done.stderr.count("\n") == 1
     assert names(tmp_path) == ["bad.urdf"]
 
 
@@ -64,7 +64,7 @@ def test_a_robot_that_cannot_move_is_refused_after_it_was_built_without_a_crash_
         link("a"), link("b", ""), link("c"), joint("first", "revolute", "a", "b"), joint("second", "revolute", "b", "c")
     )
     done = run(tmp_path, "-", "-o", "a.osim", stdin=urdf_xml)
-    assert done.returncode == 2 and done.stderr.startswith("urdf_to_osim: joints first, second can move together")
+    assert done.returncode == 2 and done.stderr.startswith("hric convert: joints first, second can move together")
     assert names(tmp_path) == []
 
 
@@ -81,7 +81,7 @@ def test_xacro_is_expanded_with_its_arguments(tmp_path: Path) -> None:
         "2",
         "--no-meshes",
     ]
-    assert cli.main(words) == 0
+    assert main(["convert", *words]) == 0
     text = (tmp_path / "left.osim").read_text()
     assert "left_joint7" in text and "left_hand" not in text
 
@@ -103,27 +103,38 @@ def test_a_mistake_on_the_command_line_is_one_clear_error(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "robot.urdf").write_text(one_joint())
-    assert cli.main(words) == 2
+    assert main(["convert", *words]) == 2
     assert message in capsys.readouterr().err
     assert names(tmp_path) == ["robot.urdf"]
 
 
 def test_bytes_that_are_no_text_are_one_clear_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "a.urdf").write_bytes(b"\xff\xfe\x00robot")
-    assert cli.main([str(tmp_path / "a.urdf"), "-o", str(tmp_path / "a.osim")]) == 2
+    assert main(["convert", str(tmp_path / "a.urdf"), "-o", str(tmp_path / "a.osim")]) == 2
     assert "not XML" in capsys.readouterr().err
 
 
 def test_a_description_in_another_encoding_is_read(tmp_path: Path) -> None:
     text = '<?xml version="1.0" encoding="iso-8859-1"?>' + robot(link("bätch"), name="gerät")
     (tmp_path / "a.urdf").write_bytes(text.encode("iso-8859-1"))
-    assert cli.main([str(tmp_path / "a.urdf"), "-o", str(tmp_path / "a.osim"), "--states", "2"]) == 0
+    assert main(["convert", str(tmp_path / "a.urdf"), "-o", str(tmp_path / "a.osim"), "--states", "2"]) == 0
 
 
 def test_notes_on_repairs_are_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "a.urdf").write_text(one_joint(inside=LIMIT, child=""))
     assert (
-        cli.main([str(tmp_path / "a.urdf"), "-o", str(tmp_path / "a.osim"), "--inertia", "invent", "--states", "2"])
+        main(
+            [
+                "convert",
+                str(tmp_path / "a.urdf"),
+                "-o",
+                str(tmp_path / "a.osim"),
+                "--inertia",
+                "invent",
+                "--states",
+                "2",
+            ]
+        )
         == 0
     )
     assert (

@@ -15,11 +15,12 @@ import pytest
 
 import panda_description
 import urdf_to_osim
+from hric_core.command import main
 from hric_core.errors import DescriptionError, ParameterError
 from hric_core.geometry import FloatArray
 from urdf_to_osim.decorations import Decoration, Look, load_scene
 from urdf_to_osim.drawing.drawing import draw
-from urdf_to_osim.drawing.picture import main, picture
+from urdf_to_osim.drawing.picture import picture
 
 pytestmark = pytest.mark.slow
 NODE = Path(__file__).resolve().parents[1] / "nodes" / "picture"
@@ -223,7 +224,7 @@ def test_a_mistake_gives_one_line_and_no_picture(
     words: list[str], error: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = slider(tmp_path)
-    assert main([str(path), *words]) == 2
+    assert main(["picture", str(path), *words]) == 2
     said = capsys.readouterr().err
     assert error in said
     assert len(said.splitlines()) == 1

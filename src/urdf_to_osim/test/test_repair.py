@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from small_robots import BODY, joint, link, one_joint, robot
 
+from hric_core.command import main
 from hric_core.errors import DescriptionError
 from hric_core.geometry import MassProperties
-from urdf_to_osim import Options, cli, convert, prove, write
+from urdf_to_osim import Options, convert, prove, write
 from urdf_to_osim.inertia import repaired
 from urdf_to_osim.prepare import invented_joints
 
@@ -52,7 +53,18 @@ def test_the_command_prints_the_changes_the_forward_run_and_the_transitions_of_f
     limits = '<limit lower="-1" upper="2" effort="30" velocity="1"/><dynamics friction="0.5"/>'
     (tmp_path / "a.urdf").write_text(one_joint(child=body("1", "3"), inside=limits))
     assert (
-        cli.main([str(tmp_path / "a.urdf"), "-o", str(tmp_path / "a.osim"), "--inertia", "repair", "--states", "2"])
+        main(
+            [
+                "convert",
+                str(tmp_path / "a.urdf"),
+                "-o",
+                str(tmp_path / "a.osim"),
+                "--inertia",
+                "repair",
+                "--states",
+                "2",
+            ]
+        )
         == 0
     )
     out = capsys.readouterr().out

@@ -31,7 +31,7 @@ def take_priority(priority: int) -> Measure:
     except PermissionError:
         return Measure(
             False,
-            "no real-time priority: the limit rtprio forbids it (see rosrun franka_real check_workstation)",
+            "no real-time priority: the limit rtprio forbids it (see hric check_workstation)",
         )
     return Measure(True, f"SCHED_FIFO {priority}")
 

@@ -13,6 +13,9 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from hric_core.command import Argument, Command
+from hric_core.errors import NOT_GOOD
+
 REQUIRED_PRIORITY = 80
 """Real-time priority that franka_real takes by default."""
 REQUIRED_MEMLOCK = 512 * 2**20
@@ -182,29 +185,37 @@ def line(finding: Finding) -> str:
     )
 
 
-def main(arguments: Sequence[str]) -> int:
-    """Check, report, and with --fix change the settings; return 0 if no check fails."""
-    parser = argparse.ArgumentParser(
-        "rosrun franka_real check_workstation",
-        description="Look whether this machine serves a 1 kHz loop: kernel, processor frequency, limits of this "
-        "account, network. Changes nothing.",
-    )
-    parser.add_argument(
-        "robot_ip", nargs="?", default="", help="address of the arm, for the network check; the arm is only pinged"
-    )
-    parser.add_argument(
-        "--fix",
-        action="store_true",
-        help="change what can be changed while it runs (governor, limits file); needs root",
-    )
-    given = parser.parse_args(list(arguments))
-    findings = []
-    for finding in look(given.robot_ip):
-        print(line(finding), flush=True)
-        findings.append(finding)
-    if given.fix:
-        _fix(findings)
-    return 0 if all(finding.good is not False for finding in findings) else 1
+class CheckWorkstationCommand(Command):
+    """Check whether this machine serves a 1 kHz loop: kernel, processor frequency, limits of this account, network.
+
+    Changes nothing.
+    """
+
+    def arguments(self) -> list[Argument]:
+        """Return the arguments."""
+        return [
+            Argument(
+                "robot_ip",
+                nargs="?",
+                default="",
+                help="address of the arm, for the network check; the arm is only pinged",
+            ),
+            Argument(
+                "--fix",
+                action="store_true",
+                help="change what can be changed while it runs (governor, limits file); needs root",
+            ),
+        ]
+
+    def run(self, given: argparse.Namespace) -> int:
+        """Check, report, and with --fix change the settings; return 0 if no check fails."""
+        findings = []
+        for finding in look(given.robot_ip):
+            print(line(finding), flush=True)
+            findings.append(finding)
+        if given.fix:
+            _fix(findings)
+        return 0 if all(finding.good is not False for finding in findings) else NOT_GOOD
 
 
 def _fix(findings: Sequence[Finding]) -> None:

@@ -45,7 +45,7 @@ def damaged(path: Path, reason: object) -> BagError:
     text = " ".join(str(reason).split()) or type(reason).__name__
     text = re.sub(r"\('(.*?)',\)", r"\1", text)  # arguments of a wrapped error
     given = path.parent if (path.parent / "run.yaml").is_file() else path
-    hint = f"cannot read {path.name}: {text}; try: rosrun hric_experiments health --salvage {given}"
+    hint = f"cannot read {path.name}: {text}; try: hric health --salvage {given}"
     return BagError(foreign.describe(path) or hint)
 
 

@@ -86,11 +86,7 @@ def parts(bag: Path) -> list[Path]:
         part = bag.with_name(f"{stem}_{number}.bag")
         if not part.is_file():
             active = part.with_name(part.name + ".active")
-            hint = (
-                f" was not closed, try: rosrun hric_experiments health --salvage {active}"
-                if active.is_file()
-                else " is missing"
-            )
+            hint = f" was not closed, try: hric health --salvage {active}" if active.is_file() else " is missing"
             raise PartsError(f"part {part.name} of the recording in {bag.parent}{hint}")
         found.append(part)
     return found

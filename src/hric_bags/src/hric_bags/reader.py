@@ -143,7 +143,7 @@ def _check_file(path: Path) -> None:
     if not path.is_file():
         unfinished = path.with_name(path.name + ".active")
         hint = (
-            f"; the recording did not end properly, try: rosrun hric_experiments health --salvage {unfinished}"
+            f"; the recording did not end properly, try: hric health --salvage {unfinished}"
             if unfinished.is_file()
             else ""
         )

@@ -4,10 +4,11 @@ from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from difflib import get_close_matches
 
-MISTAKE, FAILURE = 2, 1
+FAILURE, MISTAKE, NOT_GOOD, NOT_KNOWN = 1, 2, 3, 4
 """Exit codes of commands and nodes.
 
-MISTAKE: the input is wrong, and nothing was started. FAILURE: the input was right, but the work did not succeed."""
+FAILURE: the input was right, but the work did not succeed. MISTAKE: the input is wrong, and nothing was started.
+NOT_GOOD: the work is done, and its result is not good or not complete. NOT_KNOWN: the result cannot be judged."""
 
 
 class HricError(Exception):

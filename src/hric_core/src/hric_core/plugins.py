@@ -1,4 +1,4 @@
-"""Plugins: classes found by name through the `<hric_control plugin="..."/>` export in package.xml, like pluginlib."""
+"""Plugins: classes found by name through the `<hric_core plugin="..."/>` export in package.xml, like pluginlib."""
 
 import functools
 import importlib
@@ -20,6 +20,9 @@ PARTICIPANT = "hric_control::Participant"
 HUMAN_CONTROLLER = "hric_human::HumanController"
 SENSOR = "hric_perception::Sensor"
 POSTURE_METHOD = "hric_assessment::PostureMethod"
+COMMAND = "hric_core::Command"
+EXPORTS = ("hric_core", "hric_control")
+"""Elements of package.xml that name a file of plugins; each may hold plugins of every base."""
 _BASES = {
     CONTROLLER: "hric_control.controller:Controller",
     ROBOT_HW: "hric_control.robot_hw:RobotHW",
@@ -28,6 +31,7 @@ _BASES = {
     HUMAN_CONTROLLER: "hric_human.control.controller:HumanController",
     SENSOR: "hric_perception.section:SensorSection",
     POSTURE_METHOD: "hric_assessment.ergonomics.scoring:PostureMethod",
+    COMMAND: "hric_core.command:Command",
 }
 
 
@@ -197,7 +201,7 @@ def _packages(root: str) -> Iterator[Path]:
 def _read_package(package_xml: Path, seen: set[str], index: _Index) -> None:
     try:
         text = package_xml.read_text(encoding="utf-8")
-        if "<hric_control" not in text:
+        if not any(f"<{tag} " in text for tag in EXPORTS):
             return
         root = ET.fromstring(text)
     except (OSError, UnicodeDecodeError, ET.ParseError) as error:
@@ -207,7 +211,7 @@ def _read_package(package_xml: Path, seen: set[str], index: _Index) -> None:
     if package in seen:  # the first in ROS_PACKAGE_PATH overlays the others
         return
     seen.add(package)
-    for export in root.iterfind("export/hric_control"):
+    for export in (export for tag in EXPORTS for export in root.iterfind(f"export/{tag}")):
         source = Path((export.get("plugin") or "").replace("${prefix}", str(package_xml.parent)))
         try:
             _read_plugins(package, source, index)

@@ -16,12 +16,14 @@ import numpy as np
 from hric_assessment.ergonomics.muscle_load import grip_loads, load_of, motion_of
 from hric_bags import reader as bag_reader
 from hric_bags import text
+from hric_bags.arguments import run_arguments
 from hric_bags.export.opensim_text import GROUND, write_storage
 from hric_bags.files import atomic
 from hric_bags.records import human_record, tracked_person
 from hric_bags.records.human_record import HumanRecord
-from hric_bags.run_folder import RunFolder, runs_root
+from hric_bags.run_folder import RunFolder
 from hric_control.plants import WindowlessConfig
+from hric_core.command import Argument, Command
 from hric_core.errors import HricError
 from hric_core.geometry import FloatArray, Pose, Vector
 from hric_core.geometry.poses import inverse
@@ -389,39 +391,77 @@ def _fatigued(result: Result) -> FloatArray:
     return model.fatigued
 
 
-def main(arguments: Sequence[str]) -> int:
-    """Run the command; return its exit code."""
-    given = _parser().parse_args(list(arguments))
-    root = runs_root(given.runs)
-    recording, output = Path(given.recording).expanduser(), given.output
-    if given.tracked and (recording.suffix.lower() == ".c3d" or given.cutoff != CUTOFF):
-        raise MuscleLoadError(
-            "--tracked is for a run, whose person is smoothed as he was live; valid: without --cutoff"
-        )
-    if recording.suffix.lower() == ".c3d":
-        if given.person is None:
+class MuscleLoadCommand(Command):
+    """Estimate the muscle and joint load of a person's arms in a recorded motion.
+
+    Activation and force of muscles, joint torque as share of strength, contact forces in shoulder and elbow, by
+    inverse dynamics and static optimisation. Needs no ROS master.
+    """
+
+    def arguments(self) -> list[Argument]:
+        """Return the arguments."""
+        return [
+            *run_arguments("or a c3d file with markers of the body (Plug-in Gait)", "RUN|FILE.c3d"),
+            Argument(
+                "--person",
+                metavar="RUN|FILE.yaml",
+                help="of a c3d file: who moves in it, from a run, whose grips load the person too, or an experiment "
+                "file",
+            ),
+            Argument(
+                "--plate",
+                action="append",
+                default=[],
+                metavar="N=LINK",
+                help="of a c3d file: the link of the body that presses on its force plate N, as 1=r_wrist; may be "
+                "repeated",
+            ),
+            Argument(
+                "--tracked",
+                action="store_true",
+                help="of a run: the real person before its cameras (section person), tracked again from its frames",
+            ),
+            Argument(
+                "--cutoff", type=float, default=CUTOFF, metavar="HZ", help=f"of the filter of joint angles ({CUTOFF:g})"
+            ),
+            *_muscles_arguments(),
+            Argument("--output", type=Path, metavar="DIR", help=f"where to write (default: {FOLDER}/ of the run)"),
+        ]
+
+    def run(self, given: argparse.Namespace) -> None:
+        """Estimate the load, write its files, print its table."""
+        recording, output = Path(given.run).expanduser(), given.output
+        is_c3d = recording.suffix.lower() == ".c3d"
+        if given.tracked and (is_c3d or given.cutoff != CUTOFF):
             raise MuscleLoadError(
-                f"{recording.name} does not say whose markers it has; add --person RUN|EXPERIMENT.yaml"
+                "--tracked is for a run, whose person is smoothed as they were live; valid: without --cutoff"
             )
-        plates = dict(map(_plate, given.plate))
-        person = described_by(given.person, root).with_muscles(given.muscles, given.strength)
-        result = of_c3d(recording, person, given.cutoff, plates)
-        output = output or recording.with_name(f"{recording.stem}_{FOLDER}")
-    else:
-        if given.person is not None or given.plate:
-            raise MuscleLoadError("--person and --plate are for a c3d file; a run says who is in it, and what he holds")
-        if given.tracked:
-            result = of_tracked(given.recording, root, _chosen(AS_SHIPPED, given.muscles, given.strength))
+        if is_c3d:
+            result = _load_of_c3d(recording, given)
+            output = output or recording.with_name(f"{recording.stem}_{FOLDER}")
         else:
-            person = described_by(given.recording, root).with_muscles(given.muscles, given.strength)
-            result = of_run(person, given.cutoff)
-        output = output or RunFolder.open(given.recording, root).path / FOLDER
-    output.mkdir(parents=True, exist_ok=True)
-    paths = write(result, output)
-    print(
-        f"{render(result, given.fatigue)}\nfiles for OpenSim: {output.absolute()}: {', '.join(p.name for p in paths)}"
-    )
-    return 0
+            result = _load_of_run(given)
+            output = output or RunFolder.open(given.run, given.runs).path / FOLDER
+        output.mkdir(parents=True, exist_ok=True)
+        names = ", ".join(path.name for path in write(result, output))
+        print(f"{render(result, given.fatigue)}\nfiles for OpenSim: {output.absolute()}: {names}")
+
+
+def _load_of_c3d(recording: Path, given: argparse.Namespace) -> Result:
+    if given.person is None:
+        raise MuscleLoadError(f"{recording.name} does not say whose markers it has; add --person RUN|EXPERIMENT.yaml")
+    plates = dict(map(_plate, given.plate))
+    person = described_by(given.person, given.runs).with_muscles(given.muscles, given.strength)
+    return of_c3d(recording, person, given.cutoff, plates)
+
+
+def _load_of_run(given: argparse.Namespace) -> Result:
+    if given.person is not None or given.plate:
+        raise MuscleLoadError("--person and --plate are for a c3d file; a run says who is in it, and what they hold")
+    if given.tracked:
+        return of_tracked(given.run, given.runs, _chosen(AS_SHIPPED, given.muscles, given.strength))
+    person = described_by(given.run, given.runs).with_muscles(given.muscles, given.strength)
+    return of_run(person, given.cutoff)
 
 
 def _plate(given: str) -> tuple[int, str]:
@@ -431,56 +471,16 @@ def _plate(given: str) -> tuple[int, str]:
     return int(number), link
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        "rosrun hric_experiments muscle_load",
-        description="What a recorded motion cost the arms of the person in it: activation and force of muscles, joint "
-        "torque as share of strength, contact forces in shoulder and elbow, by inverse dynamics and static "
-        "optimisation. An estimate of a model. Needs no ROS master.",
-    )
-    parser.add_argument(
-        "recording",
-        nargs="?",
-        default="latest",
-        metavar="RUN|FILE.c3d",
-        help="run folder, its name, latest (default), or a c3d file with markers of the body (Plug-in Gait)",
-    )
-    parser.add_argument(
-        "--person",
-        metavar="RUN|FILE.yaml",
-        help="of a c3d file: who moves in it, from a run, whose grips load him too, or an experiment file",
-    )
-    parser.add_argument(
-        "--plate",
-        action="append",
-        default=[],
-        metavar="N=LINK",
-        help="of a c3d file: the link of the body that presses on its force plate N, as 1=r_wrist; may be repeated",
-    )
-    parser.add_argument(
-        "--tracked",
-        action="store_true",
-        help="of a run: the real person before its cameras (section person), tracked again from its frames",
-    )
-    parser.add_argument(
-        "--cutoff", type=float, default=CUTOFF, metavar="HZ", help=f"of the filter of joint angles ({CUTOFF:g})"
-    )
-    _add_muscles(parser)
-    parser.add_argument("--output", type=Path, metavar="DIR", help=f"where to write (default: {FOLDER}/ of the run)")
-    parser.add_argument("--runs", metavar="DIR", help="folder of all runs")
-    return parser
-
-
-def _add_muscles(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--muscles",
-        metavar="FILE",
-        help=f"their anatomy: {NAME}, built in; a .json file of fit_muscles; a model of a right arm, "
-        ".osim or .xml of MuJoCo, which is fitted at its first use (default: as the person has it)",
-    )
-    parser.add_argument(
-        "--strength", type=float, metavar="FACTOR", help="of the muscles (default: as the person has it)"
-    )
-    parser.add_argument(
-        "--fatigue", action="store_true", help="add how far muscles are fatigued (3CC-r, which was NOT reproduced)"
-    )
+def _muscles_arguments() -> list[Argument]:
+    return [
+        Argument(
+            "--muscles",
+            metavar="FILE",
+            help=f"their anatomy: {NAME}, built in; a .json file of fit_muscles; a model of a right arm, "
+            ".osim or .xml of MuJoCo, which is fitted at its first use (default: as the person has it)",
+        ),
+        Argument("--strength", type=float, metavar="FACTOR", help="of the muscles (default: as the person has it)"),
+        Argument(
+            "--fatigue", action="store_true", help="add how far muscles are fatigued (3CC-r, which was NOT reproduced)"
+        ),
+    ]

@@ -1,8 +1,8 @@
-"""Command `rosrun hric_experiments sweep`: run or resume a sweep, write its page, repeat one of its runs."""
+"""Commands `sweep`, `sweep rerun` and `sweep page`: run or resume a sweep, repeat one of its runs, write its page."""
 
 import argparse
-import importlib
 import math
+import shlex
 import statistics
 import sys
 from collections import Counter
@@ -13,51 +13,71 @@ from pathlib import Path
 from tqdm import tqdm
 
 from hric_bags import files
-from hric_bags.run_folder import RunFolder, iso_now, runs_root
-from hric_core.errors import HricError
+from hric_bags.arguments import RUNS
+from hric_bags.run_folder import RunFolder, iso_now
+from hric_core.command import Argument, Command, perform
+from hric_core.errors import NOT_GOOD, HricError
 from hric_core.parameters import read_yaml
 from hric_run import provenance
 from hric_sweep import definition, table, task
 from hric_sweep.definition import Plan
 from hric_sweep.engines.engine import Engine, same
-from hric_sweep.engines.make import add_options, engine_session, resume_command
-from hric_sweep.journal import UNFINISHED_CODE, Journal
+from hric_sweep.engines.make import engine_arguments, engine_session, resume_command
+from hric_sweep.journal import Journal
 from hric_sweep.records import PlainData, ReferenceRun
 from hric_sweep.supervisor import Supervisor
 
 FILE = "sweep.yaml"
-OTHERS = {"study.yaml": "hric_sweep.study.running", "benchmark.yaml": "hric_sweep.benchmark.command"}
-"""Files of other folders with runs, and the module whose `main` resumes them."""
+FOLDER = Argument("sweep", help="folder of the sweep, or its name in the folder of all runs")
 
 
-def main(arguments: Sequence[str]) -> int:
-    """Run the command and return its exit code."""
-    if arguments and arguments[0] in _SUBCOMMANDS:
-        return _SUBCOMMANDS[arguments[0]](arguments[1:])
-    options = _parser().parse_args(list(arguments))
-    if (options.sweep is None) == (options.resume is None):
-        raise HricError(f"one sweep is needed; valid: {', '.join(definition.names())}, a YAML file, or --resume DIR")
-    if options.resume is None:
-        return _run(None, definition.load(options.sweep, quick=options.quick), None, options)
-    for name, module in OTHERS.items():
-        if (Path(options.resume).expanduser() / name).is_file():
-            return int(importlib.import_module(module).main(arguments))
-    folder = table.find(options.resume)
-    return _run(folder, *_opened(folder), options)
+class SweepCommand(Command):
+    """Run an experiment many times with variables and seeds, on all processors, into one table.
 
+    See also: sweep rerun, sweep page.
+    """
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        "rosrun hric_experiments sweep",
-        description="Run an experiment many times with variables and seeds, on all processors, into one table. "
-        "Also: sweep rerun DIR ID, one of its runs again with bag and page; sweep page DIR, its page from its table.",
-        epilog="exit codes: 0 all runs finished; 2 user error, nothing was started; 3 runs failed, or the sweep could "
-        "not continue (finished runs are stored); 130 Ctrl-C (resume with --resume DIR)",
+    epilog = (
+        "exit codes: 0 all runs finished; 2 user error, nothing was started; 3 runs failed, or the sweep could not "
+        "continue (finished runs are stored); 130 Ctrl-C (resume with --resume DIR)"
     )
-    parser.add_argument("sweep", nargs="?", help=f"one of: {', '.join(definition.names())}; or the path of a YAML file")
-    parser.add_argument("--quick", action="store_true", help="the sweep's form with few runs")
-    add_options(parser, "sweep")
-    return parser
+
+    def arguments(self) -> list[Argument]:
+        """Return the arguments."""
+        return [
+            Argument(
+                "sweep",
+                nargs="?",
+                help=f"one of: {', '.join(definition.names())}; or the path of a YAML file",
+                complete=definition.names,
+            ),
+            Argument("--quick", action="store_true", help="the sweep's form with few runs"),
+            *engine_arguments("sweep, benchmark or study"),
+        ]
+
+    def run(self, given: argparse.Namespace) -> int:
+        """Run a new sweep, or resume a sweep, a benchmark or a study."""
+        if (given.sweep is None) == (given.resume is None):
+            names = ", ".join(definition.names())
+            raise HricError(f"one sweep is needed; valid: {names}, a YAML file, or --resume DIR")
+        if given.resume is None:
+            return _run(None, definition.load(given.sweep, quick=given.quick), None, given)
+        resumed = Path(given.resume).expanduser()
+        if (resumed / "benchmark.yaml").is_file():
+            return perform(["benchmark", *shlex.split(given.command)[2:]])
+        if (resumed / "study.yaml").is_file():
+            return _resume_study(resumed, given)
+        folder = table.find(given.resume)
+        return _run(folder, *_opened(folder), given)
+
+
+def _resume_study(folder: Path, given: argparse.Namespace) -> int:
+    """Resume a study. Raises HricError: options of an engine, which a study has not."""
+    if given.jobs is not None or given.dask is not None:
+        raise HricError(f"{folder} is a study, whose runs follow each other; valid: without --jobs and --dask")
+    from hric_sweep.study import running  # slow to import: errors are reported before
+
+    return running.resume(folder, progress=not given.quiet)
 
 
 def _opened(folder: Path) -> tuple[Plan, ReferenceRun]:
@@ -86,7 +106,7 @@ def _run(folder: Path | None, plan: Plan, before: ReferenceRun | None, options: 
         with Journal(folder) as journal:
             supervisor = _supervise(folder, plan, journal, engine, reference.code, options.quiet)
     print(summary(folder))
-    return UNFINISHED_CODE if any(row.failure for row in supervisor.rows.values()) else 0
+    return NOT_GOOD if any(row.failure for row in supervisor.rows.values()) else 0
 
 
 def _probe(plan: Plan, engine: Engine, code: str) -> None:
@@ -100,7 +120,7 @@ def _probe(plan: Plan, engine: Engine, code: str) -> None:
 
 def _begin(plan: Plan, reference: ReferenceRun, options: argparse.Namespace) -> Path:
     """Create the run folder with sweep.yaml and return its path."""
-    folder = RunFolder.create(runs_root(options.runs), plan.name).path
+    folder = RunFolder.create(options.runs, plan.name).path
     content = {
         "name": plan.name,
         "started": iso_now(),
@@ -160,41 +180,41 @@ def summary(folder: Path) -> str:
     return "\n".join(lines)
 
 
-def rerun(arguments: Sequence[str]) -> int:
-    """Repeat one run of a sweep, with bag, metrics and page, and return the exit code."""
-    parser = argparse.ArgumentParser(
-        "rosrun hric_experiments sweep rerun",
-        description="Run one run of a sweep again, into a run folder with bag, metrics, figures and page; its hash is "
-        "compared with that of the sweep.",
-    )
-    parser.add_argument("sweep", help="folder of the sweep, or its name in the folder of all runs")
-    parser.add_argument("id", help="id of the run, or its first characters")
-    parser.add_argument("--runs", metavar="DIR", help="folder of all runs (default: $HRIC_RUNS, else runs/)")
-    options = parser.parse_args(list(arguments))
-    folder = table.find(options.sweep)
-    plan, before = _opened(folder)
-    row = _row(table.read(folder).to_pylist(), options.id)
-    repeated = plan.task(row["index"], {name: row[name] for name in plan.section.vary}, before.code)
-    from hric_report import headless
-    from hric_report import html as report_html
+class RerunCommand(Command):
+    """Run one run of a sweep again, into a run folder with bag, metrics, figures and page.
 
-    result = headless.run(
-        task.definition_of(repeated),
-        definition.written(repeated.changes),
-        seed=repeated.seed,
-        root=runs_root(options.runs),
-    )
-    print(f"{result.metrics['report']}\nrun folder: {result.folder.path}\npage: {report_html.write(result.folder)}")
-    state = result.metrics["state_sha256"]
-    if plan.section.until != definition.ENDS[0]:  # the run folder goes on to the end of the experiment
-        state = task.run(repeated).state_sha256
-    if state != row["state_sha256"]:
-        raise HricError(
-            f"state_sha256 is {state}; in the sweep it was {row['state_sha256']}: code or machine differ (sweep: code "
-            f"{before.code[:12]}, here {task.code_version()[:12]})"
+    Its hash is compared with that of the sweep.
+    """
+
+    def arguments(self) -> list[Argument]:
+        """Return the arguments."""
+        return [FOLDER, Argument("id", help="id of the run, or its first characters"), RUNS]
+
+    def run(self, given: argparse.Namespace) -> None:
+        """Repeat one run of a sweep. Raises HricError: its hash is another one."""
+        folder = table.find(given.sweep)
+        plan, before = _opened(folder)
+        row = _row(table.read(folder).to_pylist(), given.id)
+        repeated = plan.task(row["index"], {name: row[name] for name in plan.section.vary}, before.code)
+        from hric_report import headless
+        from hric_report import html as report_html
+
+        result = headless.run(
+            task.definition_of(repeated),
+            definition.written(repeated.changes),
+            seed=repeated.seed,
+            root=given.runs,
         )
-    print(f"state_sha256: {row['state_sha256']}, as in the sweep")
-    return 0
+        print(f"{result.metrics['report']}\nrun folder: {result.folder.path}\npage: {report_html.write(result.folder)}")
+        state = result.metrics["state_sha256"]
+        if plan.section.until != definition.ENDS[0]:  # the run folder goes on to the end of the experiment
+            state = task.run(repeated).state_sha256
+        if state != row["state_sha256"]:
+            raise HricError(
+                f"state_sha256 is {state}; in the sweep it was {row['state_sha256']}: code or machine differ (sweep: "
+                f"code {before.code[:12]}, here {task.code_version()[:12]})"
+            )
+        print(f"state_sha256: {row['state_sha256']}, as in the sweep")
 
 
 def _row(rows: Sequence[PlainData], prefix: str) -> PlainData:
@@ -206,17 +226,15 @@ def _row(rows: Sequence[PlainData], prefix: str) -> PlainData:
     return matches[0]
 
 
-def draw(arguments: Sequence[str]) -> int:
-    """Write the page of a sweep from its table and return the exit code."""
-    parser = argparse.ArgumentParser(
-        "rosrun hric_experiments sweep page", description="Write report.html of a sweep again, from its table."
-    )
-    parser.add_argument("sweep", help="folder of the sweep, or its name in the folder of all runs")
-    folder = table.find(parser.parse_args(list(arguments)).sweep)
-    from hric_sweep.page import build as page
+class PageCommand(Command):
+    """Write report.html of a sweep again, from its table."""
 
-    print(f"page: {page.write(folder)}")
-    return 0
+    def arguments(self) -> list[Argument]:
+        """Return the arguments."""
+        return [FOLDER]
 
+    def run(self, given: argparse.Namespace) -> None:
+        """Write the page of a sweep from its table."""
+        from hric_sweep.page import build as page
 
-_SUBCOMMANDS = {"rerun": rerun, "page": draw}
+        print(f"page: {page.write(table.find(given.sweep))}")

@@ -11,18 +11,16 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from types import TracebackType
 
-from hric_core.errors import HricError
+from hric_core.errors import NOT_GOOD, HricError
 from hric_sweep.records import RunResponse
 
 NAME = "runs.jsonl"
-UNFINISHED_CODE = 3
-"""Exit code of a sweep in which runs failed, or which could not continue; finished runs are stored."""
 
 
 class JournalError(HricError):
     """Error: the journal cannot be written, or another program uses it."""
 
-    exit_code = UNFINISHED_CODE
+    exit_code = NOT_GOOD
 
 
 class Journal(AbstractContextManager["Journal"]):

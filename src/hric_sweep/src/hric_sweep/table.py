@@ -117,7 +117,7 @@ def read(folder: str | Path) -> pyarrow.Table:
     """Return the table of a sweep. Raises HricError: there is none."""
     path = find(folder) / NAME
     if not path.is_file():
-        raise HricError(f"{path.parent} has no {NAME} yet; valid: rosrun hric_experiments sweep --resume {path.parent}")
+        raise HricError(f"{path.parent} has no {NAME} yet; valid: hric sweep --resume {path.parent}")
     return pyarrow.parquet.read_table(path)
 
 

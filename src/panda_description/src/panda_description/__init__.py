@@ -1,6 +1,6 @@
 """Franka Panda: URDF from xacro, identified dynamics, friction and limits with their sources."""
 
-from panda_description.description import Argument, arguments, load, process_xacro
+from panda_description.description import DescriptionArgument, arguments, load, process_xacro
 from panda_description.inertial_sets import inertials
 from panda_description.parameters import (
     CartesianLimit,
@@ -13,8 +13,8 @@ from panda_description.parameters import (
 )
 
 __all__ = [
-    "Argument",
     "CartesianLimit",
+    "DescriptionArgument",
     "JointLimit",
     "arguments",
     "cartesian_limits",

@@ -1,5 +1,7 @@
-"""URDF of the Panda from xacro, in process, without a ROS master; and the command `rosrun panda_description urdf`."""
+"""URDF of the Panda from xacro, in process, without a ROS master; and the command `urdf`."""
 
+import argparse
+import logging
 import re
 import sys
 import threading
@@ -14,6 +16,7 @@ from typing import Any
 from xml.dom import Node, minidom
 from xml.parsers.expat import ExpatError
 
+from hric_core.command import Argument, Command
 from hric_core.errors import DescriptionError, ParameterError, UnknownNameError
 from hric_core.parameters import Parameter, Settings, choice, declared, flag, number, numbers, refused, text
 from panda_description.inertial_sets import INERTIAL_SETS, unphysical
@@ -103,7 +106,7 @@ class Arguments(Settings):
 
 
 @dataclass(frozen=True)
-class Argument:
+class DescriptionArgument:
     """Argument of `load`: default, valid values, and meaning."""
 
     default: str | bool | float
@@ -130,9 +133,9 @@ def _described(values: Arguments, mesh_folder: str) -> str:
     return _pure(process_xacro(share() / "urdf" / "panda.urdf.xacro", mappings), values.arm_id)
 
 
-def arguments() -> dict[str, Argument]:
+def arguments() -> dict[str, DescriptionArgument]:
     """Return the arguments of `load` in order."""
-    return {name: Argument(one.default, one.valid, one.text) for name, one in declared(Arguments).items()}
+    return {name: DescriptionArgument(one.default, one.valid, one.text) for name, one in declared(Arguments).items()}
 
 
 def _text(value: object) -> str:
@@ -200,14 +203,6 @@ def _drop_comments(node: Any) -> None:
             _drop_comments(child)
 
 
-def usage() -> str:
-    """Return the help text: each argument with default, valid values and meaning."""
-    lines = ["usage: rosrun panda_description urdf [ARG:=VALUE ...]", "Prints the Panda as pure URDF.", ""]
-    for name, argument in arguments().items():
-        lines += [f"  {name}:={_text(argument.default)}", f"      {argument.description}; {argument.valid}"]
-    return "\n".join(lines)
-
-
 def parse(words: Sequence[str]) -> dict[str, Any]:
     """Return arguments of `load` from words such as `hand:=false`.
 
@@ -237,8 +232,20 @@ def _value(word: str, kind: str) -> Any:
     return word
 
 
-def run(words: Sequence[str]) -> str:
-    """Return the output of the command."""
-    if any(word in ("-h", "--help") for word in words):
-        return usage()
-    return load(**parse(words))
+class UrdfCommand(Command):
+    """Print the Panda as pure URDF."""
+
+    epilog = "arguments:\n" + "\n".join(
+        f"  {name}:={_text(parameter.default)}\n      {parameter.text}; {parameter.valid}"
+        for name, parameter in declared(Arguments).items()
+    )
+
+    def arguments(self) -> list[Argument]:
+        """Return the arguments."""
+        names = [f"{name}:=" for name in declared(Arguments)]
+        return [Argument("arguments", nargs="*", metavar="ARG:=VALUE", help="see below", complete=lambda: names)]
+
+    def run(self, given: argparse.Namespace) -> None:
+        """Print the description; warnings go to stderr."""
+        logging.basicConfig(format="%(levelname)s: %(message)s")
+        print(load(**parse(given.arguments)))

@@ -1,11 +1,11 @@
-"""Inertial sets, Steiner's theorem and physical consistency; command line of `rosrun panda_description inertials`."""
+"""Inertial sets, Steiner's theorem and physical consistency; command `inertials`."""
 
 import argparse
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from hric_core.command import Argument, Command
 from hric_core.errors import UnknownNameError
 from hric_core.geometry import MassProperties, judge, steiner_term, tensor
 from panda_description.parameters import PACKAGE, config
@@ -50,23 +50,6 @@ def _thesis(parts: dict[str, MassProperties]) -> dict[str, MassProperties]:
     return changed
 
 
-def parser() -> argparse.ArgumentParser:
-    """Return the argument parser of the command."""
-    made = argparse.ArgumentParser(
-        prog="rosrun panda_description inertials",
-        description="Prints per link: mass, inertia tensor, principal moments, triangle margin (smaller two less the "
-        "largest), definiteness.",
-    )
-    made.add_argument("--set", choices=INERTIAL_SETS, default="barycentric", help="inertial set (default: %(default)s)")
-    made.add_argument(
-        "--steiner",
-        choices=tuple(_STEINER),
-        help="move each tensor first: apply adds m (q'q E - q q') (centre of mass to link origin, thesis Eq. 1), "
-        "undo subtracts it (Eq. 2)",
-    )
-    return made
-
-
 def moved(links: dict[str, MassProperties], steiner: str | None) -> dict[str, MassProperties]:
     """Return the links with Steiner's term added (`apply`), subtracted (`undo`) or unchanged (None)."""
     if steiner is None:
@@ -92,14 +75,29 @@ def report(links: dict[str, MassProperties]) -> str:
     return "\n".join(rows)
 
 
-def run(words: Sequence[str]) -> str:
-    """Return the output of the command."""
-    given = parser().parse_args(words)
-    point = {None: "as the set has them", "apply": "Steiner's term added", "undo": "Steiner's term subtracted"}[
-        given.steiner
-    ]
-    title = (
-        f"inertials '{given.set}', {point}; mass [kg], tensor, principal moments e1..e3 and margin e1 + e2 - "
-        "e3 [kg m^2]"
-    )
-    return f"{title}\n{report(moved(inertials(given.set), given.steiner))}"
+class InertialsCommand(Command):
+    """Print mass, inertia tensor and principal moments of each link.
+
+    Also the triangle margin (the two smaller moments less the largest) and whether the tensor is definite.
+    """
+
+    def arguments(self) -> list[Argument]:
+        """Return the arguments."""
+        return [
+            Argument("--set", choices=INERTIAL_SETS, default="barycentric", help="inertial set (default: %(default)s)"),
+            Argument(
+                "--steiner",
+                choices=tuple(_STEINER),
+                help="move each tensor first: apply adds m (q'q E - q q') (centre of mass to link origin, thesis Eq. "
+                "1), undo subtracts it (Eq. 2)",
+            ),
+        ]
+
+    def run(self, given: argparse.Namespace) -> None:
+        """Print the table."""
+        point = {None: "as the set has them", "apply": "Steiner's term added", "undo": "Steiner's term subtracted"}
+        print(
+            f"inertials '{given.set}', {point[given.steiner]}; mass [kg], tensor, principal moments e1..e3 and margin "
+            "e1 + e2 - e3 [kg m^2]"
+        )
+        print(report(moved(inertials(given.set), given.steiner)))

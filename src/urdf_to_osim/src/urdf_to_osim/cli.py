@@ -1,4 +1,4 @@
-"""Command line of `rosrun urdf_to_osim urdf_to_osim`."""
+"""Command `convert`."""
 
 import argparse
 import sys
@@ -10,9 +10,9 @@ from xml.etree import ElementTree
 
 import opensim
 
+from hric_core.command import Argument, Command
 from hric_core.errors import DescriptionError, FailureError, ParameterError
 from hric_core.parameters import declared, read_yaml
-from hric_core.processes import run_command
 from hric_core.urdf.elements import parse
 from urdf_to_osim.converter import Conversion, convert
 from urdf_to_osim.options import CHOICES, Options
@@ -23,60 +23,93 @@ if TYPE_CHECKING:
 
 FORWARD = 0.1
 """Simulated time of the forward run [s]."""
-EPILOG = """The model is written only if the file, read back, agrees with the description: frames, mass matrix, gravity and inverse dynamics with a
-rigid-body library, damping, friction, stops and couplers with closed forms. Exit code 0: written; else nothing is written: 2: refused, 1: the proof failed."""  # noqa: E501
 
 
-def parser() -> argparse.ArgumentParser:
-    """Return the argument parser of the command."""
-    made = argparse.ArgumentParser(
-        prog="urdf_to_osim",
-        description="Convert a robot description to an OpenSim 4 model, and prove it.",
-        epilog=EPILOG,
-    )
-    made.add_argument("input", help="description: .urdf, .xacro (expanded here), or - for URDF from standard input")
-    made.add_argument(
-        "-o",
-        "--output",
-        help=f"the {SUFFIX} file; meshes go to Geometry/ beside it (default: name of the input, in the working folder)",
-    )
-    made.add_argument(
-        "--xacro-arg",
-        action="append",
-        default=[],
-        metavar="NAME:=VALUE",
-        help="argument of the xacro file; may be repeated",
-    )
-    made.add_argument("--name", default="", help="name of the model (default: the robot's)")
-    _add_options(made)
-    made.add_argument("--states", type=_count, default=100, help="random states of the proof (default: 100)")
-    made.add_argument("--seed", type=int, default=0, help="of the proof's random numbers (default: 0)")
-    return made
+class ConvertCommand(Command):
+    """Convert a robot description to an OpenSim 4 model, and prove it."""
 
-
-def _add_options(made: argparse.ArgumentParser) -> None:
-    """Add the options of the conversion; see `Options`."""
-    for name, default, text in (
-        ("up", "y", "OpenSim axis along the description's z (default: y)"),
-        ("inertia", "refuse", "inertias that no body has (default: refuse)"),
-        ("names", "refuse", "names that OpenSim forbids (default: refuse)"),
-        ("friction", "coulomb", "joint friction (default: coulomb, of <dynamics friction>)"),
-    ):
-        made.add_argument(f"--{name}", choices=CHOICES[name], default=default, help=text)
-    made.add_argument(
-        "--friction-parameters",
-        metavar="YAML",
-        help="file: joint -> {phi1 [N m], phi2 [s/rad], phi3 [rad/s]}, for sigmoid",
+    epilog = (
+        "The model is written only if the file, read back, agrees with the description: frames, mass matrix, "
+        "gravity and inverse dynamics with a rigid-body library, damping, friction, stops and couplers with closed "
+        "forms. Exit code 0: written; else nothing is written: 2: refused, 1: the proof failed."
     )
-    for part in ("stops", "damping", "actuators", "meshes"):
-        made.add_argument(f"--no-{part}", action="store_true", help=f"leave {part} out")
-    made.add_argument("--contact", action="store_true", help="make contact geometry of the collision elements")
-    for option in ("stiffness [N m/rad]", "damping [N m s/rad]", "transition [rad]"):
-        name, unit = option.split(maxsplit=1)
-        default = declared(Options)[f"stop_{name}"].default
-        made.add_argument(
-            f"--stop-{name}", type=float, default=default, help=f"of a rotation's stop {unit} (default: {default:g})"
+
+    def arguments(self) -> list[Argument]:
+        """Return the arguments."""
+        return [
+            Argument("input", help="description: .urdf, .xacro (expanded here), or - for URDF from standard input"),
+            Argument(
+                "-o",
+                "--output",
+                help=f"the {SUFFIX} file; meshes go to Geometry/ beside it (default: name of the input, in the working "
+                "folder)",
+            ),
+            Argument(
+                "--xacro-arg",
+                action="append",
+                default=[],
+                metavar="NAME:=VALUE",
+                help="argument of the xacro file; may be repeated",
+            ),
+            Argument("--name", default="", help="name of the model (default: the robot's)"),
+            *_options_arguments(),
+            Argument("--states", type=_count, default=100, help="random states of the proof (default: 100)"),
+            Argument("--seed", type=int, default=0, help="of the proof's random numbers (default: 0)"),
+        ]
+
+    def run(self, given: argparse.Namespace) -> None:
+        """Convert, prove, write and report. Raises HricError: the conversion is refused."""
+        opensim.Logger.setLevelString("Error")
+        started = time.perf_counter()
+        options = _options(given)
+        urdf_xml = read_description(given.input, given.xacro_arg)
+        stem = "robot" if given.input == "-" else Path(given.input).name.split(".")[0]
+        output = Path(given.output or f"{stem}{SUFFIX}")
+        conversion = convert(urdf_xml, options)
+        converted = time.perf_counter()
+        for note in conversion.notes:
+            print(f"note: {note}")
+        proofs: list[Proof] = []
+        written = write(conversion, output, lambda path: proofs.append(_demand(path, urdf_xml, conversion, given)))
+        _report(proofs[0], given.states)
+        meshes = f", {len(written.meshes)} mesh files {written.mesh_seconds:.2f} s" if written.meshes else ""
+        print(
+            f"conversion {converted - started:.2f} s{meshes}, proof over {given.states} random states "
+            f"{proofs[0].seconds:.2f} s\nwrote {written.path}"
         )
+
+
+def _options_arguments() -> list[Argument]:
+    """Return the options of the conversion; see `Options`."""
+    return [
+        _choice("up", "y", "OpenSim axis along the description's z (default: y)"),
+        _choice("inertia", "refuse", "inertias that no body has (default: refuse)"),
+        _choice("names", "refuse", "names that OpenSim forbids (default: refuse)"),
+        _choice("friction", "coulomb", "joint friction (default: coulomb, of <dynamics friction>)"),
+        Argument(
+            "--friction-parameters",
+            metavar="YAML",
+            help="file: joint -> {phi1 [N m], phi2 [s/rad], phi3 [rad/s]}, for sigmoid",
+        ),
+        *(
+            Argument(f"--no-{part}", action="store_true", help=f"leave {part} out")
+            for part in ("stops", "damping", "actuators", "meshes")
+        ),
+        Argument("--contact", action="store_true", help="make contact geometry of the collision elements"),
+        _stop("stiffness", "N m/rad"),
+        _stop("damping", "N m s/rad"),
+        _stop("transition", "rad"),
+    ]
+
+
+def _choice(name: str, default: str, text: str) -> Argument:
+    return Argument(f"--{name}", choices=CHOICES[name], default=default, help=text)
+
+
+def _stop(name: str, unit: str) -> Argument:
+    default = declared(Options)[f"stop_{name}"].default
+    text = f"of a rotation's stop [{unit}] (default: {default:g})"
+    return Argument(f"--stop-{name}", type=float, default=default, help=text)
 
 
 def _count(text: str) -> int:
@@ -86,45 +119,16 @@ def _count(text: str) -> int:
     return number
 
 
-def main(words: Sequence[str]) -> int:
-    """Run the command and return its exit code."""
-    arguments = parser().parse_args(list(words))
-    opensim.Logger.setLevelString("Error")
-    return run_command("urdf_to_osim", lambda: run(arguments))
-
-
-def run(arguments: argparse.Namespace) -> None:
-    """Convert, prove, write and report.
-
-    Raises:
-        HricError: the conversion is refused.
-    """
-    started = time.perf_counter()
-    options = _options(arguments)
-    urdf_xml = read_description(arguments.input, arguments.xacro_arg)
-    stem = "robot" if arguments.input == "-" else Path(arguments.input).name.split(".")[0]
-    output = Path(arguments.output or f"{stem}{SUFFIX}")
-    conversion = convert(urdf_xml, options)
-    converted = time.perf_counter()
-    for note in conversion.notes:
-        print(f"note: {note}")
-    proofs: list[Proof] = []
-    written = write(conversion, output, lambda path: proofs.append(_demand(path, urdf_xml, conversion, arguments)))
-    print(proofs[0].table())
-    meshes = f", {len(written.meshes)} mesh files {written.mesh_seconds:.2f} s" if written.meshes else ""
-    if changes := proofs[0].repaired:
+def _report(proof: "Proof", states: int) -> None:
+    print(proof.table())
+    if changes := proof.repaired:
         amounts = " and ".join(f"the {name} by {change:.1e}" for name, change in changes.items())
         print(
-            f"the repair of inertias changed {amounts} (largest over {arguments.states} random states, relative to "
-            "the largest value)"
+            f"the repair of inertias changed {amounts} (largest over {states} random states, relative to the largest "
+            "value)"
         )
-    if proofs[0].forward:
-        print(proofs[0].forward.summary())
-    print(
-        f"conversion {converted - started:.2f} s{meshes}, proof over {arguments.states} random states "
-        f"{proofs[0].seconds:.2f} s"
-    )
-    print(f"wrote {written.path}")
+    if proof.forward:
+        print(proof.forward.summary())
 
 
 def _demand(path: Path, urdf_xml: str, conversion: Conversion, arguments: argparse.Namespace) -> "Proof":

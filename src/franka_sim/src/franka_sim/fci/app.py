@@ -7,16 +7,17 @@ import logging
 import os
 import signal
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
-from franka_sim.fci.arguments import parser
+from franka_sim.fci.arguments import care_arguments, network_arguments, physics_arguments, robot_arguments
 from franka_sim.fci.complaints import LOG
-from franka_sim.fci.console import Console
+from franka_sim.fci.console import HELP, Console
 from franka_sim.fci.device import ConstantDevice, Device
 from franka_sim.fci.faults import Faults
 from franka_sim.fci.robots import ROBOTS, Robot
 from franka_sim.fci.server import FciServer
 from franka_sim.gripper import Gripper
+from hric_core.command import Argument, Command
 from hric_core.errors import FailureError, HricError
 from hric_core.parameters import text, whole
 from hric_core.processes import run_server
@@ -81,8 +82,19 @@ def serve(options: argparse.Namespace) -> None:
         close()
 
 
-def main(words: Sequence[str] | None = None) -> int:
-    """Run the command and return its exit code."""
-    options = parser().parse_args(words)
-    logging.basicConfig(level=logging.INFO, format="[%(levelname)s] %(message)s")
-    return run_server("control_box", lambda: serve(options))
+class ControlBoxCommand(Command):
+    """Emulate a Panda or FR3: arm, control box and hand, to which an unmodified libfranka connects.
+
+    Needs no ROS master.
+    """
+
+    epilog = f"With --console the standard input takes:\n{HELP}"
+
+    def arguments(self) -> list[Argument]:
+        """Return the arguments."""
+        return [*robot_arguments(), *physics_arguments(), *network_arguments(), *care_arguments()]
+
+    def run(self, given: argparse.Namespace) -> int:
+        """Serve until Ctrl-C or SIGTERM."""
+        logging.basicConfig(level=logging.INFO, format="[%(levelname)s] %(message)s")
+        return run_server("hric control_box", lambda: serve(given))

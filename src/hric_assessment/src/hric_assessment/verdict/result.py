@@ -13,12 +13,13 @@ from hric_assessment.typed_json import NAMES, JsonObject, closed, plain, schema_
 from hric_assessment.verdict.conclusions import GROUPS, ORDER, Conclusion, headline, outcome
 from hric_assessment.verdict.moment import Moment
 from hric_assessment.verdict.person import PersonSummary
+from hric_core.errors import NOT_GOOD, NOT_KNOWN
 from hric_core.geometry import FloatArray
 
 T = TypeVar("T", Finding, Figure)
 VERSION = 2
 """Version of the JSON; its schema is config/verdict.schema.json."""
-EXIT_CODES = {Outcome.WITHIN: 0, Outcome.WARNING: 0, Outcome.ABOVE: 1, Outcome.NOT_ASSESSABLE: 4}
+EXIT_CODES = {Outcome.WITHIN: 0, Outcome.WARNING: 0, Outcome.ABOVE: NOT_GOOD, Outcome.NOT_ASSESSABLE: NOT_KNOWN}
 SHOWN_LINES = 15
 """Maximum lines of findings in a short text (project default)."""
 SHOWN = 20
@@ -195,8 +196,7 @@ def verdict_schema() -> JsonObject:
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "Verdict of hric_assessment",
-        "description": "What rosrun hric_assessment assess writes as verdict.json. Times are robot time [s]; "
-        "null: not known.",
+        "description": "What hric assess writes as verdict.json. Times are robot time [s]; null: not known.",
         **closed(properties),
     }
 

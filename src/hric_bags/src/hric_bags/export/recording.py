@@ -63,10 +63,7 @@ def find(given: str, root: Path | None = None) -> Source:
     bags, folder = examine.find(given, root)
     for bag in bags:
         if bag.name.endswith(ACTIVE):
-            raise ExportError(
-                f"{bag.name} was not closed; if its recorder was killed: rosrun hric_experiments health "
-                f"--salvage {given}"
-            )
+            raise ExportError(f"{bag.name} was not closed; if its recorder was killed: hric health --salvage {given}")
     urdf = folder.urdf_path.read_text() if folder is not None and folder.urdf_path.is_file() else ""
     return Source(tuple(bag_parts.parts(bags[0])), folder, {} if folder is None else folder.read(), urdf)
 

@@ -1,53 +1,59 @@
-"""Command line of `health`."""
+"""Command `health`."""
 
 import argparse
 import sys
-from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
 from hric_bags import files
+from hric_bags.arguments import run_arguments
 from hric_bags.health import examine, seams
 from hric_bags.health.examine import DAMAGED, Health
 from hric_bags.health.salvage import salvage
-from hric_bags.run_folder import RunFolder, runs_root
+from hric_bags.run_folder import RunFolder
+from hric_core.command import Argument, Command
 
 
-def main(arguments: Sequence[str]) -> int:
-    """Examine a bag; return 0 (healthy), 3 (readable, with problems) or 4 (damaged)."""
-    parser = argparse.ArgumentParser(
-        "rosrun hric_experiments health",
-        description="Examine a bag, or each part of one and where they meet: rates, gaps, order, clock, and damage. "
-        "Needs no ROS master.",
-        epilog="exit codes: 0 healthy; 3 readable, with problems; 4 damaged; 2 cannot be examined. With --salvage, "
-        "of the salvaged bag.",
+class HealthCommand(Command):
+    """Examine a bag, or each part of one and where they meet: rates, gaps, order, clock, and damage.
+
+    Needs no ROS master.
+    """
+
+    epilog = (
+        "exit codes: 0 healthy; 3 readable, with problems; 4 damaged; 2 cannot be examined. With --salvage, of "
+        "the salvaged bag."
     )
-    parser.add_argument(
-        "run", nargs="?", default="latest", metavar="RUN|BAG", help="run folder, its name, latest (default), or a bag"
-    )
-    parser.add_argument(
-        "--salvage",
-        action="store_true",
-        help="of a damaged bag, write what can be read into a whole one; the damaged one is kept",
-    )
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the findings here, too")
-    parser.add_argument("--runs", metavar="DIR", help="folder of all runs")
-    parser.add_argument("--quiet", action="store_true", help="no progress bar, and of the report only the findings")
-    given = parser.parse_args(list(arguments))
-    parts, folder = examine.find(given.run, runs_root(given.runs))
-    found = [_examine(path, folder, given) for path in parts]
-    joined = seams.of_parts([(health.path, health.streams) for health in found])
-    for seam in joined:
-        print(seam.render(given.quiet), end="", flush=True)
-    code = max([health.code for health in found] + [examine.code_of(seam.findings) for seam in joined])
-    if given.json is not None:
-        bags = [examine.to_dict(health) for health in found]
-        listed = [
-            {"before": seam.before, "after": seam.after, "findings": [asdict(finding) for finding in seam.findings]}
-            for seam in joined
+
+    def arguments(self) -> list[Argument]:
+        """Return the arguments."""
+        return [
+            *run_arguments(),
+            Argument(
+                "--salvage",
+                action="store_true",
+                help="of a damaged bag, write what can be read into a whole one; the damaged one is kept",
+            ),
+            Argument("--json", type=Path, metavar="FILE", help="write the findings here, too"),
+            Argument("--quiet", action="store_true", help="no progress bar, and of the report only the findings"),
         ]
-        files.write_json(given.json, {"exit_code": code, "bags": bags, "seams": listed})
-    return code
+
+    def run(self, given: argparse.Namespace) -> int:
+        """Examine a bag; return 0 (healthy), 3 (readable, with problems) or 4 (damaged)."""
+        parts, folder = examine.find(given.run, given.runs)
+        found = [_examine(path, folder, given) for path in parts]
+        joined = seams.of_parts([(health.path, health.streams) for health in found])
+        for seam in joined:
+            print(seam.render(given.quiet), end="", flush=True)
+        code = max([health.code for health in found] + [examine.code_of(seam.findings) for seam in joined])
+        if given.json is not None:
+            bags = [examine.to_dict(health) for health in found]
+            listed = [
+                {"before": seam.before, "after": seam.after, "findings": [asdict(finding) for finding in seam.findings]}
+                for seam in joined
+            ]
+            files.write_json(given.json, {"exit_code": code, "bags": bags, "seams": listed})
+        return code
 
 
 def _examine(path: Path, folder: RunFolder | None, given: argparse.Namespace) -> Health:

@@ -121,7 +121,7 @@ class RobotTime:
             raise UnpacedError(
                 f"{self._node.namespace}: the run is not paced (real_time_factor is 0), which no sensor on a wire "
                 "can follow; "
-                "valid: real_time_factor above 0, or the headless runner, rosrun hric_experiments run"
+                "valid: real_time_factor above 0, or the headless runner, hric run"
             )
         if source != self._reported and source != NOTHING:
             self._reported = source

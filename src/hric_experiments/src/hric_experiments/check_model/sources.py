@@ -10,7 +10,6 @@ import panda_description
 from franka_hw_interface.arm_log import ArmLog, LogError
 from franka_hw_interface.friction_file import JOINTS, read_parameters
 from franka_hw_interface.kdl_model import KdlFrankaModel
-from hric_bags.run_folder import runs_root
 from hric_control.plants import Phi, breakaways, sigmoid_parameters
 from hric_core.resources import read_description
 from hric_core.urdf import read
@@ -50,7 +49,7 @@ def find(given: argparse.Namespace) -> Source:
     Raises:
         HricError: it does not exist, or has no log of an arm.
     """
-    path = Path(given.log).expanduser()
+    path = Path(given.run).expanduser()
     if path.suffix in (".bag", ".active") or path.is_dir() or not (path.is_file() or path.suffix):
         if given.columns:
             raise LogError("--columns names the columns of a CSV file; of a bag: --topic and --arm-id")
@@ -66,7 +65,7 @@ def _from_bag(given: argparse.Namespace) -> Source:
     from hric_bags.export import recording
     from hric_experiments.check_model import bag_log
 
-    found = recording.find(given.log, runs_root(given.runs))
+    found = recording.find(given.run, given.runs)
     log, topic = bag_log.read_bag(found, given.topic, given.arm_id)
     if found.folder is None:
         return Source(log, f"{found.bag.name}, {topic}", found.bag.with_name(f"{found.bag.stem}_check_model"))

@@ -115,7 +115,7 @@ class LiveExperiment:
                     step("writing report.html")
                     report += f"page: {report_html.write(folder)}\n"
             except live_node.Interrupted:
-                later = f"rosrun hric_experiments report {folder.path}" + " --html" * html
+                later = f"hric report {folder.path}" + " --html" * html
                 rospy.logwarn("interrupted: the bag is whole, the report is not made; to make it: %s", later)
                 raise
         return report

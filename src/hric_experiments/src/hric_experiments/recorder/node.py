@@ -194,7 +194,7 @@ class Recorder:
             self._recording = None
             full = f"; {free:.0f} MB are free" if free < self._settings.min_free else ""
             recording.fail(recording.part.exit_text + full)
-            where = f"see {recording.folder.path}, and rosrun hric_experiments health"
+            where = f"see {recording.folder.path}, and hric health"
             raise FailureError(f"{recording.part.exit_text}{full}; {where}")
         if free < self._settings.min_free:
             self._end_for_space(free)

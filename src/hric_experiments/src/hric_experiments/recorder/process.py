@@ -127,5 +127,5 @@ class RecorderProcess:
             self._child.wait()
         raise RecordError(
             f"the bag was not closed within {round(timeout, 1):g} s; what was recorded is in {self.active.name}, try: "
-            "rosrun hric_experiments health --salvage"
+            "hric health --salvage"
         )

@@ -127,7 +127,7 @@ def load(path: Path) -> Anatomy:
     except OSError as error:
         raise HricError(f"no muscles in {path}: {error.strerror}") from error
     except (ValueError, KeyError, TypeError) as error:
-        raise HricError(f"{path} is not a file of `rosrun hric_human fit_muscles`: {error!r}") from error
+        raise HricError(f"{path} is not a file of `hric fit_muscles`: {error!r}") from error
 
 
 def _row(muscle: Muscle) -> dict[str, Any]:

@@ -21,7 +21,7 @@ LOG = logging.getLogger("hric.human.muscles")
 NAME = "delft"
 """Name of the built-in anatomy."""
 VALID = (
-    f"{NAME}, the built-in one; a .json file of `rosrun hric_human fit_muscles`; a model of a right arm of OpenSim "
+    f"{NAME}, the built-in one; a .json file of `hric fit_muscles`; a model of a right arm of OpenSim "
     "(.osim) or MuJoCo (.xml)"
 )
 FIT_VERSION = b"2"

@@ -3,13 +3,14 @@
 import argparse
 import signal
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import rospy
 
+from hric_core.command import Argument, Command
 from hric_core.errors import HricError, UnknownNameError
 from hric_core.processes import run_command
 from hric_core.ros import shut_down
@@ -28,35 +29,41 @@ class PlotError(HricError):
     """Error of a window that cannot be opened, or a picture that cannot be saved."""
 
 
-def main(text: str, arguments: Sequence[str]) -> int:
-    """Run the node.
+class LivePlotCommand(Command):
+    """Show a window with curves of the last seconds: joints, forces and EMG, as sent by live_view.
 
-    Args:
-        text: for --help.
-        arguments: without those of ROS.
+    Without a display: a picture of it.
     """
-    known = curves.panels()
-    parser = argparse.ArgumentParser("rosrun hric_perception live_plot", description=text.splitlines()[0])
-    parser.add_argument(
-        "panels",
-        nargs="*",
-        metavar="PANEL",
-        help=f"of {', '.join(known)}, from top to bottom (default: {' '.join(DEFAULT)})",
-    )
-    parser.add_argument("--plate", default="1", metavar="ID", help="name of the force plate (default: 1)")
-    parser.add_argument(
-        "--screenshot", type=Path, metavar="FILE", help="no window: save a picture, .png, .svg or .pdf, and end"
-    )
-    parser.add_argument(
-        "--after",
-        type=float,
-        default=curves.WINDOW,
-        metavar="SECONDS",
-        help="save the picture so much later (default: %(default)g)",
-    )
-    given = parser.parse_args(list(arguments))
-    check_private("live_plot")
-    return run_command("live_plot", lambda: _show(given), interrupted=0)
+
+    is_node = True
+
+    def arguments(self) -> list[Argument]:
+        """Return the arguments."""
+        return [
+            Argument(
+                "panels",
+                nargs="*",
+                metavar="PANEL",
+                help=f"of {', '.join(curves.panels())}, from top to bottom (default: {' '.join(DEFAULT)})",
+                complete=curves.panels,
+            ),
+            Argument("--plate", default="1", metavar="ID", help="name of the force plate (default: 1)"),
+            Argument(
+                "--screenshot", type=Path, metavar="FILE", help="no window: save a picture, .png, .svg or .pdf, and end"
+            ),
+            Argument(
+                "--after",
+                type=float,
+                default=curves.WINDOW,
+                metavar="SECONDS",
+                help="save the picture so much later (default: %(default)g)",
+            ),
+        ]
+
+    def run(self, given: argparse.Namespace) -> int:
+        """Show until the window is closed or Ctrl-C."""
+        check_private("live_plot")
+        return run_command("hric live_plot", lambda: _show(given), interrupted=0)
 
 
 def _show(given: argparse.Namespace) -> None:

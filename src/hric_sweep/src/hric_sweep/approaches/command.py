@@ -11,6 +11,7 @@ from hric_analysis.contacts import CONTACT_AREA
 from hric_assessment.findings import DISCLAIMER, Outcome
 from hric_assessment.verdict.conclusions import ORDER
 from hric_assessment.verdict.result import EXIT_CODES
+from hric_core.command import Argument, Command
 from hric_core.parameters import read_yaml, whole
 from hric_sweep import definition
 from hric_sweep.approaches.draw import draw
@@ -30,40 +31,44 @@ MOVING, STANDING = "", "standing_"
 """Prefixes of the outputs of the sweep that count contacts with a moving and with a standing arm."""
 
 
-def parser() -> argparse.ArgumentParser:
-    """Return the parser of the command line."""
-    made = argparse.ArgumentParser(
-        "rosrun hric_experiments approaches",
-        description="Approaches of a person to a working arm, drawn by seed, in the experiment shared_workspace: "
-        "contacts above limits while the arm moves, and those with a standing arm; the sweep `approaches`. "
-        "Exit code 1: a contact with the moving arm was above limits; 4: one is not assessable, or a run failed.",
+class ApproachesCommand(Command):
+    """Simulate approaches of a person to a working arm, drawn by seed, in the experiment shared_workspace.
+
+    Counts contacts above limits while the arm moves, and those with a standing arm; the sweep `approaches`.
+    """
+
+    epilog = (
+        "exit codes: 0 no contact with the moving arm was above limits; 3 one was; 4 one is not assessable, or a "
+        "run failed."
     )
-    made.add_argument("--count", type=int, default=COUNT, help=f"number of approaches (default: {COUNT})")
-    made.add_argument("--quick", action="store_true", help=f"{QUICK} approaches")
-    made.add_argument("--first", type=int, default=0, help="seed of the first; the others follow (default: 0)")
-    made.add_argument("--without", action="store_true", help="the supervisor watches and does not act")
-    made.add_argument("--simulator", default="mujoco", help="engine (default: mujoco)")
-    made.add_argument("--jobs", type=int, default=2, help="processes (default: 2)")
-    made.add_argument(
-        "--output", type=Path, metavar="FILE", help="a line of JSON for each; finished approaches are not run again"
-    )
-    return made
+
+    def arguments(self) -> list[Argument]:
+        """Return the arguments."""
+        return [
+            Argument("--count", type=int, default=COUNT, help=f"number of approaches (default: {COUNT})"),
+            Argument("--quick", action="store_true", help=f"{QUICK} approaches"),
+            Argument("--first", type=int, default=0, help="seed of the first; the others follow (default: 0)"),
+            Argument("--without", action="store_true", help="the supervisor watches and does not act"),
+            Argument("--simulator", default="mujoco", help="engine (default: mujoco)"),
+            Argument("--jobs", type=int, default=2, help="processes (default: 2)"),
+            Argument(
+                "--output",
+                type=Path,
+                metavar="FILE",
+                help="a line of JSON for each; finished approaches are not run again",
+            ),
+        ]
+
+    def run(self, given: argparse.Namespace) -> int:
+        """Simulate the approaches and count their contacts."""
+        for name in ("count", "first", "jobs"):
+            whole(minimum=0 if name == "first" else 1).checked(getattr(given, name), f"--{name}")
+        responses = simulate(given)
+        print(report(responses, given.first, supervised=not given.without))
+        return exit_code(responses)
 
 
-def main(arguments: Sequence[str]) -> int:
-    """Run the command; return 1 if a contact with the moving arm was above limits, 4 if that is unknown, else 0."""
-    options = parser().parse_args(arguments)
-    for name in ("count", "first", "jobs"):
-        whole(minimum=0 if name == "first" else 1).checked(getattr(options, name), f"--{name}")
-    responses = run(options)
-    print(report(responses, options.first, supervised=not options.without))
-    outcomes = {outcome for outcome in ORDER if _runs(responses, MOVING, outcome)}
-    if any(response.failure for response in responses):
-        outcomes.add(Outcome.NOT_ASSESSABLE)
-    return next((EXIT_CODES[outcome] for outcome in ORDER if outcome in outcomes), 0)
-
-
-def run(options: argparse.Namespace) -> list[RunResponse]:
+def simulate(options: argparse.Namespace) -> list[RunResponse]:
     """Execute the approaches of the options and return their responses in the order of the seeds."""
     content, count = read_yaml(definition.find("approaches")), QUICK if options.quick else options.count
     content["changes"] = [f"simulator:={options.simulator}", f"supervisor.active:={not options.without}".lower()]
@@ -77,6 +82,14 @@ def run(options: argparse.Namespace) -> list[RunResponse]:
         stack.callback(engine.close, now=True)
         journal = None if options.output is None else stack.enter_context(Journal(options.output))
         return execute(tasks, engine, journal)
+
+
+def exit_code(responses: Sequence[RunResponse]) -> int:
+    """Return the exit code of the worst contact with a moving arm; those of a failed run are not known."""
+    outcomes = {outcome for outcome in ORDER if _runs(responses, MOVING, outcome)}
+    if any(response.failure for response in responses):
+        outcomes.add(Outcome.NOT_ASSESSABLE)
+    return next((EXIT_CODES[outcome] for outcome in ORDER if outcome in outcomes), 0)
 
 
 def report(responses: Sequence[RunResponse], first: int, *, supervised: bool) -> str:

@@ -1,4 +1,4 @@
-"""Command `rosrun hric_experiments benchmark`: compare controllers over collaborations, bodies and seeds."""
+"""Command `benchmark`: compare controllers over collaborations, bodies and seeds."""
 
 import argparse
 from collections.abc import Sequence
@@ -8,73 +8,81 @@ from pathlib import Path
 from tqdm import tqdm
 
 from hric_bags import files
-from hric_bags.run_folder import RunFolder, iso_now, runs_root
-from hric_core.errors import HricError
+from hric_bags.run_folder import RunFolder, iso_now
+from hric_core.command import Argument, Command
+from hric_core.errors import NOT_GOOD, HricError
 from hric_core.parameters import read_yaml, whole
 from hric_sweep.benchmark import definition, results, scoring, text
 from hric_sweep.benchmark.definition import Benchmark, Controller
 from hric_sweep.command import provenance_of
-from hric_sweep.engines.make import add_options, engine_session, resume_command
+from hric_sweep.engines.make import engine_arguments, engine_session, resume_command
 from hric_sweep.execution import execute
-from hric_sweep.journal import UNFINISHED_CODE, Journal
+from hric_sweep.journal import Journal
 from hric_sweep.records import PlainData
 from hric_sweep.task import code_version
 
 FILE = "benchmark.yaml"
 MEMORY = 4e9
 """Memory limit of a worker [bytes]; project default, unconfirmed."""
-DIFFERS = 1
-"""Exit code of a comparison with differences beyond the tolerance."""
 CHOICES = ("without_references", "collaborations", "bodies", "seeds")
 """Options that choose what is run, beside the definition and the controllers."""
 
 
-def main(arguments: Sequence[str]) -> int:
-    """Run the command and return its exit code."""
-    options = _parser().parse_args(list(arguments))
-    if options.seeds is not None:
-        whole(minimum=1).checked(options.seeds, "--seeds")
-    theirs = None if options.compare is None else results.read(options.compare)
-    folder, code = _folder(options.resume), code_version()
-    if folder is not None:
-        before = read_yaml(folder / FILE)
-        if before["code"] != code:
-            raise HricError(
-                f"{folder} was started with code {before['code'][:12]}, but this is code {code[:12]}; valid: the same "
-                "code, or a new benchmark"
-            )
-        vars(options).update(before["given"])
-    benchmark, content, controllers = _chosen(options)
-    folder, ours = _run(folder, benchmark, content, controllers, code, options)
-    print(text.render(ours))
-    print(f"page: {folder / 'report.html'}\nresults: {folder / results.NAME}")
-    if theirs is not None:
-        return _compare(ours, theirs)
-    cells = [cell for item in ours["collaborations"].values() for cell in item["controllers"].values()]
-    return UNFINISHED_CODE if any(cell["failures"] for cell in cells) else 0
+class BenchmarkCommand(Command):
+    """Compare controllers over collaborations, bodies and seeds.
 
+    Findings, ergonomics, task and robustness stand side by side, in one table, one page and one results file. Needs
+    no ROS master.
+    """
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        "rosrun hric_experiments benchmark",
-        description="Compare controllers over collaborations, bodies and seeds: findings, ergonomics, task and "
-        "robustness side by side, in one table, one page and one results file. Needs no ROS master.",
-        epilog=f"order: {scoring.RULE}  exit codes: 0; 1 --compare: not within the tolerance; 2 user error, nothing "
-        "was started; 3 runs failed (they count as such in the table); 130 Ctrl-C (resume with --resume DIR)",
+    epilog = (
+        f"order: {scoring.RULE}  exit codes: 0; 2 user error, nothing was started; 3 runs failed (they count as such "
+        "in the table), or --compare: not within the tolerance; 130 Ctrl-C (resume with --resume DIR)"
     )
-    references = ", ".join(definition.references())
-    add = parser.add_argument
-    add(
-        "controllers", nargs="*", metavar="CONTROLLER", help=f"YAML files, in addition to the references ({references})"
-    )
-    add("--without-references", action="store_true", help="only the controllers given")
-    add("--definition", metavar="FILE", help="another definition than the one that comes with it")
-    add("--collaborations", nargs="+", default=[], metavar="NAME", help="only these")
-    add("--bodies", nargs="+", default=[], metavar="NAME", help="only these")
-    add("--seeds", type=int, metavar="N", help="only the first N seeds")
-    add("--compare", type=Path, metavar="FILE", help="results of another laboratory: report the differences")
-    add_options(parser, "benchmark")
-    return parser
+
+    def arguments(self) -> list[Argument]:
+        """Return the arguments."""
+        references = ", ".join(definition.references())
+        return [
+            Argument(
+                "controllers",
+                nargs="*",
+                metavar="CONTROLLER",
+                help=f"YAML files, in addition to the references ({references})",
+            ),
+            Argument("--without-references", action="store_true", help="only the controllers given"),
+            Argument("--definition", metavar="FILE", help="another definition than the one that comes with it"),
+            Argument("--collaborations", nargs="+", default=[], metavar="NAME", help="only these"),
+            Argument("--bodies", nargs="+", default=[], metavar="NAME", help="only these"),
+            Argument("--seeds", type=int, metavar="N", help="only the first N seeds"),
+            Argument(
+                "--compare", type=Path, metavar="FILE", help="results of another laboratory: report the differences"
+            ),
+            *engine_arguments("benchmark"),
+        ]
+
+    def run(self, given: argparse.Namespace) -> int:
+        """Run a new benchmark, or resume one; print and compare its results."""
+        if given.seeds is not None:
+            whole(minimum=1).checked(given.seeds, "--seeds")
+        theirs = None if given.compare is None else results.read(given.compare)
+        folder, code = _folder(given.resume), code_version()
+        if folder is not None:
+            before = read_yaml(folder / FILE)
+            if before["code"] != code:
+                raise HricError(
+                    f"{folder} was started with code {before['code'][:12]}, but this is code {code[:12]}; valid: the "
+                    "same code, or a new benchmark"
+                )
+            vars(given).update(before["given"])
+        benchmark, content, controllers = _chosen(given)
+        folder, ours = _run(folder, benchmark, content, controllers, code, given)
+        print(text.render(ours))
+        print(f"page: {folder / 'report.html'}\nresults: {folder / results.NAME}")
+        if theirs is not None:
+            return _compare(ours, theirs)
+        cells = [cell for item in ours["collaborations"].values() for cell in item["controllers"].values()]
+        return NOT_GOOD if any(cell["failures"] for cell in cells) else 0
 
 
 def _folder(resume: str | None) -> Path | None:
@@ -102,7 +110,7 @@ def _begin(options: argparse.Namespace, content: PlainData, code: str) -> Path:
     chosen = {key: getattr(options, key) for key in CHOICES}
     chosen["definition"] = options.definition and _absolute(options.definition)
     chosen["controllers"] = list(map(_absolute, options.controllers))
-    folder = RunFolder.create(runs_root(options.runs), "benchmark").path
+    folder = RunFolder.create(options.runs, "benchmark").path
     head = {"started": iso_now(), "given": chosen, "definition": content}
     files.write_yaml(folder / FILE, {**head, **provenance_of(code)})
     return folder
@@ -148,4 +156,4 @@ def _compare(ours: PlainData, theirs: PlainData) -> int:
         print(f"within {share} of the other results")
         return 0
     print("\n".join([f"differs from the other results by more than {share}:", *(f"  {line}" for line in differences)]))
-    return DIFFERS
+    return NOT_GOOD

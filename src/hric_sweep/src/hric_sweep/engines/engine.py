@@ -5,8 +5,7 @@ from concurrent.futures import Future
 from queue import Empty, SimpleQueue
 from typing import Protocol, TypeVar
 
-from hric_core.errors import FailureError, HricError
-from hric_sweep.journal import UNFINISHED_CODE
+from hric_core.errors import NOT_GOOD, FailureError, HricError
 from hric_sweep.records import ReferenceRun, RunResponse, RunTask
 
 T = TypeVar("T")
@@ -27,7 +26,7 @@ class Differs(HricError):
 class Lost(FailureError):
     """Error: the engine is no longer available; no run failed, and open runs have no response."""
 
-    exit_code = UNFINISHED_CODE
+    exit_code = NOT_GOOD
 
 
 class Engine(Protocol):

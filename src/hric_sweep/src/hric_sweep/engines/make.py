@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from hric_bags.arguments import RUNS
+from hric_core.command import Argument
 from hric_core.errors import HricError
 from hric_core.parameters import whole
 from hric_core.wires import host_of, is_local, reached_by_others
@@ -19,24 +21,26 @@ LOCAL = "local"
 """Value of --dask for a cluster of this machine's processors, which ends with the command."""
 
 
-def add_options(parser: argparse.ArgumentParser, name: str) -> None:
-    """Add the options for engine, resumption, folder and progress bar; `name`: sweep, benchmark."""
-    parser.add_argument("--jobs", type=int, help=f"runs at once (default: {JOBS}, the processors)")
-    parser.add_argument(
-        "--dask",
-        metavar=f"ADDRESS|{LOCAL}",
-        help=f"run on a Dask cluster: the address of its scheduler, such as tcp://10.0.0.1:8786; {LOCAL}: one of this "
-        "machine. Workers: scripts/worker ADDRESS",
-    )
-    parser.add_argument(
-        "--insecure",
-        action="store_true",
-        help="connect without certificate to a cluster that other machines reach: a network where everybody may run "
-        "programs as you",
-    )
-    parser.add_argument("--resume", metavar="DIR", help=f"resume an unfinished {name}")
-    parser.add_argument("--runs", metavar="DIR", help="folder of all runs (default: $HRIC_RUNS, else runs/)")
-    parser.add_argument("--quiet", action="store_true", help="no progress bar")
+def engine_arguments(name: str) -> list[Argument]:
+    """Return the options for engine, resumption, folder and progress bar; `name`: sweep, benchmark."""
+    return [
+        Argument("--jobs", type=int, help=f"runs at once (default: {JOBS}, the processors)"),
+        Argument(
+            "--dask",
+            metavar=f"ADDRESS|{LOCAL}",
+            help=f"run on a Dask cluster: the address of its scheduler, such as tcp://10.0.0.1:8786; {LOCAL}: one of "
+            "this machine. Workers: scripts/worker ADDRESS",
+        ),
+        Argument(
+            "--insecure",
+            action="store_true",
+            help="connect without certificate to a cluster that other machines reach: a network where everybody may "
+            "run programs as you",
+        ),
+        Argument("--resume", metavar="DIR", help=f"resume an unfinished {name}"),
+        RUNS,
+        Argument("--quiet", action="store_true", help="no progress bar"),
+    ]
 
 
 @contextmanager
@@ -46,7 +50,7 @@ def engine_session(
     """Yield the engine of a command and close it; errors and Ctrl-C come with the command that resumes it.
 
     Args:
-        options: options of `add_options`.
+        options: options of `engine_arguments`.
         memory: memory limit of a worker [bytes].
         runs: maximum number of runs.
         resume: returns the command that resumes the runs; empty: nothing was started.
@@ -74,14 +78,14 @@ def engine_session(
 
 def resume_command(folder: Path | None) -> str:
     """Return the command that resumes the runs in a folder; empty: there is no folder yet."""
-    return "" if folder is None else f"rosrun hric_experiments sweep --resume {folder}"
+    return "" if folder is None else f"hric sweep --resume {folder}"
 
 
 def engine_of(options: argparse.Namespace, memory: float, runs: int) -> Engine:
     """Return the engine of a command.
 
     Args:
-        options: options of `add_options`.
+        options: options of `engine_arguments`.
         memory: memory limit of a worker [bytes].
         runs: maximum number of runs.
 

@@ -18,7 +18,7 @@ DECIMAL = re.compile(r"[-+]?\d+\.\d+(e[-+]?\d+)?")
 
 def command(study: Study) -> str:
     """Return the command that repeats a run, without its id; it has no path of this machine, only the folder's name."""
-    return f"rosrun hric_experiments sweep rerun {shlex.quote(study.folder.resolve().name)}"
+    return f"hric sweep rerun {shlex.quote(study.folder.resolve().name)}"
 
 
 def failures(study: Study) -> list[tuple[str, int, int]]:

@@ -2,7 +2,7 @@
 
 import argparse
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 import pandas
@@ -12,6 +12,7 @@ from franka_sim.franka_hw_sim import FrankaHWSim
 from hric_assessment.contact.limits import Limits
 from hric_assessment.findings import DISCLAIMER
 from hric_bags import files
+from hric_core.command import Argument, Command
 from hric_core.errors import HricError
 from hric_core.parameters import number
 from hric_human.body.regions import REGION_MODELS
@@ -40,67 +41,75 @@ Measured = Mapping[tuple[float, ...], list[Cell]]
 """Cells by point; empty if the arm does not reach the point."""
 
 
-def main(arguments: Sequence[str]) -> int:
-    """Measure a map, print its summary, write its table and picture, and return the exit code."""
-    options = _parser().parse_args(list(arguments))
-    number(minimum=0.0).checked(options.damping, "--damping")
-    points = grid.points(options.x, options.y, options.z)
-    request = Request(options.region, Limits.named(), options.damping, Arm(options.arm))
-    force = request.check()
-    definition = experiment.load(experiment.NONE, ["simulator:=mujoco", *options.overrides])
-    with Simulation(definition) as simulation:
-        robot = simulation.app.hw
-        if not isinstance(robot, FrankaHWSim):
-            raise HricError(f"{definition.robot.hw} is no arm with a control box; valid: franka_sim/FrankaHWSim")
-        progress = tqdm(
-            measure(robot, request, points),
-            total=len(points),
-            unit=" points",
-            desc="speed map",
-            disable=not sys.stderr.isatty(),
-            leave=False,
-        )
-        cells_by_point = {tuple(map(float, point)): cells for point, cells in progress}
-    if not any(cells_by_point.values()):
-        raise HricError(f"the arm reaches none of the {len(points)} points; valid: a grid within its workspace")
-    print(report(cells_by_point, request, force))
-    if options.out is not None:
-        _write(options.out, cells_by_point, request, force)
-    return 0
+class SpeedMapCommand(Command):
+    """Estimate the limit speed over the workspace."""
+
+    description = (
+        "Map of the estimated limit speed over the workspace: the end effector meets a virtual measuring device, "
+        "the spring of a region of the body (ISO/TS 15066) before its mass, read at 1 kHz, at each point of a grid "
+        "along the six directions of the base; the speed at which the force reaches the limit of a transient "
+        f"contact. {DISCLAIMER}"
+    )
+    epilog = f"overrides, of the arm alone:\n{overrides.help_text()}"
+
+    def arguments(self) -> list[Argument]:
+        """Return the arguments."""
+        return [
+            Argument("overrides", nargs="*", metavar="key:=value", help="simulator:=pybullet, friction:=..., ..."),
+            Argument(
+                "--region",
+                choices=REGION_MODELS,
+                default=REGION,
+                help=f"body region that the arm hits (default: {REGION})",
+            ),
+            Argument("--damping", type=float, default=0.0, help="of the device [N s/m] (default: 0)"),
+            Argument(
+                "--arm",
+                choices=[arm.value for arm in Arm],
+                default=Arm.DRIVEN.value,
+                help="driven: its joints go on at their speeds, with the reflexes of the control box (default); "
+                "passive: it only carries its weight, as the closed form assumes",
+            ),
+            *(_range_argument(*axis) for axis in (("--x", X), ("--y", Y), ("--z", Z))),
+            Argument(
+                "-o",
+                dest="out",
+                type=Path,
+                metavar="DIR",
+                help=f"folder for {CSV_FILE} and {PICTURE} (default: none is written)",
+            ),
+        ]
+
+    def run(self, given: argparse.Namespace) -> None:
+        """Measure a map, print its summary, write its table and picture."""
+        number(minimum=0.0).checked(given.damping, "--damping")
+        points = grid.points(given.x, given.y, given.z)
+        request = Request(given.region, Limits.named(), given.damping, Arm(given.arm))
+        force = request.check()
+        definition = experiment.load(experiment.NONE, ["simulator:=mujoco", *given.overrides])
+        with Simulation(definition) as simulation:
+            robot = simulation.app.hw
+            if not isinstance(robot, FrankaHWSim):
+                raise HricError(f"{definition.robot.hw} is no arm with a control box; valid: franka_sim/FrankaHWSim")
+            progress = tqdm(
+                measure(robot, request, points),
+                total=len(points),
+                unit=" points",
+                desc="speed map",
+                disable=not sys.stderr.isatty(),
+                leave=False,
+            )
+            cells_by_point = {tuple(map(float, point)): cells for point, cells in progress}
+        if not any(cells_by_point.values()):
+            raise HricError(f"the arm reaches none of the {len(points)} points; valid: a grid within its workspace")
+        print(report(cells_by_point, request, force))
+        if given.out is not None:
+            _write(given.out, cells_by_point, request, force)
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        "rosrun hric_experiments speed_map",
-        description="Map of the estimated limit speed over the workspace: the end effector meets a virtual measuring "
-        "device, the spring of a region of the body (ISO/TS 15066) before its mass, read at 1 kHz, at each point of a "
-        "grid along the six directions of the base; the speed at which the force reaches the limit of a transient "
-        f"contact. {DISCLAIMER}",
-        epilog="overrides, of the arm alone:\n" + overrides.help_text(),
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("overrides", nargs="*", metavar="key:=value", help="simulator:=pybullet, friction:=..., ...")
-    add = parser.add_argument
-    add("--region", choices=REGION_MODELS, default=REGION, help=f"body region that the arm hits (default: {REGION})")
-    add("--damping", type=float, default=0.0, help="of the device [N s/m] (default: 0)")
-    add(
-        "--arm",
-        choices=[arm.value for arm in Arm],
-        default=Arm.DRIVEN.value,
-        help="driven: its joints go on at their speeds, with the reflexes of the control box (default); passive: it "
-        "only carries its weight, as the closed form assumes",
-    )
-    for name, default in (("x", X), ("y", Y), ("z", Z)):
-        text = f"lowest, highest [m] and number of points (default: {' '.join(map(str, default))})"
-        add(f"--{name}", nargs=3, type=float, default=default, metavar=("LOW", "HIGH", "COUNT"), help=text)
-    add(
-        "-o",
-        dest="out",
-        type=Path,
-        metavar="DIR",
-        help=f"folder for {CSV_FILE} and {PICTURE} (default: none is written)",
-    )
-    return parser
+def _range_argument(name: str, default: tuple[float, float, int]) -> Argument:
+    text = f"lowest, highest [m] and number of points (default: {' '.join(map(str, default))})"
+    return Argument(name, nargs=3, type=float, default=default, metavar=("LOW", "HIGH", "COUNT"), help=text)
 
 
 def report(cells_by_point: Measured, request: Request, force: float) -> str:

@@ -1,7 +1,6 @@
 """Command `measure_stops`."""
 
 import argparse
-import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,57 +11,56 @@ from franka_sim.franka_hw_sim import FrankaHWSim
 from hric_assessment.separation import stopping
 from hric_assessment.separation.stopping import Row, StopTable
 from hric_bags import files
+from hric_core.command import Argument, Command
 from hric_core.errors import HricError
 from hric_core.parameters import number
 from hric_run.definition import experiment, overrides
 from hric_run.simulation import Simulation
 from hric_sweep.stops import measuring
 
-PROGRAM = "rosrun hric_experiments measure_stops"
 SPEEDS = (0.05, 0.1, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0)
 """Default speeds of the end effector [m/s]."""
 LOADS = (0.0, 1.0, 2.0, 3.0)
 """Default loads [kg]; the payload of a Panda is 3 kg."""
 
 
-def main(arguments: Sequence[str]) -> int:
-    """Measure the stops of the emulated arm, print or write their table, and return the exit code."""
-    options = _parser().parse_args(list(arguments))
-    for name, values, minimum in (("--speeds", options.speeds, 1e-3), ("--loads", options.loads, 0.0)):
-        for value in values:
-            number(minimum=minimum).checked(value, name)
-    definition = experiment.load(experiment.NONE, ["simulator:=mujoco", *options.overrides])
-    command = shlex.join([*PROGRAM.split(), *arguments])
-    with Simulation(definition) as simulation:
-        robot = simulation.app.hw
-        if not isinstance(robot, FrankaHWSim):
-            raise HricError(f"{definition.robot.hw} has no control box that stops it; valid: franka_sim/FrankaHWSim")
-        table = measured(robot, sorted(set(options.speeds)), sorted(set(options.loads)), command)
-    text = stopping.as_yaml(table)
-    if options.out is None:
-        print(text, end="")
-        return 0
-    files.write_text(options.out, text)
-    print(f"{len(table.stops)} stops, the worst of each speed and load: {options.out}")
-    print(stopping.NOT_A_BRAKE)
-    return 0
+class MeasureStopsCommand(Command):
+    """Measure the stops of the emulated arm."""
 
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        PROGRAM,
-        description="How long and how far the emulated arm moves on once its user stop is pressed, by speed of the end "
+    description = (
+        "Measure how long and how far the emulated arm moves on once its user stop is pressed, by speed of the end "
         "effector and load, the worst of some poses and directions; a file for --stop. These are "
-        f"{stopping.NOT_A_BRAKE}. Needs no ROS master.",
-        epilog="overrides, of the arm alone:\n" + overrides.help_text(),
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        f"{stopping.NOT_A_BRAKE}. Needs no ROS master."
     )
-    parser.add_argument("overrides", nargs="*", metavar="key:=value", help="simulator:=pybullet, friction:=..., ...")
-    add = parser.add_argument
-    add("--speeds", nargs="+", type=float, default=SPEEDS, metavar="V", help="speeds of the end effector [m/s]")
-    add("--loads", nargs="+", type=float, default=LOADS, metavar="M", help="loads at the end effector [kg]")
-    add("-o", dest="out", type=Path, metavar="FILE", help="where to write (default: print)")
-    return parser
+    epilog = f"overrides, of the arm alone:\n{overrides.help_text()}"
+
+    def arguments(self) -> list[Argument]:
+        """Return the arguments."""
+        return [
+            Argument("overrides", nargs="*", metavar="key:=value", help="simulator:=pybullet, friction:=..., ..."),
+            Argument("--speeds", nargs="+", type=float, default=SPEEDS, metavar="V", help="of the end effector [m/s]"),
+            Argument("--loads", nargs="+", type=float, default=LOADS, metavar="M", help="at the end effector [kg]"),
+            Argument("-o", dest="out", type=Path, metavar="FILE", help="where to write (default: print)"),
+        ]
+
+    def run(self, given: argparse.Namespace) -> None:
+        """Measure the stops of the emulated arm, and print or write their table."""
+        for name, values, minimum in (("--speeds", given.speeds, 1e-3), ("--loads", given.loads, 0.0)):
+            for value in values:
+                number(minimum=minimum).checked(value, name)
+        definition = experiment.load(experiment.NONE, ["simulator:=mujoco", *given.overrides])
+        with Simulation(definition) as simulation:
+            robot = simulation.app.hw
+            if not isinstance(robot, FrankaHWSim):
+                raise HricError(
+                    f"{definition.robot.hw} has no control box that stops it; valid: franka_sim/FrankaHWSim"
+                )
+            table = measured(robot, sorted(set(given.speeds)), sorted(set(given.loads)), given.command)
+        if given.out is None:
+            print(stopping.as_yaml(table), end="")
+            return
+        files.write_text(given.out, stopping.as_yaml(table))
+        print(f"{len(table.stops)} stops, the worst of each speed and load: {given.out}\n{stopping.NOT_A_BRAKE}")
 
 
 def measured(robot: FrankaHWSim, speeds: Sequence[float], loads: Sequence[float], command: str) -> StopTable:

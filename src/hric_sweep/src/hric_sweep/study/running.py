@@ -1,6 +1,5 @@
 """Execution of a study: each form is a sweep whose rows are recorded runs; their comparisons, and one verdict."""
 
-import argparse
 import json
 import sys
 from collections.abc import Mapping, Sequence
@@ -17,7 +16,7 @@ from hric_bags import reader as bag_reader
 from hric_bags import text as text_table
 from hric_bags.reader import ControlRecord, FloatArray
 from hric_bags.run_folder import COMPLETED, INTERRUPTED, RUNNING, RunFolder, iso_now
-from hric_core.errors import FailureError, HricError
+from hric_core.errors import NOT_GOOD, FailureError, HricError
 from hric_core.parameters import read_yaml
 from hric_core.processes import INTERRUPTED_CODE
 from hric_core.urdf import read
@@ -69,6 +68,11 @@ class StudyResult:
         stable = all(run["stability"] != stability.UNSTABLE for form in forms for run in form["runs"].values())
         return stable and all(pair["passed"] is not False for form in forms for pair in form["compared"])
 
+    @property
+    def exit_code(self) -> int:
+        """Exit code of the command that ran it."""
+        return INTERRUPTED_CODE if self.interrupted else 0 if self.passed else NOT_GOOD
+
 
 @dataclass(frozen=True)
 class StudySettings:
@@ -91,16 +95,12 @@ class StudySettings:
     figures: bool
 
 
-def main(arguments: Sequence[str]) -> int:
-    """Resume a study (`sweep --resume DIR`) and return the exit code."""
-    parser = argparse.ArgumentParser("rosrun hric_experiments sweep", description="Resume a study.")
-    parser.add_argument("--resume", type=Path, required=True, metavar="DIR", help="folder of the study")
-    parser.add_argument("--quiet", action="store_true", help="no progress bar")
-    options = parser.parse_args(arguments)
-    folder = options.resume.expanduser().resolve()
-    result = _run(StudySettings(**read_yaml(folder / FILE)), RunFolder(folder), progress=not options.quiet)
+def resume(folder: Path, *, progress: bool) -> int:
+    """Resume a study in its folder, print its report, and return the exit code."""
+    folder = folder.resolve()
+    result = _run(StudySettings(**read_yaml(folder / FILE)), RunFolder(folder), progress=progress)
     print(f"\n{result.metrics['report']}\nstudy: {result.folder}")
-    return INTERRUPTED_CODE if result.interrupted else 0 if result.passed else 1
+    return result.exit_code
 
 
 def run(

@@ -2,7 +2,8 @@
 
 import sys
 
-from mocap_natnet.server.app import main
+from mocap_natnet.server.app import EmulatedMotiveCommand
 
 if __name__ == "__main__":
-    sys.exit(main())
+    command = EmulatedMotiveCommand()
+    sys.exit(command.run(command.parser("emulated_motive").parse_args()))

@@ -4,17 +4,17 @@ import argparse
 import logging
 import math
 import signal
-import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
+from hric_core.command import Argument, Command
 from hric_core.errors import FailureError, ParameterError
 from hric_core.geometry import UP_AXES
+from hric_core.parameters import Parameter, declared
 from hric_core.parameters import Settings as Declared
-from hric_core.parameters import declared
 from hric_core.processes import run_server
 from hric_core.robot_time.stream_time import Clock
 from mocap_natnet.codec import FIRST, LAST, parse, text
@@ -39,76 +39,95 @@ class LiveScene(Live, Protocol):
     run_of: Callable[[float], float | None]
 
 
-def parser() -> argparse.ArgumentParser:
-    """Return the parser of the command's arguments."""
-    made = argparse.ArgumentParser(
-        prog="rosrun mocap_natnet emulated_motive",
-        description="An emulated Motive that streams by NatNet to any client. Needs no ROS master; where one is, the "
-        "stream goes by the run's time.",
-    )
-    add = made.add_argument
-    add(
-        "--scene",
-        type=Path,
-        metavar="FILE",
-        help="YAML with bodies and plates (default: a body `marker` on a sinusoid of 0.1 m, 0.25 Hz along x)",
-    )
-    add("--up", choices=UP_AXES, default="y", help="axis that points up in the stream (default: %(default)s)")
-    add(
-        "--hide-plates",
-        action="store_true",
-        help="stream force plates without describing them, for clients that cannot read that",
-    )
-    add(
-        "--clock",
-        choices=CLOCKS,
-        default="run",
-        help="run: stream in the time of the run where a ROS master runs; wall (default: %(default)s)",
-    )
-    add(
-        "--duration",
-        type=float,
-        default=0.0,
-        metavar="S",
-        help="end after this time [s]; 0: never (default: %(default)s)",
-    )
-    _add_groups(made)
-    return made
+class EmulatedMotiveCommand(Command):
+    """Emulate a Motive that streams by NatNet to any client.
+
+    Needs no ROS master; where one is, the stream goes by the time of the run.
+    """
+
+    is_node = True
+
+    def arguments(self) -> list[Argument]:
+        """Return the arguments."""
+        return [
+            Argument(
+                "--scene",
+                type=Path,
+                metavar="FILE",
+                help="YAML with bodies and plates (default: a body `marker` on a sinusoid of 0.1 m, 0.25 Hz along x)",
+            ),
+            Argument(
+                "--up", choices=UP_AXES, default="y", help="axis that points up in the stream (default: %(default)s)"
+            ),
+            Argument(
+                "--hide-plates",
+                action="store_true",
+                help="stream force plates without describing them, for clients that cannot read that",
+            ),
+            Argument(
+                "--clock",
+                choices=CLOCKS,
+                default="run",
+                help="run: stream in the time of the run where a ROS master runs; wall (default: %(default)s)",
+            ),
+            Argument(
+                "--duration",
+                type=float,
+                default=0.0,
+                metavar="S",
+                help="end after this time [s]; 0: never (default: %(default)s)",
+            ),
+            *_stream_arguments(),
+            *_fault_arguments(),
+        ]
+
+    def run(self, given: argparse.Namespace) -> int:
+        """Serve without ROS, by the wall clock."""
+        logging.basicConfig(format="[%(levelname)s] %(message)s")
+        logging.getLogger("hric").setLevel(logging.INFO)  # rospy's own, where it is loaded, is of no interest
+        return run_server("hric emulated_motive", lambda: serve(given))
 
 
-def _add_groups(made: argparse.ArgumentParser) -> None:
-    stream, faults = made.add_argument_group("stream"), made.add_argument_group("faults")
-    stream.add_argument(
+def _stream_arguments() -> list[Argument]:
+    version = Argument(
         "--bitstream",
+        group="stream",
         default=text(Settings().version),
         metavar="V",
         help=f"{text(FIRST)} to {text(LAST)} (default: %(default)s)",
     )
-    _add(stream, Settings(), STREAM)
-    _add(faults, Settings(), FAULTS[:-1])
-    _add(faults, Faults(), SCENE_FAULTS)
-    faults.add_argument(
+    return [version, *_declared_arguments("stream", Settings(), STREAM)]
+
+
+def _fault_arguments() -> list[Argument]:
+    occlude = Argument(
         "--occlude",
+        group="faults",
         action="append",
         default=[],
         metavar="BEGIN:DURATION[:BODY]",
         help="nothing of BODY (default: of all) is seen; may be repeated",
     )
+    delays = _declared_arguments("faults", Settings(), FAULTS[:-1])
+    return [*delays, *_declared_arguments("faults", Faults(), SCENE_FAULTS), occlude]
 
 
-def _add(group: argparse._ArgumentGroup, settings: Declared, names: Sequence[str]) -> None:
-    """Add options of declared parameters, with the values of `settings` as defaults."""
-    for name in names:
-        parameter, default = declared(type(settings))[name], getattr(settings, name)
-        choices = parameter.accepts.split(", ") if parameter.kind.startswith("`") else None
-        group.add_argument(
-            f"--{name.replace('_', '-')}",
-            type=type(default),
-            default=default,
-            choices=choices,
-            metavar=None if choices else (parameter.unit or parameter.kind).upper(),
-            help=f"{parameter.text_with_unit} (default: %(default)s)",
-        )
+def _declared_arguments(group: str, settings: Declared, names: Sequence[str]) -> list[Argument]:
+    """Return options of declared parameters, with the values of `settings` as defaults."""
+    return [_declared_argument(group, declared(type(settings))[name], name, getattr(settings, name)) for name in names]
+
+
+def _declared_argument(group: str, parameter: Parameter, name: str, default: Any) -> Argument:
+    choices = parameter.accepts.split(", ") if parameter.kind.startswith("`") else None
+    return Argument(
+        f"--{name.replace('_', '-')}",
+        group=group,
+        type=type(default),
+        default=default,
+        choices=choices,
+        metavar=None if choices else (parameter.unit or parameter.kind).upper(),
+        help=f"{parameter.text_with_unit} (default: %(default)s)",
+    )
 
 
 def occlusion(words: str) -> tuple[float, float, str]:
@@ -152,7 +171,7 @@ def serve(
     """Run until SIGINT, SIGTERM or the end of the duration.
 
     Args:
-        options: options of `parser`.
+        options: arguments of `EmulatedMotiveCommand`.
         clock: clock of the stream; None: the wall clock.
         tick: called once a second; a HricError of it ends the server.
         live: factory of sources that follow the running system; gets the map from the stream's time to the clock's.
@@ -182,17 +201,3 @@ def serve(
                 raise FailureError("the stream has broken off")
     finally:
         server.close()
-
-
-def options_of(words: Sequence[str] | None) -> argparse.Namespace:
-    """Return the options of the command line, without the names and remappings that roslaunch adds for rospy."""
-    given = sys.argv[1:] if words is None else words
-    return parser().parse_args([word for word in given if word.startswith("-") or ":=" not in word])
-
-
-def main(words: Sequence[str] | None = None) -> int:
-    """Run the command without ROS, and return its exit code."""
-    options = options_of(words)
-    logging.basicConfig(format="[%(levelname)s] %(message)s")
-    logging.getLogger("hric").setLevel(logging.INFO)  # rospy's own, where it is loaded, is of no interest
-    return run_server("emulated_motive", lambda: serve(options))

@@ -36,7 +36,7 @@ def from_bag(path: Path, topic: str, body: str = "", up: str = "z") -> Track:
         raise
     except Exception as error:  # of bytes that a damaged file has in any place
         reason = " ".join(str(error).split()) or type(error).__name__
-        hint = f"try: rosrun hric_experiments health --salvage {path}"
+        hint = f"try: hric health --salvage {path}"
         raise ParameterError(f"bag {path} cannot be read: {reason}; {hint}") from error
     if not found:
         raise ParameterError(f"{topic} of bag {path} has no pose of {body or 'a body'}")

@@ -1,12 +1,13 @@
 """Node `emulated_motive`: the command, in the time of the run if there is one."""
 
+import argparse
 import contextlib
 import logging
 import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import rosgraph
@@ -131,32 +132,31 @@ class _Link:
         self.name, self.frame, self.history, self.published = name, frame, History(), False
 
 
-def main(words: Sequence[str] | None = None) -> int:
-    """Run until the shutdown request, and return the exit code.
+class EmulatedMotiveNode(app.EmulatedMotiveCommand):
+    """Emulate a Motive that streams by NatNet to any client, in the time of the run where a ROS master runs."""
 
-    Without a master, or with --clock wall, it runs as the command without ROS.
-    """
-    options = app.options_of(words)
-    check_private(NAME)
-    end_with_roslaunch()
-    if options.clock == "wall" or not rosgraph.is_master_online():
-        return app.main(words)
+    def run(self, given: argparse.Namespace) -> int:
+        """Serve until the shutdown request; without a master, or with --clock wall, without ROS."""
+        check_private(NAME)
+        end_with_roslaunch()
+        if given.clock == "wall" or not rosgraph.is_master_online():
+            return super().run(given)
+        return run_server(NAME, lambda: _serve(given), LOG.critical)
 
-    def work() -> None:
-        rospy.init_node(NAME, argv=sys.argv if words is None else [NAME, *words], disable_signals=True)
-        forward_to_ros(logging.getLogger("hric"))
-        node, serving = RosNode("~"), threading.Event()
-        robot_time = RobotTime(node)
-        live, progress = LiveSources(node, robot_time), ProgressReport(node)
-        rospy.on_shutdown(lambda: os.kill(os.getpid(), signal.SIGTERM) if serving.is_set() else None)  # `rosnode kill`
-        try:
-            serving.set()
-            app.serve(options, robot_time, robot_time.tick, live, progress.reached)
-        finally:
-            serving.clear()
-            live.close()
-            progress.close()
-            robot_time.close()
-            shut_down("shutdown requested")
 
-    return run_server(NAME, work, LOG.critical)
+def _serve(given: argparse.Namespace) -> None:
+    rospy.init_node(NAME, argv=sys.argv, disable_signals=True)
+    forward_to_ros(logging.getLogger("hric"))
+    node, serving = RosNode("~"), threading.Event()
+    robot_time = RobotTime(node)
+    live, progress = LiveSources(node, robot_time), ProgressReport(node)
+    rospy.on_shutdown(lambda: os.kill(os.getpid(), signal.SIGTERM) if serving.is_set() else None)  # `rosnode kill`
+    try:
+        serving.set()
+        app.serve(given, robot_time, robot_time.tick, live, progress.reached)
+    finally:
+        serving.clear()
+        live.close()
+        progress.close()
+        robot_time.close()
+        shut_down("shutdown requested")

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import opensim
 
+from hric_core.command import Argument, Command
 from hric_core.errors import FailureError, ParameterError
 from hric_core.kept import write_whole
-from hric_core.processes import run_command
 from urdf_to_osim.decorations import Look, load_scene
 from urdf_to_osim.drawing.on_demand import install_vtk
 
@@ -39,58 +39,41 @@ def picture(osim: Path, png: Path, pose: Mapping[str, float] | None = None, look
     return scene.missing
 
 
-def main(arguments: Sequence[str]) -> int:
-    """Run the command and return its exit code."""
-    given = _parser().parse_args(arguments)
-    return run_command("picture", lambda: _draw(given))
+class PictureCommand(Command):
+    """Draw an OpenSim model at a pose into a PNG. Needs no display."""
 
+    def arguments(self) -> list[Argument]:
+        """Return the arguments."""
+        look = Look()
+        view, size = [look.azimuth, look.elevation], [look.width, look.height]
+        return [
+            Argument("model", type=Path, help="the .osim; meshes in Geometry/ beside it"),
+            Argument("-o", "--output", type=Path, help="the picture; default: the model's name with .png"),
+            Argument(
+                "--pose",
+                nargs="+",
+                default=[],
+                metavar="COORDINATE=VALUE",
+                help="coordinates [rad or m]; default: the model's own",
+            ),
+            Argument("--view", nargs=2, type=float, default=view, metavar=("AZIMUTH", "ELEVATION"), help="[deg]"),
+            Argument("--size", nargs=2, type=int, default=size, metavar=("WIDTH", "HEIGHT"), help="[pixels]"),
+            Argument(
+                "--no-centres", dest="centres", action="store_false", help="without the balls at the centres of mass"
+            ),
+            Argument("--frames", action="store_true", help="with the axes of every body"),
+        ]
 
-def _draw(given: argparse.Namespace) -> None:
-    opensim.Logger.setLevelString("Error")
-    output = given.output or given.model.with_suffix(".png")
-    (width, height), (azimuth, elevation) = given.size, given.view
-    look = Look(width, height, azimuth, elevation, given.centres, given.frames)
-    missing = picture(given.model, output, _pose(given.pose), look)
-    for file in missing:
-        print(f"picture: no mesh {file} in Geometry/ beside {given.model}; left out", file=sys.stderr)
-    print(output)
-
-
-def _parser() -> argparse.ArgumentParser:
-    default = Look()
-    parser = argparse.ArgumentParser(
-        prog="picture", description="Draw an OpenSim model at a pose into a PNG. Needs no display."
-    )
-    parser.add_argument("model", type=Path, help="the .osim; meshes in Geometry/ beside it")
-    parser.add_argument("-o", "--output", type=Path, help="the picture; default: the model's name with .png")
-    parser.add_argument(
-        "--pose",
-        nargs="+",
-        default=[],
-        metavar="COORDINATE=VALUE",
-        help="coordinates [rad or m]; default: the model's own",
-    )
-    parser.add_argument(
-        "--view",
-        nargs=2,
-        type=float,
-        default=[default.azimuth, default.elevation],
-        metavar=("AZIMUTH", "ELEVATION"),
-        help="[deg]",
-    )
-    parser.add_argument(
-        "--size",
-        nargs=2,
-        type=int,
-        default=[default.width, default.height],
-        metavar=("WIDTH", "HEIGHT"),
-        help="[pixels]",
-    )
-    parser.add_argument(
-        "--no-centres", dest="centres", action="store_false", help="without the balls at the centres of mass"
-    )
-    parser.add_argument("--frames", action="store_true", help="with the axes of every body")
-    return parser
+    def run(self, given: argparse.Namespace) -> None:
+        """Draw the model and print the name of the picture."""
+        opensim.Logger.setLevelString("Error")
+        output = given.output or given.model.with_suffix(".png")
+        (width, height), (azimuth, elevation) = given.size, given.view
+        look = Look(width, height, azimuth, elevation, given.centres, given.frames)
+        missing = picture(given.model, output, _pose(given.pose), look)
+        for file in missing:
+            print(f"picture: no mesh {file} in Geometry/ beside {given.model}; left out", file=sys.stderr)
+        print(output)
 
 
 def _pose(words: Sequence[str]) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""Fit of polynomials to a model of an arm: `rosrun hric_human fit_muscles`, and `hric_human.muscles.choose`.
+"""Fit of polynomials to a model of an arm: `hric fit_muscles`, and `hric_human.muscles.choose`.
 
     anatomy = models.fit(Path("arm26.osim"))
 

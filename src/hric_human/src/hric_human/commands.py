@@ -1,0 +1,44 @@
+"""Commands `body` and `fit_muscles`."""
+
+import argparse
+from pathlib import Path
+
+from hric_core.command import Argument, Command
+from hric_human.body import describe, load
+
+
+class BodyCommand(Command):
+    """Print the description of a subject's body as URDF.
+
+    Example: hric body subject.yaml > human.urdf
+    """
+
+    def arguments(self) -> list[Argument]:
+        """Return the arguments."""
+        return [
+            Argument("subject", type=Path, help="YAML file of a subject; its keys: INTERFACE.md of hric_human"),
+        ]
+
+    def run(self, given: argparse.Namespace) -> None:
+        """Print the description."""
+        print(describe(load(given.subject)).urdf)
+
+
+class FitMusclesCommand(Command):
+    """Fit the muscles of an arm from a model of one.
+
+    Example: hric fit_muscles arm26.osim arm26.json
+    """
+
+    def arguments(self) -> list[Argument]:
+        """Return the arguments."""
+        return [
+            Argument("model", type=Path, help="OpenSim (.osim) or MuJoCo (.xml) model of a right arm"),
+            Argument("output", type=Path, help="file to write, for `anatomy` of the human's muscles"),
+        ]
+
+    def run(self, given: argparse.Namespace) -> None:
+        """Fit the muscles and write them."""
+        from hric_human.muscles.fitting.models import run  # slow to load, which a mistake need not wait for
+
+        run(given.model, given.output)
