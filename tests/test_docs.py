@@ -68,3 +68,11 @@ def test_the_picture_of_the_readme_moves_and_is_small() -> None:
     assert (ROOT / picture).stat().st_size < 1.5e6
     with Image.open(ROOT / picture) as image:
         assert getattr(image, "n_frames", 1) > 20
+
+
+def test_the_release_notes_name_each_package_with_changes_to_come() -> None:
+    logs = {path.parent.name: path.read_text() for path in ROOT.glob("src/*/CHANGELOG.rst")}
+    changed = {package for package, text in logs.items() if "\nForthcoming\n" in text}
+    assert changed
+    coming, _, _ = (ROOT / "docs/release_notes.md").read_text().partition("\n## 0.2.0")
+    assert {package for package in changed if f"`{package}`" not in coming} == set()
