@@ -132,8 +132,8 @@ def described_by(given: str, root: Path | None = None) -> Described:
         record = human_record.read(reader, bag_reader.read(reader).robot_time)
     if record is None:
         raise MuscleLoadError(
-            f"the bag of {folder.path.name} has no motion of its human; muscle load needs his joint_states beside his "
-            "joint torque (hric/human/joint_states, hric/human/joint_torque)"
+            f"the bag of {folder.path.name} has no motion of its human; muscle load needs joint_states and "
+            "joint torque of the human (hric/human/joint_states, hric/human/joint_torque)"
         )
     plant = ((run.get("parameters") or {}).get("robot") or {}).get("plant") or {}
     return _described(section, plant.get("gravity") or WindowlessConfig().gravity, record, folder.path.name)
@@ -197,8 +197,8 @@ def of_tracked(given: str, root: Path | None = None, muscles: MuscleSettings = A
     anatomy = find(muscles.anatomy, "--muscles")
     with bag_reader.opened(bag_of(folder, run)) as reader:
         settings = PersonSettings.of(section, "person")
-        of_him = tracked_person.tracked(reader, bag_reader.read(reader).robot_time, settings, anatomy, muscles.strength)
-    return Result(of_him.found.load, of_him.body, anatomy, of_him.notes)
+        result = tracked_person.tracked(reader, bag_reader.read(reader).robot_time, settings, anatomy, muscles.strength)
+    return Result(result.found.load, result.body, anatomy, result.notes)
 
 
 def of_c3d(
@@ -395,9 +395,7 @@ def main(arguments: Sequence[str]) -> int:
     root = runs_root(given.runs)
     recording, output = Path(given.recording).expanduser(), given.output
     if given.tracked and (recording.suffix.lower() == ".c3d" or given.cutoff != CUTOFF):
-        raise MuscleLoadError(
-            "--tracked is for a run, whose person is smoothed as he was live; valid: without --cutoff"
-        )
+        raise MuscleLoadError("--tracked is for a run, which is smoothed as it was live; valid: without --cutoff")
     if recording.suffix.lower() == ".c3d":
         if given.person is None:
             raise MuscleLoadError(
@@ -409,7 +407,9 @@ def main(arguments: Sequence[str]) -> int:
         output = output or recording.with_name(f"{recording.stem}_{FOLDER}")
     else:
         if given.person is not None or given.plate:
-            raise MuscleLoadError("--person and --plate are for a c3d file; a run says who is in it, and what he holds")
+            raise MuscleLoadError(
+                "--person and --plate are for a c3d file; a run says who is in it, and what that person holds"
+            )
         if given.tracked:
             result = of_tracked(given.recording, root, _chosen(AS_SHIPPED, given.muscles, given.strength))
         else:
@@ -448,7 +448,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--person",
         metavar="RUN|FILE.yaml",
-        help="of a c3d file: who moves in it, from a run, whose grips load him too, or an experiment file",
+        help="of a c3d file: who moves in it, from a run, whose grips load them too, or an experiment file",
     )
     parser.add_argument(
         "--plate",
