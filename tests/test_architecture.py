@@ -1,6 +1,7 @@
-"""The path of one millisecond in docs/architecture.md, held against the code that runs."""
+"""The picture, and the paths of a cycle and of a contact, in docs/architecture.md, held against the code that runs."""
 
 import ast
+import contextlib
 import re
 import sys
 import tempfile
@@ -11,12 +12,16 @@ from types import FrameType
 from typing import Any
 
 import headless_hashes
+import package_picture
 import pytest
+
+from hric_assessment.verdict import command as assess
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = (ROOT / "docs" / "architecture.md").read_text()
 ROW = re.compile(r"^\|[^|]*\| `(?P<file>[^`]+)` \| `(?P<name>[^`]+)` \|$", re.MULTILINE)
 SETPOINT = ("pd_step", "duration:=0.05", "setpoints.0.time:=0.02")
+TOUCH = ("contact", "duration:=1.4", "setpoints.0.time:=0.1")
 
 Hop = tuple[str, str]
 """File in the workspace, qualified name."""
@@ -39,9 +44,9 @@ def names_in(tree: ast.AST, prefix: str = "") -> Iterator[str]:
             yield from names_in(node, f"{prefix}{node.name}.<locals>.")
 
 
-@pytest.fixture(scope="module")
-def calls() -> list[Hop]:
-    """Calls within the workspace, in order, of a headless run that sends one setpoint."""
+@contextlib.contextmanager
+def noted() -> Iterator[list[Hop]]:
+    """Note the calls within the workspace, in order."""
     made: list[Hop] = []
     root = f"{ROOT}/"
     source = f"{root}src/"
@@ -51,13 +56,24 @@ def calls() -> list[Hop]:
         if event == "call" and code.co_filename.startswith(source):
             made.append((code.co_filename[len(root) :], code.co_qualname))
 
-    with tempfile.TemporaryDirectory() as folder:
-        sys.setprofile(note)
-        try:
-            code, output = headless_hashes.command("run", *SETPOINT, "--runs", folder, "--quiet", "--no-figures")
-        finally:
-            sys.setprofile(None)
+    sys.setprofile(note)
+    try:
+        yield made
+    finally:
+        sys.setprofile(None)
+
+
+def run(folder: str, *arguments: str) -> None:
+    """Run an experiment headless."""
+    code, output = headless_hashes.command("run", *arguments, "--runs", folder, "--quiet", "--no-figures")
     assert code == 0, output
+
+
+@pytest.fixture(scope="module")
+def calls() -> list[Hop]:
+    """Calls of a headless run that sends one setpoint."""
+    with tempfile.TemporaryDirectory() as folder, noted() as made:
+        run(folder, *SETPOINT)
     return made
 
 
@@ -82,3 +98,16 @@ def test_the_cycle_after_a_setpoint_takes_the_hops_of_the_page_in_order(calls: l
     for hop in cycle:
         assert hop in after[position + 1 : end], f"after {after[position]}, {hop} is not called in the same cycle"
         position = after.index(hop, position + 1)
+
+
+def test_a_contact_becomes_a_finding_by_the_hops_of_the_page(tmp_path: Path) -> None:
+    with noted() as made:
+        run(str(tmp_path), *TOUCH)
+        assess.main([str(tmp_path / "latest")])
+    first = {hop: made.index(hop) for hop in hops("finding") if hop in made}
+    assert sorted(first, key=first.__getitem__) == hops("finding")
+
+
+def test_the_picture_of_packages_shows_the_imports_of_the_code() -> None:
+    graph = package_picture.imported()
+    assert package_picture.PICTURE.read_text() == package_picture.picture(graph), "tests/package_picture.py --write"

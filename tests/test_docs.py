@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
@@ -60,3 +61,18 @@ def test_a_quantity_with_its_unit_is_no_link(text: str, escaped: str) -> None:
 def test_comments_for_the_tests_of_the_manual_are_not_in_the_site() -> None:
     text = "a\n<!-- terminal 2 -->\n```bash\nls\n```\n| `<!-- stays -->` |\n"
     assert docs_hooks.on_page_markdown(text) == "a\n\n```bash\nls\n```\n| `<!-- stays -->` |\n"
+
+
+def test_the_picture_of_the_readme_moves_and_is_small() -> None:
+    (picture,) = re.findall(r"!\[[^\]]*\]\(([^)]*)\)", (ROOT / "README.md").read_text())
+    assert (ROOT / picture).stat().st_size < 1.5e6
+    with Image.open(ROOT / picture) as image:
+        assert getattr(image, "n_frames", 1) > 20
+
+
+def test_the_release_notes_name_each_package_with_changes_to_come() -> None:
+    logs = {path.parent.name: path.read_text() for path in ROOT.glob("src/*/CHANGELOG.rst")}
+    changed = {package for package, text in logs.items() if "\nForthcoming\n" in text}
+    assert changed
+    coming, _, _ = (ROOT / "docs/release_notes.md").read_text().partition("\n## 0.2.0")
+    assert {package for package in changed if f"`{package}`" not in coming} == set()

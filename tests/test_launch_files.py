@@ -322,9 +322,9 @@ def test_who_is_beside_the_arm_gets_a_description_and_frames_of_his_own_and_is_i
     values = parameters(config)
     body = urdf.read(str(values["/hric/human/robot_description"]))
     assert body.root == "human_base" and "r_wrist" in body.links
-    (his,) = [node for node in config.nodes if node.name == "human_state_publisher"]
+    (publisher,) = [node for node in config.nodes if node.name == "human_state_publisher"]
     remapped = {name: f"hric/human/{name}" for name in ("robot_description", "joint_states")}
-    assert remapped.items() <= dict(his.remap_args).items()
+    assert remapped.items() <= dict(publisher.remap_args).items()
     assert values["/human_state_publisher/tf_prefix"] == "human"
     (rviz,) = [node for node in config.nodes if node.name == "rviz"]
     assert rviz.args.endswith("panda_and_human.rviz")
@@ -406,8 +406,8 @@ def test_the_controllers_yaml_configures_every_named_instance() -> None:
 def test_a_section_person_starts_the_node_that_tracks_him(environment: tuple[str, ...], tmp_path: Path) -> None:
     path = tmp_path / "seen.yaml"
     packaged = Path(launch_file()).parents[2] / "hric_experiments" / "config" / "experiments" / "marker_tracking.yaml"
-    path.write_text(packaged.read_text() + "person: {asset: him, force: {source: robot, hand: left}}\n")
+    path.write_text(packaged.read_text() + "person: {asset: body, force: {source: robot, hand: left}}\n")
     config = loaded(*environment, f"experiment:={path}", "record:=false")
     assert nodes(config)["/person"] == "hric_perception/person" and "/natnet_client" in nodes(config)
-    assert parameters(config)["/person"] == {"asset": "him", "force": {"source": "robot", "hand": "left"}}
+    assert parameters(config)["/person"] == {"asset": "body", "force": {"source": "robot", "hand": "left"}}
     assert "/person" not in nodes(loaded(*environment, *STEP))

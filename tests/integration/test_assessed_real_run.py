@@ -18,9 +18,9 @@ GIVES = {
     "joint angles of a person": "RULA, REBA, the distance to the arm",
     "contacts of a person by region": "contact forces to hold against limits",
     "joint torques of a person": "share of their strength",
-    "activation of his muscles": "how active they were",
+    "activation of the muscles": "how active they were",
     "largest voluntary activation of each EMG channel": "how active the muscles below them were",
-    "what his hands hold": "the effort of the interaction",
+    "what the person's hands hold": "the effort of the interaction",
 }
 """Signals that such a run does not have, and what each would give."""
 

@@ -62,7 +62,7 @@ def check_counts(system: LiveSystem, metrics: dict[str, Any]) -> tuple[float, fl
 
 
 def check_stamps(bag: Path, begin: float, end: float, figure: Figure, what: str) -> None:
-    """Frames and samples are where their numbers and time codes have them, his own topics at whole cycles."""
+    """Frames and samples are where their numbers and time codes have them, those of the person at whole cycles."""
     _, grid, times = frames_of(bag)
     inside = within(grid, begin, end)
     on_grid(f"{what}, frames", times[inside], grid[inside], figure)
@@ -145,7 +145,7 @@ def test_motion_capture_plate_robot_and_grip_are_in_one_bag_at_common_instants(
     figure(f"{what}: robot time per wall time", metrics["real_time_factor"], "1")
     figure(f"{what}: missed deadlines", missed_deadlines(bag), "1")
     begin, end = check_counts(system, metrics)
-    # What the plate carries is his weight, give or take what he and the robot do to each other.
+    # What the plate carries is the person's weight, give or take what they and the robot do to each other.
     assert samples_of(bag)[2].mean() == pytest.approx(-WEIGHT, rel=0.05)
     assert any(message.closed for message in messages(bag, GRIP))
     check_stamps(bag, begin, end, figure, what)

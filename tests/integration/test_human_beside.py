@@ -1,4 +1,4 @@
-"""A simulated human beside the arm: behind libfranka and the emulated control box he leads it as in the simulation."""
+"""A simulated human beside the arm leads it behind libfranka and the emulated control box as in the simulation."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -25,13 +25,13 @@ FloatArray = npt.NDArray[np.float64]
 HUMAN = "/hric/human"
 EXPERIMENT = ROOT / "src/hric_experiments/config/experiments/hand_guidance.yaml"
 HANDLE = [0.113, 0.0, 0.04, 1.0]
-"""Where he holds the robot's hand, in its axes [m]."""
+"""Where the person holds the robot's hand, in its axes [m]."""
 CYCLE = 1e-3
 """A grip's message has the load of the step before [s]."""
 FAST = 0.02
 """Of the handle: above it, where it is says when [m/s]."""
 MOTION = 3.0
-"""What both runs cover of his motion, on a busy machine too [s of the arm's time]."""
+"""What both runs cover of the person's motion, on a busy machine too [s of the arm's time]."""
 
 
 @dataclass
@@ -40,7 +40,7 @@ class Led:
 
     Attributes:
         time, stamp, q: of each cycle: the arm's time (n,) [s], the run's (n,) [s], joint positions (n, 7) [rad].
-        start: when he begins, in the arm's time [s].
+        start: when the person begins, in the arm's time [s].
         grip_stamp, point, force, closed: of each message about the grip: (m,) [s], (m, 3) [m], (m, 3) [N], (m,).
     """
 
@@ -108,7 +108,7 @@ def test_through_libfranka_the_human_leads_the_arm_as_in_the_simulation_and_his_
     simulated, behind = runs
     assert behind.closed.any() and np.linalg.norm(behind.force[behind.closed], axis=1).max() > 1.0
 
-    # The sensors of his own are noisy, and libfranka's filter and limiter change the torques by little.
+    # The sensors of the emulated arm are noisy, and libfranka's filter and limiter change the torques by little.
     grid = np.arange(0.0, MOTION, 0.01)
     q, others = (
         np.array([np.interp(run.start + grid, run.time, row) for row in run.q.T]) for run in (behind, simulated)

@@ -1,4 +1,4 @@
-"""Who is beside the arm has frames of his own, which are where his joints put them."""
+"""Who is beside the arm has frames of their own, which are where their joints put them."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -1,5 +1,5 @@
 """Terminals as a reader has them: an interactive bash each, on a pseudo-terminal, so that Ctrl-C goes where it goes for
-him, and what a shell was told lasts."""
+the reader, and what a shell was told lasts."""
 
 import contextlib
 import itertools

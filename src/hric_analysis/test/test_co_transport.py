@@ -131,7 +131,7 @@ def test_at_rest_each_end_carries_what_the_levers_say(tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def led(tmp_path_factory: pytest.TempPathFactory) -> runner.Result:
-    """He lifts the board by 3 cm and pushes it 5 cm towards the robot."""
+    """The person lifts the board by 3 cm and pushes it 5 cm towards the robot."""
     points = "[[0.5, 1.607, 0.0, 0.472], [1.3, 1.557, 0.05, 0.502]]"
     changes = ["simulator:=mujoco", "duration:=1.6", f"human.control.parameters.reference.points:={points}"]
     definition = experiment.load("co_transport", changes)

@@ -219,7 +219,7 @@ def approach(folder: Path, seen: Callable[[float], bool] = lambda time: True) ->
             about = {"joint_names": ["rail"], "command_interface": ["none"], "first_cycle": k, "n_cycles": 20}
             bag.write("/control_log", "hric_msgs/msg/ControlLog", float(times[k]), **about, time=times[part], **rows)
     smallest, at = nearest(body, x)
-    s_p = 1.6 * (0.1 + 0.3) + speed * (0.1 + 0.3)  # above 0.5 m, so that he walks; without data of the braking
+    s_p = 1.6 * (0.1 + 0.3) + speed * (0.1 + 0.3)  # above 0.5 m, so that the person walks; without data of the braking
     return Known(
         "approach",
         group="separation",

@@ -1,4 +1,4 @@
-"""What a person's joints carry and what both his hands lift, in a verdict of signals that are known."""
+"""What a person's joints carry and what both hands of theirs lift, in a verdict of signals that are known."""
 
 from pathlib import Path
 from typing import Any
@@ -31,7 +31,7 @@ def wrench(x: float, y: float, z: float) -> Any:
 
 
 def test_contact_forces_in_the_joints_of_a_tracked_person_are_those_that_were_published(tmp_path: Path) -> None:
-    """3-4-12 is 13, and grows by a newton a second; an arm that is lost has none. Those of a robot are not his."""
+    """3-4-12 is 13, and grows by a newton a second; an arm that is lost has none. Those of a robot do not count."""
     times, kind = np.arange(0.0, 4.001, 0.01), "hric_msgs/msg/JointReactions"
     with Bag(tmp_path / "tracked.bag") as bag:
         for time in times.tolist():

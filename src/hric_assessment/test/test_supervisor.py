@@ -154,7 +154,7 @@ LEAN = np.array([0.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0])
 
 
 def braking(speed_of_person, start, lag=0.03, **settings):
-    """A person comes along x to an arm that leans towards him, and follows its scale with a lag [s], to its stand."""
+    """A person comes along x to an arm that leans towards them, and follows its scale with a lag [s], to its stand."""
     cell, scale, q, dq = Cell(**settings), SpeedScale(), READY.copy(), LEAN.copy()
     in_force, x = InForce(), start
     while cell.time < 8.0 and np.abs(dq).max() > 1e-3:
@@ -237,7 +237,7 @@ def test_measured_stops_take_the_place_of_the_settling_time(tmp_path):
     part = cell.decide(2.5, SPEED).part
     speed = np.linalg.norm(ARM.at(ArmState(0.0, READY, SPEED)).velocities, axis=2).max()
     assert 0.05 < speed < 0.5
-    # Of the largest load, from the next speed above; the distance by the speed towards him.
+    # Of the largest load, from the next speed above; the distance by the speed towards the person.
     assert part.terms.person == pytest.approx(part.person_speed * (own.reaction_time + 0.02 + 0.7))
     assert part.terms.stopping == pytest.approx(part.robot_speed * max(0.25 / speed, 0.5 * stopping_time(1.0)))
 

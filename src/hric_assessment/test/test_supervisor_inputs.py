@@ -1,4 +1,4 @@
-"""Who sees the person: a tracked one by the messages of his node."""
+"""Who sees the person: a tracked one by the messages of their node."""
 
 from types import SimpleNamespace
 
@@ -102,9 +102,11 @@ def one(name, stamp):
 
 
 def test_a_human_who_walks_has_no_speed_of_late_messages():
-    """His joints and his root come on two topics; while one is late, the other one alone would throw him about."""
+    """Joints and root of the person come on two topics; while one is late, the other misleads."""
     node = LocalNode({})
-    him = HumanInput(node, "", {"parts": "upper_body", "walk": {"points": [[1.0, 0.0, 0.0], [2.0, 1.0, 0.0]]}}, "human")
+    human = HumanInput(
+        node, "", {"parts": "upper_body", "walk": {"points": [[1.0, 0.0, 0.0], [2.0, 1.0, 0.0]]}}, "human"
+    )
     joints, root = node.advertise(HUMAN_JOINTS, JointState), node.advertise(HUMAN_ROOT, PoseStamped)
     for k in range(4):
         message = PoseStamped(header=Header(stamp=stamps.to_time(0.01 * k), frame_id="world"))
@@ -112,9 +114,9 @@ def test_a_human_who_walks_has_no_speed_of_late_messages():
         root.publish(message)
     where = []
     for k in range(4):
-        names = list(him._shape._names)
+        names = list(human._shape._names)
         joints.publish(JointState(Header(stamp=stamps.to_time(0.01 * k)), names, [0.0] * len(names), [], []))
-        where.append(him.take().ends[0, 0, 0])
+        where.append(human.take().ends[0, 0, 0])
     np.testing.assert_allclose(np.diff(where), 0.016, atol=1e-9)
 
 

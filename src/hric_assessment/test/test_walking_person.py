@@ -1,4 +1,4 @@
-"""A person who walks: where he is comes from his recorded root."""
+"""A person who walks: where they are comes from their recorded root."""
 
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from hric_human.muscles.choose import find
 from hric_human.participant.settings import HumanSettings, MuscleSettings
 
 SPEED, BEGIN = 0.8, 1.6
-"""He passes the ball that stands: [m/s], [m]."""
+"""The person passes the ball that stands: [m/s], [m]."""
 
 
 def body_of(parts: str) -> Body:
@@ -35,7 +35,7 @@ def still_arm(bag: Bag, times: np.ndarray) -> None:
 
 
 def test_the_distance_from_a_standing_arm_is_that_of_his_recorded_way(tmp_path: Path) -> None:
-    """As if the ball had passed him: only the distance between them counts."""
+    """As if the ball had passed the person: only the distance between them counts."""
     body, times = body_of("right_arm"), np.arange(0.0, 4.0005, 0.001)
     with Bag(tmp_path / "walks.bag") as bag:
         still_arm(bag, times)

@@ -49,7 +49,7 @@ TAKEN: dict[str, Any] = {"held": "panda_hand", "handle": [0.113, 0.0, 0.04], "cl
 
 
 def moves(*points: list[float]) -> dict[str, Any]:
-    """A mapping `control` by which his hand goes from point to point: [s, m]."""
+    """A mapping `control` by which the person's hand goes from point to point: [s, m]."""
     return {"parameters": {"reference": {"program": "minimum_jerk", "points": list(points)}}}
 
 
@@ -150,7 +150,7 @@ def test_a_grip_closes_where_palm_and_handle_are_near_and_carries_what_the_motio
     there.call("start")
     there.app.run(1.0)
     last = there.heard["grip"][-1]
-    # The robot's brakes hold its hand, so his goes nowhere, and feels a force against its way.
+    # The robot's brakes hold its hand, so the person's goes nowhere, and feels a force against its way.
     assert last.closed and last.wrench.force.y < -2.0
     assert last.held == "panda_hand" and last.holder == "human::r_wrist"
     assert last.stretch < 5e-3

@@ -1,4 +1,4 @@
-"""The load of a person's muscles while he moves: joint torque by pinocchio, the rest by what comes after a run."""
+"""The load of a person's muscles while they move: joint torque by pinocchio, the rest by what comes after a run."""
 
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -49,7 +49,7 @@ def force_at(when: float, point: np.ndarray) -> HandForce:
 
 
 def grasped(when: float) -> np.ndarray:
-    """Where he has the robot."""
+    """Where the person has the robot."""
     MOVER.place(when)
     return MOVER.point(BODY.segments["right_hand"].link, np.array([0.05, 0.0, -0.1]))
 
@@ -86,7 +86,7 @@ def test_joint_torque_of_somebody_who_sways_and_pushes_is_that_of_an_independent
     forces = [force_at(when, grasped(when)) for when in np.arange(0.0, 4.0, 1.0 / 30.0)]
     began = time.process_time()
     found = fed(live, [one for one in tracked if one is not None], forces, every=5)
-    figure("person, load of his muscles: share of a processor", (time.process_time() - began) / 4.0, "1")
+    figure("person, load of their muscles: share of a processor", (time.process_time() - began) / 4.0, "1")
     when, torque = joined(found, lambda one: one.load.time), joined(found, lambda one: one.load.torque)
     assert np.diff(when) == pytest.approx(0.01) and len(when) > 365
     columns = [JOINTS.index(name) for name in found[0].load.joints]

@@ -1,4 +1,4 @@
-"""A real person by his markers: joints, root, what is not seen, and a body that is fitted to him."""
+"""A real person by their markers: joints, root, what is not seen, and a body that is fitted to them."""
 
 import time
 from collections.abc import Callable
@@ -37,9 +37,9 @@ class Followed:
     """What a tracker says of somebody who moves, beside the truth.
 
     Args:
-        known: his body, as the tracker has it.
-        mover: who he is.
-        offsets: of his markers from where his body has them [m].
+        known: the person's body, as the tracker has it.
+        mover: who they are.
+        offsets: of the person's markers from where their body has them [m].
         hide: takes a time and the positions, which it may change.
     """
 
@@ -123,7 +123,7 @@ def somebody_else(seed: int) -> tuple[Mover, dict[str, np.ndarray]]:
 
 
 def still(mover: Mover, offsets: dict[str, np.ndarray], seed: int) -> np.ndarray:
-    """Where his markers are while he stands upright, each joint 3 deg off (standard deviation)."""
+    """Where the person's markers are while they stand upright, each joint 3 deg off (standard deviation)."""
     off = np.random.default_rng(seed).normal(0.0, np.radians(3.0), len(BODY.joints))
     low, high = np.array([joint.range for joint in BODY.joints.values()]).T
     return mover.markers(0.0, offsets, off.clip(low, high))
@@ -230,7 +230,7 @@ def test_a_time_that_does_not_rise_begins_anew() -> None:
     assert tracker.update(5.0, p) is not None
     one = tracker.update(1.0, p + np.array([3.0, 0.0, 0.0]))
     assert one is not None and one.root.position == pytest.approx((3.0, 0.0, 0.0), abs=1e-4)
-    assert tracker.update(2.0, np.full_like(p, np.nan)) is not None, "he is lost, not forgotten"
+    assert tracker.update(2.0, np.full_like(p, np.nan)) is not None, "the person is lost, not forgotten"
     assert PersonTracker(BODY, NAMES).update(0.0, np.full_like(p, np.nan)) is None
 
 
@@ -265,7 +265,9 @@ def test_a_still_second_is_averaged() -> None:
 def test_somebody_who_moves_is_refused_with_the_markers_that_moved() -> None:
     frames = frames_of_a_still_pose()
     frames[:, NAMES.index("RFIN"), 0] += np.linspace(0.0, 0.06, len(frames))
-    with pytest.raises(CommandError, match=r"he has moved: RFIN 3\d mm from the mean; valid: up to 10 mm in 1 s"):
+    with pytest.raises(
+        CommandError, match=r"the person has moved: RFIN 3\d mm from the mean; valid: up to 10 mm in 1 s"
+    ):
         mean_of(frames)
 
 

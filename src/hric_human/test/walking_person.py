@@ -1,4 +1,4 @@
-"""Somebody who moves his whole upper body in a laboratory, with markers on him, as pinocchio has him."""
+"""Somebody who moves their whole upper body in a laboratory, with markers on them, as pinocchio has them."""
 
 from collections.abc import Mapping
 
@@ -14,10 +14,10 @@ class Mover:
     """A body whose root and joints swing, away from the singularity of the shoulder.
 
     Args:
-        body: his, as it really is.
+        body: the person's, as it really is.
         speed: of the swings, a factor [1].
         seed: of phases and rates.
-        within: lower and upper angle by joint, where he swings in less than its range [rad].
+        within: lower and upper angle by joint, where the person swings in less than its range [rad].
     """
 
     def __init__(
@@ -45,7 +45,7 @@ class Mover:
         return self._middle + a * np.sin(phase), a * w * np.cos(phase), -a * w * w * np.sin(phase)
 
     def root(self, time: float) -> pinocchio.SE3:
-        """He sways and turns."""
+        """The person sways and turns."""
         x, y = 0.05 * np.sin(1.3 * time), 0.05 * np.sin(0.9 * time)
         turn = pinocchio.exp3(np.array([x, y, 2.5 + 0.3 * np.sin(time)]))
         return pinocchio.SE3(turn, np.array([0.8 + 0.1 * np.sin(0.8 * time), -0.3 + 0.05 * np.sin(time), 0.95]))
@@ -57,7 +57,7 @@ class Mover:
         return q
 
     def torque(self, time: float, link: str, force: np.ndarray, torque: np.ndarray, point: np.ndarray) -> np.ndarray:
-        """What his joints need, n [N m], beside a force [N] at a point [m] and a torque [N m] on a link, in axes of the
+        """What the joints need, n [N m], beside a force [N] at a point [m] and a torque [N m] on a link, in axes of the
         world; root and joints move with differences of their positions."""
         h = 1e-4
         before, now, after = (self.state(time + dt) for dt in (-h, 0.0, h))
@@ -70,7 +70,7 @@ class Mover:
         return np.asarray(tau[self._v])
 
     def place(self, time: float, joints: np.ndarray | None = None) -> None:
-        """Put the model where he is; joints: in place of those that swing [rad]."""
+        """Put the model where the person is; joints: in place of those that swing [rad]."""
         q = np.zeros(self.model.nq)
         q[:7] = pinocchio.SE3ToXYZQUAT(self.root(time))
         q[self._q] = self.joints(time)[0] if joints is None else joints
@@ -83,7 +83,7 @@ class Mover:
     def markers(
         self, time: float, offsets: dict[str, np.ndarray] | None = None, joints: np.ndarray | None = None
     ) -> np.ndarray:
-        """Where his markers are, shape (m, 3) [m].
+        """Where the person's markers are, shape (m, 3) [m].
 
         Args:
             time: [s].

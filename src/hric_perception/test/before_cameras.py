@@ -1,4 +1,4 @@
-"""Somebody who moves before the cameras of an emulated Motive, and the programs that see him."""
+"""Somebody who moves before the cameras of an emulated Motive, and the programs that see them."""
 
 import os
 import threading

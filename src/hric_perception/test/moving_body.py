@@ -16,7 +16,7 @@ BODY = describe(HumanSettings.of(PERSON, "human").person)
 JOINTS = list(BODY.joints)
 RANGES = [joint.range for joint in BODY.joints.values()]
 PERIOD = 0.005
-"""Between two of his messages [s]."""
+"""Between two of the person's messages [s]."""
 
 
 def motion(time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

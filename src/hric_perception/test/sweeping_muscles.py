@@ -1,4 +1,4 @@
-"""Muscles of a simulated human whose activation sweeps, as his messages have it: each usual channel at a phase of its
+"""Muscles of a simulated human whose activation sweeps, as their messages have it: each usual channel at a phase of its
 own, so that whoever measures another muscle does not correlate."""
 
 import math

@@ -93,7 +93,7 @@ def test_the_envelope_of_muscles_that_swell_once_a_second_is_late_by_the_stated_
 
 
 def streamed(transport: str, seed: int = 0, late: int = 0, **device: Any) -> list[Chunk]:
-    """Raw samples of 2 s in one process, his messages so many milliseconds late."""
+    """Raw samples of 2 s in one process, the person's messages so many milliseconds late."""
     faults = {"time_code": True, **device.pop("faults", {})}
     trigno = {"trigno": {"channels": [*MUSCLES, "time"]}} if transport == "trigno" else {}
     emulated = {"activation": {"program": "topic"}, "transport": transport, "seed": seed, "faults": faults, **device}

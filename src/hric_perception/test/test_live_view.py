@@ -151,7 +151,7 @@ def test_muscles_are_lines_on_the_links_in_the_colours_of_their_activation() -> 
     angles = [q[model.joints[model.getJointId(name)].idx_q] for name in names]
     activation = MuscleActivation(name=["right_wr_flex+", "right_bic_b"], activation=[0.9, 0.25])
     markers.push_activation(activation)
-    assert markers.take() is None, "nobody knows where he is"
+    assert markers.take() is None, "nobody knows where the person is"
     markers.push_joints(JointState(name=names, position=angles))
     assert markers.take() is None, "what was shown is old"
     markers.push_activation(activation)

@@ -1,4 +1,4 @@
-"""The node `person` with a measured force on a hand: what his muscles do, how late, and what is flagged."""
+"""The node `person` with a measured force on a hand: what their muscles do, how late, and what is flagged."""
 
 import threading
 from collections.abc import Callable, Iterator
@@ -89,7 +89,7 @@ def exerted(time: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def robot_state(swings: Swings, time: float) -> Any:
-    """The arm holds his palm, K turned and off the end effector."""
+    """The arm holds the person's palm, K turned and off the end effector."""
     R = pinocchio.Quaternion(*np.roll(BASE.orientation, 1)).matrix()
     O_p_K = R.T @ (palm(swings, time) - BASE.position)
     turn = pinocchio.exp3(np.array([0.3, -0.4, 0.5]))
@@ -101,7 +101,7 @@ def robot_state(swings: Swings, time: float) -> Any:
 
 
 def needed(swings: Swings, time: float) -> np.ndarray:
-    """Joint torque by pinocchio, his root at rest, what the robot exerts on his hand [N m]."""
+    """Joint torque by pinocchio, the person's root at rest, what the robot exerts on their hand [N m]."""
     model = pinocchio.buildModelFromXML(BODY.urdf, pinocchio.JointModelFreeFlyer())
     data, joints = model.createData(), [model.joints[model.getJointId(name)] for name in JOINTS]
     q, v, a = np.zeros(model.nq), np.zeros(model.nv), np.zeros(model.nv)
@@ -132,7 +132,7 @@ def left_out(at: list[float], frames: list[float]) -> list[float]:
 
 
 def held(nodes: Nodes, swings: Swings, run: TellsTime) -> tuple[Any, Publishes]:
-    """The node, and the robot that holds his hand."""
+    """The node, and the robot that holds the person's hand."""
     where = f"xyz: {list(BASE.position)}, xyzw: {list(BASE.orientation)}"
     process = begin(nodes, f"_force:={{source: robot, hand: right, {where}}}")
     topic = "/franka_state_controller/franka_states"
@@ -155,16 +155,16 @@ def test_what_his_muscles_do_comes_within_a_second_of_sixty_estimates_and_more(
     share = (processor_time(process.pid) - before) / (run.time - since)
     robot.close()
     settled = came[first : first + 400]
-    figure("person with the load of his muscles, live at 120 Hz: share of a processor", share, "1")
+    figure("person with the load of their muscles, live at 120 Hz: share of a processor", share, "1")
     values = {pair.key: pair.value for pair in said.seen[-1].values}
-    figure("person, load of his muscles alone: share of a processor", float(values["processor [1]"]), "1")
+    figure("person, load of their muscles alone: share of a processor", float(values["processor [1]"]), "1")
     behind = np.array([when - one.header.stamp.to_sec() for when, one in settled])
-    figure("person, load of his muscles: received so late, median", float(np.median(behind)), "s of robot time")
-    figure("person, load of his muscles: received so late, at most", behind.max(), "s of robot time")
+    figure("person, load of their muscles: received so late, median", float(np.median(behind)), "s of robot time")
+    figure("person, load of their muscles: received so late, at most", behind.max(), "s of robot time")
     assert behind.max() <= LATEST and max(one.behind for _, one in settled) <= LATEST
     begun, ended = (settled[k][1].header.stamp.to_sec() for k in (0, -1))
     rate = sum(begun <= message.header.stamp.to_sec() < ended for message in tracked) / (ended - begun)
-    figure("person with the load of his muscles, live at 120 Hz: rate of estimates", rate, "Hz")
+    figure("person with the load of their muscles, live at 120 Hz: rate of estimates", rate, "Hz")
     assert rate >= 60.0 and said.says("the load is known")
 
 

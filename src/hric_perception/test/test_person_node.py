@@ -50,7 +50,7 @@ def test_joints_of_somebody_before_the_cameras_are_those_that_he_has_and_a_still
     check_hand(frames, swings)
     calibrate = rospy.ServiceProxy("/person/calibrate", Trigger)
     refused = calibrate()
-    assert not refused.success and "he has moved: " in refused.message and not path.exists()
+    assert not refused.success and "the person has moved: " in refused.message and not path.exists()
     swings.still = states[-1].header.stamp.to_sec() + 0.5
     wait(lambda: states[-1].header.stamp.to_sec() > swings.still + 0.3)
     response = calibrate()
@@ -80,7 +80,7 @@ def test_sixty_estimates_and_more_come_a_second(swings: Swings, nodes: Nodes, fi
 
 
 def check_hand(frames: list[Any], swings: Swings) -> None:
-    """His frames are where his links are."""
+    """The person's frames are where their links are."""
     sent = [message for message in frames if message.transforms[0].child_frame_id.startswith("person/")][-1]
     found = {one.child_frame_id: one.transform.translation for one in sent.transforms}
     q = swings.joints(sent.transforms[0].header.stamp.to_sec())[0]

@@ -1,4 +1,4 @@
-"""The human in the robot's plant before cameras and on a plate: from his messages alone, without a plant."""
+"""The human in the robot's plant before cameras and on a plate: from their messages alone, without a plant."""
 
 import math
 from typing import Any
@@ -82,7 +82,7 @@ def test_a_clock_that_waits_for_what_is_measured_goes_no_further() -> None:
 
 
 def seen(stream: dict[str, Any], seed: int = 0) -> tuple[list[Any], list[Any], list[str]]:
-    """(frames, true poses of the hand, phases) of a second, his messages 12 ms late."""
+    """(frames, true poses of the hand, phases) of a second, the person's messages 12 ms late."""
     node = LocalNode({"client": {"up_axis": "y", "base_from_mocap": BASE_FROM_MOCAP, "base_frame": "panda_link0"}})
     built = see(
         {"program": "body", "still": {"table": [0.5, 0.3, 0.1]}},
@@ -118,7 +118,7 @@ TOPICS = (("joint_states", JointState), ("events", HumanEvent))
 TORQUE = np.array([0.5, -0.25, 1.0])
 """Of the grip, about its point [N m]."""
 MARKS = {100: "closed", 300: "started", 800: "ended"}
-"""Events of his, by milliseconds."""
+"""Events of the person, by milliseconds."""
 
 
 def in_base(p_world: np.ndarray) -> list[float]:
@@ -222,6 +222,6 @@ def test_the_centre_of_pressure_of_who_stands_still_is_below_his_centre_of_mass(
     assert (fx, fy) == pytest.approx((0.0, 0.0), abs=1e-9) and fz == pytest.approx(-9.81 * BODY.subject.mass)
     com = pinocchio.centerOfMass(oracle.model, oracle.data, oracle.state(0.0)[0])
     share = BODY.total_mass / BODY.subject.mass
-    expected = share * (com[:2] - [0.9, 0.1])  # the rest of him is below the middle between his shoulders
+    expected = share * (com[:2] - [0.9, 0.1])  # the rest of the person is below the middle between their shoulders
     assert (-my / fz, mx / fz) == pytest.approx(tuple(expected), abs=1e-9)
     assert mz == pytest.approx(0.0, abs=1e-9)

@@ -24,13 +24,13 @@ pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::Deprecation
 CLIENT = "../../mocap_natnet/nodes/natnet_client"
 PERSON_ARGUMENT = f"_person:={yaml.safe_dump(PERSON, default_flow_style=True, width=1000).strip()}"
 SWEEP = 4.0
-"""Of his activation, up and down [s]."""
+"""Of the person's activation, up and down [s]."""
 LATE = 0.03
-"""Of his messages [s]."""
+"""Of the person's messages [s]."""
 
 
 class Moves:
-    """Publishes his messages, late, as if from a plant.
+    """Publishes the person's messages, late, as if from a plant.
 
     Args:
         run: whose time counts.
@@ -92,7 +92,7 @@ def test_the_client_sees_the_markers_where_they_were_at_the_stamps_of_the_frames
     wait(lambda: len(frames) > 240 and frames[-1].latency > 0.0 and len(truth) > 200)
     oracle, hand = Oracle(), BODY.segments["right_hand"]
     settled = [message for message in frames if message.latency > 0.0][-100:]
-    assert all(message.latency > LATE for message in settled), "nobody saw him before his message came"
+    assert all(message.latency > LATE for message in settled), "nobody saw the person before their message came"
     for message in settled[::10]:
         at = message.header.stamp.to_sec()
         named = dict(zip(message.labelled_marker_names, message.labelled_markers, strict=True))

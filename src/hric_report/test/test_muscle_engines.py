@@ -1,4 +1,4 @@
-"""A human whose muscles move him leads the robot's hand: the same on each engine."""
+"""A human whose muscles move them leads the robot's hand: the same on each engine."""
 
 from collections.abc import Callable
 from pathlib import Path

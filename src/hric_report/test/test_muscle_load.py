@@ -42,7 +42,7 @@ def run(runs: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def by_muscles(runs: Path) -> Path:
-    """The same by his muscles."""
+    """The same by the person's muscles."""
     return led(runs, "human.drive:=muscle")
 
 

@@ -1,4 +1,4 @@
-"""The human on the page of a run: where he was, what he held, and what touched him."""
+"""The human on the page of a run: where they were, what they held, and what touched them."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -156,12 +156,14 @@ class TestInABrowser:
         assert person.lines is not None
         index, points = list(person.lines.points).index(name), person.lines.points[name]
         page.evaluate("report.setTime(0.9); report.replay.scene.updateMatrixWorld(true)")
-        line, his = f"report.replay.robots[1].lines.lines[{index}]", "report.replay.robots[1].links"
+        line, body = f"report.replay.robots[1].lines.lines[{index}]", "report.replay.robots[1].links"
         for k, (link, place) in enumerate(points[:-1]):
-            expected = page.evaluate(f"{his}.get('{link}').localToWorld(new THREE.Vector3(...{list(place)})).toArray()")
+            expected = page.evaluate(
+                f"{body}.get('{link}').localToWorld(new THREE.Vector3(...{list(place)})).toArray()"
+            )
             np.testing.assert_allclose(page.evaluate(f"{line}.parts[{k}].position.toArray()"), expected, atol=1e-6)
         link, place = points[-1]
-        last = page.evaluate(f"{his}.get('{link}').localToWorld(new THREE.Vector3(...{list(place)})).toArray()")
+        last = page.evaluate(f"{body}.get('{link}').localToWorld(new THREE.Vector3(...{list(place)})).toArray()")
         tip = page.evaluate(f"{line}.parts[{len(points) - 2}].localToWorld(new THREE.Vector3(0, 1, 0)).toArray()")
         np.testing.assert_allclose(tip, last, atol=1e-5)
 
@@ -220,7 +222,7 @@ class TestInABrowser:
         show(page, tmp_path)
         assert page.evaluate("report.replay.robots.map(({ role }) => role)") == ["s0", "s0", "s1", "s1"]
         painted = "report.replay.robots.map((robot) => [...robot.links.values()].flatMap(({ children }) => children).find((o) => o.isMesh).material.color.getHex())"  # noqa: E501
-        first, his, second, other = page.evaluate(painted)
-        assert first == his != second == other
+        first, body, second, other = page.evaluate(painted)
+        assert first == body != second == other
         assert page.problems == []
         show(page, run.path)

@@ -21,7 +21,7 @@ from hric_report.muscle_load import MuscleLoadError, Result
 from hric_run.definition import experiment, parameters
 
 ENDS = 0.3
-"""After his motion's start and before its end [s]."""
+"""After the start of the person's motion and before its end [s]."""
 
 
 @pytest.fixture(scope="module")
@@ -30,13 +30,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def written(folder: Path, name: str, source: str) -> Path:
-    """guided_collection, whose human is a real person to the cameras, with 0.5 mm of noise on his markers."""
+    """guided_collection, whose human is a real person to the cameras, with 0.5 mm of noise on their markers."""
     packaged = experiment.config_path("experiments") / "guided_collection.yaml"
     content = yaml.safe_load(packaged.read_text())
     kept = {key: content[key] for key in content if key not in ("force_plate", "sync")}
     kept["human"]["parts"] = "upper_body"
     kept["mocap"]["stream"]["marker_noise"] = 5e-4
-    kept["person"] = {"asset": "body", "calibration": "his.yaml", "force": {"source": source}}
+    kept["person"] = {"asset": "body", "calibration": "person.yaml", "force": {"source": source}}
     path = folder / f"{name}.yaml"
     path.write_text(yaml.safe_dump(kept))
     return path
@@ -132,5 +132,5 @@ def test_the_torque_of_a_real_person_is_none_of_the_simulated_human(run: Path, t
 def test_the_node_gets_the_section_with_paths_from_the_root(folder: Path) -> None:
     definition = experiment.load(str(written(folder, "node", "plate")), ["person.force.hand:=left"])
     values = parameters.sensors(definition)[parameters.PERSON]
-    assert values["calibration"] == str(Path("his.yaml").absolute())
+    assert values["calibration"] == str(Path("person.yaml").absolute())
     assert values["force"] == {"source": "plate", "hand": "left"} and values["asset"] == "body"

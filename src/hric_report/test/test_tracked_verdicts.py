@@ -45,7 +45,7 @@ def run(folder: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def c3d(folder: Path, run: Path) -> Path:
-    """His markers."""
+    """The person's markers."""
     assert main(["export", str(run), "--format", "c3d", "--quiet"]) == 0
     (path,) = (run / "export").rglob("*.c3d")
     return Path(shutil.copy(path, folder / "trial.c3d"))
@@ -61,9 +61,9 @@ def replayed(folder: Path, c3d: Path) -> Path:
     there = [0.5, -0.6, 0.0, -2.2, 0.0, 1.6, 0.8]
     content["setpoints"] = [{"time": 0.5, "controller": "joint_pd_controller", "positions": there}]
     labels = ezc3d.c3d(str(c3d))["parameters"]["POINT"]["LABELS"]["value"]
-    his = [label for label in labels if label.startswith("body_")]
-    content["mocap"]["human"] = {"program": "c3d", "path": c3d.name, "name": "hand", "bodies": {"body": his}}
-    names = {label.removeprefix("body_"): f"Marker{k}" for k, label in enumerate(his, 1)}
+    worn = [label for label in labels if label.startswith("body_")]
+    content["mocap"]["human"] = {"program": "c3d", "path": c3d.name, "name": "hand", "bodies": {"body": worn}}
+    names = {label.removeprefix("body_"): f"Marker{k}" for k, label in enumerate(worn, 1)}
     content["person"] = {"asset": "body", "labels": names}
     content["emg"] = {"channels": ["biceps"], "emulated": {"activation": {"program": "bursts"}}}
     content["force_plate"]["emulated"] = {"load": {"program": "c3d", "path": c3d.name}}

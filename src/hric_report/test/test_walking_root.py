@@ -1,4 +1,4 @@
-"""A contact of a person who has walked to where another one stands: his verdict, closed form and page are the same."""
+"""A contact of a person who walked to the place of another one: verdict, closed form and page are the same."""
 
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from hric_report.html import beside, metrics_of, run_data
 from hric_run.definition import experiment
 
 WALKED = (-0.3, -0.2)
-"""From where he was spawned he came by the opposite of this [m]."""
+"""From where the person was spawned they came by the opposite of this [m]."""
 
 
 def contact_run(root: Path, walked: tuple[float, float] | None) -> runner.RunFolder:

@@ -29,7 +29,7 @@ def headless(*given: str) -> Experiment:
 
 
 def measured(run: Experiment, seed: int) -> dict[str, list[Any]]:
-    """What is heard of a run, by topic, and where the plant has his wrist, by milliseconds."""
+    """What is heard of a run, by topic, and where the plant has the person's wrist, by milliseconds."""
     found: dict[str, list[Any]] = {"wrist": []}
     with Simulation(run, seed=seed) as simulation:
         for topic, kind in (
@@ -55,7 +55,7 @@ def test_the_cameras_see_the_hand_where_the_plant_has_it_and_the_followed_marker
     for millisecond in (100, 300, 400, 700):
         T = found["wrist"][millisecond]
         p = truth[millisecond / 1000.0]
-        # His message has the joints before the step of its cycle.
+        # The person's message has the joints before the step of its cycle.
         assert [p.x, p.y, p.z] == pytest.approx((T @ [*com, 1.0])[:3].tolist(), abs=2e-4)
     for marker, frame in zip(found["mocap/marker_stamped"], frames, strict=True):
         assert marker.header.stamp == frame.header.stamp

@@ -67,7 +67,7 @@ def test_on_each_engine_he_is_where_his_way_has_him(engine):
         simulation.run()
     rows = [(m.header.stamp.to_sec(), m.pose.position.x - 2.5, m.pose.position.y) for m in roots]
     one = walk()
-    begin = 0.001  # he is called in the second cycle
+    begin = 0.001  # the person is called in the second cycle
     off = [np.hypot(x - p[0], y - p[1]) for (t, x, y), p in ((row, one.path.at(row[0] - begin)[0]) for row in rows)]
     assert max(off) < 0.01 and off[-1] < 2e-3
     assert all(b[0] > a[0] for a, b in itertools.pairwise(rows))

@@ -179,6 +179,6 @@ def _topic(node: Node, name: str) -> str:
     return node.beside(f"hric/{HUMAN}/{name}")
 
 
-def measures_him(device: Any) -> bool:
+def measures_person(device: Any) -> bool:
     """Return True if the `program` of an emulated device's mapping measures the human in the plant."""
     return isinstance(device, Mapping) and device.get("program") == PROGRAM

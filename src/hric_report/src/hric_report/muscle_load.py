@@ -134,8 +134,8 @@ def described_by(given: str, root: Path | None = None) -> Described:
         record = human_record.read(reader, bag_reader.read(reader).robot_time)
     if record is None:
         raise MuscleLoadError(
-            f"the bag of {folder.path.name} has no motion of its human; muscle load needs his joint_states beside his "
-            "joint torque (hric/human/joint_states, hric/human/joint_torque)"
+            f"the bag of {folder.path.name} has no motion of its human; muscle load needs joint_states and "
+            "joint torque of the human (hric/human/joint_states, hric/human/joint_torque)"
         )
     plant = ((run.get("parameters") or {}).get("robot") or {}).get("plant") or {}
     return _described(section, plant.get("gravity") or WindowlessConfig().gravity, record, folder.path.name)
@@ -199,8 +199,8 @@ def of_tracked(given: str, root: Path | None = None, muscles: MuscleSettings = A
     anatomy = find(muscles.anatomy, "--muscles")
     with bag_reader.opened(bag_of(folder, run)) as reader:
         settings = PersonSettings.of(section, "person")
-        of_him = tracked_person.tracked(reader, bag_reader.read(reader).robot_time, settings, anatomy, muscles.strength)
-    return Result(of_him.found.load, of_him.body, anatomy, of_him.notes)
+        result = tracked_person.tracked(reader, bag_reader.read(reader).robot_time, settings, anatomy, muscles.strength)
+    return Result(result.found.load, result.body, anatomy, result.notes)
 
 
 def of_c3d(
@@ -405,7 +405,7 @@ class MuscleLoadCommand(Command):
             Argument(
                 "--person",
                 metavar="RUN|FILE.yaml",
-                help="of a c3d file: who moves in it, from a run, whose grips load the person too, or an experiment "
+                help="of a c3d file: who moves in it, from a run, whose grips load them too, or an experiment "
                 "file",
             ),
             Argument(

@@ -84,7 +84,7 @@ class Simulation:
         self.tree = _tree(self.definition, self.seed)
         node = self.node = LocalNode(self.tree)
         mocap = self.definition.mocap
-        person = parameters.person(self.definition) if mocap is not None and mocap.measures_him else {}
+        person = parameters.person(self.definition) if mocap is not None and mocap.measures_person else {}
         beside: list[Beside] = [sensor.headless(node) for sensor in self.definition.sensors]
         if mocap is not None:
             beside.insert(0, HeadlessHuman(node, mocap.build(self.seed, person), announced=bool(beside)))

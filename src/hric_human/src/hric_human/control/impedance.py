@@ -82,8 +82,8 @@ class ImpedanceSettings(Settings):
         minimum=0.0,
         maximum=50.0,
         unit="kg",
-        text="mass in his hand that he expects, and holds as his own weight; refused where a joint is too weak for it "
-        "as he begins",
+        text="mass in the hand that the person expects, and holds as their own weight; refused where a joint is too "
+        "weak for it at the start",
     )
 
 
@@ -125,7 +125,7 @@ class ImpedanceArm(HumanController):
                 held[joint] = max(0.0, ((high if per_kilogram > 0.0 else low) - own) / per_kilogram)
         weakest = min(held, key=held.__getitem__, default=None)
         if weakest is not None and settings.load > held[weakest]:
-            valid = f"up to {math.floor(10.0 * held[weakest]) / 10.0:g} [kg], which his {weakest} holds as he begins"
+            valid = f"up to {math.floor(10.0 * held[weakest]) / 10.0:g} [kg], which {weakest} holds at the start"
             raise refused(f"{settings.prefix}load", settings.load, valid)
 
     def posture(self) -> Sequence[float]:

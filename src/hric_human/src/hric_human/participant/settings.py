@@ -145,23 +145,25 @@ class HumanSettings(Settings):
 
     separator = "."
     subject: Subject = SUBJECT
-    parts: str | None = choice(*PARTS, default=None, text="what of his body is simulated; none: as his file says")
-    posture: str | None = choice("standing", "seated", default=None, text="none: as his file says")
+    parts: str | None = choice(*PARTS, default=None, text="simulated parts of the body; none: as in the subject's file")
+    posture: str | None = choice("standing", "seated", default=None, text="none: as in the subject's file")
     position: tuple[float, float] = numbers(
         2,
         (0.95, 0.0),
         unit="m",
-        text="x, y in the world of the middle between his hips, or of his shoulders where he is all arms",
+        text="x, y in the world of the middle between the hips, or between the shoulders of a body of arms alone",
     )
     heading: float = number(math.pi, minimum=-7.0, maximum=7.0, unit="rad", text="viewing direction, from x towards y")
-    floor: float = number(-0.75, unit="m", text="height of the floor that he stands on, in the world")
-    control: Any = anything({}, default_text="`{}`", text="what moves his joints: Control, below")
+    floor: float = number(-0.75, unit="m", text="height of the floor below the person, in the world")
+    control: Any = anything({}, default_text="`{}`", text="what moves the person's joints: Control, below")
     drive: str = choice(
         TORQUE, MUSCLE, text="what gives the torque that `control` computes: the joints themselves, or muscles"
     )
     muscles: MuscleSettings = section(MuscleSettings)
-    watches: str = text("", text="link of the robot that he sees, for motions that react to it; empty: none")
-    walk: WalkSettings | None = section(WalkSettings, None, text="where he walks; none: his root is fixed to the world")
+    watches: str = text("", text="link of the robot that the person sees, for motions that react to it; empty: none")
+    walk: WalkSettings | None = section(
+        WalkSettings, None, text="path of the person; none: the root is fixed to the world"
+    )
     grips: Mapping[str, GripSettings] = mapping(section(GripSettings), {}, text="what is held, by name")
     contact_area: float | None = number(
         None,
@@ -170,7 +172,7 @@ class HumanSettings(Settings):
         default_text="not known",
         text="over which contacts act in the verdict, the smaller of the robot's and the body's",
     )
-    rate: float = number(200.0, above=0.0, maximum=1000.0, unit="Hz", text="of his topics")
+    rate: float = number(200.0, above=0.0, maximum=1000.0, unit="Hz", text="of the person's topics")
     seed: int = whole(0, minimum=0, text="of all that varies")
 
     def check(self, where: str) -> None:

@@ -46,10 +46,10 @@ class WalkSettings(Settings):
         numbers(3),
         unit="s, m",
         text="[time since the start, x, y]: displacements in the world, from rest to rest with least jerk between two; "
-        "before the first he is at it",
+        "before the first time the person stands at its point",
     )
     push: float = number(
-        150.0, above=0.0, unit="N", text="largest force with which he holds his way against what is in it"
+        150.0, above=0.0, unit="N", text="largest force with which the person keeps to the path against what is in it"
     )
 
     def check(self, where: str) -> None:

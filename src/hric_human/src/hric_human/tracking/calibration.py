@@ -127,7 +127,7 @@ class StillPose:
         swayed = zip(self._names, sway, strict=True)
         if moving := [f"{name} {1e3 * far:.0f} mm" for name, far in swayed if far > MAX_SWAY]:
             raise CommandError(
-                f"he has moved: {', '.join(moving)} from the mean; valid: up to {1e3 * MAX_SWAY:.0f} mm in "
+                f"the person has moved: {', '.join(moving)} from the mean; valid: up to {1e3 * MAX_SWAY:.0f} mm in "
                 f"{DURATION:g} s"
             )
         return mean

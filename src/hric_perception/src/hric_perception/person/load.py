@@ -259,7 +259,7 @@ class _Tally:
         self._behind = 0.0
         if one is None or instants == instants_then:
             starts = not instants and now - self._made < START
-            return Health(OK if starts else WARN, "waits for frames that show him", values)
+            return Health(OK if starts else WARN, "waits for frames that show the person", values)
         values |= {f"{side} arm": states[-1] for side, states in one.states.items()}
         if math.isfinite(one.distance[-1]):
             values["force from the hand [m]"] = f"{one.distance[-1]:.3f}"
@@ -269,11 +269,11 @@ class _Tally:
 def _said(one: PersonLoad) -> tuple[int, str]:
     """Return level and text about the newest instant."""
     if one.force[-1] == MISSING:
-        return WARN, "the force on his hand does not come: the load of that arm is not known"
+        return WARN, "the force on the person's hand does not come: the load of that arm is not known"
     if lost := [side for side, states in one.states.items() if states[-1] == LOST]:
         return WARN, f"lost for want of markers: {' and '.join(lost)} arm"
     if one.force[-1] == AWAY:
-        return OK, f"the force is {one.distance[-1]:.2f} m from his hand, and does not count"
+        return OK, f"the force is {one.distance[-1]:.2f} m from the person's hand, and does not count"
     if outside := [side for side, rows in one.load.outside.items() if rows[-1]]:
         return OK, f"outside the range of muscle paths: {' and '.join(outside)} arm"
     return OK, "the load is known" if one.force[-1] == MEASURED else "the load is known, without a force on a hand"

@@ -205,7 +205,9 @@ class _Tally:
             starts = not self.came and time.monotonic() - self._made < START
             return Health(WARN if starts else ERROR, f"no frames on {FRAMES}", values)
         if one is None:
-            return Health(WARN, "he is not found: too few markers of his trunk, or they do not fit the body", values)
+            return Health(
+                WARN, "the person is not found: too few markers of the trunk, or they do not fit the body", values
+            )
         values |= {"residual [mm]": f"{1e3 * one.residual:.1f}", "markers missing": ", ".join(one.missing)}
         if one.root_state == LOST or LOST in one.states:
             return Health(WARN, f"lost for want of markers: {', '.join(one.missing)}", values)

@@ -25,7 +25,7 @@ class HandForceSettings(PoseSettings):
         3, ORIGIN, unit="m", text="of the robot's base, or of the middle of the plate, in the frame of the markers"
     )
     source: str = choice(
-        NONE, ROBOT, PLATE, text="what measures the force on his hand: the external wrench of the robot, or a plate"
+        NONE, ROBOT, PLATE, text="source of the force on a hand: the external wrench of the robot, or a plate"
     )
     hand: str = choice(DOMINANT, "right", "left", text="on which hand it acts")
     id: str = PLATE_ID
@@ -42,18 +42,20 @@ class PersonSettings(Settings):
     """Body, markers, calibration and hand force of the person."""
 
     subject: Subject = SUBJECT
-    parts: str = choice("upper_body", "whole_body", text="what of his body is estimated")
+    parts: str = choice("upper_body", "whole_body", text="estimated parts of the body")
     markers: tuple[str, ...] | None = names(
-        default=None, default_text="all of the body", text="those of the body that he has on: names of Plug-in Gait"
+        default=None,
+        default_text="all of the body",
+        text="markers of the body that the person wears: names of Plug-in Gait",
     )
     labels: Mapping[str, str] = mapping(
         text(empty=False), default={}, text="name in the stream by marker, where it has another one"
     )
-    asset: str = text("", text="asset of the stream (`asset/marker`) whose markers are his; empty: any")
+    asset: str = text("", text="asset of the stream (`asset/marker`) that the person's markers belong to; empty: any")
     pose: Mapping[str, float] = mapping(
         number(unit="rad"),
         default={},
-        text="angles of joints that are not zero in the pose that he takes for `calibrate`; with none he stands "
+        text="angles of joints that are not zero in the pose that the person takes for `calibrate`; none: standing "
         "upright, arms hanging, thumbs forward",
     )
     calibration: str = text(

@@ -14,7 +14,7 @@ from hric_perception.plate.natnet import PlateClient
 from hric_perception.replayed import RecordedLoad
 from hric_perception.sampled import DeviceSettings, DriverSettings
 from hric_perception.section import EMULATED, SensorSection, for_node
-from hric_perception.simulated import measures_him
+from hric_perception.simulated import measures_person
 
 NATNET_PORTS = {"command_port": 1512, "data_port": 1513}
 """UDP ports of an emulated plate's Motive, next to that of the motion capture (project default, unconfirmed)."""
@@ -83,7 +83,7 @@ class PlateSection(SensorSection):
     @property
     def follows(self) -> str:
         """Key of the load if it is that of the human in the robot's plant."""
-        measured = self.device == EMULATED and measures_him(self.emulated.get("load"))
+        measured = self.device == EMULATED and measures_person(self.emulated.get("load"))
         return f"{self.name}.emulated.load" if measured else ""
 
     def record(self) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from hric_core.parameters import Settings, listing, mapping, number, refused, te
 from hric_core.trial.c3d import located
 from hric_human.participant.settings import HumanSettings
 from hric_perception.person.settings import PersonSettings
-from hric_perception.simulated import measures_him
+from hric_perception.simulated import measures_person
 from hric_perception.sync.messages import TOPIC, rate_topic
 from hric_run.definition.parameters import EMULATED_HUMAN, MOCAP_CLIENT
 
@@ -45,16 +45,16 @@ class MocapSection(Settings):
 
     def check(self, where: str) -> None:
         """Refuse values that the emulated human or Motive does not accept, and a body that is not streamed."""
-        seen = self.build(0, {"person": {}} if self.measures_him else {})  # names are the same for any person
+        seen = self.build(0, {"person": {}} if self.measures_person else {})  # names are the same for any person
         bodies = [body.name for body in seen.motive.scene.bodies]
         object.__setattr__(self, "body", self.body or seen.name)
         if self.body not in bodies:
             raise refused(f"{where}body", self.body, ", ".join(bodies))
 
     @property
-    def measures_him(self) -> bool:
+    def measures_person(self) -> bool:
         """True if it tracks the human in the plant."""
-        return measures_him(self.human)
+        return measures_person(self.human)
 
     def build(self, seed: int, person: Mapping[str, Any]) -> "CapturedHuman":
         """Return the emulated human and the Motive that tracks them.
@@ -78,13 +78,13 @@ class MocapSection(Settings):
         ports = {key: self.stream[key] for key in ("command_port", "data_port") if key in self.stream}
         client = {"body": self.body, "up_axis": self.stream.get("up_axis", "y"), **ports, **base}
         human = {"human": located(self.human, Path.cwd()), "stream": dict(self.stream), **base, **frame, "seed": seed}
-        human |= person if self.measures_him else {}
+        human |= person if self.measures_person else {}
         return {MOCAP_CLIENT: client | (frame if base else {}), EMULATED_HUMAN: human}
 
     @property
     def follows(self) -> str:
         """Key of the mapping whose program measures the human in the robot's plant; "": none does."""
-        return "mocap.human" if self.measures_him else ""
+        return "mocap.human" if self.measures_person else ""
 
     @property
     def source(self) -> dict[str, Any]:
