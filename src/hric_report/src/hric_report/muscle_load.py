@@ -405,8 +405,7 @@ class MuscleLoadCommand(Command):
             Argument(
                 "--person",
                 metavar="RUN|FILE.yaml",
-                help="of a c3d file: who moves in it, from a run, whose grips load them too, or an experiment "
-                "file",
+                help="of a c3d file: who moves in it, from a run, whose grips load them too, or an experiment file",
             ),
             Argument(
                 "--plate",
