@@ -5,8 +5,8 @@ import warnings
 from collections.abc import Sequence
 from importlib import import_module
 from importlib.abc import Loader, MetaPathFinder
-from importlib.machinery import ModuleSpec, PathFinder
-from importlib.util import spec_from_loader
+from importlib.machinery import ModuleSpec
+from importlib.util import find_spec, spec_from_loader
 from types import ModuleType
 
 FORMER = {
@@ -47,19 +47,16 @@ def present(name: str) -> str | None:
     parts = name.split(".")
     for count in range(len(parts), 1, -1):
         if (moved := FORMER.get(".".join(parts[:count]))) is not None:
-            return _existing([*moved.split("."), *parts[count:]])
-    return _existing(["hric_core", *parts[1:]]) if package == "hric_control" else None
+            return _existing(".".join([moved, *parts[count:]]))
+    return _existing(f"hric_core.{rest}") if package == "hric_control" else None
 
 
-def _existing(parts: Sequence[str]) -> str | None:
-    """Return the name of a module with these parts, without importing its packages; None: there is none."""
-    path: Sequence[str] | None = None
-    for count in range(1, len(parts) + 1):
-        spec = PathFinder.find_spec(".".join(parts[:count]), path)
-        if spec is None:
-            return None
-        path = spec.submodule_search_locations or ()
-    return ".".join(parts)
+def _existing(name: str) -> str | None:
+    """Return the name of a module that can be found; None: there is none."""
+    try:
+        return None if find_spec(name) is None else name
+    except ModuleNotFoundError:  # not even its package
+        return None
 
 
 class _Finder(MetaPathFinder, Loader):
