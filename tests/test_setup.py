@@ -151,14 +151,24 @@ def test_every_requirement_is_pinned_exactly() -> None:
     assert len(files) > 2 and all(line.count("==") == 1 for line in lines)
 
 
-def test_a_shell_has_roscd_and_completes_the_arguments_of_the_bring_up() -> None:
-    typed = "source scripts/env; type -t roscd; COMP_LINE='scripts/bringup env:=r' COMP_POINT=22; _hric_complete"
+@pytest.mark.parametrize(
+    ("typed", "offered"),
+    [
+        ("type -t roscd; COMP_LINE='scripts/bringup env:=r' COMP_POINT=22; _hric_complete", "function\nreal\n"),
+        (
+            "command -v hric; COMP_LINE='hric spe' COMP_POINT=8 COMP_TYPE=9; _python_argcomplete hric",
+            f"{ROOT}/devel/bin/hric\nspeed_map\n",
+        ),
+    ],
+    ids=["scripts/bringup", "hric"],
+)
+def test_a_shell_has_roscd_and_hric_and_completes_arguments(typed: str, offered: str) -> None:
     done = subprocess.run(
-        ["bash", "--norc", "-ic", f"{typed}; echo ${{COMPREPLY[@]}}"],
+        ["bash", "--norc", "-ic", f"source scripts/env; {typed}; echo ${{COMPREPLY[@]}}"],
         cwd=ROOT,
         capture_output=True,
         text=True,
         timeout=60,
         start_new_session=True,
     )
-    assert done.stdout.splitlines()[-2:] == ["function", "real"], done.stderr
+    assert done.stdout.endswith(offered), done.stderr

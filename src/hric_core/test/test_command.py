@@ -124,7 +124,6 @@ def test_the_help_costs_little_more_than_starting_python() -> None:
 )
 def test_the_shell_completes(line: str, offered: str, tmp_path: Path) -> None:
     """As the function of argcomplete for bash and zsh calls it: what is offered comes on file descriptor 8."""
-    pytest.importorskip("argcomplete")
     with (tmp_path / "offered").open("wb") as output:
         subprocess.run(
             ["bash", "-c", f"exec {sys.executable} {PROGRAM} 8>&{output.fileno()} 9>/dev/null"],

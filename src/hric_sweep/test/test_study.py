@@ -113,6 +113,12 @@ def test_joints_and_grip_force_of_a_human_have_bounds_too(tmp_path: Path) -> Non
     assert f"{bounded['human_force_difference_max']:.2e}" in line and "1.0e-03" in line
 
 
+def test_options_of_an_engine_are_refused_for_a_study(tmp_path: Path) -> None:
+    (tmp_path / "study.yaml").touch()
+    with pytest.raises(HricError, match="is a study, whose runs follow each other; valid: without --jobs and --dask"):
+        perform(["sweep", "--resume", str(tmp_path), "--jobs", "2"])
+
+
 def test_a_study_that_was_cut_off_goes_on_with_the_runs_it_lacks(tmp_path: Path) -> None:
     whole = run(study_of(), tmp_path, "duration:=0.2")
     journal = whole.folder / "one" / "runs.jsonl"

@@ -12,6 +12,7 @@ import pytest
 import sweep_folder
 import yaml
 
+from hric_core.command import perform
 from hric_core.errors import HricError
 from hric_sweep import definition, table, task
 from hric_sweep.definition import EXAMPLE
@@ -110,6 +111,14 @@ def test_a_sweep_is_not_gone_on_with_by_other_code(tmp_path: Path) -> None:
     path = folder / "sweep.yaml"
     path.write_text(path.read_text().replace(f"code: {task.code_version()}", f"code: {'f' * 64}"))
     assert "code version" in sweep(tmp_path, "--resume", folder, code=2)
+
+
+def test_a_benchmark_is_resumed_by_the_command_sweep_too(tmp_path: Path) -> None:
+    folder = tmp_path / "of other code"
+    folder.mkdir()
+    (folder / "benchmark.yaml").write_text(f"code: {'f' * 64}\n")
+    with pytest.raises(HricError, match="started with code ffffffffffff, but this is code"):
+        perform(["sweep", "--resume", str(folder), "--jobs", "1"])
 
 
 def test_five_mistakes_are_told_at_once(tmp_path: Path) -> None:

@@ -38,8 +38,12 @@ class MeasureStopsCommand(Command):
         """Return the arguments."""
         return [
             Argument("overrides", nargs="*", metavar="key:=value", help="simulator:=pybullet, friction:=..., ..."),
-            Argument("--speeds", nargs="+", type=float, default=SPEEDS, metavar="V", help="of the end effector [m/s]"),
-            Argument("--loads", nargs="+", type=float, default=LOADS, metavar="M", help="at the end effector [kg]"),
+            Argument(
+                "--speeds", nargs="+", type=float, default=SPEEDS, metavar="V", help="speeds of the end effector [m/s]"
+            ),
+            Argument(
+                "--loads", nargs="+", type=float, default=LOADS, metavar="M", help="loads at the end effector [kg]"
+            ),
             Argument("-o", dest="out", type=Path, metavar="FILE", help="where to write (default: print)"),
         ]
 
