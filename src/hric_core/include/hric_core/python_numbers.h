@@ -1,5 +1,5 @@
 // clang-format Language: C
-/* Lists of floats of Python as arrays of C, and back: what the extension modules share. */
+/* Extension modules of Python: their tables and types, and lists of floats as arrays of C, and back. */
 #ifndef HRIC_CONTROL_PYTHON_NUMBERS_H
 #define HRIC_CONTROL_PYTHON_NUMBERS_H
 
@@ -11,6 +11,46 @@
 #define FUNCTION(name) static PyObject *name(PyObject *Py_UNUSED(module), PyObject *const *given, Py_ssize_t count)
 #define FAST(function) (PyCFunction)(void (*)(void)) function, METH_FASTCALL
 #define METHOD(name, text) {#name, FAST(name), text}
+
+/* The module of that name with functions, or NULL. */
+#define MODULE(name, functions)                                                                                        \
+    static struct PyModuleDef definition = {                                                                           \
+        PyModuleDef_HEAD_INIT, #name, NULL, -1, functions, NULL, NULL, NULL, NULL};                                    \
+    PyMODINIT_FUNC PyInit_##name(void) { return PyModule_Create(&definition); }
+
+/* The module of that name with one type, whose object has the structure Object. The module defines
+ * `object_init(self, args)`, which fills a new object whose memory is zero and returns -1 with an error set,
+ * `object_clear(self)`, and the table `object_methods`. */
+#define TYPE_MODULE(name, Object, object, functions)                                                                   \
+    static PyObject *object##_new(PyTypeObject *type, PyObject *args, PyObject *Py_UNUSED(kwargs))                     \
+    {                                                                                                                  \
+        PyObject *self = type->tp_alloc(type, 0);                                                                      \
+        if (self != NULL && object##_init((Object *)self, args) < 0)                                                   \
+            Py_CLEAR(self);                                                                                            \
+        return self;                                                                                                   \
+    }                                                                                                                  \
+    static void object##_free(PyObject *self)                                                                          \
+    {                                                                                                                  \
+        object##_clear((Object *)self);                                                                                \
+        Py_TYPE(self)->tp_free(self);                                                                                  \
+    }                                                                                                                  \
+    static PyTypeObject object##_type = {                                                                              \
+        PyVarObject_HEAD_INIT(NULL, 0).tp_name = #name "." #Object,                                                    \
+        .tp_basicsize = sizeof(Object),                                                                                \
+        .tp_flags = Py_TPFLAGS_DEFAULT,                                                                                \
+        .tp_new = object##_new,                                                                                        \
+        .tp_dealloc = object##_free,                                                                                   \
+        .tp_methods = object##_methods,                                                                                \
+    };                                                                                                                 \
+    static struct PyModuleDef definition = {                                                                           \
+        PyModuleDef_HEAD_INIT, #name, NULL, -1, functions, NULL, NULL, NULL, NULL};                                    \
+    PyMODINIT_FUNC PyInit_##name(void)                                                                                 \
+    {                                                                                                                  \
+        PyObject *module = PyType_Ready(&object##_type) < 0 ? NULL : PyModule_Create(&definition);                     \
+        if (module != NULL && PyModule_AddObjectRef(module, #Object, (PyObject *)&object##_type) < 0)                  \
+            Py_CLEAR(module);                                                                                          \
+        return module;                                                                                                 \
+    }
 
 /* Whether that many arguments came; 0 with an error set. */
 static inline int expect(Py_ssize_t count, Py_ssize_t expected, const char *usage)
@@ -48,6 +88,44 @@ static inline int copy_buffer(PyObject *buffer, size_t size, void *out, const ch
         PyErr_Format(PyExc_ValueError, "%s is %zu bytes, got %zd", what, size, view.len);
     PyBuffer_Release(&view);
     return fits;
+}
+
+/* Zeroed memory; NULL with an error set. Never of no bytes. */
+static inline void *zeroed(size_t n, size_t each)
+{
+    void *memory = PyMem_Calloc(n + 1, each);
+    return memory != NULL ? memory : (void *)PyErr_NoMemory();
+}
+
+/* Views of arrays, of which the first `inputs` are only read; 0 with an error set, and then none is held. */
+static inline int take_views(PyObject *const *arrays, int count, int inputs, Py_buffer *views)
+{
+    for (int i = 0; i < count; i++) {
+        const int flags = i < inputs ? PyBUF_C_CONTIGUOUS : PyBUF_C_CONTIGUOUS | PyBUF_WRITABLE;
+        if (PyObject_GetBuffer(arrays[i], views + i, flags) < 0) {
+            while (i > 0)
+                PyBuffer_Release(views + --i);
+            return 0;
+        }
+    }
+    return 1;
+}
+
+/* Whether views have these lengths in bytes; 0 with an error set. */
+static inline int views_fit(const Py_buffer *views, int count, const Py_ssize_t *bytes)
+{
+    for (int i = 0; i < count; i++)
+        if (views[i].len != bytes[i]) {
+            PyErr_SetString(PyExc_ValueError, "the arrays do not fit together");
+            return 0;
+        }
+    return 1;
+}
+
+static inline void release_views(Py_buffer *views, int count)
+{
+    while (count > 0)
+        PyBuffer_Release(views + --count);
 }
 
 /* A list of floats; NULL with an error set. */

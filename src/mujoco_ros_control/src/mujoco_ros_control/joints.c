@@ -321,14 +321,10 @@ static int take_indices(PyObject *sequence, int n, Py_ssize_t bound, int *out)
     return 1;
 }
 
-static int joints_init(Joints *self, PyObject *args, PyObject *Py_UNUSED(kwargs))
+static int joints_init(Joints *self, PyObject *args)
 {
     double half, quiet, held;
     PyObject *model, *data, *functions, *dofs, *positions, *rotors, *bristles, *owners;
-    if (self->owners != NULL) {
-        PyErr_SetString(PyExc_TypeError, "it is made once");
-        return -1;
-    }
     if (!PyArg_ParseTuple(args, "OOO!OOOOdddO", &model, &data, &PyTuple_Type, &functions, &dofs, &positions, &rotors,
                           &bristles, &half, &quiet, &held, &owners))
         return -1;
@@ -372,15 +368,14 @@ static int joints_init(Joints *self, PyObject *args, PyObject *Py_UNUSED(kwargs)
     return taken ? 0 : -1;
 }
 
-static void joints_free(Joints *self)
+static void joints_clear(Joints *self)
 {
     PyMem_Free(self->dof);
     PyMem_Free(self->rotor);
     Py_XDECREF(self->owners);
-    Py_TYPE(self)->tp_free((PyObject *)self);
 }
 
-static PyMethodDef methods[] = {
+static PyMethodDef joints_methods[] = {
     {"read", (PyCFunction)joints_read, METH_NOARGS, "() -> q, dq, q at the measuring instant"},
     {"put", (PyCFunction)joints_put, METH_VARARGS, "(q, dq) at the measuring instant"},
     {"write", (PyCFunction)joints_write, METH_O, "(efforts) of the coming step"},
@@ -396,28 +391,9 @@ static PyMethodDef methods[] = {
      "was prepared"},
     {0}};
 
-static PyTypeObject type = {
-    PyVarObject_HEAD_INIT(NULL, 0).tp_name = "hric_mujoco.Joints",
-    .tp_basicsize = sizeof(Joints),
-    .tp_flags = Py_TPFLAGS_DEFAULT,
-    .tp_new = PyType_GenericNew,
-    .tp_init = (initproc)joints_init,
-    .tp_dealloc = (destructor)joints_free,
-    .tp_methods = methods,
-};
-
 static PyMethodDef functions[] = {
     {"friction_address", friction_address, METH_NOARGS, "Address of the friction, for MuJoCo's mjcb_passive."},
     {"laws_address", laws_address, METH_NOARGS, "Address of the laws of mimic joints, for MuJoCo's mjcb_control."},
     {0}};
 
-static struct PyModuleDef definition = {
-    PyModuleDef_HEAD_INIT, "hric_mujoco", NULL, -1, functions, NULL, NULL, NULL, NULL};
-
-PyMODINIT_FUNC PyInit_hric_mujoco(void)
-{
-    PyObject *module = PyType_Ready(&type) < 0 ? NULL : PyModule_Create(&definition);
-    if (module != NULL && PyModule_AddObjectRef(module, "Joints", (PyObject *)&type) < 0)
-        Py_CLEAR(module);
-    return module;
-}
+TYPE_MODULE(hric_mujoco, Joints, joints, functions)

@@ -588,13 +588,9 @@ static int take_rows(Dynamics *self, PyObject *rows)
     return 0;
 }
 
-static int dynamics_init(Dynamics *self, PyObject *args, PyObject *Py_UNUSED(kwargs))
+static int dynamics_init(Dynamics *self, PyObject *args)
 {
     PyObject *gravity, *rows;
-    if (self->block != NULL) {
-        PyErr_SetString(PyExc_TypeError, "it is made once");
-        return -1;
-    }
     if (!PyArg_ParseTuple(args, "diddOO", &self->dt, &self->passes, &self->half, &self->quiet, &gravity, &rows)
         || !take(gravity, 3, self->gravity))
         return -1;
@@ -632,7 +628,7 @@ static int dynamics_init(Dynamics *self, PyObject *args, PyObject *Py_UNUSED(kwa
     return take_rows(self, rows);
 }
 
-static void dynamics_free(Dynamics *self)
+static void dynamics_clear(Dynamics *self)
 {
     PyMem_Free(self->constants);
     PyMem_Free(self->parent);
@@ -640,10 +636,9 @@ static void dynamics_free(Dynamics *self)
     PyMem_Free(self->S);
     PyMem_Free(self->bodies);
     PyMem_Free(self->block);
-    Py_TYPE(self)->tp_free((PyObject *)self);
 }
 
-static PyMethodDef methods[] = {
+static PyMethodDef dynamics_methods[] = {
     {"torque", FAST(dynamics_torque), "(q, dq, tau, external or None, prescribed or None) -> efforts for the engine"},
     {"read", FAST(dynamics_read),
      "(states of getJointStates, tau) -> q, dq, q at the measuring instant, tau behind the rotors, whether all is "
@@ -660,23 +655,4 @@ static PyMethodDef methods[] = {
      "(q, joint, force, torque, point) -> J' (force, torque) of a point of the link behind a joint"},
     {0}};
 
-static PyTypeObject type = {
-    PyVarObject_HEAD_INIT(NULL, 0).tp_name = "hric_joint_dynamics.Dynamics",
-    .tp_basicsize = sizeof(Dynamics),
-    .tp_flags = Py_TPFLAGS_DEFAULT,
-    .tp_new = PyType_GenericNew,
-    .tp_init = (initproc)dynamics_init,
-    .tp_dealloc = (destructor)dynamics_free,
-    .tp_methods = methods,
-};
-
-static struct PyModuleDef definition = {
-    PyModuleDef_HEAD_INIT, "hric_joint_dynamics", NULL, -1, NULL, NULL, NULL, NULL, NULL};
-
-PyMODINIT_FUNC PyInit_hric_joint_dynamics(void)
-{
-    PyObject *module = PyType_Ready(&type) < 0 ? NULL : PyModule_Create(&definition);
-    if (module != NULL && PyModule_AddObjectRef(module, "Dynamics", (PyObject *)&type) < 0)
-        Py_CLEAR(module);
-    return module;
-}
+TYPE_MODULE(hric_joint_dynamics, Dynamics, dynamics, NULL)

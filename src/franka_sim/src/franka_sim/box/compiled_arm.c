@@ -319,6 +319,5 @@ static PyMethodDef methods[] = {
     METHOD(numbers, "(arm, values, places, bits): computes the fields, gives those at the places as bytes"),
     {0},
 };
-static struct PyModuleDef definition = {PyModuleDef_HEAD_INIT, "hric_arm", NULL, -1, methods, NULL, NULL, NULL, NULL};
 
-PyMODINIT_FUNC PyInit_hric_arm(void) { return PyModule_Create(&definition); }
+MODULE(hric_arm, methods)

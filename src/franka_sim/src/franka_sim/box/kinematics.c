@@ -279,7 +279,5 @@ static PyMethodDef methods[] = {
     METHOD(first_step, "(arm, T, row, options, guess): (joint positions, null vector) or None"),
     {0},
 };
-static struct PyModuleDef definition = {
-    PyModuleDef_HEAD_INIT, "hric_kinematics", NULL, -1, methods, NULL, NULL, NULL, NULL};
 
-PyMODINIT_FUNC PyInit_hric_kinematics(void) { return PyModule_Create(&definition); }
+MODULE(hric_kinematics, methods)

@@ -1,6 +1,6 @@
 /* Keeps a loaded library on loopback: see sockets.py. */
 #define _GNU_SOURCE /* NOLINT(bugprone-reserved-identifier): of the C library */
-#include <Python.h>
+#include "hric_core/python_numbers.h"
 
 #include <link.h>
 #include <stdint.h>
@@ -91,7 +91,4 @@ static PyMethodDef functions[] = {
      "(part of the path of a loaded library) -> how many of its calls of bind() go to loopback now"},
     {0}};
 
-static struct PyModuleDef definition = {
-    PyModuleDef_HEAD_INIT, "hric_loopback", NULL, -1, functions, NULL, NULL, NULL, NULL};
-
-PyMODINIT_FUNC PyInit_hric_loopback(void) { return PyModule_Create(&definition); }
+MODULE(hric_loopback, functions)

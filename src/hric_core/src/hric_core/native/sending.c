@@ -1,5 +1,5 @@
 /* Writes to many sockets in one call, without the interpreter in between: see sockets.py. */
-#include <Python.h>
+#include "hric_core/python_numbers.h"
 
 #include <errno.h>
 #include <sys/socket.h>
@@ -71,7 +71,4 @@ static PyMethodDef functions[] = {
      "(sockets' numbers, bytes for each) -> bytes that each took, or minus the error's number"},
     {0}};
 
-static struct PyModuleDef definition = {
-    PyModuleDef_HEAD_INIT, "hric_sending", NULL, -1, functions, NULL, NULL, NULL, NULL};
-
-PyMODINIT_FUNC PyInit_hric_sending(void) { return PyModule_Create(&definition); }
+MODULE(hric_sending, functions)

@@ -170,7 +170,5 @@ static PyMethodDef methods[] = {
     METHOD(spring_damper, "(k, d, x_d, x, v, last, added, step)"),
     {0},
 };
-static struct PyModuleDef definition = {
-    PyModuleDef_HEAD_INIT, "hric_vectors", NULL, -1, methods, NULL, NULL, NULL, NULL};
 
-PyMODINIT_FUNC PyInit_hric_vectors(void) { return PyModule_Create(&definition); }
+MODULE(hric_vectors, methods)

@@ -47,12 +47,7 @@ static int fits(const Py_buffer *view, Py_ssize_t k, Py_ssize_t m)
     const Py_ssize_t bytes[ARRAYS] = {m * (Py_ssize_t)sizeof(int),  sizeof(Law),
                                       number * k * (4 + m),         number * k,
                                       number * (k + 2 * m + m * m), number * (2 * k + m)};
-    for (int i = 0; i < ARRAYS; i++)
-        if (view[i].len != bytes[i]) {
-            PyErr_SetString(PyExc_ValueError, "the arrays do not fit together");
-            return 0;
-        }
-    return 1;
+    return views_fit(view, ARRAYS, bytes);
 }
 
 /* The numbers of some joints of all; 0 with an error set. */
@@ -79,26 +74,17 @@ FUNCTION(give)
     if (!expect(count, ARRAYS + 3, "give(columns, law, state, activation, decided, out, q, dq, ahead)"))
         return NULL;
     const double ahead = PyFloat_AsDouble(given[ARRAYS + 2]);
-    if (PyErr_Occurred())
-        return NULL;
     Py_buffer view[ARRAYS];
-    int taken = 0;
-    for (; taken < ARRAYS; taken++) {
-        const int flags = taken < OUT ? PyBUF_C_CONTIGUOUS : PyBUF_C_CONTIGUOUS | PyBUF_WRITABLE;
-        if (PyObject_GetBuffer(given[taken], view + taken, flags) < 0)
-            break;
-    }
-    if (taken == ARRAYS) {
-        const Py_ssize_t k = view[ACTIVATION].len / (Py_ssize_t)sizeof(double),
-                         m = view[COLUMNS].len / (Py_ssize_t)sizeof(int);
-        double q[m + 1], dq[m + 1];
-        if (fits(view, k, m) && choose(given[ARRAYS], view[COLUMNS].buf, (int)m, q)
-            && choose(given[ARRAYS + 1], view[COLUMNS].buf, (int)m, dq))
-            step(view[LAW].buf, (int)k, (int)m, view[STATE].buf, view[ACTIVATION].buf, view[DECIDED].buf, ahead, q, dq,
-                 view[OUT].buf);
-    }
-    while (taken > 0)
-        PyBuffer_Release(view + --taken);
+    if (PyErr_Occurred() || !take_views(given, ARRAYS, OUT, view))
+        return NULL;
+    const Py_ssize_t k = view[ACTIVATION].len / (Py_ssize_t)sizeof(double),
+                     m = view[COLUMNS].len / (Py_ssize_t)sizeof(int);
+    double q[m + 1], dq[m + 1];
+    if (fits(view, k, m) && choose(given[ARRAYS], view[COLUMNS].buf, (int)m, q)
+        && choose(given[ARRAYS + 1], view[COLUMNS].buf, (int)m, dq))
+        step(view[LAW].buf, (int)k, (int)m, view[STATE].buf, view[ACTIVATION].buf, view[DECIDED].buf, ahead, q, dq,
+             view[OUT].buf);
+    release_views(view, ARRAYS);
     return PyErr_Occurred() ? NULL : Py_NewRef(Py_None);
 }
 
@@ -107,7 +93,5 @@ static PyMethodDef methods[] = {
                  "into out; ahead: time since the decision [s]"),
     {0},
 };
-static struct PyModuleDef definition = {
-    PyModuleDef_HEAD_INIT, "hric_muscle_drive", NULL, -1, methods, NULL, NULL, NULL, NULL};
 
-PyMODINIT_FUNC PyInit_hric_muscle_drive(void) { return PyModule_Create(&definition); }
+MODULE(hric_muscle_drive, methods)

@@ -186,13 +186,9 @@ static int take_arm(const Muscles *self, PyObject *given, Arm *arm)
     return valid(self, arm, n);
 }
 
-static int muscles_init(Muscles *self, PyObject *args, PyObject *Py_UNUSED(kwargs))
+static int muscles_init(Muscles *self, PyObject *args)
 {
     PyObject *curves, *constant, *arms;
-    if (self->arm != NULL) {
-        PyErr_SetString(PyExc_TypeError, "it is made once");
-        return -1;
-    }
     if (!PyArg_ParseTuple(args, "OO(iii)O!", &curves, &constant, &self->muscles, &self->columns, &self->angles,
                           &PyList_Type, &arms)
         || !copy_buffer(curves, sizeof self->curves, &self->curves, "the curves"))
@@ -215,7 +211,7 @@ static int muscles_init(Muscles *self, PyObject *args, PyObject *Py_UNUSED(kwarg
     return 0;
 }
 
-static void muscles_free(Muscles *self)
+static void muscles_clear(Muscles *self)
 {
     for (int i = 0; i < self->arms; i++) {
         PyMem_Free(self->arm[i].place);
@@ -224,31 +220,12 @@ static void muscles_free(Muscles *self)
     }
     PyMem_Free(self->arm);
     PyMem_Free(self->constant);
-    Py_TYPE(self)->tp_free((PyObject *)self);
 }
 
-static PyMethodDef methods[] = {
+static PyMethodDef muscles_methods[] = {
     {"at", FAST(muscles_at),
      "(q, dq, out) -> whether an angle is outside the range; out gets length, velocity, gain and passive force of all, "
      "then their moment arms"},
     {0}};
 
-static PyTypeObject type = {
-    PyVarObject_HEAD_INIT(NULL, 0).tp_name = "hric_muscles.Muscles",
-    .tp_basicsize = sizeof(Muscles),
-    .tp_flags = Py_TPFLAGS_DEFAULT,
-    .tp_new = PyType_GenericNew,
-    .tp_init = (initproc)muscles_init,
-    .tp_dealloc = (destructor)muscles_free,
-    .tp_methods = methods,
-};
-
-static struct PyModuleDef definition = {PyModuleDef_HEAD_INIT, "hric_muscles", NULL, -1, NULL, NULL, NULL, NULL, NULL};
-
-PyMODINIT_FUNC PyInit_hric_muscles(void)
-{
-    PyObject *module = PyType_Ready(&type) < 0 ? NULL : PyModule_Create(&definition);
-    if (module != NULL && PyModule_AddObjectRef(module, "Muscles", (PyObject *)&type) < 0)
-        Py_CLEAR(module);
-    return module;
-}
+TYPE_MODULE(hric_muscles, Muscles, muscles, NULL)

@@ -453,27 +453,18 @@ FUNCTION(solve)
         return NULL;
     Py_buffer view[ARRAYS];
     double *array[ARRAYS];
-    int taken = 0;
-    for (; taken < ARRAYS; taken++) {
-        const int flags = taken < START ? PyBUF_C_CONTIGUOUS : PyBUF_C_CONTIGUOUS | PyBUF_WRITABLE;
-        if (PyObject_GetBuffer(given[taken], view + taken, flags) < 0)
-            break;
-        array[taken] = view[taken].buf;
-    }
+    if (!take_views(given, ARRAYS, START, view))
+        return NULL;
+    for (int i = 0; i < ARRAYS; i++)
+        array[i] = view[i].buf;
+    const Py_ssize_t size = sizeof(double), k = view[GAIN].len / size, m = view[TORQUE].len / size;
+    const Py_ssize_t bytes[ARRAYS] = {size * k * m, size * k, size * k, size * m, size * m, size * k, size * m};
     PyObject *steps = NULL;
-    if (taken == ARRAYS) {
-        const Py_ssize_t size = sizeof(double), k = view[GAIN].len / size, m = view[TORQUE].len / size;
-        const Py_ssize_t length[ARRAYS] = {k * m, k, k, m, m, k, m};
-        int fits = k > 0 && m > 0 && m <= JOINTS;
-        for (int i = 0; i < ARRAYS; i++)
-            fits = fits && view[i].len == size * length[i];
-        if (fits)
-            steps = solved((int)k, (int)m, array);
-        else
-            PyErr_SetString(PyExc_ValueError, "the arrays do not fit together");
-    }
-    while (taken > 0)
-        PyBuffer_Release(view + --taken);
+    if (k < 1 || m < 1 || m > JOINTS)
+        PyErr_SetString(PyExc_ValueError, "the arrays do not fit together");
+    else if (views_fit(view, ARRAYS, bytes))
+        steps = solved((int)k, (int)m, array);
+    release_views(view, ARRAYS);
     return steps;
 }
 
@@ -482,7 +473,5 @@ static PyMethodDef methods[] = {
                   "written; number of steps"),
     {0},
 };
-static struct PyModuleDef definition = {
-    PyModuleDef_HEAD_INIT, "hric_static_optimization", NULL, -1, methods, NULL, NULL, NULL, NULL};
 
-PyMODINIT_FUNC PyInit_hric_static_optimization(void) { return PyModule_Create(&definition); }
+MODULE(hric_static_optimization, methods)
