@@ -11,7 +11,7 @@ from small_robots import BODY, joint, link, one_joint, robot
 
 from hric_core.geometry import FloatArray
 from hric_core.urdf import Joint, Limit, read
-from hric_core.urdf.mass_matrix import mass_matrix
+from hric_dynamics.tree import Tree
 from urdf_to_osim import Options, convert
 from urdf_to_osim.friction import transition_velocity
 from urdf_to_osim.min_inertias import min_inertias, poses
@@ -44,18 +44,18 @@ def arm(dynamics: str = 'friction="1"') -> str:
 def test_the_mass_matrix_is_that_of_a_rigid_body_library(seed: int) -> None:
     conversion = convert(tree(seed))
     oracle, described = Oracle(conversion.plan, tree(seed), (0.0, 0.0, -9.81), "y"), conversion.plan.robot
+    known = Tree(described)
+    assert list(dict.fromkeys(known.joints)) == [joint.name for joint in oracle.joints]
     for q in poses(described):
-        M, rows = mass_matrix(described, q)
-        assert list(dict.fromkeys(rows)) == [joint.name for joint in oracle.joints]
-        x = np.array([q.get(name, 0.0) for name in rows])
-        assert pytest.approx(oracle.mass(x), rel=1e-12, abs=1e-12) == M
+        x = known.positions(q)
+        assert pytest.approx(oracle.mass(np.array(x)), rel=1e-12, abs=1e-12) == known.mass_matrix(x)
 
 
 def test_what_resists_a_joint_is_what_an_effort_at_it_accelerates() -> None:
     described = read(arm())
     found: list[FloatArray] = []
     for q in poses(described):
-        M, _ = mass_matrix(described, q)
+        M = Tree(described).mass_matrix(list(q.values()))
         found.append(np.array([1.0 / np.linalg.solve(M, effort)[i] for i, effort in enumerate(np.eye(3))]))
     assert list(min_inertias(described).values()) == pytest.approx(np.min(found, axis=0))
 

@@ -1,7 +1,7 @@
 // clang-format Language: C
 /* Extension modules of Python: their tables and types, and lists of floats as arrays of C, and back. */
-#ifndef HRIC_CONTROL_PYTHON_NUMBERS_H
-#define HRIC_CONTROL_PYTHON_NUMBERS_H
+#ifndef HRIC_CORE_PYTHON_NUMBERS_H
+#define HRIC_CORE_PYTHON_NUMBERS_H
 
 #define PY_SSIZE_T_CLEAN
 #include <Python.h>

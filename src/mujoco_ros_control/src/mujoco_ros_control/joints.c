@@ -1,8 +1,8 @@
 /* Joints in MuJoCo's model and data: one step with the state in and out as Python's lists; the friction that was
    identified on the Panda, and joints that mimic others, inside the stages of the step. What joints.py explains. Of
    MuJoCo only the layout of its structures is needed here; its functions come as addresses. */
-#include "hric_core/friction.h"
 #include "hric_core/python_numbers.h"
+#include "hric_dynamics/friction.h"
 
 #include "mimic.h"
 
@@ -346,12 +346,10 @@ static int joints_init(Joints *self, PyObject *args)
     self->quiet = quiet;
     self->held = held;
     self->owners = Py_NewRef(owners);
-    self->dof = PyMem_Calloc(2 * (size_t)count + 1, sizeof(int));
-    self->rotor = PyMem_Calloc((7 + BRISTLE_ROW) * (size_t)count + 1, sizeof(double));
-    if (self->dof == NULL || self->rotor == NULL) {
-        PyErr_NoMemory();
+    self->dof = zeroed(2 * (size_t)count, sizeof(int));
+    self->rotor = zeroed((7 + BRISTLE_ROW) * (size_t)count, sizeof(double));
+    if (PyErr_Occurred() != NULL)
         return -1;
-    }
     self->position = self->dof + count;
     self->effort = self->rotor + count;
     self->before = self->effort + count;

@@ -1,9 +1,6 @@
 /* Links in MuJoCo's data: how they move, and forces between two of them. What bushings.py explains. Of MuJoCo only the
    layout of its structures is needed here. */
-#define PY_SSIZE_T_CLEAN
-#include <Python.h>
-
-#include "hric_core/rigid_body.h"
+#include "hric_core/python_numbers.h"
 
 #include <mujoco/mjdata.h>
 #include <mujoco/mjmodel.h>
@@ -24,7 +21,7 @@ typedef struct {
     Link *links;
 } Links;
 
-#include "hric_core/python_links.h"
+#include "hric_dynamics/python_links.h"
 
 /* Orientation q (x, y, z, w) of a link; MuJoCo's has w first. */
 static void orientation(const mjtNum *b, const double *l, double q[4])
@@ -87,7 +84,7 @@ static int take_link(const Links *self, PyObject *row, Link *out)
     return 1;
 }
 
-static int links_init(Links *self, PyObject *args, PyObject *Py_UNUSED(kwargs))
+static int links_init(Links *self, PyObject *args)
 {
     PyObject *model, *data, *rows, *owners;
     return PyArg_ParseTuple(args, "OOO!O", &model, &data, &PyList_Type, &rows, &owners)

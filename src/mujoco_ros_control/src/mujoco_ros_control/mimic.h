@@ -7,7 +7,7 @@
 #ifndef MUJOCO_ROS_CONTROL_MIMIC_H
 #define MUJOCO_ROS_CONTROL_MIMIC_H
 
-#include "hric_core/factors.h"
+#include "hric_dynamics/factors.h"
 
 #include <math.h>
 #include <mujoco/mjdata.h>

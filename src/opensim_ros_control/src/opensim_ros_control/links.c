@@ -1,8 +1,5 @@
 /* Links in OpenSim's memory: how they move, and forces between two of them. What bushings.py explains. */
-#define PY_SSIZE_T_CLEAN
-#include <Python.h>
-
-#include "hric_core/rigid_body.h"
+#include "hric_core/python_numbers.h"
 
 enum { NUMBERS = 12 }; /* rotation, row-major, and origin of a link in its body */
 
@@ -22,7 +19,7 @@ typedef struct {
     Link *links;
 } Links;
 
-#include "hric_core/python_links.h"
+#include "hric_dynamics/python_links.h"
 
 static void transpose(const double A[9], double B[9])
 {
@@ -86,7 +83,7 @@ static int take_link(const Links *Py_UNUSED(self), PyObject *row, Link *out)
            && take(at, NUMBERS, out->at);
 }
 
-static int links_init(Links *self, PyObject *args, PyObject *Py_UNUSED(kwargs))
+static int links_init(Links *self, PyObject *args)
 {
     PyObject *rows, *rotation, *owners;
     return PyArg_ParseTuple(args, "O!OO", &PyList_Type, &rows, &rotation, &owners)

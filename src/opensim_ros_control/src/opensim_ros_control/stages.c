@@ -1,7 +1,7 @@
 /* The arithmetic of a step beside OpenSim, on arrays of numpy: see stages.py. The equations are multiplied and solved
    by scipy's BLAS and LAPACK, found as scipy hands them to compiled code. */
-#include "hric_core/friction.h"
 #include "hric_core/python_numbers.h"
+#include "hric_dynamics/friction.h"
 
 #define NPY_NO_DEPRECATED_API NPY_1_7_API_VERSION
 #include <numpy/arrayobject.h>
@@ -35,6 +35,15 @@ static double *numbers(PyObject *object, npy_intp size)
         return NULL;
     }
     return PyArray_DATA(array);
+}
+
+/* Numbers of arrays that have these sizes; 0 with an error set. A size below 0 is that of an error which is set. */
+static int take_arrays(PyObject *const *given, int count, const npy_intp *sizes, double **values)
+{
+    for (int i = 0; i < count; i++)
+        if (sizes[i] < 0 || (values[i] = numbers(given[i], sizes[i])) == NULL)
+            return 0;
+    return 1;
 }
 
 /* The number of an array's items; -1 with an error set. */
@@ -97,58 +106,56 @@ FUNCTION(rubbed)
 {
     if (!expect(count, 3, "rubbed(tau, u, rows)"))
         return NULL;
+    enum { TAU, U, ROWS, VECTORS };
     const npy_intp n = length(given[0]);
-    const double *tau = n < 0 ? NULL : numbers(given[0], n);
-    const double *u = tau == NULL ? NULL : numbers(given[1], n);
-    const double *row = u == NULL ? NULL : numbers(given[2], n * FRICTION_ROW);
-    double *left;
-    PyObject *made = row == NULL ? NULL : make(1, n, &left);
+    double *x[VECTORS], *left;
+    if (!take_arrays(given, VECTORS, (npy_intp[]){n, n, n * FRICTION_ROW}, x))
+        return NULL;
+    PyObject *made = make(1, n, &left);
     for (npy_intp i = 0; made != NULL && i < n; i++)
-        left[i] = tau[i] - friction(row + i * FRICTION_ROW, u[i]);
+        left[i] = x[TAU][i] - friction(x[ROWS] + i * FRICTION_ROW, x[U][i]);
     return made;
 }
 
 FUNCTION(gripped)
 {
+    enum { TAU, ROTORS, U, BEND, ROWS, VECTORS };
     if (!expect(count, 7, "gripped(tau, rotors, u, bend, rows, before, step)"))
         return NULL;
     const double before = PyFloat_AsDouble(given[5]), step = PyFloat_AsDouble(given[6]);
     const npy_intp n = PyErr_Occurred() ? -1 : length(given[0]);
-    const double *tau = n < 0 ? NULL : numbers(given[0], n);
-    const double *rotor = tau == NULL ? NULL : numbers(given[1], n);
-    const double *u = rotor == NULL ? NULL : numbers(given[2], n);
-    double *bend = u == NULL ? NULL : numbers(given[3], n), *left, *inertia;
-    const double *rows = bend == NULL ? NULL : numbers(given[4], n * BRISTLE_ROW);
-    PyObject *leaving = rows == NULL ? NULL : make(1, n, &left);
+    double *x[VECTORS], *left, *inertia;
+    if (!take_arrays(given, VECTORS, (npy_intp[]){n, n, n, n, n * BRISTLE_ROW}, x))
+        return NULL;
+    PyObject *leaving = make(1, n, &left);
     PyObject *leaning = leaving == NULL ? NULL : make(1, n, &inertia);
     if (leaning == NULL) {
         Py_XDECREF(leaving);
         return NULL;
     }
     for (npy_intp i = 0; i < n; i++) {
-        const double *row = rows + i * BRISTLE_ROW;
+        const double *row = x[ROWS] + i * BRISTLE_ROW, u = x[U][i];
         double slope = 0.0, hold = 0.0;
         if (row[BRISTLE_BREAKAWAY] != 0.0) {
-            bend[i] = bristle_bent(row, before, bend[i], u[i]);
-            hold = bristle(row, step, bend[i], u[i], &slope);
+            x[BEND][i] = bristle_bent(row, before, x[BEND][i], u);
+            hold = bristle(row, step, x[BEND][i], u, &slope);
         }
-        left[i] = tau[i] - hold - slope * u[i];
-        inertia[i] = rotor[i] + step * slope;
+        left[i] = x[TAU][i] - hold - slope * u;
+        inertia[i] = x[ROTORS][i] + step * slope;
     }
     return Py_BuildValue("NN", leaving, leaning);
 }
 
 FUNCTION(balance)
 {
-    if (!expect(count, 4, "balance(M, rotors, a, tau)"))
+    enum { MASSES, ROTORS, ACCELERATION, TAU, VECTORS };
+    if (!expect(count, VECTORS, "balance(M, rotors, a, tau)"))
         return NULL;
     const npy_intp n = length(given[1]);
-    const double *M = n < 0 ? NULL : numbers(given[0], n * n);
-    const double *rotor = M == NULL ? NULL : numbers(given[1], n);
-    const double *a = rotor == NULL ? NULL : numbers(given[2], n);
-    const double *tau = a == NULL ? NULL : numbers(given[3], n);
-    double *A, *drive;
-    PyObject *inertia = tau == NULL ? NULL : make(2, n, &A);
+    double *x[VECTORS], *A, *drive;
+    if (!take_arrays(given, VECTORS, (npy_intp[]){n < 0 ? n : n * n, n, n, n}, x))
+        return NULL;
+    PyObject *inertia = make(2, n, &A);
     PyObject *driving = inertia == NULL ? NULL : make(1, n, &drive);
     if (driving == NULL) {
         Py_XDECREF(inertia);
@@ -156,11 +163,11 @@ FUNCTION(balance)
     }
     const int size = (int)n, one = 1;
     const double unit = 1.0, nothing = 0.0;
-    dgemv("T", &size, &size, &unit, M, &size, a, &one, &nothing, drive, &one);
-    memcpy(A, M, (size_t)(n * n) * sizeof(double));
+    dgemv("T", &size, &size, &unit, x[MASSES], &size, x[ACCELERATION], &one, &nothing, drive, &one);
+    memcpy(A, x[MASSES], (size_t)(n * n) * sizeof(double));
     for (npy_intp i = 0; i < n; i++) {
-        A[i * n + i] += rotor[i];
-        drive[i] += tau[i];
+        A[i * n + i] += x[ROTORS][i];
+        drive[i] += x[TAU][i];
     }
     return Py_BuildValue("NN", inertia, driving);
 }
@@ -221,14 +228,14 @@ FUNCTION(rate)
     const npy_intp size = length(given[0]), n = size < 0 ? -1 : length(given[1]);
     if (n > size / 2)
         PyErr_Format(PyExc_ValueError, "y has %zd numbers, too few for x", (Py_ssize_t)size);
-    const double *y = n < 0 || PyErr_Occurred() ? NULL : numbers(given[0], size);
-    const double *x = y == NULL ? NULL : numbers(given[1], n);
-    double *values;
-    PyObject *made = x == NULL ? NULL : make(1, size, &values);
+    double *x[2], *values;
+    if (PyErr_Occurred() || !take_arrays(given, 2, (npy_intp[]){size, n}, x))
+        return NULL;
+    PyObject *made = make(1, size, &values);
     if (made == NULL)
         return NULL;
-    memcpy(values, y + n, (size_t)n * sizeof(double));
-    memcpy(values + n, x, (size_t)n * sizeof(double));
+    memcpy(values, x[0] + n, (size_t)n * sizeof(double));
+    memcpy(values + n, x[1], (size_t)n * sizeof(double));
     memset(values + 2 * n, 0, (size_t)(size - 2 * n) * sizeof(double));
     return made;
 }
@@ -255,12 +262,10 @@ FUNCTION(ralston)
     const npy_intp n = length(given[0]);
     const double *y = n < 0 ? NULL : numbers(given[0], n);
     const double ninth = PyFloat_AsDouble(given[1]) / 9.0;
-    const double *r[3] = {NULL, NULL, NULL};
-    int well = y != NULL && !PyErr_Occurred();
-    for (int k = 0; well && k < 3; k++)
-        well = (r[k] = numbers(given[2 + k], n)) != NULL;
-    double *end;
-    PyObject *made = well ? make(1, n, &end) : NULL;
+    double *r[3], *end;
+    if (y == NULL || PyErr_Occurred() || !take_arrays(given + 2, 3, (npy_intp[]){n, n, n}, r))
+        return NULL;
+    PyObject *made = make(1, n, &end);
     for (npy_intp i = 0; made != NULL && i < n; i++)
         end[i] = y[i] + ninth * (2.0 * r[0][i] + 3.0 * r[1][i] + 4.0 * r[2][i]);
     return made;

@@ -1,11 +1,7 @@
-/* Forward dynamics of one robot with a fixed base, on Python's own lists: what joint_dynamics.py explains.
-
-   All in the frame of the world, about its origin. Composite-rigid-body and Newton-Euler algorithms as in Featherstone,
-   Rigid Body Dynamics Algorithms (2008), ch. 5 and 6. */
-#include "hric_core/factors.h"
-#include "hric_core/friction.h"
-#include "hric_core/python_numbers.h"
-#include "hric_core/rigid_body.h"
+/* Forward dynamics of one robot with a fixed base, on Python's own lists: what joint_dynamics.py explains. */
+#include "hric_dynamics/factors.h"
+#include "hric_dynamics/friction.h"
+#include "hric_dynamics/tree.h"
 
 #define LOCKED 1e9      /* added to the inertia of a joint whose acceleration is prescribed [kg m^2] */
 #define NOTICEABLE 1e-9 /* below this a difference between predicted and engine velocity is rounding [rad/s] */
@@ -15,18 +11,12 @@
 
 typedef struct {
     /* constants, in the order of a row that Python gives */
-    double parent, slides;
-    double R_parent_joint[9], p_parent_joint[3], axis[3];
-    double mass, com[3], inertia[9];
+    Link link;
     double rotor, coulomb, damping, sigmoid[FRICTION_ROW], bristle[BRISTLE_ROW];
     double leader, multiplier; /* of a joint that mimics another; else -1 and anything */
 } Constants;
 
 enum { ROW = sizeof(Constants) / sizeof(double) };
-
-typedef struct {
-    double R[9], p[3];
-} Pose;
 
 typedef struct {
     PyObject_HEAD
@@ -36,101 +26,16 @@ typedef struct {
         quiet; /* what engine positions are ahead of velocities [s]; no joint is this fast before it diverges */
     int passes, predicting, adding, sticking, lossy, coupled;
     Constants *constants;
-    int *parent, *leader;
-    Pose *poses;
-    /* unit motions of the joints; forces on the bodies, their velocities and accelerations */
-    Spatial *S, *forces, *v, *a;
-    Body *bodies, *composites;
+    Tree tree;
     double *block;
     /* n numbers each */
     double *q, *dq, *tau, *external, *prescribed, *bias, *bias0, *w;
     double *x, *loss, *slope, *predicted, *engine, *friction, *velocity, *inertia, *keep;
     double *bend, *grip; /* of the bristles, and what they take per speed at the end of the step */
-    int *driven;
+    int *driven, *leader;
     /* n x n numbers each */
     double *M, *A, *gain;
 } Dynamics;
-
-/* -- the robot ----------------------------------------------------------------------------------------------------- */
-
-/* Rotation by an angle about a unit axis (Rodrigues). */
-static void rotation(const double *a, double angle, double R[9])
-{
-    const double s = sin(angle), c = cos(angle), k = 1.0 - c;
-    const double r[9] = {c + k * a[0] * a[0],        k * a[0] * a[1] - s * a[2], k * a[0] * a[2] + s * a[1],
-                         k * a[0] * a[1] + s * a[2], c + k * a[1] * a[1],        k * a[1] * a[2] - s * a[0],
-                         k * a[0] * a[2] - s * a[1], k * a[1] * a[2] + s * a[0], c + k * a[2] * a[2]};
-    memcpy(R, r, sizeof r);
-}
-
-/* Poses and unit motions of the first joints, at self->q. */
-static void place_joints(Dynamics *self, int count)
-{
-    static const Pose world = {{1, 0, 0, 0, 1, 0, 0, 0, 1}, {0, 0, 0}};
-    memset(self->S, 0, sizeof(Spatial) * (size_t)count);
-    for (int i = 0; i < count; i++) {
-        const Constants *c = &self->constants[i];
-        const Pose *parent = self->parent[i] < 0 ? &world : &self->poses[self->parent[i]];
-        Pose *pose = &self->poses[i];
-        Spatial *S = &self->S[i];
-        double R[9], turned[9], axis[3];
-        rotate(parent->R, c->p_parent_joint, pose->p);
-        for (int k = 0; k < 3; k++)
-            pose->p[k] += parent->p[k];
-        multiply(parent->R, c->R_parent_joint, R);
-        rotate(R, c->axis, axis);
-        if (c->slides != 0.0) {
-            for (int k = 0; k < 3; k++)
-                pose->p[k] += axis[k] * self->q[i];
-            memcpy(pose->R, R, sizeof R);
-            memcpy(S->v, axis, sizeof axis);
-        } else {
-            rotation(c->axis, self->q[i], turned);
-            multiply(R, turned, pose->R);
-            memcpy(S->w, axis, sizeof axis);
-            add_cross(pose->p, axis, S->v);
-        }
-    }
-}
-
-static void place(Dynamics *self)
-{
-    place_joints(self, self->n);
-    memset(self->bodies, 0, sizeof(Body) * (size_t)self->n);
-    for (int i = 0; i < self->n; i++) {
-        const Constants *c = &self->constants[i];
-        add_body(self->poses[i].R, self->poses[i].p, c->mass, c->com, c->inertia, &self->bodies[i]);
-    }
-}
-
-static void links_mass_matrix(Dynamics *self, double *M)
-{
-    memcpy(self->composites, self->bodies, sizeof(Body) * (size_t)self->n);
-    mass_matrix(self->n, self->parent, self->S, self->composites, M);
-}
-
-/* Efforts that hold the joint velocities u as they are: Coriolis, centrifugal, gravity. */
-static void bias(Dynamics *self, const double *u, double *result)
-{
-    const Spatial still = {{0}, {0}}, base = {{0}, {-self->gravity[0], -self->gravity[1], -self->gravity[2]}};
-    for (int i = 0; i < self->n; i++) {
-        const int parent = self->parent[i];
-        Spatial step, *v = &self->v[i], *a = &self->a[i];
-        *v = parent < 0 ? still : self->v[parent];
-        *a = parent < 0 ? base : self->a[parent];
-        for (int k = 0; k < 3; k++) {
-            step.w[k] = self->S[i].w[k] * u[i];
-            step.v[k] = self->S[i].v[k] * u[i];
-            v->w[k] += step.w[k];
-            v->v[k] += step.v[k];
-        }
-        add_cross(v->w, step.w, a->w);
-        add_cross(v->w, step.v, a->v);
-        add_cross(v->v, step.w, a->v);
-        motion_force(&self->bodies[i], v, a, &self->forces[i]);
-    }
-    joint_efforts(self->n, self->parent, self->S, self->forces, result);
-}
 
 /* -- the equations ------------------------------------------------------------------------------------------------- */
 
@@ -291,7 +196,7 @@ static void accelerate(Dynamics *self, int first)
     double half = first ? 0.0 : 0.5 * self->dt;
     double lean = self->passes > 0 ? 0.5 * self->dt : 0.0; /* losses follow the velocity in the middle of the step */
     int fresh = first || self->lossy; /* the matrix of the first pass serves all, unless a slope is in it */
-    bias(self, self->w, self->bias);
+    tree_efforts(&self->tree, self->gravity, self->w, NULL, self->bias);
     if (self->lossy) {
         losses(self, self->w);
         grip(self, first);
@@ -372,8 +277,8 @@ static PyObject *dynamics_torque(Dynamics *self, PyObject *const *given, Py_ssiz
     }
     if (given[4] != Py_None && take_prescribed(self, given[4]) < 0)
         return NULL;
-    place(self);
-    links_mass_matrix(self, self->M);
+    place_tree(&self->tree, self->q);
+    tree_mass_matrix(&self->tree, self->M);
     accelerate(self, 1);
     memcpy(self->bias0, self->bias, sizeof(double) * (size_t)n);
     for (int pass = 0; pass < self->passes; pass++) {
@@ -465,8 +370,8 @@ static PyObject *dynamics_mass_matrix(Dynamics *self, PyObject *q)
     if (!take(q, self->n, self->q))
         return NULL;
     double M[self->n > 0 ? self->n * self->n : 1]; /* that of the last step stays */
-    place(self);
-    links_mass_matrix(self, M);
+    place_tree(&self->tree, self->q);
+    tree_mass_matrix(&self->tree, M);
     return list(M, (Py_ssize_t)self->n * self->n);
 }
 
@@ -476,8 +381,8 @@ static PyObject *dynamics_mobility(Dynamics *self, PyObject *q)
     double M[n > 0 ? n * n : 1], inverse[n > 0 ? n * n : 1];
     if (!take(q, n, self->q))
         return NULL;
-    place(self);
-    links_mass_matrix(self, M);
+    place_tree(&self->tree, self->q);
+    tree_mass_matrix(&self->tree, M);
     if (self->coupled)
         fold_matrix(self, M);
     factor(n, M);
@@ -494,8 +399,8 @@ static PyObject *dynamics_bias(Dynamics *self, PyObject *const *given, Py_ssize_
     double u[self->n > 0 ? self->n : 1], result[self->n > 0 ? self->n : 1];
     if (!expect(count, 2, "bias(q, dq)") || !take(given[0], self->n, self->q) || !take(given[1], self->n, u))
         return NULL;
-    place(self);
-    bias(self, u, result);
+    place_tree(&self->tree, self->q);
+    tree_efforts(&self->tree, self->gravity, u, NULL, result);
     return list(result, self->n);
 }
 
@@ -522,19 +427,14 @@ static PyObject *dynamics_motion(Dynamics *self, PyObject *const *given, Py_ssiz
     const int joint = take_joint(self, given[2]);
     if (joint < -1)
         return NULL;
-    place_joints(self, joint + 1);
+    place_joints(&self->tree, self->q, joint + 1);
     link = frame;
-    if (joint >= 0) {
-        const Pose *pose = &self->poses[joint];
-        multiply(pose->R, frame.R, link.R);
-        rotate(pose->R, frame.p, link.p);
-        for (int k = 0; k < 3; k++)
-            link.p[k] += pose->p[k];
-    }
-    for (int i = joint; i >= 0; i = self->parent[i])
+    if (joint >= 0)
+        compose(&self->tree.poses[joint], frame.R, frame.p, &link);
+    for (int i = joint; i >= 0; i = self->tree.parent[i])
         for (int k = 0; k < 3; k++) {
-            v.w[k] += self->S[i].w[k] * dq[i];
-            v.v[k] += self->S[i].v[k] * dq[i];
+            v.w[k] += self->tree.S[i].w[k] * dq[i];
+            v.v[k] += self->tree.S[i].v[k] * dq[i];
         }
     add_cross(v.w, link.p, v.v); /* from the point at the world's origin to the frame's own */
     quaternion(link.R, o);
@@ -553,11 +453,11 @@ static PyObject *dynamics_efforts(Dynamics *self, PyObject *const *given, Py_ssi
     const int joint = take_joint(self, given[1]);
     if (joint < -1)
         return NULL;
-    place_joints(self, joint + 1);
+    place_joints(&self->tree, self->q, joint + 1);
     add_cross(point, force.v, force.w);
     memset(efforts, 0, sizeof efforts);
-    for (int i = joint; i >= 0; i = self->parent[i])
-        efforts[i] = power(&self->S[i], &force);
+    for (int i = joint; i >= 0; i = self->tree.parent[i])
+        efforts[i] = power(&self->tree.S[i], &force);
     return list(efforts, n);
 }
 
@@ -569,11 +469,8 @@ static int take_rows(Dynamics *self, PyObject *rows)
         Py_XDECREF(row);
         if (failed)
             return -1;
-        if (!(self->constants[i].parent < (double)i)) {
-            PyErr_Format(PyExc_ValueError, "joint %d must come after its parent", i);
+        if (!set_link(&self->tree, i, &self->constants[i].link))
             return -1;
-        }
-        self->parent[i] = self->constants[i].parent < 0.0 ? -1 : (int)self->constants[i].parent;
         if (!(self->constants[i].leader < (double)self->n)) {
             PyErr_Format(PyExc_ValueError, "the leader of joint %d is not among %d", i, self->n);
             return -1;
@@ -599,23 +496,12 @@ static int dynamics_init(Dynamics *self, PyObject *args)
         return -1;
     self->n = (int)count;
     const size_t vectors = 18, size = (size_t)count;
-    self->constants = PyMem_Calloc(size + 1, sizeof(Constants));
-    self->parent = PyMem_Calloc(3 * size + 1, sizeof(int));
-    self->poses = PyMem_Calloc(size + 1, sizeof(Pose));
-    self->S = PyMem_Calloc(4 * size + 1, sizeof(Spatial));
-    self->bodies = PyMem_Calloc(2 * size + 1, sizeof(Body));
-    self->block = PyMem_Calloc(vectors * size + 3 * size * size + 1, sizeof(double));
-    if (self->constants == NULL || self->parent == NULL || self->poses == NULL || self->S == NULL
-        || self->bodies == NULL || self->block == NULL) {
-        PyErr_NoMemory();
+    self->constants = zeroed(size, sizeof(Constants));
+    self->driven = zeroed(2 * size, sizeof(int));
+    self->block = zeroed(vectors * size + 3 * size * size, sizeof(double));
+    if (!make_tree(&self->tree, self->n))
         return -1;
-    }
-    self->driven = self->parent + size;
     self->leader = self->driven + size;
-    self->forces = self->S + size;
-    self->v = self->forces + size;
-    self->a = self->v + size;
-    self->composites = self->bodies + size;
     double **places[] = {&self->q,         &self->dq,     &self->tau,      &self->prescribed, &self->bias,
                          &self->bias0,     &self->w,      &self->x,        &self->loss,       &self->slope,
                          &self->predicted, &self->engine, &self->friction, &self->velocity,   &self->inertia,
@@ -630,11 +516,9 @@ static int dynamics_init(Dynamics *self, PyObject *args)
 
 static void dynamics_clear(Dynamics *self)
 {
+    clear_tree(&self->tree);
     PyMem_Free(self->constants);
-    PyMem_Free(self->parent);
-    PyMem_Free(self->poses);
-    PyMem_Free(self->S);
-    PyMem_Free(self->bodies);
+    PyMem_Free(self->driven);
     PyMem_Free(self->block);
 }
 

@@ -29,6 +29,7 @@ from hric_control.plants import Losses, PlantConfig
 from hric_core.geometry import FloatArray, MassProperties
 from hric_core.native import load
 from hric_core.urdf import mimic_laws
+from hric_dynamics.tree import link_row, pose_row
 from pybullet_ros_control.urdf_model import EngineModel
 
 Vector = Sequence[float]
@@ -179,21 +180,8 @@ def _row(
     loss: Losses,
     follows: tuple[float, float] = (-1.0, 0.0),
 ) -> list[float]:
-    return [
-        float(parent),
-        float(slides),
-        *_pose_row(T_parent_joint),
-        *axis,
-        body.mass,
-        *body.com.tolist(),
-        *body.inertia.ravel().tolist(),
-        loss.rotor,
-        loss.coulomb,
-        loss.damping,
-        *loss.sigmoid_row(),
-        *loss.bristle_row(),
-        *follows,
-    ]
+    link = link_row(parent, slides, T_parent_joint, axis, body)
+    return [*link, loss.rotor, loss.coulomb, loss.damping, *loss.sigmoid_row(), *loss.bristle_row(), *follows]
 
 
 def _free_rows(base: MassProperties) -> list[list[float]]:
@@ -202,10 +190,6 @@ def _free_rows(base: MassProperties) -> list[list[float]]:
         _row(k - 1, k < 3, np.eye(4), np.eye(3)[k % 3].tolist(), base if k == 5 else nothing, Losses())
         for k in range(6)
     ]
-
-
-def _pose_row(T: FloatArray) -> list[float]:
-    return [*T[:3, :3].ravel().tolist(), *T[:3, 3].tolist()]
 
 
 def frame_of(model: EngineModel, joints: Sequence[str], T_world_base: FloatArray, link: str) -> tuple[int, list[float]]:
@@ -219,6 +203,6 @@ def frame_of(model: EngineModel, joints: Sequence[str], T_world_base: FloatArray
     """
     top = model.tops[link]
     if top.body_link == model.base:
-        return -1, _pose_row(T_world_base @ top.T_body_frame)
+        return -1, pose_row(T_world_base @ top.T_body_frame)
     child = [model.joints[name].child for name in joints]
-    return child.index(top.body_link), _pose_row(top.T_body_frame)
+    return child.index(top.body_link), pose_row(top.T_body_frame)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from hric_core.urdf import ONE_COORDINATE, Robot
-from hric_core.urdf.mass_matrix import mass_matrix
+from hric_dynamics.tree import Tree
 
 POSES = 8
 """Number of poses at which a robot is evaluated (project default, unconfirmed)."""
@@ -28,8 +28,9 @@ def poses(robot: Robot) -> list[dict[str, float]]:
 def min_inertias(robot: Robot) -> dict[str, float]:
     """Return 1 / (M^-1)_ii of each joint, the smallest over `poses` [kg m^2 or kg]; empty if all are singular."""
     smallest: dict[str, float] = {}
+    tree = Tree(robot)
     for q in poses(robot):
-        M, rows = mass_matrix(robot, q)
+        M = tree.mass_matrix(tree.positions(q))
         own = np.sqrt(np.abs(np.diag(M)))
         if not own.all():
             continue
@@ -38,6 +39,6 @@ def min_inertias(robot: Robot) -> dict[str, float]:
             found = own**2 / np.sum(vectors**2 / values, axis=1)
             smallest |= {
                 name: min(float(inertia), smallest.get(name, math.inf))
-                for name, inertia in zip(rows, found, strict=True)
+                for name, inertia in zip(tree.joints, found, strict=True)
             }
     return smallest

@@ -12,7 +12,7 @@ from hric_control.plants.models import moving_body
 from hric_core.errors import DescriptionError, UnknownNameError
 from hric_core.geometry import MassProperties
 from hric_core.urdf import ONE_COORDINATE, Joint, Link, Robot
-from hric_core.urdf.mass_matrix import mass_matrix
+from hric_dynamics.tree import Tree
 from urdf_to_osim import friction, inertia
 from urdf_to_osim.joints import coordinate_names
 from urdf_to_osim.min_inertias import poses
@@ -221,15 +221,10 @@ NAMED = 5
 
 def invented_joints(described: Robot, repaired: Robot) -> list[str]:
     """Return the joints most of whose inertia, by the mass matrix over `poses`, is not in the description."""
-    rows: list[str] = []
-    own = np.zeros(
-        (2, sum({"fixed": 0, "planar": 3, "floating": 6}.get(joint.type, 1) for joint in described.joints.values()))
-    )
-    for q in poses(described):
-        for i, robot in enumerate((described, repaired)):
-            M, rows = mass_matrix(robot, q)
-            own[i] += np.diag(M)
-    return list(dict.fromkeys(name for name, old, new in zip(rows, *own, strict=True) if new - old > MOSTLY * new))
+    trees = Tree(described), Tree(repaired)
+    own = np.sum([[np.diag(tree.mass_matrix(tree.positions(q))) for tree in trees] for q in poses(described)], axis=0)
+    rows = zip(trees[0].joints, *own, strict=True)
+    return list(dict.fromkeys(name for name, old, new in rows if new - old > MOSTLY * new))
 
 
 def check_invented(described: Robot, repaired: Robot) -> None:

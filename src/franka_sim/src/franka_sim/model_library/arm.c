@@ -93,11 +93,6 @@ EXPORT void g_NE(const double *q, const double *gravity, double m_total, const d
     Body bodies[JOINTS];
     place_bodies(ARM, &load, q, S, bodies);
     accumulate(JOINTS, PARENT, bodies);
-    for (int i = 0; i < JOINTS; i++) {
-        Spatial weight = {{0}, {0}};
-        for (int k = 0; k < 3; k++)
-            weight.v[k] = bodies[i].m * gravity[k];
-        add_cross(bodies[i].h, gravity, weight.w);
-        out[i] = -power(&S[i], &weight);
-    }
+    for (int i = 0; i < JOINTS; i++)
+        out[i] = holding_effort(&S[i], &bodies[i], gravity);
 }

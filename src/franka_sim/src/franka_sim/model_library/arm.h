@@ -6,7 +6,7 @@
 #ifndef FRANKA_SIM_ARM_H
 #define FRANKA_SIM_ARM_H
 
-#include "hric_core/rigid_body.h"
+#include "hric_dynamics/rigid_body.h"
 
 #define JOINTS 7
 #define FLANGE 7 /* index behind the links */
@@ -26,10 +26,6 @@ typedef struct {
     const double *com;
 } Load;
 
-typedef struct {
-    double R[9], p[3];
-} Pose;
-
 static const int PARENT[JOINTS] = {-1, 0, 1, 2, 3, 4, 5};
 static const double STILL[JOINTS];
 
@@ -39,18 +35,10 @@ static inline void rotate_back(const double R[9], const double x[3], double y[3]
         y[i] = R[i] * x[0] + R[3 + i] * x[1] + R[6 + i] * x[2];
 }
 
-static inline void compose(const Pose *parent, const double R[9], const double p[3], Pose *child)
-{
-    multiply(parent->R, R, child->R);
-    rotate(parent->R, p, child->p);
-    for (int i = 0; i < 3; i++)
-        child->p[i] += parent->p[i];
-}
-
 /* Poses of the seven links and of the flange in the base frame. */
 static inline void forward(const Arm *arm, const double q[JOINTS], Pose poses[JOINTS + 1])
 {
-    Pose before = {{1, 0, 0, 0, 1, 0, 0, 0, 1}, {0, 0, 0}};
+    Pose before = WORLD;
     for (int i = 0; i < JOINTS; i++) {
         const double c = cos(q[i]), s = sin(q[i]), turn[9] = {c, -s, 0, s, c, 0, 0, 0, 1};
         double R[9];

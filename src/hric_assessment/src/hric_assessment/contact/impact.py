@@ -23,7 +23,7 @@ from hric_core import urdf
 from hric_core.errors import HricError, check_known
 from hric_core.geometry import homogeneous
 from hric_core.geometry.transforms import inverse, rotation_from_quaternion
-from hric_core.urdf.mass_matrix import mass_matrix, point_jacobian
+from hric_dynamics.tree import Tree
 from hric_human.body import describe, surfaces
 from hric_human.participant.settings import HumanSettings
 from hric_human.participant.walk import JOINTS, Walk
@@ -161,6 +161,7 @@ class Mechanism:
         self, tree: urdf.Robot, joints: Sequence[str], rotors: Sequence[float], T_world_root: FloatArray | None = None
     ) -> None:
         self.tree, self.joints, self._rotors = tree, tuple(joints), np.diag(rotors)
+        self._dynamics = Tree(tree, joints)
         self._T_root_world = np.eye(4) if T_world_root is None else inverse(T_world_root)
 
     def at(self, q: FloatArray, link: str, point: Sequence[float]) -> tuple[FloatArray, FloatArray]:
@@ -171,12 +172,9 @@ class Mechanism:
             link: link of the description.
             point: point in the world, 3 floats [m].
         """
-        angles = dict(zip(self.joints, q.tolist(), strict=True))
         R, p = self._T_root_world[:3, :3], self._T_root_world[:3, :3] @ point + self._T_root_world[:3, 3]
-        M, rows = mass_matrix(self.tree, angles)
-        chosen = [rows.index(name) for name in self.joints]
-        J = R.T @ point_jacobian(self.tree, angles, link, p)[:, chosen]
-        return J, np.asarray(np.linalg.inv(M[np.ix_(chosen, chosen)] + self._rotors))
+        J = np.asarray(R.T @ self._dynamics.point_jacobian(q.tolist(), link, p.tolist()))
+        return J, np.asarray(np.linalg.inv(self._dynamics.mass_matrix(q.tolist()) + self._rotors))
 
     def reflected_mass(self, q: FloatArray, link: str, point: Sequence[float], normal: Sequence[float]) -> float:
         """Return 1 / (n' J (M + B)^-1 J' n) [kg]; infinite where no joint lets the link yield along n."""

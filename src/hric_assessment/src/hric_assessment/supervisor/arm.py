@@ -10,7 +10,7 @@ from hric_assessment.separation.capsules import capsules_of, poses
 from hric_core.errors import DescriptionError
 from hric_core.geometry import FloatArray
 from hric_core.urdf import read
-from hric_core.urdf.mass_matrix import mass_matrix, point_jacobian
+from hric_dynamics.tree import Tree
 
 STEP = 1e-3
 """Time step along the present velocity, for point speeds [s]: curvature changes them by less than 1e-3."""
@@ -80,6 +80,7 @@ class ArmShape:
                 f"joint {', '.join(unknown)} is not in the description of {self.tree.name}; valid: "
                 f"{', '.join(name for name, joint in self.tree.joints.items() if joint.type != 'fixed')}"
             )
+        self._dynamics = Tree(self.tree, self.joints)
         fixed = self.tree.rigid_groups()
         moving = [name for name in self.tree.links if fixed[name][0] != self.tree.root]
         self.capsules, left_out = capsules_of(self.tree, moving)
@@ -117,12 +118,10 @@ class ArmShape:
             point: point of the link in the world, shape (3,) [m].
             direction: u, shape (3,).
         """
-        angles = dict(zip(self.joints, q.tolist(), strict=True))
-        M, rows = mass_matrix(self.tree, angles)
-        chosen = [rows.index(name) for name in self.joints]
-        row = direction @ point_jacobian(self.tree, angles, link, point)[:, chosen]
+        M = self._dynamics.mass_matrix(q.tolist())
+        row = direction @ self._dynamics.point_jacobian(q.tolist(), link, point.tolist())
         try:
-            mobility = float(row @ np.linalg.solve(M[np.ix_(chosen, chosen)] + np.diag(rotors), row))
+            mobility = float(row @ np.linalg.solve(M + np.diag(rotors), row))
         except np.linalg.LinAlgError:  # a description without masses
             return math.nan
         return 1.0 / mobility if mobility else math.inf

@@ -8,15 +8,14 @@ import numpy as np
 from hric_core.errors import HricError
 from hric_core.geometry import IDENTITY, ORIGIN, FloatArray, Pose, Quaternion, Vector, transformed
 from hric_core.geometry.quaternions import cross, from_rotation_vector, product
-from hric_core.native import load
 from hric_core.urdf import read
+from hric_dynamics.tree import Tree
 from hric_human.body import Body
 from hric_human.body.segments import ROOT
 from hric_human.control.kinematics import GRAVITY
 
 Wrench = tuple[float, float, float, float, float, float]
 """Force [N], and torque about the origin of the wrench's axes [N m]."""
-_Tree = load("hric_newton_euler").Tree
 
 
 class Load(NamedTuple):
@@ -84,7 +83,6 @@ class _Link(NamedTuple):
         offset: position of the joint, in axes of the parent [m].
         axis: axis of the joint; zero if it is fixed.
         joint: index in the body's order; 0 if it is fixed.
-        mass, com, inertia: mass properties in axes of the link, the inertia by rows [kg], [m], [kg m^2].
     """
 
     name: str
@@ -92,16 +90,6 @@ class _Link(NamedTuple):
     offset: Vector
     axis: Vector
     joint: int
-    mass: float
-    com: Vector
-    inertia: tuple[Vector, Vector, Vector]
-
-
-def _row(link: _Link) -> list[float]:
-    """Return the link's row for the compiled module."""
-    (xx, xy, xz), (_, yy, yz), (_, _, zz) = link.inertia
-    joint = -1 if link.axis == ORIGIN else link.joint
-    return [link.parent, joint, *link.offset, *link.axis, link.mass, *link.com, xx, xy, xz, yy, yz, zz]
 
 
 class WholeBody:
@@ -119,27 +107,19 @@ class WholeBody:
     def __init__(self, body: Body) -> None:
         self.body = body
         robot, order = read(body.urdf), list(body.joints)
-        index = {ROOT: -1}
-        self.links: list[_Link] = []
-        for joint in robot.joints.values():
-            moves, mass = joint.name in body.joints, robot.links[joint.child].mass
-            assert mass is not None, "every link of a body but its root has a mass"
-            a, b, c = (_vector(row) for row in mass.inertia)
-            self.links.append(
-                _Link(
-                    joint.child,
-                    index[joint.parent],
-                    _vector(joint.T_parent_joint[:3, 3]),
-                    _vector(joint.axis) if moves else ORIGIN,
-                    order.index(joint.name) if moves else 0,
-                    mass.mass,
-                    _vector(mass.com),
-                    (a, b, c),
-                )
+        tree = Tree(robot, order)
+        self.links = [
+            _Link(
+                joint.child,
+                tree.index[joint.parent],
+                _vector(joint.T_parent_joint[:3, 3]),
+                _vector(joint.axis) if joint.name in body.joints else ORIGIN,
+                order.index(joint.name) if joint.name in body.joints else 0,
             )
-            index[joint.child] = len(self.links) - 1
+            for joint in robot.joints.values()
+        ]
         self.index = {link.name: at for at, link in enumerate(self.links)}
-        self._tree = _Tree(len(order), [_row(link) for link in self.links])
+        self._bodies = tree.bodies
 
     def inverse_dynamics(
         self,
@@ -174,7 +154,7 @@ class WholeBody:
         given = [np.ascontiguousarray(values, np.float64) for values in (np.hstack(moved), q, dq, ddq)]
         force, moment, position = (np.empty((n, links, 3)) for _ in range(3))
         needed = Needed(np.zeros(given[1].shape), force, moment, position, np.empty((n, links, 3, 3)))
-        self._tree.solve(gravity, [self.index[one.link] for one in loads], *given, acting, *needed)
+        self._bodies.solve(gravity, [self.index[one.link] for one in loads], *given, acting, *needed)
         return needed
 
     def poses(self, q: Sequence[float], T_world_root: Pose) -> dict[str, Pose]:

@@ -175,9 +175,9 @@ static int take_arm(const Muscles *self, PyObject *given, Arm *arm)
     arm->place = copied(integers, m + 2 * t + rows + 1 + e, sizeof(int), "the integers of an arm");
     arm->lower =
         arm->place == NULL ? NULL : copied(numbers, 2 * m + e + 4 * k, sizeof(double), "the numbers of an arm");
-    arm->x = PyMem_Calloc(m + t, sizeof(double));
-    if (arm->lower == NULL || arm->x == NULL)
-        return PyErr_Occurred() != NULL ? 0 : (PyErr_NoMemory(), 0);
+    arm->x = arm->lower == NULL ? NULL : zeroed(m + t, sizeof(double));
+    if (arm->x == NULL)
+        return 0;
     arm->factor = arm->place + m, arm->angle = arm->factor + t, arm->start = arm->angle + t;
     arm->term = arm->start + rows + 1;
     arm->upper = arm->lower + m, arm->coefficient = arm->upper + m, arm->force = arm->coefficient + e;
@@ -200,9 +200,9 @@ static int muscles_init(Muscles *self, PyObject *args)
     const Py_ssize_t count = PyList_GET_SIZE(arms);
     self->constant =
         copied(constant, (size_t)self->muscles * (size_t)(4 + self->columns), sizeof(double), "the constants");
-    self->arm = PyMem_Calloc((size_t)count + 1, sizeof(Arm));
-    if (self->constant == NULL || self->arm == NULL)
-        return PyErr_Occurred() != NULL ? -1 : (PyErr_NoMemory(), -1);
+    self->arm = self->constant == NULL ? NULL : zeroed((size_t)count, sizeof(Arm));
+    if (self->arm == NULL)
+        return -1;
     for (; self->arms < count; self->arms++)
         if (!take_arm(self, PyList_GET_ITEM(arms, self->arms), self->arm + self->arms)) {
             self->arms++; /* what it has taken is freed, too */

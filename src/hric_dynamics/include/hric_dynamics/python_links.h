@@ -4,13 +4,14 @@
  * Before it includes this, a module defines `Link`, what is needed of one, and `Links`, an object of Python with
  * `owners`, `n` and `links` among its members; afterwards the functions that are only declared here, and LINKS_MODULE.
  */
-#ifndef HRIC_CONTROL_PYTHON_LINKS_H
-#define HRIC_CONTROL_PYTHON_LINKS_H
+#ifndef HRIC_DYNAMICS_PYTHON_LINKS_H
+#define HRIC_DYNAMICS_PYTHON_LINKS_H
 
 #include "hric_core/python_numbers.h"
+#include "hric_dynamics/rigid_body.h"
 
-/* Of a new object, from what Python gives; take_links reads the rows. */
-static int links_init(Links *self, PyObject *args, PyObject *kwargs);
+/* Fill a new object from what Python gives; take_links reads the rows. */
+static int links_init(Links *self, PyObject *args);
 
 /* A link from its row; 0 with an error set. */
 static int take_link(const Links *self, PyObject *row, Link *out);
@@ -42,30 +43,19 @@ static int take_links(Links *self, PyObject *rows, PyObject *owners)
 {
     self->owners = Py_NewRef(owners);
     const Py_ssize_t count = PyList_GET_SIZE(rows);
-    self->links = PyMem_Calloc((size_t)count + 1, sizeof(Link));
-    if (self->links == NULL) {
-        PyErr_NoMemory();
+    self->links = zeroed((size_t)count, sizeof(Link));
+    if (self->links == NULL)
         return 0;
-    }
     for (; self->n < count; self->n++)
         if (!take_link(self, PyList_GET_ITEM(rows, self->n), self->links + self->n))
             return 0;
     return 1;
 }
 
-static int links_once(Links *self, PyObject *args, PyObject *kwargs)
-{
-    if (self->owners == NULL)
-        return links_init(self, args, kwargs);
-    PyErr_SetString(PyExc_TypeError, "it is made once");
-    return -1;
-}
-
-static void links_free(Links *self)
+static void links_clear(Links *self)
 {
     PyMem_Free(self->links);
     Py_XDECREF(self->owners);
-    Py_TYPE(self)->tp_free((PyObject *)self);
 }
 
 static PyObject *links_motions(Links *self, PyObject *Py_UNUSED(nothing))
@@ -106,27 +96,7 @@ static PyMethodDef links_methods[] = {
      "(pair, force, torque, point) in the world frame, on link 2 pair; the opposite on the next one"},
     {0}};
 
-static PyTypeObject links_type = {
-    PyVarObject_HEAD_INIT(NULL, 0).tp_basicsize = sizeof(Links),
-    .tp_flags = Py_TPFLAGS_DEFAULT,
-    .tp_new = PyType_GenericNew,
-    .tp_init = (initproc)links_once,
-    .tp_dealloc = (destructor)links_free,
-    .tp_methods = links_methods,
-};
-
-static PyObject *links_module(struct PyModuleDef *definition, const char *full_name)
-{
-    links_type.tp_name = full_name;
-    PyObject *module = PyType_Ready(&links_type) < 0 ? NULL : PyModule_Create(definition);
-    if (module != NULL && PyModule_AddObjectRef(module, "Links", (PyObject *)&links_type) < 0)
-        Py_CLEAR(module);
-    return module;
-}
-
 /* The module of that name, with the type in it. */
-#define LINKS_MODULE(name)                                                                                             \
-    static struct PyModuleDef definition = {PyModuleDef_HEAD_INIT, #name, NULL, -1, NULL, NULL, NULL, NULL, NULL};     \
-    PyMODINIT_FUNC PyInit_##name(void) { return links_module(&definition, #name ".Links"); }
+#define LINKS_MODULE(name) TYPE_MODULE(name, Links, links, NULL)
 
 #endif

@@ -1,8 +1,8 @@
 // clang-format Language: C
 /* The identified friction of a joint, as all compiled plants take it: the sliding part by `sigmoid_row`, what holds a
    joint that hardly moves by `bristle_row`, both in hric_control.plants, whose module friction.py explains the law. */
-#ifndef HRIC_CONTROL_FRICTION_H
-#define HRIC_CONTROL_FRICTION_H
+#ifndef HRIC_DYNAMICS_FRICTION_H
+#define HRIC_DYNAMICS_FRICTION_H
 
 #include <math.h>
 

@@ -2,8 +2,8 @@
 /* Linear equations with a symmetric positive definite matrix, row-major, for the compiled models.
  *
  * The order of the operations is part of the interface: runs are compared bit by bit. */
-#ifndef HRIC_CONTROL_FACTORS_H
-#define HRIC_CONTROL_FACTORS_H
+#ifndef HRIC_DYNAMICS_FACTORS_H
+#define HRIC_DYNAMICS_FACTORS_H
 
 /* A = L D L' in place: L below the diagonal, 1 / D on it (square-root-free Cholesky). */
 static inline void factor(int n, double *A)

@@ -3,8 +3,8 @@
  * Featherstone, Rigid Body Dynamics Algorithms (2008), ch. 5 and 6. Rotations and tensors are row-major; SI units.
  *
  * The order of the operations is part of the interface: runs are compared bit by bit. */
-#ifndef HRIC_CONTROL_RIGID_BODY_H
-#define HRIC_CONTROL_RIGID_BODY_H
+#ifndef HRIC_DYNAMICS_RIGID_BODY_H
+#define HRIC_DYNAMICS_RIGID_BODY_H
 
 #include <math.h>
 #include <string.h>
@@ -19,6 +19,13 @@ typedef struct {
 typedef struct {
     double m, h[3], I[9];
 } Body;
+
+/* Rotation and origin of a frame in another. */
+typedef struct {
+    double R[9], p[3];
+} Pose;
+
+static const Pose WORLD = {{1, 0, 0, 0, 1, 0, 0, 0, 1}, {0, 0, 0}};
 
 static inline double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
@@ -40,6 +47,15 @@ static inline void multiply(const double A[9], const double B[9], double AB[9])
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++)
             AB[3 * i + j] = A[3 * i] * B[j] + A[3 * i + 1] * B[3 + j] + A[3 * i + 2] * B[6 + j];
+}
+
+/* Pose of a frame (R, p) beyond another. */
+static inline void compose(const Pose *parent, const double R[9], const double p[3], Pose *child)
+{
+    multiply(parent->R, R, child->R);
+    rotate(parent->R, p, child->p);
+    for (int i = 0; i < 3; i++)
+        child->p[i] += parent->p[i];
 }
 
 /* Unit quaternion (x, y, z, w) of a rotation, by its largest component (Shepperd 1978). */
@@ -135,6 +151,16 @@ static inline void mass_matrix(int n, const int *parent, const Spatial *S, Body 
         for (int j = i; j >= 0; j = parent[j])
             M[i * n + j] = M[j * n + i] = power(&S[j], &momentum);
     }
+}
+
+/* Effort of a joint that holds a body, with all that it carries, against gravity. */
+static inline double holding_effort(const Spatial *S, const Body *body, const double gravity[3])
+{
+    Spatial weight = {{0}, {0}};
+    for (int k = 0; k < 3; k++)
+        weight.v[k] = body->m * gravity[k];
+    add_cross(body->h, gravity, weight.w);
+    return -power(S, &weight);
 }
 
 /* Joint efforts that forces on the bodies take; the forces are accumulated. */
