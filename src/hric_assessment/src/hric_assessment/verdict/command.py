@@ -1,6 +1,7 @@
 """Command `assess`."""
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
 from hric_assessment.contact.area import check_area
@@ -17,7 +18,7 @@ from hric_assessment.verdict.moment import picture
 from hric_assessment.verdict.result import Verdict
 from hric_bags import files
 from hric_bags.arguments import run_arguments
-from hric_core.command import Argument, Command
+from hric_core.command import Argument, Command, perform
 from hric_core.errors import NOT_GOOD, NOT_KNOWN, HricError, check_known
 
 FILE = "verdict.json"
@@ -81,6 +82,15 @@ class AssessCommand(Command):
         if given.picture is not None:
             _draw(verdicts[0], given.picture)
         return max((verdict.exit_code(only) for verdict in verdicts), key=SEVERITY.index)
+
+
+def main(words: Sequence[str]) -> int:
+    """Assess as `hric assess` does with these words, from Python, and return the exit code.
+
+    Raises:
+        HricError: a mistake in the words, or a recording that cannot be read.
+    """
+    return perform(["assess", *words])
 
 
 def _assessed(name: str, root: Path, choices: Choices) -> Verdict:
