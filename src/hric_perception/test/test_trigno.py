@@ -191,16 +191,20 @@ def test_two_hundred_spoilt_conversations_leave_a_client_that_reads_the_next_ser
             return known(word)
         with server._lock:
             server._send(drawn.randbytes(drawn.randrange(1, 3000)))
-            if word == "START":
-                while server._listeners:
-                    server._listeners.pop().close()
         return known(word) if drawn.random() < 0.4 else drawn.choice((*SPOILT, drawn.randbytes(30).decode("latin-1")))
+
+    def ended() -> bool:
+        """Return True after two hundred; until then whoever gets samples is hung up on."""
+        with server._lock:
+            while conversations <= 200 and server._listeners:
+                server._listeners.pop().close()
+        return conversations > 200
 
     monkeypatch.setattr(server, "_response", spoilt)
     reader = Reader(server.command_port, server.data_port)
     source = device(server, 2000.0)
     source.start()
-    wait(lambda: conversations > 200)
+    wait(ended)
     monkeypatch.setattr(client, "TIMEOUT", 2.0)
     before = reader.health.samples
     wait(lambda: reader.health.samples > before + 500 and reader.chunks[-1].layout.rate == pytest.approx(2000.0))
