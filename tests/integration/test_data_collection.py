@@ -156,7 +156,8 @@ def test_ten_minutes_beside_four_busy_loops_cost_pace_and_nothing_else(
             "env:=sim", "rviz:=false", f"experiment:={shortened(tmp_path, 600.0)}", "mocap_server:=127.0.7.13"
         )
         settled, used = time.monotonic() + 120.0, dict[int, list[float]]()
-        while system.process.poll() is None and time.monotonic() < settled + 3600.0:
+        while not [*system.run_folder.glob("*.bag")]:  # until the recording is closed; the report comes after it
+            assert system.process.poll() is None and time.monotonic() < settled + 3600.0
             time.sleep(5.0)
             for pid in system.processes() if time.monotonic() > settled else ():
                 used.setdefault(pid, []).append(memory(pid))
