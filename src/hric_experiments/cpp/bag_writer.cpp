@@ -135,12 +135,23 @@ void BagWriter::write(const Message& message)
   bag_.write(message.topic, stamp(message.event.getReceiptTime()), *message.event.getConstMessage(),
              message.event.getConnectionHeaderPtr());
   fresh_ = true;
+  buffered_ += message.event.getConstMessage()->size();
+  if (filling_)
+  {
+    bag_.setChunkThreshold(CHUNK_SIZE);
+    filling_ = fresh_ = false;
+    buffered_ = 0;
+  }
 }
 
 void BagWriter::endChunk()
 {
-  if (fresh_)
-    bag_.setChunkThreshold(CHUNK_SIZE);  // which closes the chunk that is open
+  if (!fresh_)
+    return;
+  // Any threshold closes the open chunk. But librosbag empties its copy of the messages only after a chunk that they
+  // fill, so from time to time the next message fills one alone.
+  filling_ = buffered_ > CHUNK_SIZE;
+  bag_.setChunkThreshold(filling_ ? 1 : CHUNK_SIZE);
   fresh_ = false;
 }
 

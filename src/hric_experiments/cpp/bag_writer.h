@@ -54,7 +54,9 @@ private:
   std::deque<Message> waiting_;
   std::size_t bytes_ = 0;
   uint64_t dropped_ = 0;
-  bool finishing_ = false, fresh_ = false;
+  bool finishing_ = false;
+  bool fresh_ = false, filling_ = false;  // whether a chunk is open, and whether the next message fills one
+  std::size_t buffered_ = 0;              // of messages that librosbag keeps a copy of [B]
   std::string failure_;
   std::thread thread_;
 };

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import rospy
 from rosbags.highlevel import AnyReader
-from std_msgs.msg import Float64, UInt32
+from std_msgs.msg import Float64, UInt8MultiArray, UInt32
 
 from hric_control.testing import ros, roscore  # noqa: F401
 from hric_experiments.recorder import process as recorder_process
@@ -52,6 +52,21 @@ def test_what_arrives_while_the_recorder_stands_is_in_the_bag_when_it_goes_on(ro
         assert [reader.deserialize(raw, connection.msgtype).data for connection, _, raw in reader.messages()] == list(
             range(3000)
         )  # type: ignore[attr-defined]
+
+
+def test_a_recording_takes_no_more_memory_the_longer_it_is(ros: str, tmp_path: Path) -> None:  # noqa: F811
+    # A megabyte a second: chunks end by time, before they are full.
+    publisher, recorder = advertise("/long", UInt8MultiArray), record(tmp_path / "long.bag", ["/long"])
+    wait_heard(publisher)
+    memory = []
+    for number in range(350):
+        publisher.publish(UInt8MultiArray(data=bytes([number % 256]) * 20_000))
+        time.sleep(0.02)
+        memory.append(int(Path(f"/proc/{recorder.pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE"))
+    assert memory[-1] - memory[100] < 2e6
+    with AnyReader([recorder.stop()]) as reader:
+        data = [reader.deserialize(raw, connection.msgtype).data[0] for connection, _, raw in reader.messages()]  # type: ignore[attr-defined]
+    assert data == [number % 256 for number in range(350)]
 
 
 @pytest.mark.parametrize(("address", "local"), [("127.0.0.1", True), ("localhost", True), ("", False)])
