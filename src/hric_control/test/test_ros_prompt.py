@@ -229,6 +229,21 @@ def test_listeners_of_a_topic_hear_all_and_are_forgotten_when_they_leave(
     publisher.unregister()
 
 
+@pytest.mark.rostest
+def test_a_listener_that_comes_before_rospy_knows_the_size_of_the_queue_is_sent_to_as_any_other(ros: str) -> None:  # noqa: F811
+    publisher = RosNode().advertise("/early", String, queue_size=100)
+    publisher._publisher.impl.queue_size = None  # as it is between rospy's first and second line of a publisher
+    heard: list[str] = []
+    listener = rospy.Subscriber("/early", String, lambda message: heard.append(message.data), queue_size=None)
+    until(lambda: publisher.subscribers() == 1)
+    publisher.publish(String("a"))
+    until(lambda: heard == ["a"])
+    assert all(isinstance(one, PromptConnection) for one in publisher._publisher.impl.connections)
+    listener.unregister()
+    until(lambda: publisher.subscribers() == 0)
+    publisher.unregister()
+
+
 def until(condition: Any) -> None:
     end = time.monotonic() + 30.0
     while not condition():

@@ -18,7 +18,7 @@ from hric_control.publishing import OnError
 from hric_control.robot_time import stamps
 from hric_control.ros.action import RosActionServer
 from hric_control.ros.live import RosLiveParameters
-from hric_control.ros.prompt import send_promptly
+from hric_control.ros.prompt import prompt_connections, send_promptly
 
 LAST = 0.5
 """Longest wait for listeners to take what was published before a topic is closed [s] (project default, unconfirmed)."""
@@ -93,7 +93,7 @@ class RosPublisher:
             topic.buff.seek(0)
             topic.buff.truncate()
             topic.message_data_sent += len(data)
-            return Parcel(topic.connections, data, count)
+            return Parcel(prompt_connections(topic), data, count)
 
     def subscribers(self) -> int:
         """Number of listeners."""

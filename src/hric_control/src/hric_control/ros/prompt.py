@@ -1,5 +1,6 @@
 """Topics of a rospy node send in the thread that publishes, as long as the network takes what is sent."""
 
+from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -16,6 +17,21 @@ def send_promptly() -> None:
     a listener that does not read holds up whoever publishes, for a minute.
     """
     rospy.topics.QueuedConnection = PromptConnection
+
+
+def prompt_connections(topic: Any) -> Sequence["PromptConnection"]:
+    """Return the connections of rospy's implementation of a topic.
+
+    rospy tells a topic the size of its queue after it has begun to listen: who connects in between is left without a
+    queue, and gets its connection here.
+    """
+    if not all(isinstance(connection, PromptConnection) for connection in topic.connections or ()):
+        with topic.c_lock:
+            topic.connections = [
+                connection if isinstance(connection, PromptConnection) else PromptConnection(connection)
+                for connection in topic.connections
+            ]
+    return topic.connections or ()  # none while rospy closes it
 
 
 class PromptConnection(Listener):
