@@ -22,7 +22,7 @@ def send_promptly() -> None:
 def prompt_connections(topic: Any) -> Sequence["PromptConnection"]:
     """Return the connections of rospy's implementation of a topic.
 
-    rospy tells a topic the size of its queue after it has begun to listen: who connects in between is left without a
+    rospy sets the size of a topic's queue after the topic listens: who connects in between is left without a
     queue, and gets its connection here.
     """
     if not all(isinstance(connection, PromptConnection) for connection in topic.connections or ()):
