@@ -7,7 +7,7 @@ import argparse
 from collections.abc import Mapping
 from pathlib import Path
 
-from house import layers, sources
+from house import imports
 
 ROOT = Path(__file__).resolve().parents[1]
 PICTURE = ROOT / "docs" / "packages.svg"
@@ -35,13 +35,11 @@ def imported() -> Graph:
     Raises:
         ValueError: a package is in no house.
     """
-    files = sources.in_folder(ROOT)
-    package = {file.name: file.package for file in files}
+    graph = imports.graph(ROOT)
     known = {name for names in HOUSES.values() for name in names}
-    if strange := set(package.values()) - known - {"scripts"}:
+    if strange := set(graph) - known:
         raise ValueError(f"no house has {', '.join(sorted(strange))}: add it to HOUSES of tests/package_picture.py")
-    pairs = {(package[edge.importer], package.get(edge.imported, "")) for edge in layers.imports(files)}
-    return {name: frozenset(b for a, b in pairs if a == name and b in known - {name}) for name in known}
+    return {name: graph.get(name, frozenset()) for name in known}
 
 
 def below(graph: Graph, name: str) -> frozenset[str]:

@@ -9,15 +9,13 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
-from house import counts, layers, limits, sources, words  # noqa: E402
+from house import counts, imports, limits, sources, words  # noqa: E402
 from house.__main__ import main  # noqa: E402
 from house.sources import HouseError, Source  # noqa: E402
 from house.twins import twins  # noqa: E402
 
 Make = Callable[..., Path]
 Captured = pytest.CaptureFixture[str]
-ROS = {"libraries": ["rospy"], "modules": ["a.ros_node", "*/nodes/*"]}
-ORDER = {"order": [["top"], ["a", "b"], ["base"]]}
 
 
 @pytest.fixture(scope="module")
@@ -43,8 +41,8 @@ def test_no_more_functions_are_alike_than_allowed(workspace: list[Source], today
     assert limits.over_twins(workspace, today) == []
 
 
-def test_nothing_imports_upwards_or_what_the_never_list_forbids(workspace: list[Source], today: limits.Limits) -> None:
-    assert limits.over_layers(workspace, today) == []
+def test_imports_keep_their_contracts(capfd: pytest.CaptureFixture[str]) -> None:
+    assert imports.main(ROOT) == 0, capfd.readouterr().out
 
 
 def test_no_more_replaced_words_are_used_than_allowed(workspace: list[Source], today: limits.Limits) -> None:
@@ -167,60 +165,45 @@ def test_a_listed_pair_is_allowed_and_an_entry_that_is_no_pair_is_a_finding(toda
     assert limits.over_twins(pair, unlisted)[0] == "twins.pairs: 1, limit 0"
 
 
-def broken(*files: Source, never: tuple[dict[str, object], ...] = (), **changes: object) -> list[str]:
-    """Findings about files beside one module in each layer."""
-    rest = [module("top.m", ""), module("a.m", ""), module("b.m", ""), module("base.m", "")]
-    names = {file.name for file in files}
-    others = [file for file in rest if file.name not in names]
-    return layers.findings([*files, *others], {**ORDER, **changes}, ROS, never)
+LINTED = """
+[tool.importlinter]
+root_packages = ["executables", "base", "top"]
+include_external_packages = true
+[[tool.importlinter.contracts]]
+name = "downwards"
+type = "layers"
+layers = ["executables.top : top", "base"]
+"""
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "import top.m",
-        "from top import m",
-        "from top.m import x",
-        "def f():\n    from top.m import x",
-        "def f():\n    importlib.import_module('top.m')",
-        "if TYPE_CHECKING:\n    import top.m",
-    ],
-)
-def test_an_import_upwards_is_found_wherever_it_is(text: str) -> None:
-    (finding,) = broken(module("base.m", text))
-    assert "base.m imports top.m: top is in the layer above base" in finding
+@pytest.fixture
+def two_layers(tmp_path: Path) -> Callable[..., int]:
+    """The exit code for two packages, a node of the upper one, and one more file."""
+
+    def lint(path: str = "", text: str = "") -> int:
+        files = {f"src/{name}/src/{name}/__init__.py": "" for name in ("base", "top")}
+        files |= {"src/top/nodes/run": "#!/usr/bin/env python3\nimport base\n", "pyproject.toml": LINTED}
+        for name, content in (files | ({path: text} if path else {})).items():
+            (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+            (tmp_path / name).write_text(content)
+        return imports.main(tmp_path)
+
+    return lint
 
 
-def test_packages_of_one_layer_do_not_import_each_other_and_downwards_is_free() -> None:
-    assert broken(module("top.m", "import base.m, a.m, b.m, numpy")) == []
-    assert "b is in the layer beside a" in broken(module("a.m", "import b.m"))[0]
+def test_imports_downwards_pass(two_layers: Callable[..., int]) -> None:
+    assert two_layers() == 0
 
 
-def test_a_package_without_a_layer_and_a_relative_import_are_refused() -> None:
-    assert broken(module("lost.m", "")) == ["package lost is in no layer"]
-    with pytest.raises(HouseError, match="relative"):
-        broken(module("a.m", "from . import x"))
+@pytest.mark.parametrize("text", ["import top", "def f():\n    from top import x", "if TYPE_CHECKING:\n    import top"])
+def test_an_import_upwards_fails_wherever_it_is(two_layers: Callable[..., int], text: str) -> None:
+    assert two_layers("src/base/src/base/m.py", text) == 1
 
 
-def test_an_ignored_import_is_allowed_and_an_exception_that_allows_nothing_is_a_finding() -> None:
-    upwards = module("base.m", "import top.m")
-    assert broken(upwards, ignore=["base.* -> top.m"]) == []
-    assert "delete it" in broken(ignore=["base.* -> top.m"])[0]
-
-
-def test_a_module_without_ros_imports_neither_rospy_nor_a_module_that_does() -> None:
-    node = module("a.ros_node", "import rospy")
-    run = Source("src/a/nodes/run", "#!/usr/bin/env python3\nimport a.ros_node")
-    assert broken(node, run) == []
-    assert "master" in broken(node, module("a.m", "def f():\n    import a.ros_node"))[0]
-    assert "master" in broken(module("a.m", "from rospy.impl import simtime"))[0]
-
-
-def test_the_never_list_forbids_modules_their_submodules_and_spares_exempt_importers() -> None:
-    rule = {"rule": "no engine", "from": ["*"], "but": ["b"], "to": ["pybullet"]}
-    assert broken(module("b.m", "import pybullet"), never=(rule,)) == []
-    (finding,) = broken(module("a.m", "import pybullet.utils"), never=(rule,))
-    assert finding == "src/a/src/a/m.py:1 a.m imports pybullet.utils: no engine"
+@pytest.mark.parametrize("path", ["src/base/nodes/run", "src/lost/src/lost/__init__.py"])
+def test_a_package_or_node_without_a_layer_is_refused(two_layers: Callable[..., int], path: str) -> None:
+    with pytest.raises(HouseError, match="is not listed"):
+        two_layers(path, "#!/usr/bin/env python3\n")
 
 
 PAGE = """
@@ -278,9 +261,6 @@ short_modules = 1
 short_module_lines = 40
 twins = { lines = 8, likeness = 0.5, pairs = 0, exceptions = [] }
 words = { names = 0, docstrings = 0, comments = 0 }
-layers = { order = [["hric_control"]] }
-ros = { libraries = [], modules = [] }
-never = []
 """
 
 
@@ -314,7 +294,6 @@ def test_a_workspace_within_its_limits_passes_the_check(small: Make, capsys: Cap
         ("statements = 2 -> statements = 1", "statements: 2, limit 1"),
         ("modules_per_level = 1 -> modules_per_level = 0", "modules_per_level: 1, limit 0 in src/hric_control/src"),
         ("short_modules = 1 -> short_modules = 0", "short_modules: 1, limit 0"),
-        ('[["hric_control"]] -> []', "package hric_control is in no layer"),
     ],
 )
 def test_the_check_says_what_is_beyond_which_limit(small: Make, capsys: Captured, replaced: str, message: str) -> None:

@@ -1,1 +1,1 @@
-"""Sizes, limits, layers and words of the workspace's Python, by the standard library alone. Run by scripts/count."""
+"""Sizes, limits, imports and words of the workspace's Python; run by scripts/count and scripts/lint."""

@@ -54,7 +54,6 @@ def _check(sources: Sequence[Source], rules: Limits, root: Path) -> int:
     findings = [
         *limits.over_sizes(sources, rules),
         *limits.over_twins(sources, rules),
-        *limits.over_layers(sources, rules),
         *limits.over_words(sources, rules, limits.glossary(root)),
     ]
     print(*findings or ["all within the limits"], sep="\n")

@@ -9,7 +9,7 @@ from operator import add
 from pathlib import Path
 from typing import Any
 
-from house import counts, layers
+from house import counts
 from house.sources import WORKSPACE, HouseError, Source
 from house.twins import Twins, twins
 from house.words import COMMENTS, DOCSTRINGS, NAMES, Word, read_glossary, uses
@@ -33,7 +33,6 @@ class Limits:
         twins: `lines` of code from which functions are compared, `likeness` from which they count as alike, `pairs`
             allowed, and `exceptions`, each with the two `functions` and the `reason`.
         words: uses of replaced words in `names`, `docstrings` and `comments`.
-        layers, ros, never: see `house.layers.findings`.
     """
 
     start: dict[str, Any]
@@ -45,9 +44,6 @@ class Limits:
     short_module_lines: int
     twins: dict[str, Any]
     words: dict[str, int]
-    layers: dict[str, Any]
-    ros: dict[str, Any]
-    never: list[dict[str, Any]]
 
 
 def read_limits(root: Path = WORKSPACE) -> Limits:
@@ -96,11 +92,6 @@ def over_twins(sources: Sequence[Source], limits: Limits) -> list[str]:
     pairs, findings = unlisted_twins(sources, limits)
     message = _over("twins.pairs", len(pairs), limits.twins["pairs"])
     return findings + ([message, *(f"  alike: {pair}" for pair in pairs)] if message else [])
-
-
-def over_layers(sources: Sequence[Source], limits: Limits) -> list[str]:
-    """Imports that break a rule."""
-    return layers.findings(sources, limits.layers, limits.ros, limits.never)
 
 
 def over_words(sources: Sequence[Source], limits: Limits, words: Sequence[Word]) -> list[str]:

@@ -20,7 +20,7 @@ from hric_bags.reader import ControlRecord, RunRecord, read
 from hric_bags.run_folder import RunFolder
 from hric_core.command import main
 from hric_core.errors import HricError
-from hric_report import drawing, headline, sections
+from hric_report import headline, sections
 from hric_report import html as report_html
 from hric_report.figure import Curve, Figure, Panel
 from hric_report.html import moving, page, run_data, run_page, scene
@@ -227,29 +227,6 @@ def test_a_chain_of_joints_that_mimic_each_other_is_drawn_by_the_column_at_its_e
     joints = {joint["name"]: joint for joint in drawn.data()["robots"][0]["joints"]}
     assert (joints["last"]["column"], joints["last"]["multiplier"]) == (0, -6.0)
     assert joints["last"]["offset"] == pytest.approx(0.8)
-
-
-TOY = """
-from hric_report import sections
-from hric_report.figure import Curve, Figure, Panel
-
-
-def figures(data):
-    log = data.record.log
-    panel = Panel("", (Curve("sum", "measured", log.time, log.position.sum(axis=1)),))
-    return [Figure("toy", "Sum of <all> angles", "angle [rad]", (panel,)).about(sections.OTHER, "A toy.")]
-"""
-
-
-def test_a_module_from_outside_adds_a_figure_to_page_and_paper(
-    run: RunFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "hric_figures_toy.py").write_text(TOY)
-    monkeypatch.syspath_prepend(str(tmp_path))
-    built = run_page.build(run_data.load(run, report_html.metrics_of(run)))
-    text = page.render_page(replace(built, robots=[], figures=built.figures[-1:]))
-    assert 'id="plot-toy"><h3>Sum of &lt;all&gt; angles</h3>' in text and "A toy." in text
-    assert [file.name for file in drawing.draw(tmp_path, built.figures[-1:], "a run")] == ["toy.png"]
 
 
 def test_a_broken_module_from_outside_is_named(run: RunFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,4 +1,4 @@
-"""Samplers and distributions of other packages, and rows that a function draws: named in the sweep file alone."""
+"""Distributions of other packages, and rows that a function draws: named in the sweep file alone."""
 
 from pathlib import Path
 from typing import Any
@@ -14,19 +14,8 @@ from hric_sweep import definition
 TOY = """\
 from dataclasses import dataclass
 
-import numpy as np
-
-from hric_core.parameters import Settings, number
-from hric_sweep.samplers.designs import Design
+from hric_core.parameters import number
 from hric_sweep.variables import Distribution
-
-
-@dataclass(frozen=True)
-class Middle(Settings):
-    share: float = number(0.5, text="percentile of all runs")
-
-    def sampler(self, space, runs, seed):
-        return Design(np.full((runs, len(space.names)), self.share), drawn=False)
 
 
 @dataclass(frozen=True)
@@ -50,12 +39,6 @@ def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def kp(distribution: dict[str, Any]) -> dict[str, Any]:
     return {"kp": {"paths": ["parameters.joint_pd_controller.kp"], "distribution": distribution}}
-
-
-def test_a_sampler_of_another_package_chooses_the_points(tmp_path: Path) -> None:
-    sampler = {"kind": "toy_sweeps:Middle", "share": 0.25}
-    plan = definition.load(str(sweeps.written(tmp_path, sampler=sampler, runs=2, keep={"worst": 0})))
-    assert [row.values["kp"] for row in carried_out(tmp_path, plan, Here())] == [50.0, 50.0]
 
 
 def test_a_distribution_of_another_package_gives_the_values(tmp_path: Path) -> None:

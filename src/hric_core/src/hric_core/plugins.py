@@ -20,6 +20,8 @@ PARTICIPANT = "hric_control::Participant"
 HUMAN_CONTROLLER = "hric_human::HumanController"
 SENSOR = "hric_perception::Sensor"
 POSTURE_METHOD = "hric_assessment::PostureMethod"
+EXPORT = "hric_bags::Export"
+SECTION = "hric_run::Section"
 COMMAND = "hric_core::Command"
 EXPORTS = ("hric_core", "hric_control")
 """Elements of package.xml that name a file of plugins; each may hold plugins of every base."""
@@ -31,6 +33,8 @@ _BASES = {
     HUMAN_CONTROLLER: "hric_human.control.controller:HumanController",
     SENSOR: "hric_perception.section:SensorSection",
     POSTURE_METHOD: "hric_assessment.ergonomics.scoring:PostureMethod",
+    EXPORT: "hric_bags.export.table:Export",
+    SECTION: "hric_run.definition.sections:ExperimentSection",
     COMMAND: "hric_core.command:Command",
 }
 

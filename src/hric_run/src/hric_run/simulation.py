@@ -88,6 +88,8 @@ class Simulation:
         beside: list[Beside] = [sensor.headless(node) for sensor in self.definition.sensors]
         if mocap is not None:
             beside.insert(0, HeadlessHuman(node, mocap.build(self.seed, person), announced=bool(beside)))
+        added = [section.headless(node, self.seed) for section in self.definition.added_sections.values()]
+        beside += [part for part in added if part is not None]
         self.app = RobotApp(node, node.child(parameters.ROBOT))
         try:
             self.limits, self.early = self._prepare()

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from hric_bags.arguments import run_arguments
 from hric_bags.export import recording
-from hric_bags.export.exporting import FORMATS, Request, default_folder, export
+from hric_bags.export.exporting import Request, default_folder, export, formats
 from hric_core.command import Argument, Command
 from hric_core.errors import FAILURE
 
@@ -25,10 +25,10 @@ class ExportCommand(Command):
                 "--format",
                 nargs="+",
                 required=True,
-                metavar=f"{{{','.join(FORMATS)}}}",
+                metavar=f"{{{','.join(formats())}}}",
                 dest="formats",
                 help="what to write",
-                complete=lambda: FORMATS,
+                complete=formats,
             ),
             Argument("--topics", nargs="+", default=[], metavar="TOPIC", help="to which to keep (default: all)"),
             Argument(
@@ -60,8 +60,8 @@ class ExportCommand(Command):
     def run(self, given: argparse.Namespace) -> int:
         """Export a bag; return FAILURE if a format could not be written."""
         names = None if given.anonymise is None else tuple(given.anonymise)
-        formats = tuple(dict.fromkeys(given.formats))
-        request = Request(formats, tuple(given.topics), given.load_body, given.surface, names)
+        kinds = tuple(dict.fromkeys(given.formats))
+        request = Request(kinds, tuple(given.topics), given.load_body, given.surface, names)
         source = recording.find(given.run, given.runs)
         folder = default_folder(source, request) if given.output is None else given.output
         result = export(source, request, folder, again=given.again, progress=not given.quiet and sys.stderr.isatty())

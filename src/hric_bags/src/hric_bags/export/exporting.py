@@ -16,6 +16,7 @@ from hric_bags.export.anonymous import Anonymiser
 from hric_bags.export.output import Output
 from hric_bags.export.recording import Source
 from hric_bags.export.table import ExportError, Table
+from hric_core import plugins
 from hric_core.errors import HricError, ParameterError, UnknownNameError
 from hric_core.parameters import number
 
@@ -31,12 +32,17 @@ NEEDED: dict[str, tuple[str, ...]] = {
 """Message types that a format needs; other formats need all."""
 
 
+def formats() -> tuple[str, ...]:
+    """Return all formats, those of other packages last."""
+    return tuple(dict.fromkeys((*FORMATS, *plugins.names(plugins.EXPORT))))
+
+
 @dataclass(frozen=True)
 class Request:
     """Settings of an export.
 
     Attributes:
-        formats: formats, some of FORMATS.
+        formats: some of `formats()`.
         topics: topic names; empty: all.
         load_body: body of a model on which the plates' loads act; empty: they are in no set-up file.
         surface: height of the plates' surface above their electrical origin [m].
@@ -51,8 +57,8 @@ class Request:
 
     def __post_init__(self) -> None:
         for kind in self.formats:
-            if kind not in FORMATS:
-                raise UnknownNameError("format", kind, FORMATS)
+            if kind not in formats():
+                raise UnknownNameError("format", kind, formats())
         number(minimum=-0.5, maximum=0.5, unit="m").checked(self.surface, "--surface")
         if self.surface and not {"external_loads", "c3d"} & set(self.formats):
             raise ParameterError("--surface has no effect; valid: with --format external_loads or c3d")
@@ -124,7 +130,7 @@ def export(
     tables: dict[str, Table] = {}
     if from_tables:
         begin = time.perf_counter()
-        types = () if set(from_tables) & set(PLAIN) else tuple(name for kind in from_tables for name in NEEDED[kind])
+        types = () if set(from_tables) - set(NEEDED) else tuple(name for kind in from_tables for name in NEEDED[kind])
         tables = recording.read(source, request.topics, progress=progress, types=types, anonymous=anonymiser)
         result.reading = time.perf_counter() - begin
     job = _Job(source, request, output, tables, result.notes, progress, anonymiser)
@@ -213,7 +219,8 @@ class _Job:
             case _:
                 from hric_bags.export import plain_formats
 
-                self._write_each(kind, list(self.tables.values()), plain_formats.WRITERS[kind])
+                writer = plain_formats.WRITERS.get(kind) or plugins.find(plugins.EXPORT, kind)().write
+                self._write_each(kind, list(self.tables.values()), writer)
         return True
 
     @property

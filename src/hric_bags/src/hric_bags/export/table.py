@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -107,3 +108,15 @@ class Table:
 ABOUT = "about"
 """Name of the description in a .npz file."""
 AXES = "right-handed, those of the frame; z up where the frame is the robot's base or world (REP 103)"
+
+
+class Export:
+    """Format of another package, a plugin `hric_bags::Export`: a file per topic, with the plugin's name as ending."""
+
+    def write(self, table: Table, path: Path) -> None:
+        """Write a topic into a new file.
+
+        Raises:
+            ExportError: the topic does not suit the format.
+        """
+        raise NotImplementedError

@@ -17,7 +17,7 @@ from controller_manager_msgs.srv import ListControllers
 from hric_assessment.verdict.conclusions import unknown_beforehand
 from hric_bags.run_folder import RunFolder
 from hric_bags.text import Steps
-from hric_core.errors import FailureError
+from hric_core.errors import FailureError, HricError
 from hric_core.parameters import Settings, flag, number, text
 from hric_core.ros import RosNode
 from hric_experiments.live import node as live_node
@@ -67,6 +67,8 @@ class LiveExperiment:
     def __init__(self) -> None:
         self._settings = settings = ExperimentSettings.read(RosNode("~"))
         self.experiment: Experiment = experiments.load(settings.experiment, overrides.separate(settings.overrides))
+        if added := self.experiment.added_sections:
+            raise HricError(f"no live run has a section {', '.join(added)}; valid: hric run {settings.experiment}")
         controllers = dict.fromkeys(setpoint.controller for setpoint in self.experiment.setpoints)
         self._publishers = {
             name: rospy.Publisher(f"{name}/command", Float64MultiArray, queue_size=10) for name in controllers

@@ -34,7 +34,7 @@ from hric_core.trial.c3d import located
 
 if TYPE_CHECKING:
     from hric_perception.section import SensorSection
-    from hric_run.definition.sections import MocapSection, SyncSection
+    from hric_run.definition.sections import ExperimentSection, MocapSection, SyncSection
 
 
 class ExperimentError(HricError):
@@ -196,6 +196,8 @@ _KEPT = ("human", "person", "supervisor")
 """Sections that stay as in the file, because their nodes read them."""
 SENSORS = {name: info.description for name, info in plugins.names(plugins.SENSOR).items()}
 """Sections of sensors with their names for people, as packages export them."""
+ADDED = {name: info.description for name, info in plugins.names(plugins.SECTION).items()}
+"""Other sections that packages export, likewise; headless runs alone have them."""
 
 
 @dataclass(frozen=True)
@@ -224,12 +226,13 @@ class _Motion(Settings):
 if TYPE_CHECKING:
     _Sensed = _Motion
 else:
-    _Sensed = make_dataclass("_Sensed", [(name, Any, _beside(name)) for name in SENSORS], bases=(_Motion,), frozen=True)
+    _fields = [(name, Any, _beside(name)) for name in (*SENSORS, *ADDED)]
+    _Sensed = make_dataclass("_Sensed", _fields, bases=(_Motion,), frozen=True)
 
 
 @dataclass(frozen=True)
 class Experiment(_Sensed):
-    """One experiment, checked, with a section for each sensor of SENSORS. name: of the file without its ending."""
+    """One experiment, checked, with the sections of SENSORS and ADDED. name: of the file without its ending."""
 
     sync: "SyncSection | None" = _BESIDE["sync"]
     human: Mapping[str, Any] | None = _BESIDE["human"]
@@ -245,6 +248,11 @@ class Experiment(_Sensed):
     def sensors(self) -> "list[SensorSection]":
         """Sections of the evenly sampling sensors that are part of this run."""
         return [sensor for sensor in self.sensor_sections if sensor.used]
+
+    @property
+    def added_sections(self) -> "dict[str, ExperimentSection]":
+        """Sections of ADDED that the file has."""
+        return {name: added for name in ADDED if (added := getattr(self, name)) is not None}
 
     @property
     def sources(self) -> "list[MocapSection | SensorSection]":

@@ -58,6 +58,7 @@ SHORTCUTS: dict[str, tuple[str, str]] = {
 SENSORS = {
     "mocap": "motion capture",
     **experiment.SENSORS,
+    **experiment.ADDED,
     "sync": "synchroniser",
     "human": "human",
     "person": "real person before the cameras",

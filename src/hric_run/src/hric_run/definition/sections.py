@@ -1,4 +1,4 @@
-"""Sections `mocap`, `sync`, `human`, `person`, `supervisor` of an experiment file; sensors are plugins.
+"""Sections `mocap`, `sync`, `human`, `person`, `supervisor` of an experiment file; others are plugins.
 
 Each is declared once: files are read by it, parameters of nodes and sources of the synchroniser follow from it, and
 INTERFACE.md prints it. Mappings for a node are checked by the declarations of that node's package and passed on
@@ -21,7 +21,9 @@ from hric_perception.sync.messages import TOPIC, rate_topic
 from hric_run.definition.parameters import EMULATED_HUMAN, MOCAP_CLIENT
 
 if TYPE_CHECKING:
+    from hric_core.local.node import LocalNode
     from hric_perception.human import CapturedHuman
+    from hric_run.simulation import Beside
 
 FRAMES = "hric/perception/mocap"
 MOCAP_GAP = 0.05
@@ -139,6 +141,22 @@ class PersonSection(PersonSettings):
     separator = "."
 
 
+@dataclass(frozen=True)
+class ExperimentSection(Settings):
+    """Section of another package, a plugin `hric_run::Section` by the name of the section, for headless runs."""
+
+    separator = "."
+
+    def headless(self, node: "LocalNode", seed: int) -> "Beside | None":
+        """Return what advances in step with the robot; None: nothing does.
+
+        Args:
+            node: namespace of the robot.
+            seed: seed of all random numbers of the run.
+        """
+        raise NotImplementedError
+
+
 SECTIONS: dict[str, type[Settings]] = {
     "mocap": MocapSection,
     "sync": SyncSection,
@@ -146,9 +164,10 @@ SECTIONS: dict[str, type[Settings]] = {
     "person": PersonSection,
     "supervisor": SupervisorSettings,
 }
-"""Declaration of each section that is no sensor's."""
+"""Declaration of each section that is no plugin."""
 
 
 def section_of(name: str) -> type[Settings]:
     """Return the declaration of a section. Raises HricError: a plugin that cannot be imported."""
-    return SECTIONS.get(name) or plugins.find(plugins.SENSOR, name)
+    base = plugins.SECTION if name in plugins.names(plugins.SECTION) else plugins.SENSOR
+    return SECTIONS.get(name) or plugins.find(base, name)
