@@ -55,29 +55,29 @@ class SweepCommand(Command):
             *engine_arguments("sweep, benchmark or study"),
         ]
 
-    def run(self, given: argparse.Namespace) -> int:
+    def run(self, arguments: argparse.Namespace) -> int:
         """Run a new sweep, or resume a sweep, a benchmark or a study."""
-        if (given.sweep is None) == (given.resume is None):
+        if (arguments.sweep is None) == (arguments.resume is None):
             names = ", ".join(definition.names())
             raise HricError(f"one sweep is needed; valid: {names}, a YAML file, or --resume DIR")
-        if given.resume is None:
-            return _run(None, definition.load(given.sweep, quick=given.quick), None, given)
-        resumed = Path(given.resume).expanduser()
+        if arguments.resume is None:
+            return _run(None, definition.load(arguments.sweep, quick=arguments.quick), None, arguments)
+        resumed = Path(arguments.resume).expanduser()
         if (resumed / "benchmark.yaml").is_file():
-            return perform(["benchmark", *shlex.split(given.command)[2:]])
+            return perform(["benchmark", *shlex.split(arguments.command)[2:]])
         if (resumed / "study.yaml").is_file():
-            return _resume_study(resumed, given)
-        folder = table.find(given.resume)
-        return _run(folder, *_opened(folder), given)
+            return _resume_study(resumed, arguments)
+        folder = table.find(arguments.resume)
+        return _run(folder, *_opened(folder), arguments)
 
 
-def _resume_study(folder: Path, given: argparse.Namespace) -> int:
+def _resume_study(folder: Path, arguments: argparse.Namespace) -> int:
     """Resume a study. Raises HricError: options of an engine, which a study has not."""
-    if given.jobs is not None or given.dask is not None:
+    if arguments.jobs is not None or arguments.dask is not None:
         raise HricError(f"{folder} is a study, whose runs follow each other; valid: without --jobs and --dask")
     from hric_sweep.study import running  # slow to import: errors are reported before
 
-    return running.resume(folder, progress=not given.quiet)
+    return running.resume(folder, progress=not arguments.quiet)
 
 
 def _opened(folder: Path) -> tuple[Plan, ReferenceRun]:
@@ -190,11 +190,11 @@ class RerunCommand(Command):
         """Return the arguments."""
         return [FOLDER, Argument("id", help="id of the run, or its first characters"), RUNS]
 
-    def run(self, given: argparse.Namespace) -> None:
+    def run(self, arguments: argparse.Namespace) -> None:
         """Repeat one run of a sweep. Raises HricError: its hash is another one."""
-        folder = table.find(given.sweep)
+        folder = table.find(arguments.sweep)
         plan, before = _opened(folder)
-        row = _row(table.read(folder).to_pylist(), given.id)
+        row = _row(table.read(folder).to_pylist(), arguments.id)
         repeated = plan.task(row["index"], {name: row[name] for name in plan.section.vary}, before.code)
         from hric_report import headless
         from hric_report import html as report_html
@@ -203,7 +203,7 @@ class RerunCommand(Command):
             task.definition_of(repeated),
             definition.written(repeated.changes),
             seed=repeated.seed,
-            root=given.runs,
+            root=arguments.runs,
         )
         print(f"{result.metrics['report']}\nrun folder: {result.folder.path}\npage: {report_html.write(result.folder)}")
         state = result.metrics["state_sha256"]
@@ -233,8 +233,8 @@ class PageCommand(Command):
         """Return the arguments."""
         return [FOLDER]
 
-    def run(self, given: argparse.Namespace) -> None:
+    def run(self, arguments: argparse.Namespace) -> None:
         """Write the page of a sweep from its table."""
         from hric_sweep.page import build as page
 
-        print(f"page: {page.write(table.find(given.sweep))}")
+        print(f"page: {page.write(table.find(arguments.sweep))}")

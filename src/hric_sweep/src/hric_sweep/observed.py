@@ -115,7 +115,7 @@ class Observed:
         return Observations(run, self._bag, record, simulation.tree["robot_description"])
 
 
-class Observations(Mapping[str, Any]):
+class Observations(Mapping[str, object]):
     """Metrics of a run, with the keys that only sweeps have.
 
     Args:

@@ -99,8 +99,8 @@ class Mixture:
     """
 
     def __init__(self, parts: list[tuple[float, Spread]]) -> None:
-        whole = sum(share for share, _ in parts)
-        self._parts = [(share / whole, spread) for share, spread in parts]
+        total = sum(share for share, _ in parts)
+        self._parts = [(share / total, spread) for share, spread in parts]
 
     def cdf(self, values: FloatArray) -> FloatArray:
         """Return the share of the people below each value, shape (m,): the weighted sum over the groups."""

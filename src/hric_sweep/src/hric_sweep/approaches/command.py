@@ -59,12 +59,12 @@ class ApproachesCommand(Command):
             ),
         ]
 
-    def run(self, given: argparse.Namespace) -> int:
+    def run(self, arguments: argparse.Namespace) -> int:
         """Simulate the approaches and count their contacts."""
         for name in ("count", "first", "jobs"):
-            whole(minimum=0 if name == "first" else 1).checked(getattr(given, name), f"--{name}")
-        responses = simulate(given)
-        print(report(responses, given.first, supervised=not given.without))
+            whole(minimum=0 if name == "first" else 1).checked(getattr(arguments, name), f"--{name}")
+        responses = simulate(arguments)
+        print(report(responses, arguments.first, supervised=not arguments.without))
         return exit_code(responses)
 
 
