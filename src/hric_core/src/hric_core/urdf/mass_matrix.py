@@ -64,10 +64,10 @@ def _posed(
     twists: list[FloatArray] = []
     for joint in robot.joints.values():
         T_root_joint = T[joint.parent] @ joint.T_parent_joint
-        own = _twists(joint, T_root_joint)
-        moving[joint.child] = moving[joint.parent] + list(range(len(rows), len(rows) + own.shape[1]))
-        rows += [joint.name] * own.shape[1]
-        twists.append(own)
+        joint_twists = _twists(joint, T_root_joint)
+        moving[joint.child] = moving[joint.parent] + list(range(len(rows), len(rows) + joint_twists.shape[1]))
+        rows += [joint.name] * joint_twists.shape[1]
+        twists.append(joint_twists)
         T[joint.child] = T_root_joint @ _motion(joint, q.get(joint.name, 0.0))
     return T, moving, rows, np.hstack([np.zeros((6, 0)), *twists])
 
