@@ -22,7 +22,7 @@ from hric_core import realtime
 from hric_core.errors import CommandError
 from hric_core.geometry import Pose, stamped
 from hric_core.live import live_parameters
-from hric_core.node import Node
+from hric_core.node import Node, ParameterValues
 from hric_core.parameters import Settings, names, number, per_joint, refused
 
 
@@ -150,7 +150,7 @@ class CartesianImpedanceController(Controller):
         node.live_parameters(live_parameters(self._gain_settings), self._on_gains)
         self._open_input()
 
-    def _on_gains(self, values: dict[str, Any]) -> dict[str, Any]:
+    def _on_gains(self, values: ParameterValues) -> ParameterValues:
         """Apply changed live parameters: all of them, or none if a HricError is raised."""
         requested = Compliance(**values)
         if requested != self._requested:

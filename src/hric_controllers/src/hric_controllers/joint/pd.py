@@ -19,7 +19,7 @@ from hric_controllers.state.messages import build_state
 from hric_controllers.trajectory.trapezoid import TrapezoidProfile
 from hric_core import realtime
 from hric_core.errors import CommandError, ParameterError
-from hric_core.node import LiveParameter, Node
+from hric_core.node import LiveParameter, Node, ParameterValues
 from hric_core.parameters import Settings, flag, names, number, per_joint, section
 
 LARGEST_GAIN = 1e5
@@ -72,12 +72,12 @@ class LiveGains:
             result.update(zip(self._names[kind], gains, strict=True))
         return result
 
-    def requested(self, values: dict[str, Any]) -> PdGains:
+    def requested(self, values: ParameterValues) -> PdGains:
         """Return the gains of these live values, which are already checked, without applying them."""
         before = self.values()
         return PdGains(self._gains("kp", before, values), self._gains("kd", before, values))
 
-    def _gains(self, kind: str, before: dict[str, float], values: dict[str, Any]) -> tuple[float, ...]:
+    def _gains(self, kind: str, before: dict[str, float], values: ParameterValues) -> tuple[float, ...]:
         together = values.get(f"{kind}_all", before[f"{kind}_all"])
         if together != before[f"{kind}_all"]:
             return (float(together),) * len(self._names[kind])
@@ -173,7 +173,7 @@ class JointPDController(Controller):
         except CommandError as error:
             raise CommandError(f"setpoint refused, the one before stays: {error}") from None
 
-    def _on_gains(self, values: dict[str, Any]) -> dict[str, Any]:
+    def _on_gains(self, values: ParameterValues) -> ParameterValues:
         """Apply changed live parameters: all of them, or none if a HricError is raised."""
         requested = self._live.requested(values)
         if requested != self._live.gains:
