@@ -69,6 +69,6 @@ class Settings(Base):
     connect_timeout: float = number(above=0.0, unit="s", text="the same while libfranka connects")
 
     @classmethod
-    def defaults(cls) -> Mapping[str, Any]:
+    def defaults(cls) -> Mapping[str, object]:
         """Return the values of the YAML."""
         return package_yaml(__file__, "franka_real")
