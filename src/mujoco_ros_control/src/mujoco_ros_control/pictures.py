@@ -210,8 +210,8 @@ class _Canvas:
 
 def _distances(buffer: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     """Return distances along the optical axis [m] from OpenGL's depth values: 1 at NEAR, 0 at FAR."""
-    found = NEAR * FAR / (NEAR + buffer.astype(np.float64) * (FAR - NEAR))
-    return np.where(buffer == 0.0, np.inf, found).astype(np.float32)
+    distances = NEAR * FAR / (NEAR + buffer.astype(np.float64) * (FAR - NEAR))
+    return np.where(buffer == 0.0, np.inf, distances).astype(np.float32)
 
 
 def _add_light(spec: mujoco.MjSpec) -> None:
