@@ -30,14 +30,14 @@ def min_inertias(robot: Robot) -> dict[str, float]:
     smallest: dict[str, float] = {}
     for q in poses(robot):
         M, rows = mass_matrix(robot, q)
-        own = np.sqrt(np.abs(np.diag(M)))
-        if not own.all():
+        scale = np.sqrt(np.abs(np.diag(M)))
+        if not scale.all():
             continue
-        values, vectors = np.linalg.eigh(M / np.outer(own, own))
+        values, vectors = np.linalg.eigh(M / np.outer(scale, scale))
         if values[0] > SINGULAR:
-            found = own**2 / np.sum(vectors**2 / values, axis=1)
+            inertias = scale**2 / np.sum(vectors**2 / values, axis=1)
             smallest |= {
                 name: min(float(inertia), smallest.get(name, math.inf))
-                for name, inertia in zip(rows, found, strict=True)
+                for name, inertia in zip(rows, inertias, strict=True)
             }
     return smallest
