@@ -20,7 +20,7 @@ from hric_core import parameters
 from hric_core.errors import HricError, ParameterError, UnknownNameError
 from hric_core.geometry import UP_AXES, FloatArray
 from hric_core.geometry.transforms import vectors_z_up
-from hric_core.trial.plates import ParameterGroup, PlateError, TrialPlate, read_plates
+from hric_core.trial.plates import Group, PlateError, TrialPlate, read_plates
 
 PROGRAMS = ("c3d", "trc", "mot")
 """Programs that replay a recorded file: the first is for emulated sensors, all of them for a simulated human."""
@@ -216,12 +216,7 @@ def _check_size(path: Path, size: int) -> None:
 
 
 def _trial(
-    path: Path,
-    up: str,
-    parameters: Mapping[str, ParameterGroup],
-    points: FloatArray,
-    residuals: FloatArray,
-    analogs: FloatArray,
+    path: Path, up: str, parameters: Mapping[str, Group], points: FloatArray, residuals: FloatArray, analogs: FloatArray
 ) -> Trial:
     """Return the checked data in metres and with z up."""
     name, point, analog = path.name, parameters.get("POINT", {}), parameters.get("ANALOG", {})
@@ -266,24 +261,24 @@ def _trial(
     )
 
 
-def _up(point: ParameterGroup) -> str:
+def _up(point: Group) -> str:
     """Return the axis that is drawn upwards, from POINT:Y_SCREEN."""
     screen = str((point.get("Y_SCREEN") or [""])[0]).strip().upper()
     return "y" if screen.endswith("Y") else "z"
 
 
-def _first(group: ParameterGroup, name: str) -> float:
+def _first(group: Group, name: str) -> float:
     values = np.ravel(group.get(name, [np.nan]))
     return float(values[0]) if len(values) else float("nan")
 
 
-def _texts(group: ParameterGroup, name: str, count: int) -> list[str]:
+def _texts(group: Group, name: str, count: int) -> list[str]:
     """Return the first texts of a parameter that continues in NAME2, NAME3, ...; missing texts are empty."""
     texts = [text for key in (name, *(f"{name}{k}" for k in range(2, 100))) for text in group.get(key, [])]
     return (texts + [""] * count)[:count]
 
 
-def _labels(group: ParameterGroup, name: str, count: int) -> tuple[str, ...]:
+def _labels(group: Group, name: str, count: int) -> tuple[str, ...]:
     """Return unique names: duplicates get their number appended."""
     labels: list[str] = []
     for number, text in enumerate(_texts(group, name, count), 1):
