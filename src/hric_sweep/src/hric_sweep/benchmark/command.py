@@ -14,9 +14,9 @@ from hric_core.errors import NOT_GOOD, HricError
 from hric_core.parameters import read_yaml, whole
 from hric_sweep.benchmark import definition, results, scoring, text
 from hric_sweep.benchmark.definition import Benchmark, Controller
-from hric_sweep.command import provenance_of
 from hric_sweep.engines.make import engine_arguments, engine_session, resume_command
 from hric_sweep.execution import execute
+from hric_sweep.folder import provenance_of
 from hric_sweep.journal import Journal
 from hric_sweep.records import PlainData
 from hric_sweep.task import code_version
