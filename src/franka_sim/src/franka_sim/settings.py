@@ -59,13 +59,13 @@ class BoxSettings(Settings):
         Q_START,
         others=Q_START,
         default_text="`[0, -pi/4, 0, -3pi/4, 0, pi/2, pi/4]`",
-        text="start pose; outside a joint's range it is allowed and said",
+        text="start pose; a joint outside its range is allowed, with a warning",
     )
     internal_impedance: InternalImpedance = section(InternalImpedance)
     reflexes: bool = flag(
         True,
-        text="whether the arm protects itself; `false`: it limits what it can, and nothing but a number that is "
-        "none ends a motion",
+        text="`true`: the arm protects itself; `false`: commands are limited where possible, and only NaN ends "
+        "a motion",
     )
 
     def box(
@@ -147,6 +147,6 @@ def set_internal_impedance(node: Node, stiffness: Sequence[float], law: JointImp
     if law.stiffness != requested:
         lowered = ", ".join(f"{k:.0f}/{d:.1f}" for k, d in zip(law.stiffness, law.damping, strict=True))
         node.log_info(
-            "internal impedance lowered to what the time step and so little rotor inertia carry, K/D per joint: "
+            "internal impedance lowered to gains that are stable with this time step and rotor inertia, K/D per joint: "
             f"{lowered}"
         )

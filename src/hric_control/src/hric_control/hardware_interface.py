@@ -215,7 +215,7 @@ class HardwareInterface:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the resources."""
-        raise NotImplementedError(f"{type(self).__name__} does not say its resources")
+        raise NotImplementedError(f"{type(self).__name__} does not declare its resources")
 
     @property
     def claims(self) -> frozenset[str]:

@@ -80,7 +80,7 @@ class Quantity(Settings):
 class People(Settings):
     """Population: its quantities, or the populations of which it is a mixture."""
 
-    text: str = text(empty=False, text="who they are")
+    text: str = text(empty=False, text="description of the people")
     quantities: Mapping[str, Quantity] = mapping(section(Quantity), default={}, text="quantities by name")
     mixed: Mapping[str, float] = mapping(number(above=0.0), default={}, text="share of each population it is mixed of")
 

@@ -77,7 +77,7 @@ class Arguments(Settings):
         "identified "
         "sigmoid, `friction_parameters()`, puts that in its place",
     )
-    fingers: str = choice("fixed", "prismatic", text="whether the fingers can move; finger joints have no transmission")
+    fingers: str = choice("fixed", "prismatic", text="type of the finger joints; they have no transmission")
     xyz: str = _vector("m", "position of the base in `world`")
     rpy: str = _vector("rad", "roll, pitch, yaw of the base in `world`")
     robot_sim_type: str = text(

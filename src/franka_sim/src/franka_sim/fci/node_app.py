@@ -34,9 +34,9 @@ class EmulatedArmSettings(BoxSettings):
         "127.0.0.1",
         valid="an IPv4 address of this machine, e.g. 127.0.0.2,",
         made=lambda address: str(ipaddress.IPv4Address(address)),
-        text="where it listens, on libfranka's ports",
+        text="address of the server, on libfranka's ports",
     )
-    robot: str = choice("panda", "fr3", text="which arm; the description is the Panda's for both")
+    robot: str = choice("panda", "fr3", text="type of the arm; both use the description of the Panda")
 
 
 class EmulatedArm(NodeApp):

@@ -198,7 +198,7 @@ class ControllerManager:
         """Admit one request at a time. The loop's own thread must not wait for a request that waits for the loop."""
         in_loop = threading.get_ident() == self._loop_thread
         if not self._lock.acquire(blocking=not in_loop):
-            raise HricError("another request to the controller manager is being carried out; try again")
+            raise HricError("the controller manager is executing another request; try again")
         try:
             yield
         finally:

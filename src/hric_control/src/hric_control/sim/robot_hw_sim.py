@@ -43,7 +43,7 @@ class SimSettings(Settings):
         {},
         others=None,
         default_text="0, or the end of the range next to 0",
-        text="of `RobotHWSim`: start; outside a range it is allowed and said",
+        text="of `RobotHWSim`: start pose; a joint outside its range is allowed, with a warning",
     )
     enforce_limits: tuple[str, ...] = limits.ENFORCE_LIMITS
     brake_unclaimed: bool = flag(True, text="of `RobotHWSim`: brake the joints that no controller claims")

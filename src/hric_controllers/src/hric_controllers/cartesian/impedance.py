@@ -32,7 +32,10 @@ class ImpedanceSettings(parameters.LawSettings, parameters.ArmSettings):
 
     joints: tuple[str, ...] = names(7, name="joint_names", text="`<arm_id>_joint1` to 7, in order")
     nullspace_posture: tuple[float, ...] | None = per_joint(
-        number(unit="rad"), None, default_text="where the arm is at the start", text="what the null space goes to"
+        number(unit="rad"),
+        None,
+        default_text="where the arm is at the start",
+        text="posture that the null space controls",
     )
     filter_time: float = number(
         0.2, minimum=0.0, unit="s", text="time constant with which equilibrium and live gains take over; 0: at once"

@@ -106,7 +106,7 @@ class LiveGains:
 class ProfileSettings(Settings):
     """Parameters of the trapezoidal velocity profile."""
 
-    enabled: bool = flag(True, text="lead setpoints through a trapezoid; false: take them raw")
+    enabled: bool = flag(True, text="trapezoidal velocity profile for setpoints; false: setpoints act at once")
     velocity: tuple[float, ...] = per_joint(number(above=0.0, unit="rad/s"), 1.0)
     acceleration: tuple[float, ...] = per_joint(number(above=0.0, unit="rad/s^2"), 5.0)
 
@@ -121,7 +121,7 @@ class PdSettings(parameters.LawSettings):
     rotatum_limit: float = number(1000.0, minimum=0.0, unit="N m/s", text="largest rate of torque; 0: no limit")
     profile: ProfileSettings = section(ProfileSettings)
     setpoint: tuple[float, ...] | None = per_joint(
-        number(unit="rad"), None, text="where to go at the start; without it the arm is held where it is"
+        number(unit="rad"), None, text="setpoint at the start; none: the arm holds its position"
     )
     strict_gains: bool = parameters.STRICT_GAINS
     gain_ramp: float = number(1.0, minimum=0.0, maximum=60.0, unit="s", text="time in which live gains take over")

@@ -161,7 +161,7 @@ class TrialSettings(parameters.Settings):
     """Choice of a recorded trial."""
 
     path: str = parameters.text(valid="a c3d file, path or package:// address,", empty=False)
-    up: str = parameters.text("", text="axis that points up in the file, y or z; empty: what the file says")
+    up: str = parameters.text("", text="axis that points up in the file, y or z; empty: as in the file")
 
     def trial(self) -> Trial:
         """Return the trial. Raises ParameterError."""

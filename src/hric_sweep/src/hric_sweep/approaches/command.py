@@ -48,7 +48,7 @@ class ApproachesCommand(Command):
             Argument("--count", type=int, default=COUNT, help=f"number of approaches (default: {COUNT})"),
             Argument("--quick", action="store_true", help=f"{QUICK} approaches"),
             Argument("--first", type=int, default=0, help="seed of the first; the others follow (default: 0)"),
-            Argument("--without", action="store_true", help="the supervisor watches and does not act"),
+            Argument("--without", action="store_true", help="the supervisor observes and does not act"),
             Argument("--simulator", default="mujoco", help="engine (default: mujoco)"),
             Argument("--jobs", type=int, default=2, help="processes (default: 2)"),
             Argument(

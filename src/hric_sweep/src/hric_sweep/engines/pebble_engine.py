@@ -89,7 +89,7 @@ class PebbleEngine:
             self._idle_deaths = 0
             response.set_result(done.result())
         elif isinstance(error, Late):
-            patience = f"took more than {task.timeout:g} s of processor time, or did nothing so long"
+            patience = f"took more than {task.timeout:g} s of processor time, or made no progress for as long"
             response.set_exception(TimedOut(patience))
         elif isinstance(error, ProcessExpired):
             response.set_exception(Died(f"ended its worker ({_how(error.exitcode)})"))
