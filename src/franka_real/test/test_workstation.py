@@ -23,7 +23,7 @@ def processors(root: Path, *governors: str) -> list[Path]:
 def test_a_governor_that_saves_power_is_found_and_only_the_fix_changes_it(tmp_path) -> None:
     files = processors(tmp_path, "performance", "powersave")
     finding = workstation.governor(tmp_path)
-    assert finding.good is False and "powersave" in finding.found and "performance" in finding.advice
+    assert finding.good is False and "powersave" in finding.result and "performance" in finding.advice
     assert [file.read_text().strip() for file in files] == ["performance", "powersave"]
     assert finding.fix is not None
     finding.fix()
@@ -72,4 +72,4 @@ def test_the_network_is_judged_by_its_slowest_ping(monkeypatch, answered) -> Non
     monkeypatch.setattr(workstation.subprocess, "run", lambda *args, **kwargs: type("Done", (), {"stdout": lines})())
     finding = workstation.network("10.0.0.1")
     assert finding.good is False
-    assert ("largest 0.900 ms" if answered else "no response") in finding.found
+    assert ("largest 0.900 ms" if answered else "no response") in finding.result

@@ -13,6 +13,7 @@ import pytest
 from hric_core.command import perform
 from hric_core.errors import HricError
 from hric_sweep.study import definition as study
+from hric_sweep.study import results
 from hric_sweep.study import running as study_run
 
 PAIR = {"runs": ["a", "b"], "at_most": 1e-3}
@@ -85,7 +86,7 @@ def test_all_engines_are_in_one_figure_and_figures_17_18_and_19_of_the_thesis_ar
 
 
 def test_time_that_goes_back_is_counted() -> None:
-    told = study_run.law_times(np.array([0.0, 1e-3, 0.5e-3, 2e-3]))
+    told = results.law_times(np.array([0.0, 1e-3, 0.5e-3, 2e-3]))
     assert told["backward_steps"] == 1 and not told["strictly_rising"] and told["step_min"] == pytest.approx(-0.5e-3)
 
 

@@ -171,7 +171,8 @@ def test_a_run_that_hangs_is_killed_tried_again_and_marked_and_its_neighbours_ar
     path = bad_controller.sweep(tmp_path, monkeypatch, ways, timeout=PATIENCE)
     frame = table.load_sweep(sweeps.folder_of(sweeps.sweep(tmp_path, path, "--jobs", "2", code=3))).set_index("index")
     assert frame["failure"][1] == (
-        f"failed in each of 3 attempts: took more than {PATIENCE:g} s of processor time, or did nothing so long"
+        f"failed in each of 3 attempts: took more than {PATIENCE:g} s of processor time, or made no progress for as "
+        "long"
     )
     others = frame.drop(1)
     assert (others["failure"] == "").all() and (others["attempt"] == 1).all() and others["speed"].notna().all()
@@ -222,7 +223,7 @@ def test_a_worker_that_is_killed_costs_no_run_and_a_run_that_hangs_costs_itself_
             *rows, hung = sweep.result(ENOUGH)
     finally:
         engine.close(now=True)
-    told = "took more than 4 s of processor time, or did nothing so long"
+    told = "took more than 4 s of processor time, or made no progress for as long"
     assert hung.failure == f"failed in each of 2 attempts: {told}"
     assert [row.attempt for row in rows].count(2) <= 1 and {row.failure for row in rows} == {""}
     same = ("id", "seed", "outputs", "state_sha256")

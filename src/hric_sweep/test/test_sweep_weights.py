@@ -111,7 +111,7 @@ def test_a_sweep_with_weights_that_has_only_begun_is_a_plain_sample(tmp_path: Pa
     study = load(folder(tmp_path, "cross_entropy", 600, batches=1))
     counted = sample.of(study)
     assert not counted.weighted and counted.independent and study.runs == 60
-    assert "by order statistics" in spread.kind(study, counted)
+    assert "by order statistics" in spread.caption(study, counted)
 
 
 def test_ranks_with_equal_weights_correlate_as_scipy_says_ties_included() -> None:

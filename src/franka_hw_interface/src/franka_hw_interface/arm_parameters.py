@@ -55,8 +55,8 @@ def read_limits(
     limits = load_limits(urdf_xml, root_node, joint_names, kinds)
     if "effort_rate" not in kinds:
         return limits
-    own = panda_description.joint_limits(arm_id)
+    arm_limits = panda_description.joint_limits(arm_id)
     return [
-        replace(limit, effort_rate=own[limit.name].effort_rate) if math.isinf(limit.effort_rate) else limit
+        replace(limit, effort_rate=arm_limits[limit.name].effort_rate) if math.isinf(limit.effort_rate) else limit
         for limit in limits
     ]

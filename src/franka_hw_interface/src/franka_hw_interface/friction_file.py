@@ -57,15 +57,15 @@ def read_parameters(path: Path) -> dict[str, list[float]]:
             f"the friction file {path} must give finite numbers phi1, phi2 and phi3 of joint1 to joint7{hint}"
         ) from error
     lists = {name: list(values) for name, values in zip(PHI, zip(*phis, strict=True), strict=True)}
-    given = BREAKAWAY in named or any(BREAKAWAY in named.get(joint, ()) for joint in JOINTS)
-    return {**lists, BREAKAWAY: held} if given else lists
+    has_breakaway = BREAKAWAY in named or any(BREAKAWAY in named.get(joint, ()) for joint in JOINTS)
+    return {**lists, BREAKAWAY: held} if has_breakaway else lists
 
 
 def friction_text(fits: Sequence[JointFriction], about: Iterable[str]) -> str:
     """Return the contents of a friction file: one joint per line with the fit's summary; about: header lines."""
     rows = []
-    for one in fits:
-        named = zip((*PHI, BREAKAWAY), (*one.phi, one.breakaway), strict=True)
+    for fit in fits:
+        named = zip((*PHI, BREAKAWAY), (*fit.phi, fit.breakaway), strict=True)
         values = ", ".join(f"{name}: {value:.6f}" for name, value in named)
-        rows.append(f"{one.joint}: {{{values}}}  # {one.summary()}\n")
+        rows.append(f"{fit.joint}: {{{values}}}  # {fit.summary()}\n")
     return "".join([*(f"# {line}\n" for line in about), _LAW, *rows])

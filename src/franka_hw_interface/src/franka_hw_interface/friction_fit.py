@@ -77,15 +77,15 @@ def fit_friction(check: ModelCheck, before: Sequence[Phi]) -> list[JointFriction
         check: comparison of log and model; its friction is ignored.
         before: phi1 [N m], phi2 [s/rad], phi3 [rad/s] of each joint, where the search starts.
     """
-    remaining = (check.signals.tau - check.rigid)[check.signals.kept]
-    with_before = remaining - check.signals.low_pass(friction_torque(check.signals.dq, before))[check.signals.kept]
-    fits, bent = [], check.signals.low_pass(bristles(check.signals))[check.signals.kept]
+    remaining = (check.signals.tau - check.rigid)[check.signals.valid]
+    with_before = remaining - check.signals.low_pass(friction_torque(check.signals.dq, before))[check.signals.valid]
+    fits, bent = [], check.signals.low_pass(bristles(check.signals))[check.signals.valid]
     for j, joint in enumerate(check.joint_names):
         velocity = check.velocity[:, j]
         speeds, rms = (float(velocity.min()), float(velocity.max())), float(root_mean_square(with_before[:, j]))
-        kept = JointFriction(joint, before[j], (np.inf,) * 3, speeds, rms, rms, False)
+        unchanged = JointFriction(joint, before[j], (np.inf,) * 3, speeds, rms, rms, False)
         moved = min((velocity > MOVING).sum(), (velocity < -MOVING).sum()) >= MIN_TIME * check.signals.rate
-        fits.append(_fitted(check, j, (remaining[:, j], bent[:, j]), kept) if moved else kept)
+        fits.append(_fitted(check, j, (remaining[:, j], bent[:, j]), unchanged) if moved else unchanged)
     return fits
 
 
@@ -94,7 +94,7 @@ def _fitted(check: ModelCheck, j: int, curves: tuple[FloatArray, FloatArray], be
     signals, (remaining, bent) = check.signals, curves
 
     def residual(values: FloatArray) -> FloatArray:
-        sliding = signals.low_pass(sigmoid_torque(signals.dq[:, j], tuple(values[:3])))[signals.kept]
+        sliding = signals.low_pass(sigmoid_torque(signals.dq[:, j], tuple(values[:3])))[signals.valid]
         result: FloatArray = sliding + values[3] * bent - remaining
         return result
 

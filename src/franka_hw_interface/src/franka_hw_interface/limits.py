@@ -41,21 +41,23 @@ class FrankaLimits:
 
     def with_margins(self) -> "FrankaLimits":
         """Return the limits with libfranka's margins; a command within them passes its rate limiter unchanged."""
-        lowered: dict[str, Any] = {
-            name: tuple(value - EPSILON for value in getattr(self, name))
-            for name in ("acceleration", "jerk", "effort_rate")
-        }
         velocity = tuple(
             v - EPSILON - LOST_PACKETS_TIME * a for v, a in zip(self.velocity, self.acceleration, strict=True)
         )
         return replace(
             self,
             velocity=velocity,
+            acceleration=_lowered(self.acceleration),
+            jerk=_lowered(self.jerk),
+            effort_rate=_lowered(self.effort_rate),
             translation=_with_margins(self.translation),
             rotation=_with_margins(self.rotation),
             elbow=_with_margins(self.elbow),
-            **lowered,
         )
+
+
+def _lowered(values: Vector) -> Vector:
+    return tuple(value - EPSILON for value in values)
 
 
 def _with_margins(limit: CartesianLimit) -> CartesianLimit:

@@ -41,7 +41,7 @@ class Signals:
         rate: sampling rate of these signals [Hz].
         log_rate: sampling rate of the log, at which it was filtered and differentiated [Hz].
         cutoff: [Hz].
-        kept: slice of the valid instants, without the filter's transients.
+        valid: slice of the valid instants, without the filter's transients.
     """
 
     time: FloatArray
@@ -52,7 +52,7 @@ class Signals:
     rate: float
     log_rate: float
     cutoff: float
-    kept: slice
+    valid: slice
 
     def low_pass(self, values: FloatArray) -> FloatArray:
         """Filter values, shape (m, ...), like the log's signals, at the rate of these signals."""
@@ -61,17 +61,17 @@ class Signals:
     @property
     def duration(self) -> float:
         """Duration of the valid instants [s]."""
-        return float(np.ptp(self.time[self.kept]))
+        return float(np.ptp(self.time[self.valid]))
 
     def summary(self) -> str:
         """Return the settings as a text for a report."""
         low_pass = (
             f"zero-phase Butterworth low-pass of order {ORDER}, forwards and backwards, cut-off {self.cutoff:g} Hz"
         )
-        kept = f"{self.rate:.6g} instants a second kept, {EDGE_PERIODS / self.cutoff:g} s dropped at each end"
+        instants = f"{self.rate:.6g} instants a second kept, {EDGE_PERIODS / self.cutoff:g} s dropped at each end"
         return (
             f"{low_pass}, on q, dq, measured and modelled torque; ddq: central differences of dq at "
-            f"{self.log_rate:.6g} Hz; {kept}"
+            f"{self.log_rate:.6g} Hz; {instants}"
         )
 
 
@@ -117,7 +117,7 @@ def condition(log: ArmLog, cutoff: float = CUTOFF) -> Signals:
         rate=1.0 / (step * period),
         log_rate=1.0 / period,
         cutoff=cutoff,
-        kept=slice(edge, -edge),
+        valid=slice(edge, -edge),
     )
 
 

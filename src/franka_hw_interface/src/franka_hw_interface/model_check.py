@@ -40,22 +40,22 @@ class ModelCheck:
     @property
     def time(self) -> FloatArray:
         """Time on the clock of the log, shape (k,) [s]."""
-        return self.signals.time[self.signals.kept]
+        return self.signals.time[self.signals.valid]
 
     @property
     def velocity(self) -> FloatArray:
         """Joint velocities, shape (k, j) [rad/s]."""
-        return self.signals.dq[self.signals.kept]
+        return self.signals.dq[self.signals.valid]
 
     @property
     def measured(self) -> FloatArray:
         """Measured torques, shape (k, j) [N m]."""
-        return self.signals.tau[self.signals.kept]
+        return self.signals.tau[self.signals.valid]
 
     @property
     def modelled(self) -> FloatArray:
         """Modelled torques, shape (k, j) [N m]."""
-        return (self.rigid + self.friction)[self.signals.kept]
+        return (self.rigid + self.friction)[self.signals.valid]
 
     @property
     def residual(self) -> FloatArray:
@@ -104,9 +104,9 @@ def friction_torque(dq: FloatArray, friction: Sequence[Phi] | None) -> FloatArra
 
 def coarse_rms(model: FrankaModel, signals: Signals, friction: Sequence[Phi] | None) -> float:
     """Return the sum of the joints' residual RMS [N m] at a few hundred instants, to choose between two models."""
-    kept = signals.tau[signals.kept]
-    part = slice(None, None, -(-len(kept) // COARSE))
-    q, dq, ddq, tau = (values[signals.kept][part] for values in (signals.q, signals.dq, signals.ddq, signals.tau))
+    count = len(signals.tau[signals.valid])
+    part = slice(None, None, -(-count // COARSE))
+    q, dq, ddq, tau = (values[signals.valid][part] for values in (signals.q, signals.dq, signals.ddq, signals.tau))
     residual = tau - inverse_dynamics(model, q, dq, ddq) - friction_torque(dq, friction)
     return float(root_mean_square(residual).sum())
 
@@ -145,7 +145,7 @@ def check(
     if any(breakaway):
         torque = torque + bristles(signals) * breakaway
     checked = ModelCheck(tuple(joint_names), signals, rigid, signals.low_pass(torque))
-    expected = rigid[signals.kept]
+    expected = rigid[signals.valid]
     scale = float((checked.measured * expected).sum() / (expected * expected).sum())
     if not VALID_SCALE[0] <= scale <= VALID_SCALE[1]:
         hint = "is it a commanded torque, without gravity?" if abs(scale) < VALID_SCALE[0] else "is it in N m?"

@@ -69,10 +69,10 @@ def claimed_mode(controller: ControllerInfo, arm_id: str, joint_names: Sequence[
         HricError: it claims only some joints, or a combination that libfranka does not have; the text gives valid
             claims.
     """
-    own = {*joint_names, f"{arm_id}_robot"}
+    arm_resources = {*joint_names, f"{arm_id}_robot"}
     kinds = []
     for interface, resources in sorted(controller.claims.items()):
-        if not resources & own:
+        if not resources & arm_resources:
             continue
         if interface not in _BY_INTERFACE:
             raise HricError(
@@ -97,7 +97,7 @@ def claimed_mode(controller: ControllerInfo, arm_id: str, joint_names: Sequence[
 
 def claimed_modes(controllers: Sequence[ControllerInfo], arm_id: str, joint_names: Sequence[str]) -> list[Mode]:
     """Return the modes of those controllers that command the arm. Raises the errors of `claimed_mode`."""
-    modes = [claimed_mode(one, arm_id, joint_names) for one in controllers]
+    modes = [claimed_mode(controller, arm_id, joint_names) for controller in controllers]
     return [mode for mode in modes if mode.commanded]
 
 
@@ -108,7 +108,11 @@ def check_one_commander(controllers: Sequence[ControllerInfo], arm_id: str, join
         ResourceConflictError: names two of them.
         HricError: a claim without a mode.
     """
-    commanding = [(one.name, mode) for one in controllers if (mode := claimed_mode(one, arm_id, joint_names)).commanded]
+    commanding = [
+        (controller.name, mode)
+        for controller in controllers
+        if (mode := claimed_mode(controller, arm_id, joint_names)).commanded
+    ]
     if len(commanding) > 1:
         (first, first_mode), (second, second_mode) = commanding[:2]
         raise ResourceConflictError(

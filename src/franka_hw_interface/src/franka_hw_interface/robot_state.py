@@ -83,7 +83,7 @@ def _zeros(n: int) -> Callable[[], list[float]]:
     return lambda: [0.0] * n
 
 
-_two, _three, _six, _seven, _nine = _zeros(2), _zeros(3), _zeros(6), _zeros(7), _zeros(9)
+_zeros_2, _zeros_3, _zeros_6, _zeros_7, _zeros_9 = _zeros(2), _zeros(3), _zeros(6), _zeros(7), _zeros(9)
 
 
 def identity16() -> list[float]:
@@ -120,41 +120,41 @@ class RobotState:
     """
 
     tick: int = 0
-    cartesian_collision: list[float] = field(default_factory=_six)
-    cartesian_contact: list[float] = field(default_factory=_six)
-    q: list[float] = field(default_factory=_seven)
-    q_d: list[float] = field(default_factory=_seven)
-    dq: list[float] = field(default_factory=_seven)
-    dq_d: list[float] = field(default_factory=_seven)
-    ddq_d: list[float] = field(default_factory=_seven)
-    theta: list[float] = field(default_factory=_seven)
-    dtheta: list[float] = field(default_factory=_seven)
-    tau_J: list[float] = field(default_factory=_seven)
-    dtau_J: list[float] = field(default_factory=_seven)
-    tau_J_d: list[float] = field(default_factory=_seven)
-    K_F_ext_hat_K: list[float] = field(default_factory=_six)
-    elbow: list[float] = field(default_factory=_two)
-    elbow_d: list[float] = field(default_factory=_two)
-    elbow_c: list[float] = field(default_factory=_two)
-    delbow_c: list[float] = field(default_factory=_two)
-    ddelbow_c: list[float] = field(default_factory=_two)
-    joint_collision: list[float] = field(default_factory=_seven)
-    joint_contact: list[float] = field(default_factory=_seven)
-    O_F_ext_hat_K: list[float] = field(default_factory=_six)
-    O_dP_EE_d: list[float] = field(default_factory=_six)
-    O_ddP_O: list[float] = field(default_factory=_three)
-    O_dP_EE_c: list[float] = field(default_factory=_six)
-    O_ddP_EE_c: list[float] = field(default_factory=_six)
-    tau_ext_hat_filtered: list[float] = field(default_factory=_seven)
+    cartesian_collision: list[float] = field(default_factory=_zeros_6)
+    cartesian_contact: list[float] = field(default_factory=_zeros_6)
+    q: list[float] = field(default_factory=_zeros_7)
+    q_d: list[float] = field(default_factory=_zeros_7)
+    dq: list[float] = field(default_factory=_zeros_7)
+    dq_d: list[float] = field(default_factory=_zeros_7)
+    ddq_d: list[float] = field(default_factory=_zeros_7)
+    theta: list[float] = field(default_factory=_zeros_7)
+    dtheta: list[float] = field(default_factory=_zeros_7)
+    tau_J: list[float] = field(default_factory=_zeros_7)
+    dtau_J: list[float] = field(default_factory=_zeros_7)
+    tau_J_d: list[float] = field(default_factory=_zeros_7)
+    K_F_ext_hat_K: list[float] = field(default_factory=_zeros_6)
+    elbow: list[float] = field(default_factory=_zeros_2)
+    elbow_d: list[float] = field(default_factory=_zeros_2)
+    elbow_c: list[float] = field(default_factory=_zeros_2)
+    delbow_c: list[float] = field(default_factory=_zeros_2)
+    ddelbow_c: list[float] = field(default_factory=_zeros_2)
+    joint_collision: list[float] = field(default_factory=_zeros_7)
+    joint_contact: list[float] = field(default_factory=_zeros_7)
+    O_F_ext_hat_K: list[float] = field(default_factory=_zeros_6)
+    O_dP_EE_d: list[float] = field(default_factory=_zeros_6)
+    O_ddP_O: list[float] = field(default_factory=_zeros_3)
+    O_dP_EE_c: list[float] = field(default_factory=_zeros_6)
+    O_ddP_EE_c: list[float] = field(default_factory=_zeros_6)
+    tau_ext_hat_filtered: list[float] = field(default_factory=_zeros_7)
     m_ee: float = 0.0
-    F_x_Cee: list[float] = field(default_factory=_three)
-    I_ee: list[float] = field(default_factory=_nine)
+    F_x_Cee: list[float] = field(default_factory=_zeros_3)
+    I_ee: list[float] = field(default_factory=_zeros_9)
     m_load: float = 0.0
-    F_x_Cload: list[float] = field(default_factory=_three)
-    I_load: list[float] = field(default_factory=_nine)
+    F_x_Cload: list[float] = field(default_factory=_zeros_3)
+    I_load: list[float] = field(default_factory=_zeros_9)
     m_total: float = 0.0
-    F_x_Ctotal: list[float] = field(default_factory=_three)
-    I_total: list[float] = field(default_factory=_nine)
+    F_x_Ctotal: list[float] = field(default_factory=_zeros_3)
+    I_total: list[float] = field(default_factory=_zeros_9)
     O_T_EE: list[float] = field(default_factory=identity16)
     O_T_EE_d: list[float] = field(default_factory=identity16)
     O_T_EE_c: list[float] = field(default_factory=identity16)
@@ -171,8 +171,10 @@ class RobotState:
     def snapshot(self) -> "RobotState":
         """Return a copy that later cycles do not change; fields computed on demand are computed now."""
         values = {name: getattr(self, name) for name in FIELD_NAMES}
-        kept: dict[str, Any] = {name: value[:] if isinstance(value, list) else value for name, value in values.items()}
-        return RobotState(tick=self.tick, **kept)
+        copies: dict[str, Any] = {
+            name: value[:] if isinstance(value, list) else value for name, value in values.items()
+        }
+        return RobotState(tick=self.tick, **copies)
 
 
 FIELD_NAMES: tuple[str, ...] = tuple(item.name for item in fields(RobotState) if item.name != "tick")

@@ -74,13 +74,13 @@ def is_pose(values: Sequence[float], tolerance: float = ORTHONORMAL_TOLERANCE) -
     """
     if len(values) != 16:
         return False
-    a, b, c, row_1, d, e, f, row_2, g, h, i, row_3, x, y, z, one = values
+    a, b, c, row_1, d, e, f, row_2, g, h, i, row_3, x, y, z, corner = values
     return (
         is_rotation((a, b, c), (d, e, f), (g, h, i), tolerance)
         and abs(row_1) <= tolerance
         and abs(row_2) <= tolerance
         and abs(row_3) <= tolerance
-        and abs(one - 1.0) <= tolerance
+        and abs(corner - 1.0) <= tolerance
         and math.isfinite(x)
         and math.isfinite(y)
         and math.isfinite(z)

@@ -43,7 +43,7 @@ class LibfrankaModel:
         """Mass properties of everything mounted at the flange, and of the payload, in the flange frame."""
         self.F_T_EE, self.EE_T_K = np.eye(4), np.eye(4)
         self.gravity_list: Callable[[Sequence[float]], list[float]]
-        self._followed: dict[str, Any] = {}
+        self._followed: dict[str, object] = {}
         self.follow(state)
 
     @classmethod

@@ -20,7 +20,7 @@ WAIT_FOR_ARM: Any = number(
     minimum=0.0,
     unit="s",
     name="wait_for_arm",
-    text="how long a control box that refuses the connection, as one that starts does, is tried again",
+    text="time for which a refused connection is tried again, as while the control box starts",
 )
 
 
@@ -45,7 +45,10 @@ class Settings(Base):
     rate_limiting: bool = flag(text="libfranka's rate limiter")
     cutoff_frequency: float = number(above=0.0, unit="Hz", text="libfranka's low-pass on commands; 1000 or more: none")
     internal_controller: str = choice(
-        "joint_impedance", "cartesian_impedance", default=REQUIRED, text="who follows position and velocity commands"
+        "joint_impedance",
+        "cartesian_impedance",
+        default=REQUIRED,
+        text="controller that follows position and velocity commands",
     )
     realtime_config: str = choice(
         "enforce", "ignore", default=REQUIRED, text="`enforce`: refuse a kernel without PREEMPT_RT"
@@ -57,8 +60,8 @@ class Settings(Base):
     rotor_inertia: float = number(minimum=0.0, unit="kg m^2", text="for controllers that check their gains")
     realtime_priority: int = whole(minimum=0, maximum=98, text="SCHED_FIFO priority of the loop; 0: none")
     lock_memory: bool = flag(text="keep the process from being paged out")
-    switch_interval: float = number(above=0.0, unit="s", text="how long another thread may keep the interpreter")
-    probe_timeout: float = number(above=0.0, unit="s", text="how long the first connection may take")
+    switch_interval: float = number(above=0.0, unit="s", text="thread switch interval of Python")
+    probe_timeout: float = number(above=0.0, unit="s", text="timeout of the first connection")
     wait_for_arm: float = WAIT_FOR_ARM
     watchdog_timeout: float = number(
         minimum=0.0, unit="s", text="silence of the loop after which the process is ended; 0: no watchdog"
@@ -69,6 +72,6 @@ class Settings(Base):
     connect_timeout: float = number(above=0.0, unit="s", text="the same while libfranka connects")
 
     @classmethod
-    def defaults(cls) -> Mapping[str, Any]:
+    def defaults(cls) -> Mapping[str, object]:
         """Return the values of the YAML."""
         return package_yaml(__file__, "franka_real")

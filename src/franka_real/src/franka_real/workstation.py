@@ -41,14 +41,14 @@ class Finding:
     Attributes:
         what: name of the check.
         good: True if the result is fit for a 1 kHz loop; None: unknown.
-        found: the result.
+        result: text for the report.
         advice: what to do about it; empty if it is good.
         fix: function that changes the setting and returns what it did; None: needs a restart.
     """
 
     what: str
     good: bool | None
-    found: str
+    result: str
     advice: str = ""
     fix: Callable[[], str] | None = None
 
@@ -59,11 +59,11 @@ def kernel(root: Path = Path("/")) -> Finding:
     if _read(root / "sys/kernel/realtime") == "1" or "PREEMPT_RT" in os.uname().version:
         return Finding("kernel", True, f"{release}, PREEMPT_RT")
     model = re.search(r"\bPREEMPT(?:_DYNAMIC)?\b", os.uname().version)
-    found = f"{release}, {model.group() if model else 'preemption not known'}"
+    result = f"{release}, {model.group() if model else 'preemption not known'}"
     return Finding(
         "kernel",
         False,
-        found,
+        result,
         "install a PREEMPT_RT kernel (Debian: linux-image-rt-amd64); without it single cycles come 10 ms late",
     )
 
@@ -135,7 +135,7 @@ def network(address: str) -> Finding:
     if not times:
         return Finding("network", False, f"no response from {address}", "check address, cable, and the control box")
     spread = statistics.pstdev(times)
-    found = (
+    result = (
         f"{address}: {len(times)} of {PINGS} pings, median {statistics.median(times):.3f} ms, largest "
         f"{times[-1]:.3f} ms, jitter {spread:.3f} ms"
     )
@@ -145,7 +145,7 @@ def network(address: str) -> Finding:
         if good
         else f"no ping should take above {ROUND_TRIP_LIMIT} ms: a cable of its own, no switch, no power saving"
     )
-    return Finding("network", good, found, advice)
+    return Finding("network", good, result, advice)
 
 
 def look(address: str = "") -> Iterator[Finding]:
@@ -180,7 +180,7 @@ _MARK = {True: "ok  ", False: "BAD ", None: "?   "}
 
 def line(finding: Finding) -> str:
     """Return one finding as text."""
-    return f"{_MARK[finding.good]} {finding.what}: {finding.found}" + (
+    return f"{_MARK[finding.good]} {finding.what}: {finding.result}" + (
         f"\n       {finding.advice}" if finding.advice else ""
     )
 
@@ -207,13 +207,13 @@ class CheckWorkstationCommand(Command):
             ),
         ]
 
-    def run(self, given: argparse.Namespace) -> int:
+    def run(self, arguments: argparse.Namespace) -> int:
         """Check, report, and with --fix change the settings; return 0 if no check fails."""
         findings = []
-        for finding in look(given.robot_ip):
+        for finding in look(arguments.robot_ip):
             print(line(finding), flush=True)
             findings.append(finding)
-        if given.fix:
+        if arguments.fix:
             _fix(findings)
         return 0 if all(finding.good is not False for finding in findings) else NOT_GOOD
 

@@ -59,22 +59,22 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
         """Read the parameters, build plant, model and box, and put the arm at its start pose."""
         node = self._node = robot_hw_node
         self.description = root_node.search_param("robot_description")
-        given, realism = settings.read(node, settings.ArmSettings)
-        self.arm_id, self.q_start = given.arm_id, list(given.q_start)
-        plant_config = realism.with_friction(given.plant, self.arm_id)
+        parameters, realism = settings.read(node, settings.ArmSettings)
+        self.arm_id, self.q_start = parameters.arm_id, list(parameters.q_start)
+        plant_config = realism.with_friction(parameters.plant, self.arm_id)
         self.model = settings.make_model(node, self.description, self.arm_id, plant_config)
         names = self.model.joint_names
         check_start(self.description, names, self.q_start, node.resolve("q_start"))
         limits = read_limits(self.description, root_node, node, self.arm_id, names)
         with self._new_plant(node, realism.body(self.description, self.arm_id), names, plant_config):
             period, states = self.plant.time_step, self.states
-            config = given.box(plant_config, names, period, realism)
+            config = parameters.box(plant_config, names, period, realism)
             compiled = CompiledArm(self.description, self.arm_id, config.min_singular_value)
             self.box = ControlBox(self.model, compiled, config, self._report)
             self.robot_state = self.box.state
             self._read_state = sensors.attach(self.plant, self.box, realism, plant_config.get("seed", 0))
-            settings.set_internal_impedance(node, given.internal_impedance.stiffness, self.box.joint_impedance)
-            self._commands = CommandSet(self.arm_id, states, self.robot_state, limits, period, given.rate_limits)
+            settings.set_internal_impedance(node, parameters.internal_impedance.stiffness, self.box.joint_impedance)
+            self._commands = CommandSet(self.arm_id, states, self.robot_state, limits, period, parameters.rate_limits)
             self.mode, self._requested, self._restart = HOLD, HOLD, False
             self._register(self.model)
             self._put(self.q_start, self._reset_plant)

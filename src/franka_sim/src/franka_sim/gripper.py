@@ -4,11 +4,10 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
 
 from franka_hw_interface.hand import HandMotion, HandOutcome
 from hric_core.errors import CommandError
-from hric_core.node import LiveParameter, Node
+from hric_core.node import LiveParameter, Node, ParameterValues
 from hric_core.parameters import Settings, number, package_yaml, whole
 
 __all__ = ["Gripper", "HandConfig", "HandMotion", "HandOutcome", "defaults"]
@@ -214,7 +213,7 @@ def emulated_hand(node: Node) -> tuple[Gripper, Callable[[], None]]:
         "object_width", 0.0, 0.0, hand.max_width, "width of what lies between the fingers [m]; 0: nothing"
     )
 
-    def change(values: dict[str, Any]) -> dict[str, Any]:
+    def change(values: ParameterValues) -> ParameterValues:
         hand.object_width = values["object_width"] or None
         return values
 

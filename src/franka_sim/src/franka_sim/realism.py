@@ -64,7 +64,7 @@ class Realism(Settings):
                 _change(inertial, 1.0 + mass_error * draw[0], com_error * draw[1:])
         return ElementTree.tostring(root, encoding="unicode")
 
-    def with_friction(self, plant: Mapping[str, Any], arm_id: str) -> dict[str, Any]:
+    def with_friction(self, plant: Mapping[str, object], arm_id: str) -> dict[str, object]:
         """Return the plant's parameters, completed with the friction of this arm.
 
         "identified" friction without values gets the published ones, and without breakaway the one of this arm.
@@ -79,21 +79,21 @@ class Realism(Settings):
         if config.get("friction") == "identified" and not config.get("friction_parameters"):
             config["friction_parameters"] = panda_description.friction_parameters(arm_id)
         if config.get("friction") == "identified" and any(self.breakaway):
-            config["friction_parameters"] = self._held(config["friction_parameters"], arm_id)
+            config["friction_parameters"] = self._with_breakaway(config["friction_parameters"], arm_id)
         return config
 
-    def _held(self, parameters: Any, arm_id: str) -> dict[str, Any]:
+    def _with_breakaway(self, parameters: Any, arm_id: str) -> Any:
         """Return friction parameters with this arm's breakaway torque where they have none."""
-        held = dict(zip((f"{arm_id}_joint{i}" for i in range(1, JOINTS + 1)), self.breakaway, strict=True))
-        if not held.keys() & parameters.keys():
+        breakaway = dict(zip((f"{arm_id}_joint{i}" for i in range(1, JOINTS + 1)), self.breakaway, strict=True))
+        if not breakaway.keys() & parameters.keys():
             return {BREAKAWAY: list(self.breakaway), **parameters}
         return {
-            joint: {BREAKAWAY: held[joint], **values} if joint in held else values
+            joint: {BREAKAWAY: breakaway[joint], **values} if joint in breakaway else values
             for joint, values in parameters.items()
         }
 
     def known_friction(
-        self, plant: Mapping[str, Any], joint_names: Sequence[str]
+        self, plant: Mapping[str, object], joint_names: Sequence[str]
     ) -> Mapping[str, Mapping[str, float]] | None:
         """Return the friction that the box knows, phi1 [N m], phi2 [s/rad], phi3 [rad/s] by joint; None: none.
 
@@ -103,9 +103,9 @@ class Realism(Settings):
         """
         if plant.get("friction") != "identified" or not any(self.friction_known):
             return None
-        parameters: Mapping[str, Mapping[str, float]] = plant["friction_parameters"]
+        parameters: Any = plant["friction_parameters"]
         if all(share == 1.0 for share in self.friction_known):
-            return parameters
+            return dict(parameters)
         acting = sigmoid_parameters(parameters, joint_names)
         return {
             name: dict(zip(PHI, (share * phi[0], *phi[1:]), strict=True))
@@ -140,13 +140,13 @@ def parse(value: Any, where: str) -> Realism:
     Raises:
         HricError: an unknown preset or key, or an invalid value; lists the valid ones.
     """
-    given = dict(value) if isinstance(value, Mapping) else {"preset": value}
-    name = given.pop("preset", IDEAL)
+    values = dict(value) if isinstance(value, Mapping) else {"preset": value}
+    name = values.pop("preset", IDEAL)
     if not isinstance(name, str) or name not in presets():
         raise UnknownNameError("preset", name, presets(), where)
     valid = list(declared(Realism))
-    for key in given:
+    for key in values:
         if key not in valid:
             raise UnknownNameError("value", key, ["preset", *valid], where)
     joints = [f"joint{number}" for number in range(1, JOINTS + 1)]
-    return Realism.of({**read_config("realism")[name], **given}, f"{where}/", joints)
+    return Realism.of({**read_config("realism")[name], **values}, f"{where}/", joints)

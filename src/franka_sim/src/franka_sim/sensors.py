@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -56,7 +57,7 @@ class Sensors:
         self.wrench[:] = wrench_noise
 
 
-def attach(plant: Plant, box: ControlBox, realism: Realism, seed: int) -> ReadState:
+def attach(plant: Plant, box: ControlBox, realism: Realism, seed: Any) -> ReadState:
     """Return the function with which the box reads the plant: `plant.read_state` itself without noise.
 
     Args:

@@ -33,7 +33,7 @@ class InternalImpedance(Settings):
     )
 
     @classmethod
-    def defaults(cls) -> Mapping[str, Any]:
+    def defaults(cls) -> Mapping[str, object]:
         """Return the values of the YAML."""
         return defaults()
 
@@ -44,7 +44,7 @@ class BoxSettings(Settings):
 
     arm_id: str = ARM_ID
     plant_type: str = text("pybullet_ros_control/PyBulletPlant", text="plugin of base `hric_control::Plant`")
-    plant: Mapping[str, Any] = mapping(
+    plant: Mapping[str, object] = mapping(
         default={},
         text="handed to the plant; `friction: identified` gets panda_description's values; `gravity` is also that of "
         "the arm's model; `rotor_inertia` (0.1 if absent) also bounds the internal impedance",
@@ -59,17 +59,17 @@ class BoxSettings(Settings):
         Q_START,
         others=Q_START,
         default_text="`[0, -pi/4, 0, -3pi/4, 0, pi/2, pi/4]`",
-        text="start pose; outside a joint's range it is allowed and said",
+        text="start pose; a joint outside its range is allowed, with a warning",
     )
     internal_impedance: InternalImpedance = section(InternalImpedance)
     reflexes: bool = flag(
         True,
-        text="whether the arm protects itself; `false`: it limits what it can, and nothing but a number that is "
-        "none ends a motion",
+        text="`true`: the arm protects itself; `false`: commands are limited where possible, and only NaN ends "
+        "a motion",
     )
 
     def box(
-        self, plant: Mapping[str, Any], joint_names: Sequence[str], time_step: float, realism: Realism
+        self, plant: Mapping[str, object], joint_names: Sequence[str], time_step: float, realism: Realism
     ) -> BoxConfig:
         """Return the parameters of the control box, with the plant's rotor inertia and the friction that it knows."""
         return BoxConfig(
@@ -106,12 +106,14 @@ class ArmSettings(BoxSettings):
         return rates if self.rate_limiting else None
 
     def box(
-        self, plant: Mapping[str, Any], joint_names: Sequence[str], time_step: float, realism: Realism
+        self, plant: Mapping[str, object], joint_names: Sequence[str], time_step: float, realism: Realism
     ) -> BoxConfig:
         """Return the parameters of the control box, with those that only the simulated arm has."""
-        config, given = super().box(plant, joint_names, time_step, realism), self.collision_config
+        config, thresholds = super().box(plant, joint_names, time_step, realism), self.collision_config
         config = replace(config, settings_while_moving=self.settings_while_moving)
-        return config if given is None else replace(config, collision_behavior=CollisionBehavior(*astuple(given)))
+        if thresholds is None:
+            return config
+        return replace(config, collision_behavior=CollisionBehavior(*astuple(thresholds)))
 
 
 def read(node: Node, kind: type[AnyBoxSettings]) -> tuple[AnyBoxSettings, Realism]:
@@ -120,7 +122,7 @@ def read(node: Node, kind: type[AnyBoxSettings]) -> tuple[AnyBoxSettings, Realis
     return settings, parse(settings.realism, node.resolve("realism"))
 
 
-def make_model(node: Node, urdf_xml: str, arm_id: str, plant: Mapping[str, Any]) -> KdlFrankaModel:
+def make_model(node: Node, urdf_xml: str, arm_id: str, plant: Mapping[str, object]) -> KdlFrankaModel:
     """Return the arm's model of itself; it senses the direction of the plant's gravity, as a real arm does."""
     gravity = GRAVITY.checked(plant.get("gravity", GRAVITY), node.resolve("plant/gravity"))
     try:
@@ -145,6 +147,6 @@ def set_internal_impedance(node: Node, stiffness: Sequence[float], law: JointImp
     if law.stiffness != requested:
         lowered = ", ".join(f"{k:.0f}/{d:.1f}" for k, d in zip(law.stiffness, law.damping, strict=True))
         node.log_info(
-            "internal impedance lowered to what the time step and so little rotor inertia carry, K/D per joint: "
+            "internal impedance lowered to gains that are stable with this time step and rotor inertia, K/D per joint: "
             f"{lowered}"
         )

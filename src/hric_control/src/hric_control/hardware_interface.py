@@ -109,20 +109,20 @@ class JointHandle(JointStateHandle):
 class JointStateGroup:
     """States of several joints, in the requested order. Arrays are built on access: take them once per cycle."""
 
-    __slots__ = ("_indices", "_states", "_whole", "names")
+    __slots__ = ("_all_in_order", "_indices", "_states", "names")
 
     def __init__(self, states: JointStates, names: Iterable[str]) -> None:
         self.names = _unique_names(names)
         check_known("joint", self.names, states.names)
         self._states = states
         self._indices = [states.index[name] for name in self.names]
-        self._whole = self.names == states.names
+        self._all_in_order = self.names == states.names
 
     def __len__(self) -> int:
         return len(self.names)
 
     def _take(self, values: list[float]) -> list[float]:
-        return values[:] if self._whole else [values[i] for i in self._indices]
+        return values[:] if self._all_in_order else [values[i] for i in self._indices]
 
     @property
     def position(self) -> FloatArray:
@@ -182,7 +182,7 @@ class JointGroup(JointStateGroup):
         # A sum is finite if every part is: one test in the usual case, a search for the bad value only on failure.
         if len(values) != len(self.names) or not math.isfinite(sum(values)):
             self._refuse(values)
-        if self._whole:
+        if self._all_in_order:
             self._commands.value[:] = values
         else:
             target = self._commands.value
@@ -215,7 +215,7 @@ class HardwareInterface:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the resources."""
-        raise NotImplementedError(f"{type(self).__name__} does not say its resources")
+        raise NotImplementedError(f"{type(self).__name__} does not declare its resources")
 
     @property
     def claims(self) -> frozenset[str]:

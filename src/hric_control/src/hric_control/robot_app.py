@@ -64,15 +64,15 @@ def robot_hw_type(root_node: Node, robot_hw_node: Node) -> str:
     Raises:
         HricError: neither is set; the message lists the types.
     """
-    found = RobotSettings.read(robot_hw_node).robot_hw or transmission.robot_sim_type(
+    type_name = RobotSettings.read(robot_hw_node).robot_hw or transmission.robot_sim_type(
         root_node.search_param("robot_description", "<robot/>")
     )
-    if not found:
+    if not type_name:
         valid = ", ".join(sorted(plugins.names(plugins.ROBOT_HW))) or "none"
         raise DescriptionError(
             f"{robot_hw_node.resolve('robot_hw')} is not set and robot_description has no robotSimType; valid: {valid}"
         )
-    return found
+    return type_name
 
 
 class RobotApp:

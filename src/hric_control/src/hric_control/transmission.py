@@ -81,10 +81,12 @@ def parse_transmissions(urdf_xml: str) -> list[Transmission]:
         LOG.warning("transmissions left out, whose joints only another one drives: %s. Valid: %s", foreign, SIMPLE[0])
     result = [_transmission(element, robot.joints) for element, reason in elements.items() if not reason]
     seen: dict[str, str] = {}
-    for one in result:
-        if one.joint in seen:
-            raise DescriptionError(f"joint {one.joint} has two transmissions: {seen[one.joint]} and {one.name}")
-        seen[one.joint] = one.name
+    for transmission in result:
+        if transmission.joint in seen:
+            raise DescriptionError(
+                f"joint {transmission.joint} has two transmissions: {seen[transmission.joint]} and {transmission.name}"
+            )
+        seen[transmission.joint] = transmission.name
     return result
 
 
@@ -138,10 +140,10 @@ def _transmission(element: ElementTree.Element, joints: Collection[str]) -> Tran
 
 
 def _only(element: ElementTree.Element, tag: str, where: str) -> ElementTree.Element:
-    found = element.findall(tag)
-    if len(found) != 1:
-        raise DescriptionError(f"{where}: a SimpleTransmission has one <{tag}>; it has {len(found)}")
-    return found[0]
+    elements = element.findall(tag)
+    if len(elements) != 1:
+        raise DescriptionError(f"{where}: a SimpleTransmission has one <{tag}>; it has {len(elements)}")
+    return elements[0]
 
 
 def _interfaces(joint: ElementTree.Element, actuator: ElementTree.Element, where: str) -> tuple[str, ...]:

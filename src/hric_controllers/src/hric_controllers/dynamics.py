@@ -84,11 +84,11 @@ def gravity_source(robot_hw: RobotHW, root_node: Node, joints: Sequence[str]) ->
 
 
 def _model_gravity(model: Any, order: list[int]) -> Gravity:
-    whole = order == list(range(7))
+    all_in_order = order == list(range(7))
 
     def gravity(q: list[float]) -> list[float]:
         torque: list[float] = model.gravity().tolist()  # at the robot's present position, which is q
-        return torque if whole else [torque[i] for i in order]
+        return torque if all_in_order else [torque[i] for i in order]
 
     return gravity
 
@@ -130,10 +130,12 @@ def largest_kd(mass: FloatArray, rotor_inertia: Sequence[float], period: float) 
     return [2.0 / (period * float(value)) for value in np.diagonal(inverse)]
 
 
-def rotor_inertia(robot_hw: RobotHW, given: Sequence[float] | None, joints: Sequence[str]) -> tuple[list[float], str]:
+def rotor_inertia(
+    robot_hw: RobotHW, parameter: Sequence[float] | None, joints: Sequence[str]
+) -> tuple[list[float], str]:
     """Return the joints' rotor inertia [kg m^2] and its source: the parameter if set, else the robot, else zero."""
-    if given is not None:
-        return list(given), "parameter rotor_inertia"
+    if parameter is not None:
+        return list(parameter), "parameter rotor_inertia"
     if robot_hw.rotor_inertia is None:
         return [0.0] * len(joints), "taken as 0, since neither the parameter rotor_inertia nor the robot gives it"
     index = robot_hw.get(JointStateInterface).states.index

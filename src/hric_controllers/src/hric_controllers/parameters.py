@@ -36,7 +36,7 @@ class LawSettings(Settings):
 
 
 STRICT_GAINS: Any = flag(
-    False, name="strict_gains", text="refuse, instead of warn of, gains that the sampled loop cannot carry"
+    False, name="strict_gains", text="refuse gains with which the sampled loop is unstable, instead of a warning"
 )
 
 

@@ -59,11 +59,11 @@ class Command:
         """Return the arguments in the order of --help."""
         return []
 
-    def run(self, given: argparse.Namespace) -> int | None:
+    def run(self, arguments: argparse.Namespace) -> int | None:
         """Do the work.
 
         Args:
-            given: values of the arguments; `command` is the whole command line.
+            arguments: values of the arguments; `command` is the complete command line.
 
         Returns:
             the exit code; None for 0.
@@ -134,8 +134,8 @@ def perform(words: Sequence[str]) -> int:
     others = [f" {word}" if SMALL_NEGATIVE.fullmatch(word) else word for word in words[len(name.split()) :]]
     if command.is_node:
         others = [word for word in others if word.startswith("-") or ":=" not in word]
-    whole = argparse.Namespace(command=shlex.join(["hric", *words]))
-    return command.run(command.parser(name).parse_intermixed_args(others, whole)) or 0
+    namespace = argparse.Namespace(command=shlex.join(["hric", *words]))
+    return command.run(command.parser(name).parse_intermixed_args(others, namespace)) or 0
 
 
 def _name(words: Sequence[str]) -> str:

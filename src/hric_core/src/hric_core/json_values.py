@@ -34,7 +34,7 @@ def to_json(value: object) -> Any:
 
 
 @cache
-def _types(kind: type) -> dict[str, Any]:
+def _types(kind: type) -> dict[str, type]:
     """Return the type of each field of a dataclass by its name."""
     hints = get_type_hints(kind)
     return {item.name: hints[item.name] for item in fields(kind)}
@@ -43,7 +43,7 @@ def _types(kind: type) -> dict[str, Any]:
 def _optional(kind: Any) -> tuple[Any, bool]:
     """Return a type without None, and True if None is valid."""
     members = get_args(kind) if get_origin(kind) in (Union, UnionType) else (kind,)
-    return next(one for one in members if one is not NoneType), NoneType in members
+    return next(member for member in members if member is not NoneType), NoneType in members
 
 
 def from_json(kind: type[T], data: object, where: str = "") -> T:

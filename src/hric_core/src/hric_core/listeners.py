@@ -121,7 +121,9 @@ class Dispatcher:
 
         A listener that was too slow is not waited for again before it has caught up."""
         with self._changed:
-            done = self._changed.wait_for(lambda: all(one.stuck for one in self._behind.values()), max(timeout, 0.0))
+            done = self._changed.wait_for(
+                lambda: all(listener.stuck for listener in self._behind.values()), max(timeout, 0.0)
+            )
             for listener in self._behind.values():
                 listener.stuck = True
             return done and not self._behind
@@ -137,7 +139,10 @@ class Dispatcher:
         with self._changed:
             behind = list(self._behind.values())
             return Status(
-                tuple(sorted(one.name for one in behind)), sum(one.size for one in behind), self._lost, self._closed
+                tuple(sorted(listener.name for listener in behind)),
+                sum(listener.size for listener in behind),
+                self._lost,
+                self._closed,
             )
 
     # -- with the lock -------------------------------------------------------------------------------------------------
@@ -231,8 +236,8 @@ class Dispatcher:
             for file, _ in self._poll.poll(LOOK):
                 with self._changed:
                     listener = self._behind.get(file)
-                    whole = listener is None or self._advance(listener)
-                if listener is not None and not whole:
+                    writable = listener is None or self._advance(listener)
+                if listener is not None and not writable:
                     listener.close()
             if time.monotonic() >= look:
                 look = time.monotonic() + LOOK

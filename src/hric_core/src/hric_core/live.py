@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from hric_core.errors import check_known
-from hric_core.node import LiveParameter, OnChange
+from hric_core.node import LiveParameter, OnChange, ParameterValues
 from hric_core.parameters import Settings, declared, flag, number, text, whole
 
 _KINDS: dict[type, Callable[..., Any]] = {bool: flag, int: whole, float: number, str: text}
@@ -36,15 +36,15 @@ class LiveValues:
     """
 
     def __init__(
-        self, namespace: str, parameters: Sequence[LiveParameter], on_change: OnChange, initial: Mapping[str, Any]
+        self, namespace: str, parameters: Sequence[LiveParameter], on_change: OnChange, initial: Mapping[str, object]
     ) -> None:
         self._namespace = namespace
         self._parameters = {parameter.name: parameter for parameter in parameters}
         self._on_change = on_change
-        self.values: dict[str, Any] = {p.name: p.default for p in parameters}
+        self.values: ParameterValues = {p.name: p.default for p in parameters}
         self._apply(initial)
 
-    def change(self, changes: Mapping[str, Any]) -> dict[str, Any]:
+    def change(self, changes: Mapping[str, object]) -> ParameterValues:
         """Apply changes and return all values then in force.
 
         Raises:
@@ -54,7 +54,7 @@ class LiveValues:
         self._apply(changes)
         return dict(self.values)
 
-    def _apply(self, changes: Mapping[str, Any]) -> None:
+    def _apply(self, changes: Mapping[str, object]) -> None:
         check_known("live parameter", changes, self._parameters, self._namespace)
         checked = {name: self._checked(self._parameters[name], value) for name, value in changes.items()}
         requested = self.values | checked

@@ -13,7 +13,9 @@ from typing import Any, Protocol, runtime_checkable
 from hric_core import names
 from hric_core.errors import ParameterError
 
-OnChange = Callable[[dict[str, Any]], dict[str, Any]]
+ParameterValues = dict[str, Any]
+"""Checked values of live parameters by name: bool, int, float or str."""
+OnChange = Callable[[ParameterValues], ParameterValues]
 """Callback for changes of live parameters by name; returns all values that are in force then."""
 
 

@@ -15,7 +15,7 @@
                 raise refused(f"{where}rate", self.rate, "up to 1000 Hz in mode exact")
 
     LoopSettings.read(node)                         # of a Node: the declared names; see ScopedNode for others
-    LoopSettings.read(node, joints=found)           # where the joints are no parameter themselves
+    LoopSettings.read(node, joints=names)           # where the joints are no parameter themselves
     LoopSettings.of(content, "run.yaml: loop")      # of a mapping: unknown keys are refused
     LoopSettings(rate=50.0, joints=["a"], kp=3.0)   # in Python: checked likewise; dataclasses.replace, too
     number(0.0, minimum=0.0, unit="s").read(node, "timeout")         # one parameter alone
@@ -86,7 +86,7 @@ class Mistakes:
     """Collector of refusals, so that all are reported at once."""
 
     def __init__(self) -> None:
-        self._found: list[ParameterError] = []
+        self._errors: list[ParameterError] = []
 
     @contextmanager
     def noted(self) -> Iterator[None]:
@@ -94,12 +94,12 @@ class Mistakes:
         try:
             yield
         except ParameterError as error:
-            self._found.append(error)
+            self._errors.append(error)
 
     def raise_all(self) -> None:
         """Raise ParameterError after one refusal, ParameterErrors after several."""
-        if self._found:
-            raise self._found[0] if len(self._found) == 1 else ParameterErrors(self._found)
+        if self._errors:
+            raise self._errors[0] if len(self._errors) == 1 else ParameterErrors(self._errors)
 
 
 @dataclass(eq=False)
@@ -267,10 +267,10 @@ class Settings:
 
     def __post_init__(self, where: str, for_joints: Sequence[str]) -> None:
         base = self.defaults()
-        own = declared(type(self))
+        parameters = declared(type(self))
         mistakes = Mistakes()
-        for attribute in sorted(own, key="joints".__ne__):  # what is per joint needs to know them
-            parameter, value = own[attribute], getattr(self, attribute)
+        for attribute in sorted(parameters, key="joints".__ne__):  # what is per joint needs to know them
+            parameter, value = parameters[attribute], getattr(self, attribute)
             value = base.get(parameter.name, value) if value is parameter else value
             with mistakes.noted():
                 value = parameter.checked(value, f"{where}{parameter.name}", for_joints or getattr(self, "joints", ()))
@@ -282,7 +282,7 @@ class Settings:
         self.check(where)
 
     @classmethod
-    def defaults(cls) -> Mapping[str, Any]:
+    def defaults(cls) -> Mapping[str, object]:
         """Return defaults by name, which replace the declared ones."""
         return {}
 
@@ -292,8 +292,8 @@ class Settings:
     @classmethod
     def read(cls, node: Node, joints: Sequence[str] = ()) -> Self:
         """Return the parameters of a node. Raises ParameterError."""
-        given = {key: node.param(parameter.name, parameter) for key, parameter in declared(cls).items()}
-        return cls(**given, where=f"{node.namespace.rstrip('/')}/", for_joints=joints)
+        values = {key: node.param(parameter.name, parameter) for key, parameter in declared(cls).items()}
+        return cls(**values, where=f"{node.namespace.rstrip('/')}/", for_joints=joints)
 
     @classmethod
     def of(cls, content: Any, where: str, joints: Sequence[str] = ()) -> Self:
@@ -318,17 +318,17 @@ class Settings:
             with mistakes.noted():
                 if name not in by_name:
                     raise unknown("parameter", name, by_name, where.rstrip(":/."))
-        given = {by_name[name]: value for name, value in content.items() if name in by_name}
+        values = {by_name[name]: value for name, value in content.items() if name in by_name}
         with mistakes.noted():
-            made = cls(**given, where=below(where), for_joints=joints)
+            made = cls(**values, where=below(where), for_joints=joints)
         mistakes.raise_all()
         return made
 
 
 def declared(settings: type[Settings]) -> dict[str, Parameter]:
     """Return the parameters by attribute."""
-    found = settings.__dataclass_fields__  # `fields` costs five times as much, sixty times a run
-    return {name: item.default for name, item in found.items() if isinstance(item.default, Parameter)}
+    items = settings.__dataclass_fields__  # `fields` costs five times as much, sixty times a run
+    return {name: item.default for name, item in items.items() if isinstance(item.default, Parameter)}
 
 
 Known = Iterable[type[Settings] | str]
@@ -340,11 +340,11 @@ def known_names(known: Known) -> set[str]:
     return {
         name
         for item in known
-        for name in ((item,) if isinstance(item, str) else (one.name for one in declared(item).values()))
+        for name in ((item,) if isinstance(item, str) else (parameter.name for parameter in declared(item).values()))
     }
 
 
-def refuse_unknown(content: Mapping[str, Any], known: Iterable[str], where: str) -> None:
+def refuse_unknown(content: Mapping[str, object], known: Iterable[str], where: str) -> None:
     """Refuse parameters of a node that are never read.
 
     Args:
@@ -363,7 +363,7 @@ def refuse_unknown(content: Mapping[str, Any], known: Iterable[str], where: str)
     mistakes.raise_all()
 
 
-def _unknown(content: Mapping[str, Any], read: set[str], group: str) -> Iterator[tuple[str, str]]:
+def _unknown(content: Mapping[str, object], read: set[str], group: str) -> Iterator[tuple[str, str]]:
     """Return prefix and name of each parameter that is not read."""
     for name, value in content.items():
         full = f"{group}{name}"
@@ -408,7 +408,7 @@ def package_yaml(module: str, name: str) -> dict[str, Any]:
     """
     folders = Path(module).resolve().parents
     package = [folder for folder in folders if (folder / "__init__.py").is_file()][-1].name
-    for folder in (found for above in folders for found in (above, above / "share" / package)):
+    for folder in (candidate for above in folders for candidate in (above, above / "share" / package)):
         if (path := folder / "config" / f"{name}.yaml").is_file():
             content: dict[str, Any] = read_yaml(path)
             return content
@@ -424,7 +424,7 @@ def as_number(value: Any) -> float:
     return float(value)
 
 
-def _whole(value: Any, where: str, joints: Sequence[str]) -> int:
+def _integer(value: Any, where: str, joints: Sequence[str]) -> int:
     exact = value if isinstance(value, int) and not isinstance(value, bool) else as_number(value)
     if exact != int(exact):
         raise ValueError
@@ -451,7 +451,7 @@ def number(default: Any = REQUIRED, **about: Unpack[About]) -> Any:
 
 def whole(default: Any = REQUIRED, **about: Unpack[About]) -> Any:
     """Declare a whole number."""
-    return Parameter("int", "a whole number", _whole, default, shape=_shape(type="integer"), **about)
+    return Parameter("int", "a whole number", _integer, default, shape=_shape(type="integer"), **about)
 
 
 def flag(default: Any = REQUIRED, **about: Unpack[About]) -> Any:
@@ -579,7 +579,7 @@ def anything(default: Any = REQUIRED, **about: Unpack[About]) -> Any:
 def mapping(of: Parameter | None = None, default: Any = REQUIRED, **about: Unpack[About]) -> Any:
     """Declare a mapping of names to anything, or to values of a kind, as a shallow copy; None counts as empty."""
 
-    def convert(value: Any, where: str, joints: Sequence[str]) -> dict[str, Any]:
+    def convert(value: Any, where: str, joints: Sequence[str]) -> dict[str, object]:
         value = {} if value is None else value
         if not isinstance(value, Mapping) or any(not isinstance(key, str) for key in value):
             raise ValueError
@@ -627,11 +627,11 @@ def variant(
             return value
         if not isinstance(value or {}, Mapping):
             raise ValueError
-        given = dict(value or {})
-        word = given.pop(key, usual)
+        content = dict(value or {})
+        word = content.pop(key, usual)
         if not isinstance(word, str) or word not in kinds:
             raise unknown(key, word, kinds, where)
-        return kinds[word].of(given, where, joints)
+        return kinds[word].of(content, where, joints)
 
     def shape() -> JsonSchema:
         forms = []
@@ -663,16 +663,16 @@ def per_joint(of: Parameter, default: Any = REQUIRED, *, others: Any = REQUIRED,
         return tuple(of.checked(item, f"{below(where)}{label}") for label, item in zip(labels, value, strict=True))
 
     def shape() -> JsonSchema:
-        one = schema_of(of)
-        lists = {"type": "array", "items": one}, {"type": "object", "additionalProperties": one}
-        return {"anyOf": [one, *lists]}
+        item = schema_of(of)
+        lists = {"type": "array", "items": item}, {"type": "object", "additionalProperties": item}
+        return {"anyOf": [item, *lists]}
 
     about.setdefault("unit", of.unit)
     accepts = f"{of.bounded}, or a list or mapping by joint"
     return Parameter(f"{of.type}, or list or mapping by joint", accepts, convert, default, shape=shape, **about)
 
 
-def _by_joint(value: Mapping[str, Any], where: str, joints: Sequence[str], others: Any) -> list[Any]:
+def _by_joint(value: Mapping[str, object], where: str, joints: Sequence[str], others: Any) -> list[Any]:
     for name in value:
         if name not in joints:
             raise unknown("joint", name, joints, where)
@@ -704,8 +704,8 @@ def json_schema(settings: type[Settings]) -> JsonSchema:
     """Return the JSON schema of a mapping with these parameters; editors complete and check by it."""
     parameters = declared(settings).values()
     base = settings.defaults()
-    required = [one.name for one in parameters if one.default is REQUIRED and one.name not in base]
-    properties = {one.name: schema_of(one) for one in parameters}
+    required = [item.name for item in parameters if item.default is REQUIRED and item.name not in base]
+    properties = {item.name: schema_of(item) for item in parameters}
     kind = "object" if required else ["object", "null"]
     return {"type": kind, "properties": properties, "required": required, "additionalProperties": False}
 
@@ -734,16 +734,16 @@ def schema_of(parameter: Parameter) -> JsonSchema:
 
 def rows(settings: type[Settings], prefix: str = "") -> list[tuple[str, str, str, str, str]]:
     """Return table cells: parameter, type with range, default, unit, description; sections by their members."""
-    found: list[tuple[str, str, str, str, str]] = []
+    cells: list[tuple[str, str, str, str, str]] = []
     base = settings.defaults()
     for parameter in declared(settings).values():
         name = f"{prefix}{parameter.name}"
         if parameter.nested is not None and parameter.kind == "mapping":
-            found += rows(parameter.nested, f"{name}{settings.separator}")
+            cells += rows(parameter.nested, f"{name}{settings.separator}")
             continue
         default = parameter.default_text or _shown(base.get(parameter.name, parameter.default))
-        found.append((f"`{name}`", parameter.type, default, parameter.unit, parameter.text))
-    return found
+        cells.append((f"`{name}`", parameter.type, default, parameter.unit, parameter.text))
+    return cells
 
 
 def _shown(value: Any) -> str:

@@ -101,12 +101,12 @@ def find(base: str, name: str) -> type:
         raise _not_found(base, name)
     module_name, _, class_name = info.type.partition(":")
     module = _import(info, module_name)
-    found = getattr(module, class_name, None)
-    if not isinstance(found, type):
+    plugin_class = getattr(module, class_name, None)
+    if not isinstance(plugin_class, type):
         raise HricError(f"plugin {name}: {module_name} has no class {class_name!r} (declared in {info.source})")
-    if not issubclass(found, _base_class(base)):
+    if not issubclass(plugin_class, _base_class(base)):
         raise HricError(f"plugin {name}: {info.type} is not a {base} (declared in {info.source})")
-    return found
+    return plugin_class
 
 
 def reload(base: str = CONTROLLER) -> list[str]:

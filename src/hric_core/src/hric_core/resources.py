@@ -12,16 +12,16 @@ from hric_core.urdf.elements import parse
 
 @lru_cache(maxsize=4)
 def _packages(search_path: str) -> dict[str, Path]:
-    found: dict[str, Path] = {}
+    packages: dict[str, Path] = {}
     for root in filter(None, search_path.split(os.pathsep)):
         for folder, folders, files in os.walk(root, followlinks=True):
             if "package.xml" in files:
                 name = ElementTree.parse(Path(folder) / "package.xml").findtext("name", Path(folder).name).strip()
-                found.setdefault(name, Path(folder))
+                packages.setdefault(name, Path(folder))
                 folders.clear()
             elif "CATKIN_IGNORE" in files:
                 folders.clear()
-    return found
+    return packages
 
 
 def package_path(name: str) -> Path:

@@ -54,11 +54,11 @@ class ScopedNode:
         Raises:
             ParameterError: lists each, with the names that were looked for.
         """
-        given = self._node.param(self.namespace, {})
-        if isinstance(given, Mapping) and self.namespace not in self._read:
+        parameters = self._node.param(self.namespace, {})
+        if isinstance(parameters, Mapping) and self.namespace not in self._read:
             prefix = f"{self.namespace.rstrip('/')}/"
             read = {full[len(prefix) :] for full in self._read if full.startswith(prefix)}
-            refuse_unknown(given, read.union(known), self.namespace)
+            refuse_unknown(parameters, read.union(known), self.namespace)
 
     def has_param(self, name: str) -> bool:
         """Return True if the parameter exists."""

@@ -1,4 +1,4 @@
-"""Commands `sweep`, `sweep rerun` and `sweep page`: run or resume a sweep, repeat one of its runs, write its page."""
+"""Command `sweep`: run or resume a sweep."""
 
 import argparse
 import math
@@ -6,29 +6,21 @@ import shlex
 import statistics
 import sys
 from collections import Counter
-from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
 
 from tqdm import tqdm
 
-from hric_bags import files
-from hric_bags.arguments import RUNS
-from hric_bags.run_folder import RunFolder, iso_now
 from hric_core.command import Argument, Command, perform
 from hric_core.errors import NOT_GOOD, HricError
-from hric_core.parameters import read_yaml
-from hric_run import provenance
-from hric_sweep import definition, table, task
+from hric_sweep import definition, table
 from hric_sweep.definition import Plan
 from hric_sweep.engines.engine import Engine, same
 from hric_sweep.engines.make import engine_arguments, engine_session, resume_command
+from hric_sweep.folder import create, opened
 from hric_sweep.journal import Journal
-from hric_sweep.records import PlainData, ReferenceRun
+from hric_sweep.records import ReferenceRun
 from hric_sweep.supervisor import Supervisor
-
-FILE = "sweep.yaml"
-FOLDER = Argument("sweep", help="folder of the sweep, or its name in the folder of all runs")
 
 
 class SweepCommand(Command):
@@ -55,40 +47,29 @@ class SweepCommand(Command):
             *engine_arguments("sweep, benchmark or study"),
         ]
 
-    def run(self, given: argparse.Namespace) -> int:
+    def run(self, arguments: argparse.Namespace) -> int:
         """Run a new sweep, or resume a sweep, a benchmark or a study."""
-        if (given.sweep is None) == (given.resume is None):
+        if (arguments.sweep is None) == (arguments.resume is None):
             names = ", ".join(definition.names())
             raise HricError(f"one sweep is needed; valid: {names}, a YAML file, or --resume DIR")
-        if given.resume is None:
-            return _run(None, definition.load(given.sweep, quick=given.quick), None, given)
-        resumed = Path(given.resume).expanduser()
+        if arguments.resume is None:
+            return _run(None, definition.load(arguments.sweep, quick=arguments.quick), None, arguments)
+        resumed = Path(arguments.resume).expanduser()
         if (resumed / "benchmark.yaml").is_file():
-            return perform(["benchmark", *shlex.split(given.command)[2:]])
+            return perform(["benchmark", *shlex.split(arguments.command)[2:]])
         if (resumed / "study.yaml").is_file():
-            return _resume_study(resumed, given)
-        folder = table.find(given.resume)
-        return _run(folder, *_opened(folder), given)
+            return _resume_study(resumed, arguments)
+        folder = table.find(arguments.resume)
+        return _run(folder, *opened(folder), arguments)
 
 
-def _resume_study(folder: Path, given: argparse.Namespace) -> int:
+def _resume_study(folder: Path, arguments: argparse.Namespace) -> int:
     """Resume a study. Raises HricError: options of an engine, which a study has not."""
-    if given.jobs is not None or given.dask is not None:
+    if arguments.jobs is not None or arguments.dask is not None:
         raise HricError(f"{folder} is a study, whose runs follow each other; valid: without --jobs and --dask")
     from hric_sweep.study import running  # slow to import: errors are reported before
 
-    return running.resume(folder, progress=not given.quiet)
-
-
-def _opened(folder: Path) -> tuple[Plan, ReferenceRun]:
-    """Return the plan and the reference run of an existing sweep.
-
-    Raises:
-        HricError: the definition does not fit this code.
-    """
-    content = read_yaml(folder / FILE)
-    plan = definition.plan(content["name"], content["definition"], base=content["experiment"])
-    return plan, ReferenceRun(content["code"], **content["reference"])
+    return running.resume(folder, progress=not arguments.quiet)
 
 
 def _run(folder: Path | None, plan: Plan, before: ReferenceRun | None, options: argparse.Namespace) -> int:
@@ -100,7 +81,7 @@ def _run(folder: Path | None, plan: Plan, before: ReferenceRun | None, options: 
             same([("this machine and code", reference)], before)
         if folder is None:
             _probe(plan, engine, reference.code)
-            folder = _begin(plan, reference, options)
+            folder = create(plan, reference, options.runs)
         started = folder
         print(f"sweep: {folder}", flush=True)
         with Journal(folder) as journal:
@@ -116,31 +97,6 @@ def _probe(plan: Plan, engine: Engine, code: str) -> None:
     print(f"trying each variable at both ends: {probe.runs_of(plan)} runs", flush=True)
     for warning in probe.probe(plan, engine, code):
         print(f"warning: {warning}", file=sys.stderr)
-
-
-def _begin(plan: Plan, reference: ReferenceRun, options: argparse.Namespace) -> Path:
-    """Create the run folder with sweep.yaml and return its path."""
-    folder = RunFolder.create(options.runs, plan.name).path
-    content = {
-        "name": plan.name,
-        "started": iso_now(),
-        "definition": plan.content,
-        "experiment": plan.experiment,
-        "reference": {"state_sha256": reference.state_sha256},
-        **provenance_of(reference.code),
-    }
-    files.write_yaml(folder / FILE, content)
-    return folder
-
-
-def provenance_of(code: str) -> PlainData:
-    """Return code version, revision, versions and platform, for the file of a folder with runs."""
-    return {
-        "code": code,
-        "revision": provenance.revision(),
-        "versions": provenance.versions(),
-        "platform": provenance.platform_info(),
-    }
 
 
 def _supervise(folder: Path, plan: Plan, journal: Journal, engine: Engine, code: str, quiet: bool) -> Supervisor:
@@ -178,63 +134,3 @@ def summary(folder: Path) -> str:
     reasons = Counter(study.columns["failure"][failed].tolist())
     lines += [f"failed {count} times: {reason}" for reason, count in reasons.most_common(5)]
     return "\n".join(lines)
-
-
-class RerunCommand(Command):
-    """Run one run of a sweep again, into a run folder with bag, metrics, figures and page.
-
-    Its hash is compared with that of the sweep.
-    """
-
-    def arguments(self) -> list[Argument]:
-        """Return the arguments."""
-        return [FOLDER, Argument("id", help="id of the run, or its first characters"), RUNS]
-
-    def run(self, given: argparse.Namespace) -> None:
-        """Repeat one run of a sweep. Raises HricError: its hash is another one."""
-        folder = table.find(given.sweep)
-        plan, before = _opened(folder)
-        row = _row(table.read(folder).to_pylist(), given.id)
-        repeated = plan.task(row["index"], {name: row[name] for name in plan.section.vary}, before.code)
-        from hric_report import headless
-        from hric_report import html as report_html
-
-        result = headless.run(
-            task.definition_of(repeated),
-            definition.written(repeated.changes),
-            seed=repeated.seed,
-            root=given.runs,
-        )
-        print(f"{result.metrics['report']}\nrun folder: {result.folder.path}\npage: {report_html.write(result.folder)}")
-        state = result.metrics["state_sha256"]
-        if plan.section.until != definition.ENDS[0]:  # the run folder goes on to the end of the experiment
-            state = task.run(repeated).state_sha256
-        if state != row["state_sha256"]:
-            raise HricError(
-                f"state_sha256 is {state}; in the sweep it was {row['state_sha256']}: code or machine differ (sweep: "
-                f"code {before.code[:12]}, here {task.code_version()[:12]})"
-            )
-        print(f"state_sha256: {row['state_sha256']}, as in the sweep")
-
-
-def _row(rows: Sequence[PlainData], prefix: str) -> PlainData:
-    matches = [row for row in rows if row["id"].startswith(prefix)]
-    ids = {row["id"]: None for row in matches or rows}
-    if not matches or len(ids) > 1:  # rows of a point that was sampled twice share one id
-        some = ", ".join(list(ids)[:5])
-        raise HricError(f"{len(ids) if matches else 0} runs have an id that begins with {prefix!r}; valid: {some}, ...")
-    return matches[0]
-
-
-class PageCommand(Command):
-    """Write report.html of a sweep again, from its table."""
-
-    def arguments(self) -> list[Argument]:
-        """Return the arguments."""
-        return [FOLDER]
-
-    def run(self, given: argparse.Namespace) -> None:
-        """Write the page of a sweep from its table."""
-        from hric_sweep.page import build as page
-
-        print(f"page: {page.write(table.find(given.sweep))}")

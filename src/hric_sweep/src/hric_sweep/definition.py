@@ -149,8 +149,8 @@ class SweepSection(FileSettings):
         "latest 1 s after its start, and without a contact 1 s before the duration",
     )
     outputs: Mapping[str, Output] = mapping(section(Output), text="numbers of each run, by name")
-    exceedance: Exceedance | None = section(Exceedance, None, text="what is counted")
-    objective: Objective | None = section(Objective, None, text="what a search goes for")
+    exceedance: Exceedance | None = section(Exceedance, None, text="event whose probability is estimated")
+    objective: Objective | None = section(Objective, None, text="objective of a search")
     timeout: float = number(
         60.0,
         above=0.0,

@@ -1,8 +1,6 @@
 """Recording of a simulation's messages in memory, analysed like a bag for the outputs of a sweep."""
 
-import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import asdict
 from functools import cached_property
 from typing import Any
 
@@ -10,7 +8,6 @@ import roslib.message
 
 from hric_analysis import collaboration, contacts
 from hric_analysis.values import MOTION, Values
-from hric_assessment.findings import Outcome
 from hric_assessment.verdict.inputs import AssessmentInput
 from hric_bags.memory import MemoryBag, nanoseconds
 from hric_bags.reader import (
@@ -30,7 +27,7 @@ from hric_bags.records.region_contacts import CONTACTS_TYPE
 from hric_run import provenance
 from hric_run.definition.experiment import to_dict
 from hric_run.simulation import Simulation
-from hric_sweep.approaches.contact_events import MOVING, ContactEvent, contact_events, supervision
+from hric_sweep.approaches.contact_events import ContactEvent, contact_events, impact, supervision
 from hric_sweep.outputs import COLLABORATION, IMPACT, SUPERVISION, SWEEP_GROUPS
 from hric_sweep.records import PlainData
 
@@ -115,7 +112,7 @@ class Observed:
         return Observations(run, self._bag, record, simulation.tree["robot_description"])
 
 
-class Observations(Mapping[str, Any]):
+class Observations(Mapping[str, object]):
     """Metrics of a run, with the keys that only sweeps have.
 
     Args:
@@ -152,20 +149,7 @@ class Observations(Mapping[str, Any]):
 
     @cached_property
     def _impact(self) -> Mapping[str, Sequence[PlainData]]:
-        """Contact events of the person, with True for their outcome in lower case.
-
-        contacts: all; moving: those that began while the arm moved; standing: the others; exceeding: those with a
-        moving arm that are above limits by a known share.
-        """
-        outcomes = [{outcome.name.lower(): event.outcome == outcome for outcome in Outcome} for event in self.contacts]
-        rows = [{**asdict(event), **states} for event, states in zip(self.contacts, outcomes, strict=True)]
-        moving = [row for row in rows if row["arm"] == MOVING]
-        return {
-            "contacts": rows,
-            "moving": moving,
-            "standing": [row for row in rows if row["arm"] != MOVING],
-            "exceeding": [row for row in moving if row["above"] and math.isfinite(row["share"])],
-        }
+        return impact(self.contacts)
 
     @cached_property
     def _supervision(self) -> dict[str, float] | None:

@@ -64,7 +64,7 @@ class Output(FileSettings):
         """First key of the path."""
         return self.path.split(".")[0]
 
-    def measured(self, values: Mapping[str, Any]) -> float:
+    def measured(self, values: Mapping[str, object]) -> float:
         """Return the output of a run; NaN: it has no value and `otherwise` is not set, or one of several values is NaN.
 
         Raises:
@@ -82,7 +82,7 @@ class Output(FileSettings):
         return math.nan if any(map(math.isnan, numbers)) else float(REDUCE[self.reduce](numbers))
 
 
-def walk(value: Any, path: Sequence[str], whole: str) -> Iterator[Any]:
+def walk(value: Any, path: Sequence[str], full_path: str) -> Iterator[Any]:
     """Yield the values at a path; keys may contain dots, as tolerances do. Yield None if a run has no such part.
 
     Raises:
@@ -94,17 +94,17 @@ def walk(value: Any, path: Sequence[str], whole: str) -> Iterator[Any]:
     head, rest = path[0], path[1:]
     if head == "*" and isinstance(value, Mapping | list | tuple):
         for item in value.values() if isinstance(value, Mapping) else value:
-            yield from walk(item, rest, whole)
+            yield from walk(item, rest, full_path)
     elif isinstance(value, Mapping):
         for length in range(1, len(path) + 1):
             if (key := ".".join(path[:length])) in value:
-                yield from walk(value[key], path[length:], whole)
+                yield from walk(value[key], path[length:], full_path)
                 return
-        raise HricError(f"output {whole}: no {'.'.join(path)!r}{_keys(value)}")
+        raise HricError(f"output {full_path}: no {'.'.join(path)!r}{_keys(value)}")
     elif isinstance(value, list | tuple) and head.lstrip("-").isdigit():
-        yield from walk(value[int(head)] if int(head) < len(value) else None, rest, whole)
+        yield from walk(value[int(head)] if int(head) < len(value) else None, rest, full_path)
     else:
-        raise HricError(f"output {whole}: {head!r} of {type(value).__name__}; valid: an index, or *")
+        raise HricError(f"output {full_path}: {head!r} of {type(value).__name__}; valid: an index, or *")
 
 
 def _keys(value: Any) -> str:

@@ -80,7 +80,7 @@ class Quantity(Settings):
 class People(Settings):
     """Population: its quantities, or the populations of which it is a mixture."""
 
-    text: str = text(empty=False, text="who they are")
+    text: str = text(empty=False, text="description of the people")
     quantities: Mapping[str, Quantity] = mapping(section(Quantity), default={}, text="quantities by name")
     mixed: Mapping[str, float] = mapping(number(above=0.0), default={}, text="share of each population it is mixed of")
 
@@ -99,8 +99,8 @@ class Mixture:
     """
 
     def __init__(self, parts: list[tuple[float, Spread]]) -> None:
-        whole = sum(share for share, _ in parts)
-        self._parts = [(share / whole, spread) for share, spread in parts]
+        total = sum(share for share, _ in parts)
+        self._parts = [(share / total, spread) for share, spread in parts]
 
     def cdf(self, values: FloatArray) -> FloatArray:
         """Return the share of the people below each value, shape (m,): the weighted sum over the groups."""

@@ -73,7 +73,7 @@ class Space:
             raise refused(where, pair[:2], "each pair once")
         matrix[row, column] = matrix[column, row] = value
 
-    def values(self, u: FloatArray) -> list[dict[str, Any]]:
+    def values(self, u: FloatArray) -> list[dict[str, object]]:
         """Return the values of the variables at points of the unit cube.
 
         Args:

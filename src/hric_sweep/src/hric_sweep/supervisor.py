@@ -109,7 +109,7 @@ class Supervisor:
         """Repeat the worst and the failed runs and store their signals."""
         folder = self._folder / COLUMNS
         tasks: list[RunTask] = []
-        for row in kept(self._plan, list(self.rows.values())):
+        for row in rows_with_signals(self._plan, list(self.rows.values())):
             if not (folder / f"{row.id}.npz").exists():
                 tasks.append(replace(self._plan.task(row.index, row.values, self._code), signals=True))
         execute(tasks, self._engine, None, lambda response: _write_signals(response, folder))
@@ -134,7 +134,7 @@ def assessed(plan: Plan, row: RunRow) -> RunRow:
     )
 
 
-def kept(plan: Plan, rows: Sequence[RunRow]) -> list[RunRow]:
+def rows_with_signals(plan: Plan, rows: Sequence[RunRow]) -> list[RunRow]:
     """Return the rows whose signals are stored: the worst runs, and failed runs that ended with a response."""
     keep = plan.section.keep
     worst = [row for row in rows if not row.failure and badness(plan, row) > -math.inf]

@@ -27,7 +27,7 @@ class NodeSettings(CameraSettings):
     """Parameters of the node."""
 
     rate: float = number(10.0, above=0.0, maximum=60.0, unit="Hz of wall time", text="of the pictures")
-    depth: bool = flag(True, text="also publish how far all is")
+    depth: bool = flag(True, text="also publish depth images")
     robot_description: str = text(
         "robot_description", empty=False, text="parameter with the URDF, in the node's namespace"
     )

@@ -76,20 +76,20 @@ class PenaltyContact:
                 continue
             if distances[i] < distances[deepest.setdefault(geoms, i)]:
                 deepest[geoms] = i
-        found = []
+        pairs = []
         for geoms, i in deepest.items():
             a, b, law, forward = springs[geoms]
             normal = contact.frame[i, :3] * (-1.0 if forward else 1.0)
-            found.append(_Near(a, b, law, normal, contact.pos[i].copy(), -distances[i]))
-        return sorted(found, key=lambda near: (near.a.link, near.b.link))
+            pairs.append(_Near(a, b, law, normal, contact.pos[i].copy(), -distances[i]))
+        return sorted(pairs, key=lambda near: (near.a.link, near.b.link))
 
     def _push(self, near: Sequence[_Near], speeds: FloatArray, before: FloatArray) -> None:
         """Apply one spring for a pair of links, so that several shapes do not make a link stiffer."""
         scene, first = self._scene, near[0]
         bodies = [scene.bodies[geom.body] for geom in (first.a, first.b)]
         stiffness, damping, friction = first.law
-        normal = faces.mean_normal([(one.depth, one.normal) for one in near])
-        corners = [corner for one in near for corner in self._corners(one)]
+        normal = faces.mean_normal([(shape.depth, shape.normal) for shape in near])
+        corners = [corner for shape in near for corner in self._corners(shape)]
         at_first = self._relative(bodies, corners[0].position)
         angular, linear = (at_first @ speeds).reshape(2, 3)
         pace, lever = float(linear @ normal), cross(normal, angular)
@@ -156,12 +156,12 @@ def rigid_contacts(scene: Scene, time_step: float) -> list[Contact]:
     addresses = contact.efc_address.tolist()
     forces = d.efc_force.tolist()
     columns = (contact.geom.tolist(), contact.dist.tolist(), contact.pos.tolist(), contact.frame[:, :3].tolist())
-    found = []
+    result = []
     for address, (b, a), distance, position, normal in zip(addresses, *columns, strict=True):
         if (b, a) in scene.springs or (b, a) in scene.apart:
             continue
         force = forces[address] if address >= 0 else 0.0
         if force > 0.0 or distance < 0.0:
             names = links[a], links[b]
-            found.append(Contact(*names, tuple(position), tuple(normal), -distance, force, "rigid", time_step * force))
-    return found
+            result.append(Contact(*names, tuple(position), tuple(normal), -distance, force, "rigid", time_step * force))
+    return result

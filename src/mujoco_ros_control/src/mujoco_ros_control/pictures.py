@@ -40,9 +40,11 @@ class CameraSettings(Settings):
     width: int = whole(160, minimum=16, maximum=1280, unit="pixels", text="of a picture")
     height: int = whole(120, minimum=16, maximum=1024, unit="pixels", text="of a picture")
     field_of_view: float = number(0.8, above=0.0, maximum=3.0, unit="rad", text="from the upper to the lower edge")
-    parent: str = text(WORLD, empty=False, text="what carries it: `world`, a link, or `model::link`")
-    xyz: tuple[float, ...] = numbers(3, (1.8, 0.0, 0.9), unit="m", text="where it is in its parent")
-    rpy: tuple[float, ...] = numbers(3, (0.0, 0.3, math.pi), unit="rad", text="how it is turned; it looks along its x")
+    parent: str = text(WORLD, empty=False, text="parent of the camera: `world`, a link, or `model::link`")
+    xyz: tuple[float, ...] = numbers(3, (1.8, 0.0, 0.9), unit="m", text="position in the parent")
+    rpy: tuple[float, ...] = numbers(
+        3, (0.0, 0.3, math.pi), unit="rad", text="orientation in the parent; the camera looks along its x"
+    )
 
     @property
     def T_parent_camera(self) -> FloatArray:
@@ -210,8 +212,8 @@ class _Canvas:
 
 def _distances(buffer: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     """Return distances along the optical axis [m] from OpenGL's depth values: 1 at NEAR, 0 at FAR."""
-    found = NEAR * FAR / (NEAR + buffer.astype(np.float64) * (FAR - NEAR))
-    return np.where(buffer == 0.0, np.inf, found).astype(np.float32)
+    distances = NEAR * FAR / (NEAR + buffer.astype(np.float64) * (FAR - NEAR))
+    return np.where(buffer == 0.0, np.inf, distances).astype(np.float32)
 
 
 def _add_light(spec: mujoco.MjSpec) -> None:

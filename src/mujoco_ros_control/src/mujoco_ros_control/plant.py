@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -33,7 +32,7 @@ class MujocoPlant(EnginePlant, ReactingPlant):
     robot: Robot
     world: World
 
-    def __init__(self, urdf_xml: str, joint_names: Sequence[str], config: Mapping[str, Any]) -> None:
+    def __init__(self, urdf_xml: str, joint_names: Sequence[str], config: Mapping[str, object]) -> None:
         super().__init__(urdf_xml, joint_names, config)
         if not self.config.collision:
             links = {name: replace(link, collisions=()) for name, link in self.tree.links.items()}

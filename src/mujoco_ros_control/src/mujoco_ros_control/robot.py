@@ -158,15 +158,15 @@ class Robot(EngineRobot):
         beyond: dict[int, float] = {}
         while self._driven:
             efforts = self._held_efforts()
-            found = {
+            excessive = {
                 i: math.copysign(self._joints[i].effort, efforts[i])
                 for i in self._driven
                 if i not in beyond and abs(efforts[i]) > self._joints[i].effort
             }
-            if not found:
+            if not excessive:
                 break
-            beyond |= found
-            for i, effort in found.items():
+            beyond |= excessive
+            for i, effort in excessive.items():
                 self._hold(i, False)
                 self._d.qfrc_applied[self._dofs[i]] = effort
             self._engine.prepare()
@@ -188,12 +188,12 @@ class Robot(EngineRobot):
     def mass_matrix(self) -> FloatArray:
         """Return the engine's mass matrix of all moving joints without rotors, shape (m, m) [kg m^2]."""
         m, d = self._m, self._d
-        kept = m.dof_armature.copy()
+        armature = m.dof_armature.copy()
         m.dof_armature[:] = 0.0
         mujoco.mj_fwdPosition(m, d)
         full = np.empty((m.nv, m.nv))
         mujoco.mj_fullM(m, d, full)
-        m.dof_armature[:] = kept
+        m.dof_armature[:] = armature
         return full[np.ix_(self._dofs, self._dofs)]
 
     # -- loads in the joints -------------------------------------------------------------------------------------------

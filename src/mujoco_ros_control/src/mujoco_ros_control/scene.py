@@ -100,19 +100,19 @@ class Scene:
 
     def _numbered_springs(self) -> dict[tuple[int, int], tuple[Geom, Geom, Law, bool]]:
         """Return the springs by both orders of geoms: contacts have the simpler shape first, regardless of the pair."""
-        found = {}
+        springs = {}
         for a, b, law in self.built.springs:
             first, second = (self.m.geom(geom.name).id for geom in (a, b))
-            found[first, second], found[second, first] = (a, b, law, True), (a, b, law, False)
-        return found
+            springs[first, second], springs[second, first] = (a, b, law, True), (a, b, law, False)
+        return springs
 
     def _between_pairs(self) -> list[frozenset[int]]:
         """Return, for each pair, the speeds that move its shapes relative to each other."""
         m = self.m
         moved: list[frozenset[int]] = []
         for body in range(m.nbody):
-            own = range(m.body_dofadr[body], m.body_dofadr[body] + m.body_dofnum[body])
-            moved.append((moved[m.body_parentid[body]] if body else frozenset()) | frozenset(own))
+            dofs = range(m.body_dofadr[body], m.body_dofadr[body] + m.body_dofnum[body])
+            moved.append((moved[m.body_parentid[body]] if body else frozenset()) | frozenset(dofs))
         pairs = zip(m.pair_geom1.tolist(), m.pair_geom2.tolist(), strict=True)
         return [moved[m.geom_bodyid[a]] ^ moved[m.geom_bodyid[b]] for a, b in pairs]
 

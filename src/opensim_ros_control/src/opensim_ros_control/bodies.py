@@ -28,8 +28,10 @@ class Kinematics:
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
         self._matrix = opensim.Matrix()
-        found = engine.model.getBodySet()
-        self._bodies = {int(found.get(i).getMobilizedBodyIndex()): found.get(i) for i in range(found.getSize())}
+        body_set = engine.model.getBodySet()
+        self._bodies = {
+            int(body_set.get(i).getMobilizedBodyIndex()): body_set.get(i) for i in range(body_set.getSize())
+        }
         self._poses: dict[int, FloatArray] = {}
         self._jacobians: FloatArray | None = None
 
@@ -111,8 +113,8 @@ class Reactions:
 
     def __init__(self, engine: Engine, joints: Sequence[tuple[str, str]], kinematics: Kinematics) -> None:
         self._engine, self._kinematics, self._joints = engine, kinematics, list(joints)
-        found = engine.model.getBodySet()
-        bodies = [found.get(i) for i in range(found.getSize())]
+        body_set = engine.model.getBodySet()
+        bodies = [body_set.get(i) for i in range(body_set.getSize())]
         self._numbers = [int(body.getMobilizedBodyIndex()) for body in bodies]
         properties = [mass_properties(body) for body in bodies]
         self._masses = np.array([[body.mass] for body in properties])

@@ -116,10 +116,10 @@ class Collisions:
         if len(meeting.points) == 1:
             return [(meeting.points[0], meeting.touch.depth)]
         sides = [(c.shape.geometry, self._poses[id(c)]) for c in (meeting.a, meeting.b)]
-        found = [(point, -sum(self._pairing.beyond(point, *side) for side in sides)) for point in meeting.points]
-        if meeting.touch.depth > FLANK and max(depth for _, depth in found) < FLANK:
+        depths = [(point, -sum(self._pairing.beyond(point, *side) for side in sides)) for point in meeting.points]
+        if meeting.touch.depth > FLANK and max(depth for _, depth in depths) < FLANK:
             return [(meeting.touch.points[0], meeting.touch.depth)]
-        return found
+        return depths
 
     def corners(self, meeting: Meeting, body_pose: Callable[[int], FloatArray]) -> list[faces.Corner]:
         """Return the intersections of the two shapes' sides; without any, their deepest point."""

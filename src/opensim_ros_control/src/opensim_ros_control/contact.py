@@ -228,11 +228,11 @@ def _pressing(problem: _Problem, law: Callable[[_Problem], FloatArray | None]) -
             active[np.flatnonzero(active)[pulls]] = False
             continue
         across = np.hypot(f[1::3], f[2::3])
-        whole = np.zeros_like(problem.free)
-        whole[np.repeat(active, 3)] = f
-        apart = (problem.free + problem.A @ whole)[::3] >= problem.min_speeds - _SPEED
+        forces = np.zeros_like(problem.free)
+        forces[np.repeat(active, 3)] = f
+        apart = (problem.free + problem.A @ forces)[::3] >= problem.min_speeds - _SPEED
         return (
-            whole if apart.all() and (across <= problem.friction[active] * f[::3] * (1.0 + _TOLERANCE)).all() else None
+            forces if apart.all() and (across <= problem.friction[active] * f[::3] * (1.0 + _TOLERANCE)).all() else None
         )
     return None
 
@@ -273,9 +273,9 @@ def _sliding(problem: _Problem) -> FloatArray | None:
 def _min_norm(A: FloatArray, aim: FloatArray) -> FloatArray:
     """Return the smallest f with A f = aim; A is symmetric, and singular where several points support one body."""
     values, vectors = np.linalg.eigh(A)
-    kept = values > _SINGULAR * max(values[-1], 0.0)
-    V = vectors[:, kept]
-    return np.asarray(V @ ((V.T @ aim) / values[kept]))
+    regular = values > _SINGULAR * max(values[-1], 0.0)
+    V = vectors[:, regular]
+    return np.asarray(V @ ((V.T @ aim) / values[regular]))
 
 
 def _sweeps(

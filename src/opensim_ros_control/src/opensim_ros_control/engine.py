@@ -68,21 +68,23 @@ class Engine:
         self.state_names = [self.model.getStateVariableNames().get(i) for i in range(self.model.getNumStateVariables())]
 
     def _coordinates(self) -> dict[str, opensim.Coordinate]:
-        found = self.model.getCoordinateSet()
-        return {found.get(i).getAbsolutePathString(): found.get(i) for i in range(found.getSize())}
+        coordinates = self.model.getCoordinateSet()
+        return {coordinates.get(i).getAbsolutePathString(): coordinates.get(i) for i in range(coordinates.getSize())}
 
     def _actuators(self) -> list[tuple[int, opensim.CoordinateActuator]]:
-        found = self.model.getActuators()
-        actuators = [opensim.CoordinateActuator.safeDownCast(found.get(i)) for i in range(found.getSize())]
+        actuator_set = self.model.getActuators()
+        actuators = [
+            opensim.CoordinateActuator.safeDownCast(actuator_set.get(i)) for i in range(actuator_set.getSize())
+        ]
         return [(self.index[a.getCoordinate().getAbsolutePathString()], a) for a in actuators if a is not None]
 
     def _find_control_slots(self) -> list[int]:
         """Return the indices of the controls of `actuators` among all controls, in the order of the actuators."""
-        found, slots, number = self.model.getActuators(), [], 0
-        for i in range(found.getSize()):
-            if opensim.CoordinateActuator.safeDownCast(found.get(i)) is not None:
+        actuators, slots, number = self.model.getActuators(), [], 0
+        for i in range(actuators.getSize()):
+            if opensim.CoordinateActuator.safeDownCast(actuators.get(i)) is not None:
                 slots.append(number)
-            number += found.get(i).numControls()
+            number += actuators.get(i).numControls()
         return slots
 
     def set_controls(self, efforts: FloatArray) -> None:

@@ -112,8 +112,8 @@ class Forces:
 
     def _meet(self, near: Sequence[int]) -> None:
         """Compute all contact points of this step."""
-        found = self._collisions.meetings(near, self._kinematics.pose, lambda a, b: self._law(a, b)[0] is None)
-        meetings = sorted(found, key=lambda m: (m.a.link, m.b.link))
+        unsorted = self._collisions.meetings(near, self._kinematics.pose, lambda a, b: self._law(a, b)[0] is None)
+        meetings = sorted(unsorted, key=lambda m: (m.a.link, m.b.link))
         for _, group in groupby(meetings, key=lambda m: (m.a.link, m.b.link)):
             of_links = list(group)
             law = self._law(of_links[0].a, of_links[0].b)

@@ -1,7 +1,6 @@
 """OpenSim plant: one robot, the world around it, and the external forces on both."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 from hric_control.plant import Contact, FloatArray, JointReaction, ReactingPlant
 from hric_control.plants import EnginePlant
@@ -27,7 +26,7 @@ class OpenSimPlant(EnginePlant, ReactingPlant):
     robot: Robot
     world: World
 
-    def __init__(self, urdf_xml: str, joint_names: Sequence[str], config: Mapping[str, Any]) -> None:
+    def __init__(self, urdf_xml: str, joint_names: Sequence[str], config: Mapping[str, object]) -> None:
         super().__init__(urdf_xml, joint_names, config)
         self.T_ground_world = transforms.base_pose("y")
         self.robot = Robot(RobotModel(urdf_xml, self.gravity), self.joint_names, self.config)

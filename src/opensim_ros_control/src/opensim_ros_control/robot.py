@@ -85,21 +85,21 @@ class Robot(EngineRobot):
         self._dynamics = Dynamics(engine, inertia, friction)
         sticking = self._sticking() if config.friction == "coulomb" else {}
         self._rows = JointEfforts(sticking, self.stops, self._indices, config.time_step)
-        self._own = OwnSteps(self._dynamics, self._rows, config.time_step)
+        self._steps = OwnSteps(self._dynamics, self._rows, config.time_step)
         self._manager = ManagerSteps(engine, config.time_step, config.accuracy)
         self._plain = config.integrator == "accurate" and friction is None and not inertia.any() and not sticking
-        self._own_step = self._own.semi_implicit if config.integrator == "semi_implicit" else self._own.third_order
+        self._own_step = self._steps.semi_implicit if config.integrator == "semi_implicit" else self._steps.third_order
 
     def _sticking(self) -> dict[int, float]:
         """Return the Coulomb friction by coordinate, of the robot and of the models around it, if any [N m or N]."""
-        own = zip(self._indices, self.joints.joints, strict=True)
-        beside = (
+        of_robot = zip(self._indices, self.joints.joints, strict=True)
+        of_models = (
             (self.engine.index[self.engine.built.joints[f"{model.name}::{joint.name}"][0]], joint)
-            for model in self.model.beside
+            for model in self.model.neighbours
             for joint in model.tree.joints.values()
             if joint.type in ONE_COORDINATE
         )
-        return {index: joint.friction for index, joint in (*own, *beside) if joint.friction > 0.0}
+        return {index: joint.friction for index, joint in (*of_robot, *of_models) if joint.friction > 0.0}
 
     def _friction(self) -> FloatArray | None:
         """Return a row of the identified friction per coordinate; None without friction."""

@@ -47,7 +47,7 @@ class RobotModel:
     Attributes:
         robot: the description.
         load: payload from the next build on: link, and mass properties in the link's frame.
-        beside: models around the robot from the next build on.
+        neighbours: models around the robot from the next build on.
     """
 
     def __init__(self, urdf_xml: str, gravity: Sequence[float]) -> None:
@@ -63,11 +63,11 @@ class RobotModel:
             gravity=tuple(gravity), inertia="keep", names="rename", stops=False, friction="none", meshes=False
         )
         self.load: tuple[str, MassProperties] | None = None
-        self.beside: list[Model] = []
+        self.neighbours: list[Model] = []
 
     def build(self) -> Built:
         """Build robot, payload, and the models around the robot."""
-        conversion = convert(together(self._urdf, self.beside), self._options)
+        conversion = convert(together(self._urdf, self.neighbours), self._options)
         frames = {link: frame.path for link, frame in conversion.frames.items()}
         joints = {name: joint.paths for name, joint in conversion.joints.items() if joint.coordinates}
         built = Built(conversion.model, frames, joints, conversion.plan.robot, conversion)

@@ -53,5 +53,5 @@ def view(values: opensim.Vector | opensim.Matrix) -> FloatArray:
     rows, columns = values.nrow(), values.ncol()
     # OpenSim's Python exposes only the addresses of elements.
     first, last = int(values.updElt(0, 0)), int(values.updElt(rows - 1, columns - 1))
-    found: FloatArray = _built.memory(first, last, rows * columns)
-    return found if columns == 1 else found.reshape(rows, columns)
+    memory: FloatArray = _built.memory(first, last, rows * columns)
+    return memory if columns == 1 else memory.reshape(rows, columns)

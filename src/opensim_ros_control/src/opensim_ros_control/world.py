@@ -67,10 +67,10 @@ class World(Models[ModelJoints]):
     @staticmethod
     def _shapes_of(description: Description | Model, prefix: str) -> dict[str, list[shapes.Shape]]:
         links = description.tree.links if isinstance(description, Model) else description.links
-        found = {f"{prefix}{name}": shapes.shapes(link.collisions) for name, link in links.items()}
+        by_link = {f"{prefix}{name}": shapes.shapes(link.collisions) for name, link in links.items()}
         if isinstance(description, Model):
-            found.update({f"{prefix}{name}": [shapes.plane()] for name in description.planes})
-        return {link: of_link for link, of_link in found.items() if of_link}
+            by_link.update({f"{prefix}{name}": [shapes.plane()] for name in description.planes})
+        return {link: of_link for link, of_link in by_link.items() if of_link}
 
     def _admit(self, model: Model) -> None:
         of_links = self._shapes_of(model, f"{model.name}::")
@@ -81,12 +81,12 @@ class World(Models[ModelJoints]):
 
     def _dismiss(self, name: str) -> None:
         super()._dismiss(name)
-        self.robot.model.beside = list(self.models.values())
+        self.robot.model.neighbours = list(self.models.values())
         self._shapes = {link: of_link for link, of_link in self._shapes.items() if not link.startswith(f"{name}::")}
 
     def _build(self, begin: Sequence[Model] = ()) -> None:
         """Build the model; those in `begin` start at their origins, with their joints where they were set last."""
-        self.robot.model.beside = list(self.models.values())
+        self.robot.model.neighbours = list(self.models.values())
         self.robot.build_again(lambda engine: self._put(engine, begin))
 
     def _put(self, engine: Engine, models: Sequence[Model]) -> None:
@@ -116,7 +116,7 @@ class World(Models[ModelJoints]):
         for model in self.models.values():
             model.T_world_origin = model.T_world_start
             self.joints[model.name].let_go()
-        if self.models or self.robot.model.beside:
+        if self.models or self.robot.model.neighbours:
             self._build(list(self.models.values()))
 
     def _relocate_free_joints(self) -> None:
@@ -127,7 +127,7 @@ class World(Models[ModelJoints]):
         states = {model.name: self.state(f"{model.name}::{model.tree.root}") for model in turned}
         for model in turned:
             model.T_world_origin = states[model.name][0]
-        self.robot.model.beside = list(self.models.values())
+        self.robot.model.neighbours = list(self.models.values())
 
         def put(engine: Engine) -> None:
             q, u = engine.q(), engine.u()

@@ -27,7 +27,7 @@ INTERFACES = ("EffortJointInterface", "PositionJointInterface", "VelocityJointIn
 _XACRO_LOCK = threading.Lock()  # xacro has its state in module variables
 
 
-def _vector(unit: str, said: str) -> Any:
+def _vector(unit: str, description: str) -> Any:
     """Return a parameter of three numbers, given as a list or as one text, with a text as value."""
 
     def convert(value: Any, where: str, joints: Sequence[str]) -> str:
@@ -37,7 +37,7 @@ def _vector(unit: str, said: str) -> Any:
         numbers(3, unit=unit).checked([float(part) for part in parts], where)
         return value if isinstance(value, str) else " ".join(map(str, value))
 
-    return Parameter("three floats", "three numbers", convert, "0 0 0", unit=unit, text=said)
+    return Parameter("three floats", "three numbers", convert, "0 0 0", unit=unit, text=description)
 
 
 def _matching(pattern: str, name: str) -> str:
@@ -46,10 +46,10 @@ def _matching(pattern: str, name: str) -> str:
     return name
 
 
-def _interfaces(given: str) -> str:
-    if not given.split() or not set(given.split()) <= set(INTERFACES):
+def _interfaces(words: str) -> str:
+    if not words.split() or not set(words.split()) <= set(INTERFACES):
         raise ValueError
-    return given
+    return words
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class Arguments(Settings):
         "identified "
         "sigmoid, `friction_parameters()`, puts that in its place",
     )
-    fingers: str = choice("fixed", "prismatic", text="whether the fingers can move; finger joints have no transmission")
+    fingers: str = choice("fixed", "prismatic", text="type of the finger joints; they have no transmission")
     xyz: str = _vector("m", "position of the base in `world`")
     rpy: str = _vector("rad", "roll, pitch, yaw of the base in `world`")
     robot_sim_type: str = text(
@@ -114,14 +114,14 @@ class DescriptionArgument:
     description: str
 
 
-def load(**given: Any) -> str:
+def load(**arguments: Any) -> str:
     """Return the robot as pure URDF; `arguments()` describes the arguments.
 
     Raises:
         UnknownNameError: an argument that does not exist; lists the existing ones.
         ParameterError: a value that is not valid; names the argument and the valid values.
     """
-    values = Arguments.of(given, PACKAGE)
+    values = Arguments.of(arguments, PACKAGE)
     _warn_unphysical(values.inertials)
     return _described(values, folder_uri() if values.meshes else "")
 
@@ -135,7 +135,9 @@ def _described(values: Arguments, mesh_folder: str) -> str:
 
 def arguments() -> dict[str, DescriptionArgument]:
     """Return the arguments of `load` in order."""
-    return {name: DescriptionArgument(one.default, one.valid, one.text) for name, one in declared(Arguments).items()}
+    return {
+        name: DescriptionArgument(item.default, item.valid, item.text) for name, item in declared(Arguments).items()
+    }
 
 
 def _text(value: object) -> str:
@@ -203,7 +205,7 @@ def _drop_comments(node: Any) -> None:
             _drop_comments(child)
 
 
-def parse(words: Sequence[str]) -> dict[str, Any]:
+def parse(words: Sequence[str]) -> dict[str, object]:
     """Return arguments of `load` from words such as `hand:=false`.
 
     Raises:
@@ -211,17 +213,17 @@ def parse(words: Sequence[str]) -> dict[str, Any]:
         ParameterError: a word without := or a value that cannot be read.
     """
     valid = declared(Arguments)
-    given: dict[str, Any] = {}
+    values: dict[str, object] = {}
     for word in words:
         name, separator, value = word.partition(":=")
         if not separator:
             raise ParameterError(f"{word!r} is not of the form ARG:=VALUE; arguments: {', '.join(valid)}")
         if name not in valid:
             raise UnknownNameError("argument", name, valid)
-        if name in given:
+        if name in values:
             raise ParameterError(f"argument {name} is given more than once; valid: each once")
-        given[name] = valid[name].checked(_value(value, valid[name].kind), f"argument {name}")
-    return given
+        values[name] = valid[name].checked(_value(value, valid[name].kind), f"argument {name}")
+    return values
 
 
 def _value(word: str, kind: str) -> Any:
@@ -245,7 +247,7 @@ class UrdfCommand(Command):
         names = [f"{name}:=" for name in declared(Arguments)]
         return [Argument("arguments", nargs="*", metavar="ARG:=VALUE", help="see below", complete=lambda: names)]
 
-    def run(self, given: argparse.Namespace) -> None:
+    def run(self, arguments: argparse.Namespace) -> None:
         """Print the description; warnings go to stderr."""
         logging.basicConfig(format="%(levelname)s: %(message)s")
-        print(load(**parse(given.arguments)))
+        print(load(**parse(arguments.arguments)))

@@ -44,8 +44,8 @@ def _thesis(parts: dict[str, MassProperties]) -> dict[str, MassProperties]:
     changed = {}
     for part in rule["links"]:
         link = parts[part]
-        own = rule["com_overrides"].get(part, {})
-        com = np.array([own.get(axis, value) for axis, value in zip("xyz", link.com, strict=True)])
+        overrides = rule["com_overrides"].get(part, {})
+        com = np.array([overrides.get(axis, value) for axis, value in zip("xyz", link.com, strict=True)])
         changed[part] = MassProperties(link.mass, com, link.inertia + rule["steiner"] * steiner_term(link.mass, com))
     return changed
 
@@ -93,11 +93,11 @@ class InertialsCommand(Command):
             ),
         ]
 
-    def run(self, given: argparse.Namespace) -> None:
+    def run(self, arguments: argparse.Namespace) -> None:
         """Print the table."""
         point = {None: "as the set has them", "apply": "Steiner's term added", "undo": "Steiner's term subtracted"}
         print(
-            f"inertials '{given.set}', {point[given.steiner]}; mass [kg], tensor, principal moments e1..e3 and margin "
-            "e1 + e2 - e3 [kg m^2]"
+            f"inertials '{arguments.set}', {point[arguments.steiner]}; mass [kg], tensor, principal moments "
+            "e1..e3 and margin e1 + e2 - e3 [kg m^2]"
         )
-        print(report(moved(inertials(given.set), given.steiner)))
+        print(report(moved(inertials(arguments.set), arguments.steiner)))

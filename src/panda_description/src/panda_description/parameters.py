@@ -92,12 +92,12 @@ def joint_limits(arm_id: str = "panda") -> dict[str, JointLimit]:
 
 def joint_limit_parameters(arm_id: str = "panda") -> dict[str, dict[str, bool | float]]:
     """Return the content of ros_control's parameters `joint_limits/` by full joint name."""
-    found: dict[str, dict[str, bool | float]] = {}
+    parameters: dict[str, dict[str, bool | float]] = {}
     for joint, limit in joint_limits(arm_id).items():
-        found[joint] = {"has_position_limits": True, "min_position": limit.lower, "max_position": limit.upper}
+        parameters[joint] = {"has_position_limits": True, "min_position": limit.lower, "max_position": limit.upper}
         for field in ("velocity", "acceleration", "jerk", "effort", "effort_rate"):
-            found[joint] |= {f"has_{field}_limits": True, f"max_{field}": getattr(limit, field)}
-    return found
+            parameters[joint] |= {f"has_{field}_limits": True, f"max_{field}": getattr(limit, field)}
+    return parameters
 
 
 def cartesian_limits() -> dict[str, CartesianLimit]:

@@ -8,14 +8,14 @@ from collections.abc import Iterator
 @contextlib.contextmanager
 def _without_banner() -> Iterator[None]:
     """Suppress the build time that PyBullet prints on stderr at each import."""
-    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, 2)
+    stderr_copy, null_device = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(null_device, 2)
     try:
         yield
     finally:
-        os.dup2(kept, 2)
-        os.close(kept)
-        os.close(nowhere)
+        os.dup2(stderr_copy, 2)
+        os.close(stderr_copy)
+        os.close(null_device)
 
 
 with _without_banner():

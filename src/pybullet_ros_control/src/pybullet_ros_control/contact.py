@@ -187,9 +187,9 @@ class PenaltyContact:
         normal, depth = np.array(point[7]), -point[8]
         deepest = 0.5 * (np.array(point[5]) + np.array(point[6]))
         for solid_a, solid_b in product(self._solids_of(a), self._solids_of(b)):
-            found = faces.corners(solid_a, a.T, solid_b, b.T, normal, deepest, depth)
-            if len(found) > 1:
-                return found
+            corners = faces.corners(solid_a, a.T, solid_b, b.T, normal, deepest, depth)
+            if len(corners) > 1:
+                return corners
         return [faces.Corner(deepest, depth, 1.0)]
 
     def _solids_of(self, link: _Link) -> list[faces.Solid]:
@@ -224,7 +224,7 @@ def rigid_contacts(engine: Engine, bodies: Mapping[int, Body]) -> list[Contact]:
 def solids(body: Body, index: int, engine: Engine) -> list[faces.Solid]:
     """Return the shapes of an engine link, in its centre-of-mass frame; a mesh next to other shapes is left out."""
     data = pybullet.getCollisionShapeData(body.id, index, physicsClientId=engine.client)
-    found = []
+    shapes = []
     for shape in data:
         T = homogeneous(rotation_from_quaternion(shape[6]), shape[5])
         solid = _solid(shape[2], shape[3], T)
@@ -232,8 +232,8 @@ def solids(body: Body, index: int, engine: Engine) -> list[faces.Solid]:
             corners = body.model.hulls[body.link_names[index]]
             solid = faces.Solid("hull", (), inverse(engine.inertial_frame(body, index)), corners)
         if solid is not None:
-            found.append(solid)
-    return found
+            shapes.append(solid)
+    return shapes
 
 
 def _solid(kind: int, size: tuple[float, ...], T: FloatArray) -> faces.Solid | None:

@@ -246,13 +246,13 @@ class Engine:
         states: tuple[tuple[Any, ...], ...] = pybullet.getJointStates(body.id, indices, self.client)
         if not joints.followers:
             return states
-        kept = list(states)
+        corrected = list(states)
         for i, leader, multiplier, offset in joints.followers:
             q, dq = multiplier * states[leader][0] + offset, multiplier * states[leader][1]
             if abs(states[i][0] - q) > SLACK or abs(states[i][1] - dq) > SLACK:
                 pybullet.resetJointState(body.id, indices[i], q, dq, physicsClientId=self.client)
-                kept[i] = (q, dq, *states[i][2:])
-        return tuple(kept)
+                corrected[i] = (q, dq, *states[i][2:])
+        return tuple(corrected)
 
     def remove(self, body: Body) -> None:
         """Remove a body from the world."""

@@ -1,7 +1,6 @@
 """PyBullet plant: one robot, the world around it, and the external forces on both."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 import pybullet
@@ -23,7 +22,7 @@ class PyBulletPlant(EnginePlant):
     robot: Robot
     world: World
 
-    def __init__(self, urdf_xml: str, joint_names: Sequence[str], config: Mapping[str, Any]) -> None:
+    def __init__(self, urdf_xml: str, joint_names: Sequence[str], config: Mapping[str, object]) -> None:
         super().__init__(urdf_xml, joint_names, config)
         self._engine = engine = Engine(self.config.gui, self.time_step, self.gravity)
         try:

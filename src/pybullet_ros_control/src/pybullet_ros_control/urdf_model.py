@@ -202,11 +202,11 @@ class _Preparation:
     def write_cluster(self, cluster: _Cluster, moving: bool) -> None:
         top = self.write_link(cluster.top, self.mass(cluster) if moving else MassProperties())
         for name, T in cluster.poses.items():
-            link, own = self.robot.links[name], bool(self.robot.links[name].collisions) and name != cluster.top
-            self.frames[name] = Frame(name, np.eye(4)) if own else Frame(cluster.top, T)
+            link, separate = self.robot.links[name], bool(self.robot.links[name].collisions) and name != cluster.top
+            self.frames[name] = Frame(name, np.eye(4)) if separate else Frame(cluster.top, T)
             if self.visual:
                 self.write_shapes(top, link.visuals, T, "visual")
-            if own:
+            if separate:
                 self.write_shapes(
                     self.write_link(name, MassProperties()), solids(link.collisions), np.eye(4), "collision"
                 )

@@ -57,24 +57,24 @@ class ConvertCommand(Command):
             Argument("--seed", type=int, default=0, help="of the proof's random numbers (default: 0)"),
         ]
 
-    def run(self, given: argparse.Namespace) -> None:
+    def run(self, arguments: argparse.Namespace) -> None:
         """Convert, prove, write and report. Raises HricError: the conversion is refused."""
         opensim.Logger.setLevelString("Error")
         started = time.perf_counter()
-        options = _options(given)
-        urdf_xml = read_description(given.input, given.xacro_arg)
-        stem = "robot" if given.input == "-" else Path(given.input).name.split(".")[0]
-        output = Path(given.output or f"{stem}{SUFFIX}")
+        options = _options(arguments)
+        urdf_xml = read_description(arguments.input, arguments.xacro_arg)
+        stem = "robot" if arguments.input == "-" else Path(arguments.input).name.split(".")[0]
+        output = Path(arguments.output or f"{stem}{SUFFIX}")
         conversion = convert(urdf_xml, options)
         converted = time.perf_counter()
         for note in conversion.notes:
             print(f"note: {note}")
         proofs: list[Proof] = []
-        written = write(conversion, output, lambda path: proofs.append(_demand(path, urdf_xml, conversion, given)))
-        _report(proofs[0], given.states)
+        written = write(conversion, output, lambda path: proofs.append(_demand(path, urdf_xml, conversion, arguments)))
+        _report(proofs[0], arguments.states)
         meshes = f", {len(written.meshes)} mesh files {written.mesh_seconds:.2f} s" if written.meshes else ""
         print(
-            f"conversion {converted - started:.2f} s{meshes}, proof over {given.states} random states "
+            f"conversion {converted - started:.2f} s{meshes}, proof over {arguments.states} random states "
             f"{proofs[0].seconds:.2f} s\nwrote {written.path}"
         )
 
@@ -194,7 +194,7 @@ def _options(arguments: argparse.Namespace) -> Options:
 def _friction_parameters(source: str | None) -> dict[str, dict[str, float]]:
     if source is None:
         return {}
-    found = read_yaml(Path(source))
-    if not isinstance(found, dict):
+    content = read_yaml(Path(source))
+    if not isinstance(content, dict):
         raise ParameterError(f"--friction-parameters {source} must hold joint -> {{phi1: .., phi2: .., phi3: ..}}")
-    return {str(joint): phi for joint, phi in found.items()}
+    return {str(joint): phi for joint, phi in content.items()}

@@ -1,7 +1,7 @@
 """Conversion of a description to a model in memory."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import opensim
@@ -63,7 +63,7 @@ class Conversion:
     options: Options
     meshes: list[shapes.Shape] = field(default_factory=list)
     geometry: dict[str, str] = field(default_factory=dict)
-    attached: dict[str, Any] = field(default_factory=dict, repr=False)
+    attached: dict[str, tuple[Callable[[str], None], opensim.Component]] = field(default_factory=dict, repr=False)
 
 
 def convert(urdf_xml: str, options: Options | None = None) -> Conversion:
@@ -82,7 +82,7 @@ def convert(urdf_xml: str, options: Options | None = None) -> Conversion:
         waiting = shapes.add(builder.model, plan, options, builder.carriers, builder.notes)
         builder.model.finalizeConnections()
     except RuntimeError as error:
-        raise DescriptionError(f"OpenSim refuses robot {plan.robot.name}: {transforms.said(error)}") from error
+        raise DescriptionError(f"OpenSim refuses robot {plan.robot.name}: {transforms.message_of(error)}") from error
     return Conversion(builder.model, builder.joints, builder.frames, builder.notes, plan, options, waiting)
 
 

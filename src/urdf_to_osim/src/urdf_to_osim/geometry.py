@@ -20,14 +20,14 @@ FACETS = 64
 
 
 @dataclass(frozen=True)
-class Laid:
+class MeshFiles:
     """Result of `lay`: bare names of the files, and the time for them [s]."""
 
     files: tuple[str, ...]
     seconds: float
 
 
-def lay(conversion: Conversion, folder: Path, cache: Path | None = None) -> Laid:
+def lay(conversion: Conversion, folder: Path, cache: Path | None = None) -> MeshFiles:
     """Convert the meshes into a folder and let the model in memory refer to them; repeatable for another folder.
 
     Raises:
@@ -35,14 +35,14 @@ def lay(conversion: Conversion, folder: Path, cache: Path | None = None) -> Laid
     """
     meshes = [shape for shape in conversion.meshes if shape.kind == "mesh"]
     if not conversion.meshes:
-        return Laid((), 0.0)
+        return MeshFiles((), 0.0)
     source = Path(conversion.options.folder).resolve() if conversion.options.folder else None
     results = convert_meshes([_request(shape, source) for shape in meshes], folder, cache, source)
     files = {shape.name: result.file for shape, result in zip(meshes, results, strict=True)}
     files |= {shape.name: _write_primitive(shape, folder) for shape in conversion.meshes if shape.kind != "mesh"}
     conversion.geometry.update(files)
     refer(conversion, folder.resolve())
-    return Laid(tuple(sorted(set(files.values()))), sum(result.seconds for result in results))
+    return MeshFiles(tuple(sorted(set(files.values()))), sum(result.seconds for result in results))
 
 
 def refer(conversion: Conversion, folder: Path | None) -> None:

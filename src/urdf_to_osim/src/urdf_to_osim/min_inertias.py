@@ -31,14 +31,14 @@ def min_inertias(robot: Robot) -> dict[str, float]:
     tree = Tree(robot)
     for q in poses(robot):
         M = tree.mass_matrix(tree.positions(q))
-        own = np.sqrt(np.abs(np.diag(M)))
-        if not own.all():
+        scale = np.sqrt(np.abs(np.diag(M)))
+        if not scale.all():
             continue
-        values, vectors = np.linalg.eigh(M / np.outer(own, own))
+        values, vectors = np.linalg.eigh(M / np.outer(scale, scale))
         if values[0] > SINGULAR:
-            found = own**2 / np.sum(vectors**2 / values, axis=1)
+            inertias = scale**2 / np.sum(vectors**2 / values, axis=1)
             smallest |= {
                 name: min(float(inertia), smallest.get(name, math.inf))
-                for name, inertia in zip(tree.joints, found, strict=True)
+                for name, inertia in zip(tree.joints, inertias, strict=True)
             }
     return smallest

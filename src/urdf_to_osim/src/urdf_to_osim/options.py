@@ -28,10 +28,10 @@ class Options(Settings):
     )
     inertia: str = choice(
         *CHOICES["inertia"],
-        text='what becomes of inertias that no body has: "refuse"; "repair" (to the nearest that a body has); "invent" '
+        text='treatment of inertias that no body has: "refuse"; "repair" (to the nearest that a body has); "invent" '
         '(the same, also where most of a robot\'s mass comes from the repair); "keep" (but zero ones)',
     )
-    names: str = choice(*CHOICES["names"], text="what becomes of names that OpenSim forbids")
+    names: str = choice(*CHOICES["names"], text="treatment of names that OpenSim forbids")
     stops: bool = flag(True, text="joint stops act (CoordinateLimitForce)")
     stop_stiffness: float = number(
         1000.0,

@@ -56,7 +56,7 @@ def write(
 def _write(
     conversion: Conversion, path: Path, stage: Path, check: Callable[[Path], None] | None, cache: Path | None
 ) -> Written:
-    laid = lay(conversion, stage / GEOMETRY, cache)
+    mesh_files = lay(conversion, stage / GEOMETRY, cache)
     staged = stage / path.name
     refer(conversion, None)
     if not conversion.model.printToXML(str(staged)) or not staged.is_file():
@@ -64,10 +64,10 @@ def _write(
     os.chmod(staged, 0o644)
     if check is not None:
         check(staged)
-    _move(stage / GEOMETRY, path.parent / GEOMETRY, laid.files)
+    _move(stage / GEOMETRY, path.parent / GEOMETRY, mesh_files.files)
     os.replace(staged, path)
     refer(conversion, (path.parent / GEOMETRY).resolve())
-    return Written(path, tuple(path.parent / GEOMETRY / file for file in laid.files), laid.seconds)
+    return Written(path, tuple(path.parent / GEOMETRY / file for file in mesh_files.files), mesh_files.seconds)
 
 
 def _move(stage: Path, folder: Path, files: tuple[str, ...]) -> None:

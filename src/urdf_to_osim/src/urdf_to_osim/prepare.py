@@ -71,11 +71,11 @@ def prepare(robot: Robot, options: Options) -> Plan:
     settled = _settle_inertias(robot, options, joined, notes)
     moved = {joint.child for joint in robot.joints.values() if joint.type != "fixed"}
     masses = {name: link.mass for name, link in settled.links.items()} | joined
-    carried = {name: mass for name, mass in masses.items() if mass is not None and mass.mass > 0.0}
-    bodies = frozenset(moved | set(carried))
+    with_mass = {name: mass for name, mass in masses.items() if mass is not None and mass.mass > 0.0}
+    bodies = frozenset(moved | set(with_mass))
     velocities = friction.transition_velocities(settled, options)
     notes += [friction.note(velocities)] if velocities else []
-    return Plan(robot, settled, links, joints, bodies, carried, tuple(notes), velocities)
+    return Plan(robot, settled, links, joints, bodies, with_mass, tuple(notes), velocities)
 
 
 def legal_names(kind: str, names: Iterable[str], choice: str, notes: list[str]) -> dict[str, str]:
@@ -124,8 +124,8 @@ def _check_coordinates(robot: Robot, names: dict[str, str]) -> None:
 def _illegal(name: str) -> str:
     if name in RESERVED:
         return "it is one of its own"
-    found = sorted(set(ILLEGAL.findall(name)))
-    return f"it contains {' '.join(map(repr, found))}" if found else ""
+    characters = sorted(set(ILLEGAL.findall(name)))
+    return f"it contains {' '.join(map(repr, characters))}" if characters else ""
 
 
 def _free(wish: str, taken: set[str]) -> str:
@@ -222,8 +222,8 @@ NAMED = 5
 def invented_joints(described: Robot, repaired: Robot) -> list[str]:
     """Return the joints most of whose inertia, by the mass matrix over `poses`, is not in the description."""
     trees = Tree(described), Tree(repaired)
-    own = np.sum([[np.diag(tree.mass_matrix(tree.positions(q))) for tree in trees] for q in poses(described)], axis=0)
-    rows = zip(trees[0].joints, *own, strict=True)
+    sums = np.sum([[np.diag(tree.mass_matrix(tree.positions(q))) for tree in trees] for q in poses(described)], axis=0)
+    rows = zip(trees[0].joints, *sums, strict=True)
     return list(dict.fromkeys(name for name, old, new in rows if new - old > MOSTLY * new))
 
 

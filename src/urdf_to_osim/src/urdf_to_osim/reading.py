@@ -32,7 +32,7 @@ class Reading:
             self.model = opensim.Model(str(path))
             self.state = self.model.initSystem()
         except RuntimeError as error:
-            raise DescriptionError(f"OpenSim cannot use the model: {transforms.said(error)}") from error
+            raise DescriptionError(f"OpenSim cannot use the model: {transforms.message_of(error)}") from error
         self.start = opensim.State(self.state)
         self._coordinates = [opensim.Coordinate.safeDownCast(self.model.getComponent(name)) for name in coordinates]
         self._frames = {

@@ -49,7 +49,7 @@ def matrix(T: opensim.Transform) -> FloatArray:
     return np.array([*([R.get(i, 0), R.get(i, 1), R.get(i, 2), p.get(i)] for i in range(3)), [0.0, 0.0, 0.0, 1.0]])
 
 
-def said(error: Exception) -> str:
+def message_of(error: Exception) -> str:
     """Return the message of an OpenSim exception in one line, without its C++ context."""
     words = " ".join(str(error).partition("\tIn Component")[0].split())
     return words.partition("': ")[2] or words

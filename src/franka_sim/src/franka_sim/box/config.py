@@ -72,7 +72,7 @@ class BoxConfig(Settings):
     collision_behavior: CollisionBehavior = section(CollisionBehavior)
 
     @classmethod
-    def defaults(cls) -> Mapping[str, Any]:
+    def defaults(cls) -> Mapping[str, object]:
         """Return the values of the YAML."""
         return read_config("control_box")
 

@@ -137,15 +137,15 @@ def space_inertia(
     """Return the inertia of translation, rotation (stiffness frame) and self-motion, in the direction of its minimum.
 
     For a Jacobian A: 1 / (largest eigenvalue of A (M+B)^-1 A'); for the self-motion A = n', with n the unit null vector
-    of the whole Jacobian.
+    of the complete Jacobian.
     """
-    found = []
+    inertias = []
     for q in poses:
         J = kinematics.stiffness_frame(q.tolist()).jacobian()
         inverse = np.linalg.inv(model.mass(q) + np.diag(rotor_inertia))
         null = np.linalg.svd(J)[2][-1:]
-        found.append([1.0 / np.linalg.eigvalsh(A @ inverse @ A.T)[-1] for A in (J[:3], J[3:], null)])
-    minima, medians = np.min(found, axis=0).tolist(), np.median(found, axis=0).tolist()
+        inertias.append([1.0 / np.linalg.eigvalsh(A @ inverse @ A.T)[-1] for A in (J[:3], J[3:], null)])
+    minima, medians = np.min(inertias, axis=0).tolist(), np.median(inertias, axis=0).tolist()
     return tuple(map(Inertia, minima, medians))
 
 

@@ -114,7 +114,7 @@ class ElbowInverseKinematics:
 
         The unit null vector n of the Jacobian, updated in each step, is the seventh row; [J; n'] x = (0, 1) rotates it
         to this pose. The first step adds the self-motion n beta that would move joint 3 from q_d by return_rate dt
-        (hold - q3), damped where n3 is small: beta = n3 (desired - found) / (n3^2 + lambda^2).
+        (hold - q3), damped where n3 is small: beta = n3 (desired - iterate) / (n3^2 + lambda^2).
 
         Args:
             T: O_T_EE, 16 floats, column-major.
@@ -130,9 +130,16 @@ class ElbowInverseKinematics:
         beta = self._self_motion(null[ELBOW_JOINT], q[ELBOW_JOINT], hold, q_d[ELBOW_JOINT])
         return self._newton.solve(T, null, None, [x + n * beta for x, n in zip(q, null, strict=True)])
 
-    def _self_motion(self, n3: float, found: float, hold: float, last: float) -> float:
-        """Return the step along the null vector, with element n3 for joint 3; found, hold, last: its position [rad]."""
+    def _self_motion(self, n3: float, iterate: float, hold: float, last: float) -> float:
+        """Return the step along the null vector, with element n3 for joint 3.
+
+        Args:
+            n3: element of the null vector.
+            iterate: position of joint 3 after the first Newton step [rad].
+            hold: its desired position [rad].
+            last: its position in the previous cycle [rad].
+        """
         parameters = self._parameters
         damping = parameters.elbow_damping**2 * max(0.0, 1.0 - (n3 / parameters.elbow_min) ** 2)
         desired = last + parameters.elbow_return_rate * self._dt * (hold - last)
-        return n3 * (desired - found) / (n3 * n3 + damping)
+        return n3 * (desired - iterate) / (n3 * n3 + damping)

@@ -153,8 +153,8 @@ class JointRates:
             if not -a_step <= a - last_a <= a_step and not (after_loss and (a - last_a) * v < 0.0):
                 jerk = True
         if position or velocity or acceleration or jerk:
-            found = self._too_large((velocity, acceleration, jerk), dq, ddq, last_ddq)
-            self.reason = "; ".join([self._out_of_range(q), *found] if position else found)
+            reasons = self._too_large((velocity, acceleration, jerk), dq, ddq, last_ddq)
+            self.reason = "; ".join([self._out_of_range(q), *reasons] if position else reasons)
             return self._errors.named(position, velocity, acceleration, jerk)
         return NO_ERRORS
 
@@ -176,12 +176,12 @@ class JointRates:
             (ddq, limits.acceleration, "rad/s^2", tolerances.acceleration_tolerance),
             (jerk, limits.jerk, "rad/s^3", tolerances.jerk_tolerance),
         )
-        found = []
+        reasons = []
         for passed, (values, limit, unit, tolerance) in zip(violated, rows, strict=True):
             if passed:
                 i = _worst([abs(x) / bound for x, bound in zip(values, limit, strict=True)])
-                found.append(_passed(self._names[i], values[i], limit[i], unit, tolerance))
-        return found
+                reasons.append(_passed(self._names[i], values[i], limit[i], unit, tolerance))
+        return reasons
 
 
 class SpaceRates:
@@ -233,9 +233,9 @@ class SpaceRates:
             (a, [limit.acceleration], f"{unit}/s^2", tolerances.acceleration_tolerance),
             (jerk, [limit.jerk], f"{unit}/s^3", tolerances.jerk_tolerance),
         )
-        found = zip(violated, rows, strict=True)
+        checks = zip(violated, rows, strict=True)
         return [
             _passed(self._what, math.hypot(*x), bound[0], unit, tolerance)
-            for passed, (x, bound, unit, tolerance) in found
+            for passed, (x, bound, unit, tolerance) in checks
             if passed
         ]

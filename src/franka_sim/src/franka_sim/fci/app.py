@@ -94,7 +94,7 @@ class ControlBoxCommand(Command):
         """Return the arguments."""
         return [*robot_arguments(), *physics_arguments(), *network_arguments(), *care_arguments()]
 
-    def run(self, given: argparse.Namespace) -> int:
+    def run(self, arguments: argparse.Namespace) -> int:
         """Serve until Ctrl-C or SIGTERM."""
         logging.basicConfig(level=logging.INFO, format="[%(levelname)s] %(message)s")
-        return run_server("hric control_box", lambda: serve(given))
+        return run_server("hric control_box", lambda: serve(arguments))

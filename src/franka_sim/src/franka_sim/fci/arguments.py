@@ -78,7 +78,7 @@ def physics_arguments() -> list[Argument]:
             type=float,
             default=0.1,
             metavar="KGM2",
-            help="of each joint, in the plant and as the box knows it (default: %(default)s)",
+            help="rotor inertia of each joint, in the plant and in the control box (default: %(default)s)",
         ),
         Argument(
             "--friction",
@@ -93,7 +93,8 @@ def physics_arguments() -> list[Argument]:
             type=yaml_value,
             default=IDEAL,
             metavar="PRESET",
-            help="how far the arm is from what its box believes: ideal, measured, or {preset: measured, dq_noise: 0}",
+            help="differences between the arm and its model in the control box: ideal, measured, or {preset: "
+            "measured, dq_noise: 0}",
         ),
         Argument(
             "--no-collision", group=PHYSICS, action="store_true", help="no contact of the arm with itself or the world"

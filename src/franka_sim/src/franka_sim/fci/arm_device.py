@@ -4,7 +4,6 @@ import argparse
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
-from typing import Any
 from xml.etree import ElementTree
 
 from franka_sim import sensors
@@ -142,7 +141,7 @@ class ArmDevice:
 
 
 def build_arm(
-    given: BoxSettings,
+    settings: BoxSettings,
     realism: Realism,
     robot: Robot,
     urdf_xml: str,
@@ -152,7 +151,7 @@ def build_arm(
     """Build the plant, its participants, the box, and the hand if the description has one.
 
     Args:
-        given: parameters.
+        settings: parameters.
         realism: differences between the arm and the box's model of it.
         robot: kind of arm.
         urdf_xml: robot description.
@@ -162,27 +161,27 @@ def build_arm(
     Raises:
         HricError: a parameter, a name or the description cannot be used.
     """
-    arm_id = given.arm_id
-    plant_config = realism.with_friction(given.plant, arm_id)
+    arm_id = settings.arm_id
+    plant_config = realism.with_friction(settings.plant, arm_id)
     model = make_model(node, urdf_xml, arm_id, plant_config)
     names = model.joint_names
     with ExitStack() as held:
-        plant = plugins.find(plugins.PLANT, given.plant_type)(realism.body(urdf_xml, arm_id), names, plant_config)
+        plant = plugins.find(plugins.PLANT, settings.plant_type)(realism.body(urdf_xml, arm_id), names, plant_config)
         held.callback(plant.close)
         if plant.time_step != PERIOD:
             raise ParameterError(f"{node.resolve('plant/time_step')} is {plant.time_step}; valid: {PERIOD} [s]")
         config = replace(
-            given.box(plant_config, names, PERIOD, realism), limits=robot.limits(), max_lost_packets=max_lost_packets
+            settings.box(plant_config, names, PERIOD, realism), limits=robot.limits(), max_lost_packets=max_lost_packets
         )
         compiled = CompiledArm(urdf_xml, arm_id, config.min_singular_value)
         box = ControlBox(model, compiled, config, lambda text: LOG.warning("%s", text))
-        set_internal_impedance(node, given.internal_impedance.stiffness, box.joint_impedance)
+        set_internal_impedance(node, settings.internal_impedance.stiffness, box.joint_impedance)
         read_state = sensors.attach(plant, box, realism, plant_config.get("seed", 0))
         participants = Participants(plant, node)
         held.callback(participants.close)
         library = library_for(urdf_xml, arm_id)
         hand = Gripper() if _has_hand(urdf_xml, arm_id) else None
-        arm = ArmDevice(plant, participants, box, robot.served_urdf, library, given.q_start, hand, read_state)
+        arm = ArmDevice(plant, participants, box, robot.served_urdf, library, settings.q_start, hand, read_state)
         held.pop_all()
     return arm
 
@@ -193,8 +192,8 @@ def _has_hand(urdf_xml: str, arm_id: str) -> bool:
 
 def make_arm(options: argparse.Namespace, robot: Robot) -> ArmDevice:
     """Build the arm from the command's arguments. Raises HricError."""
-    given = {name: getattr(options, name) for name in ("world", "gui", "friction") if getattr(options, name)}
-    plant_config: dict[str, Any] = {"rotor_inertia": options.rotor_inertia, "seed": options.seed, **given}
+    plant_config = {name: getattr(options, name) for name in ("world", "gui", "friction") if getattr(options, name)}
+    plant_config |= {"rotor_inertia": options.rotor_inertia, "seed": options.seed}
     if options.no_collision:
         plant_config |= {"collision": False, "self_collision": False}
     settings = BoxSettings(

@@ -33,7 +33,7 @@ class Epoch:
     def __init__(self, value: float) -> None:
         self.value = value
         self._cycles: deque[tuple[int, float]] = deque(maxlen=CYCLES)
-        self._found: deque[tuple[int, float]] = deque()
+        self._epochs: deque[tuple[int, float]] = deque()
 
     def on_cycle(self, time: float) -> None:
         """Register the arm time [s] of the state sent next. In the arm's loop; `on_pair` may use another thread."""
@@ -50,11 +50,11 @@ class Epoch:
         newest = bisect_right(cycles, monotonic, key=_sent)
         if newest == 0:
             return False
-        found = self._found
-        found.append((monotonic, run - cycles[newest - 1][1]))
-        while found[0][0] < monotonic - WINDOW:
-            found.popleft()
-        value = max(epoch for _, epoch in found)
+        epochs = self._epochs
+        epochs.append((monotonic, run - cycles[newest - 1][1]))
+        while epochs[0][0] < monotonic - WINDOW:
+            epochs.popleft()
+        value = max(epoch for _, epoch in epochs)
         if abs(value - self.value) <= SAME:
             return False
         self.value = value

@@ -33,10 +33,10 @@ class EmulatedArmSettings(BoxSettings):
     ip: str = text(
         "127.0.0.1",
         valid="an IPv4 address of this machine, e.g. 127.0.0.2,",
-        made=lambda given: str(ipaddress.IPv4Address(given)),
-        text="where it listens, on libfranka's ports",
+        made=lambda address: str(ipaddress.IPv4Address(address)),
+        text="address of the server, on libfranka's ports",
     )
-    robot: str = choice("panda", "fr3", text="which arm; the description is the Panda's for both")
+    robot: str = choice("panda", "fr3", text="type of the arm; both use the description of the Panda")
 
 
 class EmulatedArm(NodeApp):
@@ -51,14 +51,14 @@ class EmulatedArm(NodeApp):
     period = PERIOD
 
     def __init__(self, node: RosNode) -> None:
-        given, realism = read(node, EmulatedArmSettings)
-        robot = ROBOTS[given.robot]
-        description = robot.limited(node.search_param("robot_description"), given.arm_id)
-        names = [f"{given.arm_id}_joint{i}" for i in range(1, 8)]
-        check_start(description, names, given.q_start, node.resolve("q_start"))
-        self._arm = build_arm(given, realism, robot, description, node)
+        settings, realism = read(node, EmulatedArmSettings)
+        robot = ROBOTS[settings.robot]
+        description = robot.limited(node.search_param("robot_description"), settings.arm_id)
+        names = [f"{settings.arm_id}_joint{i}" for i in range(1, 8)]
+        check_start(description, names, settings.q_start, node.resolve("q_start"))
+        self._arm = build_arm(settings, realism, robot, description, node)
         try:
-            self._server = FciServer(self._arm, given.ip, robot.version)
+            self._server = FciServer(self._arm, settings.ip, robot.version)
         except BaseException:
             self._arm.close()
             raise
@@ -69,7 +69,7 @@ class EmulatedArm(NodeApp):
         self._failure: BaseException | None = None
         self._thread = threading.Thread(target=self._serve, name="control box", daemon=True)
         self._thread.start()
-        node.log_info(f"an emulated {given.robot} listens at {given.ip}")
+        node.log_info(f"an emulated {settings.robot} listens at {settings.ip}")
 
     def _serve(self) -> None:
         prefer_this_thread()

@@ -39,9 +39,9 @@ def fr3_limits() -> FrankaLimits:
     """Return the FR3's limits."""
     values = read_config("fr3")
     names = ("lower", "upper", "velocity", "acceleration", "jerk", "effort", "effort_rate")
-    joint: dict[str, Any] = {name: tuple(values[name]) for name in names}
-    cartesian: dict[str, Any] = {name: CartesianLimit(**values[name]) for name in ("translation", "rotation", "elbow")}
-    return FrankaLimits(**(joint | cartesian))
+    limits: dict[str, Any] = {name: tuple(values[name]) for name in names}
+    limits |= {name: CartesianLimit(**values[name]) for name in ("translation", "rotation", "elbow")}
+    return FrankaLimits(**limits)
 
 
 def _joint(root: ElementTree.Element, name: str) -> ElementTree.Element:

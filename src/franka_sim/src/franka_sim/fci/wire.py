@@ -76,8 +76,8 @@ ACCELEROMETERS = 36
 
 def error_bytes(names: Iterable[str]) -> bytes:
     """Return one byte per error, 41 bytes."""
-    given = frozenset(names)
-    return bytes(name in given for name in WIRE_ERRORS)
+    active = frozenset(names)
+    return bytes(name in active for name in WIRE_ERRORS)
 
 
 class StateCodec:

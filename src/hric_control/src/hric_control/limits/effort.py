@@ -197,8 +197,10 @@ class EffortLimiter(Limiter):
             self._low[i], self._high[i], self._bound[i], self._change[i] = -INFINITY, INFINITY, FINITE, INFINITY
             self._fastest[i], self._softness[i] = FINITE, 0.0
             if chosen:
-                whole = max(limit.lower, -FINITE), min(limit.upper, FINITE)
-                self._low[i], self._high[i] = limit.full_speed_range(*whole) if limit.k_velocity > 0.0 else whole
+                full_range = max(limit.lower, -FINITE), min(limit.upper, FINITE)
+                self._low[i], self._high[i] = (
+                    limit.full_speed_range(*full_range) if limit.k_velocity > 0.0 else full_range
+                )
                 self._bound[i], self._change[i] = min(limit.effort, FINITE), limit.effort_rate * period
                 self._fastest[i], self._softness[i] = min(limit.velocity, FINITE), limit.k_velocity
 

@@ -1,7 +1,7 @@
 """Joint limits from the URDF, overridden by parameters with ros_control's names."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -93,8 +93,8 @@ class LimitParameters(Settings):
 DEFAULT_KINDS = ("position", "velocity", "effort", "effort_rate", "soft")
 
 
-def _kinds(given: bool | tuple[str, ...]) -> tuple[str, ...]:
-    return given if isinstance(given, tuple) else DEFAULT_KINDS if given else ()
+def _kinds(enforced: bool | tuple[str, ...]) -> tuple[str, ...]:
+    return enforced if isinstance(enforced, tuple) else DEFAULT_KINDS if enforced else ()
 
 
 ENFORCE_LIMITS: Any = either(
@@ -128,11 +128,11 @@ def load_limits(
     result = []
     for name in joint_names:
         where = f"joint_limits/{name}"
-        given = node.param(where) if node is not None and node.has_param(where) else None
-        source = "the robot description" if node is None or given is None else node.resolve(where)
+        parameters = node.param(where) if node is not None and node.has_param(where) else None
+        source = "the robot description" if node is None or parameters is None else node.resolve(where)
         joint = joints[name]
-        said = name, joint.type, joint.limit, joint.safety
-        result.append(_of_joint(*said, json.dumps(given, default=str), source).only(tuple(use)))
+        description = name, joint.type, joint.limit, joint.safety
+        result.append(_of_joint(*description, json.dumps(parameters, default=str), source).only(tuple(use)))
     return result
 
 
@@ -164,21 +164,17 @@ def _of_joint(
     """Return the limits of a joint from its description and its parameters (JSON).
 
     Cached: robot, controllers and the next run read the same."""
-    values, given = _from_urdf(name, kind, limit, safety), json.loads(parameters)
-    if given is not None:
-        _override(values, given, where)
-    return _build(name, values, where)
-
-
-def _build(name: str, values: Mapping[str, Any], where: str) -> JointLimits:
+    values, overrides = _from_urdf(name, kind, limit, safety), json.loads(parameters)
+    if overrides is not None:
+        _override(values, overrides, where)
     try:
-        return JointLimits(name=name, **values)
+        return JointLimits(name=name, unit="m" if kind == "prismatic" else "rad", **values)
     except ParameterError as error:
         raise ParameterError(message_about(where, error)) from None
 
 
-def _from_urdf(name: str, kind: str, limit: Limit | None, safety: SafetyController | None) -> dict[str, Any]:
-    values: dict[str, Any] = {"unit": "m" if kind == "prismatic" else "rad"}
+def _from_urdf(name: str, kind: str, limit: Limit | None, safety: SafetyController | None) -> dict[str, float]:
+    values: dict[str, float] = {}
     if limit is not None:
         for field, value in (("velocity", limit.velocity), ("effort", limit.effort)):
             if value is None:
@@ -192,22 +188,22 @@ def _from_urdf(name: str, kind: str, limit: Limit | None, safety: SafetyControll
     return values
 
 
-def _override(values: dict[str, Any], parameters: Any, where: str) -> None:
-    given = LimitParameters.of(parameters, where)
-    if given.angle_wraparound:
+def _override(values: dict[str, float], content: Any, where: str) -> None:
+    parameters = LimitParameters.of(content, where)
+    if parameters.angle_wraparound:
         values["lower"], values["upper"] = -INFINITY, INFINITY
     for switch, group in _GROUPS.items():
-        _override_group(values, given, switch, group, where)
+        _override_group(values, parameters, switch, group, where)
 
 
 def _override_group(
-    values: dict[str, Any], given: LimitParameters, switch: str, group: dict[str, tuple[str, float]], where: str
+    values: dict[str, float], parameters: LimitParameters, switch: str, group: dict[str, tuple[str, float]], where: str
 ) -> None:
-    enabled = getattr(given, switch)
+    enabled = getattr(parameters, switch)
     for name, (field, unlimited) in group.items():
         if enabled is False:
             values[field] = unlimited
-        elif getattr(given, name) is not None:
-            values[field] = getattr(given, name)
+        elif getattr(parameters, name) is not None:
+            values[field] = getattr(parameters, name)
         elif enabled and values.get(field, unlimited) == unlimited and not name.startswith("k_"):
             raise ParameterError(f"{where}: {switch} is true, but {name} is not given, and the URDF has none")

@@ -85,8 +85,8 @@ class JointLimits:
         dropped = {
             key: value for kind, values in _KIND_FIELDS.items() if kind not in kinds for key, value in values.items()
         }
-        kept = {item.name: getattr(self, item.name) for item in fields(self)}
-        return JointLimits(**{**kept, **dropped})
+        values = {item.name: getattr(self, item.name) for item in fields(self)}
+        return JointLimits(**{**values, **dropped})
 
     def soft_speeds(self, position: float) -> tuple[float, float]:
         """Return the smallest and largest velocity allowed at `position` [rad/s].

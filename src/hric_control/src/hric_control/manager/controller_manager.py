@@ -174,8 +174,8 @@ class ControllerManager:
 
     def types(self) -> dict[str, str]:
         """Return the base class of every controller type that can be loaded, by type string."""
-        found = dict.fromkeys([*self._classes, *plugins.names(plugins.CONTROLLER)], plugins.CONTROLLER)
-        return dict(sorted(found.items()))
+        names = sorted({*self._classes, *plugins.names(plugins.CONTROLLER)})
+        return dict.fromkeys(names, plugins.CONTROLLER)
 
     def statistics(self) -> Sequence[UpdateStatistics]:
         """Return the durations of the controllers' updates."""
@@ -198,7 +198,7 @@ class ControllerManager:
         """Admit one request at a time. The loop's own thread must not wait for a request that waits for the loop."""
         in_loop = threading.get_ident() == self._loop_thread
         if not self._lock.acquire(blocking=not in_loop):
-            raise HricError("another request to the controller manager is being carried out; try again")
+            raise HricError("the controller manager is executing another request; try again")
         try:
             yield
         finally:
@@ -262,11 +262,11 @@ class ControllerManager:
                 f"controller {name} has no type: set the parameter {scope.resolve('type')} (is its configuration "
                 "loaded?)"
             )
-        found = self._classes.get(kind) or plugins.find(plugins.CONTROLLER, kind)
+        controller_class = self._classes.get(kind) or plugins.find(plugins.CONTROLLER, kind)
         for interface in self._hw.interfaces():
             interface.clear_claims()
         try:
-            controller: Controller = found()
+            controller: Controller = controller_class()
             controller.init(self._hw, scope.also(self._node), scope)
         except BaseException as error:
             scope.close()

@@ -160,7 +160,7 @@ def run_spawner(argv: Sequence[str]) -> int:
     args = read_words(spawner_parser(), argv)
 
     def work() -> None:
-        controllers = {name: one for argument in args.controllers for name, one in _controllers(argument).items()}
+        controllers = dict(pair for argument in args.controllers for pair in _controllers(argument).items())
         client = _connect("spawner", args)
         if args.wait_for:
             _wait_for_true(args.wait_for)
@@ -243,7 +243,7 @@ def _wait_for_true(topic: str) -> None:
     subscriber.unregister()
 
 
-def _controllers(argument: str) -> dict[str, Any]:
+def _controllers(argument: str) -> dict[str, object]:
     """Return the configurations in a YAML file by controller name; a plain name is returned with None."""
     path = Path(argument)
     if not path.is_file() and path.suffix not in (".yaml", ".yml"):

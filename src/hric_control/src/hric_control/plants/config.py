@@ -52,7 +52,7 @@ class PlantConfig(Settings):
         text="rotor inertia seen at the joint; of joints that a map leaves out 0",
     )
     friction: str = choice("none", "coulomb", "identified", text="joint friction")
-    friction_parameters: Mapping[str, Any] = mapping(
+    friction_parameters: Mapping[str, object] = mapping(
         default={},
         unit="N m, s/rad, rad/s",
         text="`phi1`, `phi2`, `phi3`, each a list; or by joint; and `breakaway` [N m], 0 if absent",
@@ -96,7 +96,7 @@ class WindowlessConfig(PlantConfig):
             raise refused(f"{where}gui", True, "false: this plant has no window of its own; look at the robot in rviz")
 
 
-def rotor_inertia(plant: Mapping[str, Any], joint_names: Sequence[str]) -> tuple[float, ...]:
+def rotor_inertia(plant: Mapping[str, object], joint_names: Sequence[str]) -> tuple[float, ...]:
     """Return the rotor inertia of the joints from a plant's parameters, n floats [kg m^2]. Raises ParameterError."""
-    given = {name: value for name, value in plant.items() if name == "rotor_inertia"}
-    return PlantConfig.of(given, "plant/", joint_names).rotor_inertia
+    values = {name: value for name, value in plant.items() if name == "rotor_inertia"}
+    return PlantConfig.of(values, "plant/", joint_names).rotor_inertia

@@ -33,7 +33,7 @@ class EnginePlant(DrivenPlant, Articulated):
     robot: EngineRobot
     world: Models[Any]
 
-    def __init__(self, urdf_xml: str, joint_names: Sequence[str], config: Mapping[str, Any]) -> None:
+    def __init__(self, urdf_xml: str, joint_names: Sequence[str], config: Mapping[str, object]) -> None:
         self.joint_names = tuple(joint_names)
         self.config = self.config_type.of(config, "plant/", self.joint_names)
         self.time_step, self.integrator = self.config.time_step, self.config.integrator

@@ -162,17 +162,17 @@ def _area(a: Point, b: Point, c: Point) -> float:
 def _cut(shape: list[Point], window: list[Point]) -> list[Point]:
     """Return the part of a convex polygon, or a line, within a convex polygon (Sutherland and Hodgman)."""
     for i, a in enumerate(window):
-        b, kept = window[(i + 1) % len(window)], []
+        b, corners = window[(i + 1) % len(window)], []
         sides = [_area(a, b, p) for p in shape]
         pairs = range(len(shape)) if len(shape) > 2 else range(len(shape) - 1)
         for k, p in enumerate(shape):
             if sides[k] >= -_TINY * _TINY:
-                kept.append(p)
+                corners.append(p)
             j = (k + 1) % len(shape)
             if k in pairs and sides[k] * sides[j] < 0.0:
                 f = sides[k] / (sides[k] - sides[j])
-                kept.append((p[0] + f * (shape[j][0] - p[0]), p[1] + f * (shape[j][1] - p[1])))
-        shape = kept
+                corners.append((p[0] + f * (shape[j][0] - p[0]), p[1] + f * (shape[j][1] - p[1])))
+        shape = corners
         if not shape:
             break
     return shape
@@ -259,14 +259,14 @@ def corners(
         outlines.append(_convex(points) if len(points) > 2 else points)
     shared = _common(outlines[0], outlines[1]) if len(outlines) == 2 else outlines[0]
     surface = middle + (0.5 * depth if side_b is None else -0.5 * depth)
-    found = []
+    corners = []
     for point, share in zip(shared, _shares(shared), strict=True):
         top = height["b"](point) if "b" in height else surface
         bottom = height["a"](point) if "a" in height else surface
-        found.append(Corner(point[0] * s + point[1] * t + middle * normal, top - bottom, share))
-    if not found or abs(max(corner.depth for corner in found) - depth) > _AGREES + 0.05 * abs(depth):
+        corners.append(Corner(point[0] * s + point[1] * t + middle * normal, top - bottom, share))
+    if not corners or abs(max(corner.depth for corner in corners) - depth) > _AGREES + 0.05 * abs(depth):
         return alone
-    return found
+    return corners
 
 
 def _shares(shape: list[Point]) -> list[float]:
@@ -286,7 +286,7 @@ def mean_normal(near: Sequence[tuple[float, FloatArray]]) -> FloatArray:
     return total / size if size > 0.0 else overlapping[0][1]
 
 
-def centre(found: Sequence[Corner], deepening: Sequence[float] = (), ahead: float = 0.0) -> tuple[FloatArray, float]:
+def centre(corners: Sequence[Corner], deepening: Sequence[float] = (), ahead: float = 0.0) -> tuple[FloatArray, float]:
     """Return (position, shape (3,), depth [m]) at which one spring acts in place of a contact area.
 
     Depth is D = s ln(sum_i a_i exp(d_i / s)) over the depths d_i of the corners, a_i their shares of their sides, s a
@@ -296,17 +296,17 @@ def centre(found: Sequence[Corner], deepening: Sequence[float] = (), ahead: floa
     gained in one impact of the hand on a box.)
 
     Args:
-        found: corners, of all shapes of a pair of links.
+        corners: corners, of all shapes of a pair of links.
         deepening: speed at which each depth grows [m/s]; empty if the corners have the depths to use.
         ahead: time until the depths to use [s].
     """
-    depths = [corner.depth for corner in found]
+    depths = [corner.depth for corner in corners]
     if deepening:
         depths = [depth + ahead * speed for depth, speed in zip(depths, deepening, strict=True)]
-    if len(found) == 1:
-        return found[0].position, depths[0]
+    if len(corners) == 1:
+        return corners[0].position, depths[0]
     deepest = max(depths)
-    weights = [corner.share * math.exp((d - deepest) / SOFTNESS) for corner, d in zip(found, depths, strict=True)]
+    weights = [corner.share * math.exp((d - deepest) / SOFTNESS) for corner, d in zip(corners, depths, strict=True)]
     total = sum(weights)
-    position = sum((w * corner.position for w, corner in zip(weights, found, strict=True)), np.zeros(3)) / total
+    position = sum((w * corner.position for w, corner in zip(weights, corners, strict=True)), np.zeros(3)) / total
     return position, deepest + SOFTNESS * math.log(total)

@@ -88,19 +88,19 @@ def refuse_other_joints(parameters: Any, joint_names: Sequence[str]) -> None:
     Raises:
         ParameterError: lists each key that is neither a joint nor a parameter, and each list of another length.
     """
-    mistakes, own = Mistakes(), (*PHI, BREAKAWAY)
+    mistakes, valid = Mistakes(), (*PHI, BREAKAWAY)
     for key, value in parameters.items() if isinstance(parameters, Mapping) else ():
         with mistakes.noted():
-            if key in own and (not isinstance(value, list | tuple) or len(value) != len(joint_names)):
+            if key in valid and (not isinstance(value, list | tuple) or len(value) != len(joint_names)):
                 raise refused(
                     f"friction_parameters.{key}", value, f"{len(joint_names)} values, for {', '.join(joint_names)}"
                 )
-            if key not in own and key not in joint_names:
-                raise unknown("joint", key, (*joint_names, *own), "friction_parameters")
+            if key not in valid and key not in joint_names:
+                raise unknown("joint", key, (*joint_names, *valid), "friction_parameters")
         for name in value if key in joint_names and isinstance(value, Mapping) else ():
             with mistakes.noted():
-                if name not in own:
-                    raise unknown("parameter", name, own, f"friction_parameters.{key}")
+                if name not in valid:
+                    raise unknown("parameter", name, valid, f"friction_parameters.{key}")
     mistakes.raise_all()
 
 
@@ -116,11 +116,11 @@ def bristle_torque(dq: npt.NDArray[np.float64], time: npt.NDArray[np.float64]) -
     """
     bound = np.maximum(1.0 - (dq / FADE) ** 2, 0.0) ** 2
     strains = np.diff(time, prepend=time[:1]) * dq / GIVE
-    bend, course = 0.0, []
+    bend, torques = 0.0, []
     for strain, limit in zip(strains.tolist(), bound.tolist(), strict=True):
         bend = min(max(bend + strain, -limit), limit)
-        course.append(bend)
-    return np.array(course)
+        torques.append(bend)
+    return np.array(torques)
 
 
 def breakaways(parameters: Mapping[str, Any], joint_names: Sequence[str]) -> list[float]:
@@ -129,11 +129,11 @@ def breakaways(parameters: Mapping[str, Any], joint_names: Sequence[str]) -> lis
     Raises:
         ParameterError: a value is not a finite number of 0 or more.
     """
-    whole, result = parameters.get(BREAKAWAY, [0.0] * len(joint_names)), []
+    in_order, result = parameters.get(BREAKAWAY, [0.0] * len(joint_names)), []
     for i, joint in enumerate(joint_names):
         try:
-            own = parameters.get(joint)
-            value = as_number(whole[i] if own is None else own.get(BREAKAWAY, 0.0))
+            by_name = parameters.get(joint)
+            value = as_number(in_order[i] if by_name is None else by_name.get(BREAKAWAY, 0.0))
         except (IndexError, TypeError, ValueError):
             value = math.nan
         if not 0.0 <= value < math.inf:

@@ -76,14 +76,14 @@ def model_of_urdf(
 ) -> Model:
     """Return a model from a URDF. Raises DescriptionError when it cannot be used."""
     tree = read(xml, f"model {name}")
-    if not fixed and not _carried(tree):
+    if not fixed and not _has_moving_mass(tree):
         raise DescriptionError(
             f"link {tree.root} of model {name}: it moves, but neither it nor what is fixed to it has a mass"
         )
     return Model(name, xml, tree, T_world_model.copy(), fixed, surface or Surface())
 
 
-def _carried(tree: Robot) -> bool:
+def _has_moving_mass(tree: Robot) -> bool:
     """Return True if the root link, or a link fixed to it, has a mass."""
     fixed = [tree.links[link].mass for link, (top, _) in tree.rigid_groups().items() if top == tree.root]
     return any(mass is not None and mass.mass > 0.0 for mass in fixed)

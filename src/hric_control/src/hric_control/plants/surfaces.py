@@ -59,25 +59,25 @@ class Surfaces:
         self._rules, self._default_stiffness = tuple(rules), default_stiffness
 
     def of_model(
-        self, model: str, links: Iterable[str], base: Surface, own: Mapping[str, Surface] = {}
+        self, model: str, links: Iterable[str], base: Surface, by_link: Mapping[str, Surface] = {}
     ) -> dict[str, Surface]:
-        """Return the surface of each link of a model: by the rules, else from `own`, else `base`.
+        """Return the surface of each link of a model: by the rules, else from `by_link`, else `base`.
 
         Raises:
-            UnknownNameError: a rule fits the model, but none of its links; `own` names a link that it does not have.
+            UnknownNameError: a rule fits the model, but none of its links; `by_link` names an unknown link.
         """
-        found = dict.fromkeys(links, base)
-        check_known("link", own, found, f"surfaces of model {model}")
-        found.update(own)
+        surfaces = dict.fromkeys(links, base)
+        check_known("link", by_link, surfaces, f"surfaces of model {model}")
+        surfaces.update(by_link)
         for rule in self._rules:
             model_pattern, _, link_pattern = rule.link.partition("::")
             if not fnmatchcase(model, model_pattern):
                 continue
-            meant = [link for link in found if fnmatchcase(link, link_pattern)]
+            meant = [link for link in surfaces if fnmatchcase(link, link_pattern)]
             if not meant and model_pattern == model:
-                raise UnknownNameError("link", link_pattern, found, f"surfaces, of {rule.link}")
-            found.update({link: rule.over(found[link], self._default_stiffness) for link in meant})
-        return found
+                raise UnknownNameError("link", link_pattern, surfaces, f"surfaces, of {rule.link}")
+            surfaces.update({link: rule.over(surfaces[link], self._default_stiffness) for link in meant})
+        return surfaces
 
 
 def combine(first: Surface, second: Surface) -> tuple[float, float, float] | None:

@@ -31,7 +31,7 @@ def text(body_a: str, body_b: str, kind: str, peak: float | None = None) -> str:
 
 def read(info: str) -> ContactInfo:
     """Return the content of a message's `info`."""
-    found = _FORM.match(info)
-    if found is None:
+    match = _FORM.match(info)
+    if match is None:
         return ContactInfo(UNKNOWN)
-    return ContactInfo(found["kind"], None if found["peak"] is None else float(found["peak"]))
+    return ContactInfo(match["kind"], None if match["peak"] is None else float(match["peak"]))

@@ -2,7 +2,6 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import Any
 
 from hric_control.plant import Plant
 from hric_core import plugins
@@ -57,9 +56,9 @@ class Participants:
         self._all: list[Participant] = []
         try:
             for name, config in _mappings(node).items():
-                given = {key: value for key, value in config.items() if key != "type"}
-                participant = plugins.find(plugins.PARTICIPANT, config.get("type", ""))
-                self._all.append(participant(name, plant, node, given))
+                parameters = {key: value for key, value in config.items() if key != "type"}
+                participant = plugins.find(plugins.PARTICIPANT, str(config.get("type", "")))
+                self._all.append(participant(name, plant, node, parameters))
         except BaseException:
             self.close()
             raise
@@ -86,9 +85,11 @@ class Participants:
             self._all.pop().close()
 
 
-def _mappings(node: Node) -> Mapping[str, Mapping[str, Any]]:
-    given = node.param("participants", {})
-    if not isinstance(given, Mapping) or not all(isinstance(config, Mapping) for config in given.values()):
+def _mappings(node: Node) -> Mapping[str, Mapping[str, object]]:
+    participants = node.param("participants", {})
+    if not isinstance(participants, Mapping) or not all(
+        isinstance(config, Mapping) for config in participants.values()
+    ):
         where = node.resolve("participants")
-        raise ParameterError(f"{where} is {given!r}; valid: a mapping of names to {{type: package/Class, ...}}")
-    return given
+        raise ParameterError(f"{where} is {participants!r}; valid: a mapping of names to {{type: package/Class, ...}}")
+    return participants

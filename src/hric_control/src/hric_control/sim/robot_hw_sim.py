@@ -43,7 +43,7 @@ class SimSettings(Settings):
         {},
         others=None,
         default_text="0, or the end of the range next to 0",
-        text="of `RobotHWSim`: start; outside a range it is allowed and said",
+        text="of `RobotHWSim`: start pose; a joint outside its range is allowed, with a warning",
     )
     enforce_limits: tuple[str, ...] = limits.ENFORCE_LIMITS
     brake_unclaimed: bool = flag(True, text="of `RobotHWSim`: brake the joints that no controller claims")
@@ -87,11 +87,11 @@ class RobotHWSim(SimulatedRobot):
 
     def _read_pids(self, root_node: Node, names: Sequence[str]) -> dict[int, Pid]:
         where = "gazebo_ros_control/pid_gains"
-        given = mapping(default={}).read(root_node, where)
+        gains = mapping(default={}).read(root_node, where)
         return {
-            i: Pid(PidGains.of(given[name], root_node.resolve(f"{where}/{name}")), self._limits[i].effort)
+            i: Pid(PidGains.of(gains[name], root_node.resolve(f"{where}/{name}")), self._limits[i].effort)
             for i, name in enumerate(names)
-            if name in given
+            if name in gains
         }
 
     def _check_drives(self) -> None:

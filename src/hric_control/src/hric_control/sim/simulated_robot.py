@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from typing import Any
 
 from hric_control.hardware_interface import JointStates
 from hric_control.plant import Plant
@@ -38,7 +37,7 @@ class SimulatedRobot(RobotHW):
 
     @contextmanager
     def _new_plant(
-        self, node: Node, urdf_xml: str, joint_names: Sequence[str], config: Mapping[str, Any]
+        self, node: Node, urdf_xml: str, joint_names: Sequence[str], config: Mapping[str, object]
     ) -> Iterator[None]:
         """Build the plant of the parameter `plant_type`, its loop and states; a failure in the block closes it.
 

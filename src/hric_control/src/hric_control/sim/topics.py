@@ -49,7 +49,7 @@ class SimTopics:
             self._reactions = hw.plant, realtime.publisher(node, "joint_reactions", JointReactions)
         periods = (CONTACTS_PERIOD, MODELS_PERIOD, MOTORS_PERIOD, REACTIONS_PERIOD)
         self._cycles = [max(1, round(period / self._loop.time_step)) for period in periods]
-        self._warned = False
+        self._warning_logged = False
         self._touching = True  # so that the first message is sent without a contact, too
         self._loop.after_cycle.append(self._publish)
 
@@ -79,8 +79,8 @@ class SimTopics:
             body = self._root if name == self._robot else f"{name}::{self._plant.base_link(name)}"
             return self._plant.link_state(body)
         except HricError as error:
-            if not self._warned:
-                self._warned = True
+            if not self._warning_logged:
+                self._warning_logged = True
                 text = f"model_states: {error}"
                 realtime.defer(self._node, lambda: self._node.log_warn(text))
             return np.eye(4), np.zeros(6)

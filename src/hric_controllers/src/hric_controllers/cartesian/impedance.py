@@ -22,7 +22,7 @@ from hric_core import realtime
 from hric_core.errors import CommandError
 from hric_core.geometry import Pose, stamped
 from hric_core.live import live_parameters
-from hric_core.node import Node
+from hric_core.node import Node, ParameterValues
 from hric_core.parameters import Settings, names, number, per_joint, refused
 
 
@@ -32,7 +32,10 @@ class ImpedanceSettings(parameters.LawSettings, parameters.ArmSettings):
 
     joints: tuple[str, ...] = names(7, name="joint_names", text="`<arm_id>_joint1` to 7, in order")
     nullspace_posture: tuple[float, ...] | None = per_joint(
-        number(unit="rad"), None, default_text="where the arm is at the start", text="what the null space goes to"
+        number(unit="rad"),
+        None,
+        default_text="where the arm is at the start",
+        text="posture that the null space controls",
     )
     filter_time: float = number(
         0.2, minimum=0.0, unit="s", text="time constant with which equilibrium and live gains take over; 0: at once"
@@ -150,7 +153,7 @@ class CartesianImpedanceController(Controller):
         node.live_parameters(live_parameters(self._gain_settings), self._on_gains)
         self._open_input()
 
-    def _on_gains(self, values: dict[str, Any]) -> dict[str, Any]:
+    def _on_gains(self, values: ParameterValues) -> ParameterValues:
         """Apply changed live parameters: all of them, or none if a HricError is raised."""
         requested = Compliance(**values)
         if requested != self._requested:

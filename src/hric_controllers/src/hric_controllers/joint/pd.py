@@ -19,7 +19,7 @@ from hric_controllers.state.messages import build_state
 from hric_controllers.trajectory.trapezoid import TrapezoidProfile
 from hric_core import realtime
 from hric_core.errors import CommandError, ParameterError
-from hric_core.node import LiveParameter, Node
+from hric_core.node import LiveParameter, Node, ParameterValues
 from hric_core.parameters import Settings, flag, names, number, per_joint, section
 
 LARGEST_GAIN = 1e5
@@ -72,12 +72,12 @@ class LiveGains:
             result.update(zip(self._names[kind], gains, strict=True))
         return result
 
-    def requested(self, values: dict[str, Any]) -> PdGains:
+    def requested(self, values: ParameterValues) -> PdGains:
         """Return the gains of these live values, which are already checked, without applying them."""
         before = self.values()
         return PdGains(self._gains("kp", before, values), self._gains("kd", before, values))
 
-    def _gains(self, kind: str, before: dict[str, float], values: dict[str, Any]) -> tuple[float, ...]:
+    def _gains(self, kind: str, before: dict[str, float], values: ParameterValues) -> tuple[float, ...]:
         together = values.get(f"{kind}_all", before[f"{kind}_all"])
         if together != before[f"{kind}_all"]:
             return (float(together),) * len(self._names[kind])
@@ -106,7 +106,7 @@ class LiveGains:
 class ProfileSettings(Settings):
     """Parameters of the trapezoidal velocity profile."""
 
-    enabled: bool = flag(True, text="lead setpoints through a trapezoid; false: take them raw")
+    enabled: bool = flag(True, text="trapezoidal velocity profile for setpoints; false: setpoints act at once")
     velocity: tuple[float, ...] = per_joint(number(above=0.0, unit="rad/s"), 1.0)
     acceleration: tuple[float, ...] = per_joint(number(above=0.0, unit="rad/s^2"), 5.0)
 
@@ -121,7 +121,7 @@ class PdSettings(parameters.LawSettings):
     rotatum_limit: float = number(1000.0, minimum=0.0, unit="N m/s", text="largest rate of torque; 0: no limit")
     profile: ProfileSettings = section(ProfileSettings)
     setpoint: tuple[float, ...] | None = per_joint(
-        number(unit="rad"), None, text="where to go at the start; without it the arm is held where it is"
+        number(unit="rad"), None, text="setpoint at the start; none: the arm holds its position"
     )
     strict_gains: bool = parameters.STRICT_GAINS
     gain_ramp: float = number(1.0, minimum=0.0, maximum=60.0, unit="s", text="time in which live gains take over")
@@ -173,7 +173,7 @@ class JointPDController(Controller):
         except CommandError as error:
             raise CommandError(f"setpoint refused, the one before stays: {error}") from None
 
-    def _on_gains(self, values: dict[str, Any]) -> dict[str, Any]:
+    def _on_gains(self, values: ParameterValues) -> ParameterValues:
         """Apply changed live parameters: all of them, or none if a HricError is raised."""
         requested = self._live.requested(values)
         if requested != self._live.gains:

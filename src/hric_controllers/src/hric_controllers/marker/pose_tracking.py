@@ -77,7 +77,7 @@ class PoseTracking:
         requested = check_equilibrium(message, self._base, self._start)
         if not follower.workspace.contains(requested.position):
             raise CommandError(
-                f"pose refused: {_said(requested.position)} is outside of the workspace; valid: {follower.workspace}"
+                f"pose refused: {_text(requested.position)} is outside of the workspace; valid: {follower.workspace}"
             )
         angle = math.hypot(*quaternions.difference(requested.orientation, self._start.orientation))
         if angle > follower.largest_turn:
@@ -96,7 +96,7 @@ class PoseTracking:
         start, box = to_pose(O_T_EE), self._settings.workspace
         if not box.contains(start.position):
             raise HricError(
-                f"the end effector is at {_said(start.position)}, outside of the workspace ({box}); move it in, or "
+                f"the end effector is at {_text(start.position)}, outside of the workspace ({box}); move it in, or "
                 "widen the workspace"
             )
         self._start = self.pose = start
@@ -216,7 +216,7 @@ def _vector(values: Sequence[float]) -> quaternions.Vector:
     return x, y, z
 
 
-def _said(p: Sequence[float]) -> str:
+def _text(p: Sequence[float]) -> str:
     return f"({', '.join(f'{value:.3f}' for value in p)}) m"
 
 

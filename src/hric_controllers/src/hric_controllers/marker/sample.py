@@ -105,24 +105,25 @@ class MocapReader:
     """
 
     def __init__(self, node: Node, topic: str, body: str, base: str, take: Callable[[Marker], None]) -> None:
-        self._node, self._topic, self._body, self._base, self._take, self._warned = node, topic, body, base, take, False
+        self._node, self._topic, self._body, self._base, self._take = node, topic, body, base, take
+        self._warning_logged = False
 
     def __call__(self, message: Any) -> None:
         """Pass the marker of one MocapData to the callback."""
-        found = next((one for one in message.rigid_bodies if not self._body or one.name == self._body), None)
+        body = next((body for body in message.rigid_bodies if not self._body or body.name == self._body), None)
         stamp = message.header.stamp.to_sec() or None
         in_base = message.header.frame_id.lstrip("/") == self._base
-        if found is None:
+        if body is None:
             self._warn_once(message)
             self._take(Marker((0.0, 0.0, 0.0), False, None, in_base, stamp))
             return
-        p, q = found.pose.position, found.pose.orientation
-        self._take(Marker((p.x, p.y, p.z), bool(found.tracking_valid), (q.x, q.y, q.z, q.w), in_base, stamp))
+        p, q = body.pose.position, body.pose.orientation
+        self._take(Marker((p.x, p.y, p.z), bool(body.tracking_valid), (q.x, q.y, q.z, q.w), in_base, stamp))
 
     def _warn_once(self, message: Any) -> None:
-        if not self._warned:
-            self._warned = True
-            names = ", ".join(one.name for one in message.rigid_bodies) or "none"
+        if not self._warning_logged:
+            self._warning_logged = True
+            names = ", ".join(body.name for body in message.rigid_bodies) or "none"
             self._node.log_warn(
                 f"{self._topic} has no rigid body {self._body or 'at all'}; it has: {names} "
                 f"({self._node.resolve('body')})"

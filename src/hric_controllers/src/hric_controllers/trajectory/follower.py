@@ -73,9 +73,9 @@ class GoalTolerances:
 
 
 def _override(
-    joints: Sequence[str], defaults: Sequence[Tolerance], given: Sequence[Any], field: str
+    joints: Sequence[str], defaults: Sequence[Tolerance], tolerances: Sequence[Any], field: str
 ) -> tuple[Tolerance, ...]:
-    by_name = {item.name: item for item in given}
+    by_name = {item.name: item for item in tolerances}
     unknown = sorted(set(by_name) - set(joints))
     if unknown:
         raise CommandError(f"{field} names {', '.join(unknown)}; valid: {', '.join(joints)}")

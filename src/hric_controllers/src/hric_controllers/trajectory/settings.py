@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from hric_control.pid import PidGains
 from hric_controllers.parameters import STRICT_GAINS, LawSettings, state_rate
@@ -35,7 +34,7 @@ class TrajectorySettings(Settings):
     """Parameters of both versions."""
 
     joints: tuple[str, ...] = names(text="trajectory controllers from here on")
-    constraints: Mapping[str, Any] = mapping(default={}, text="see the following")
+    constraints: Mapping[str, object] = mapping(default={}, text="see the following")
     stop_trajectory_duration: float = number(
         0.5,
         minimum=0.0,
@@ -53,15 +52,15 @@ class TrajectorySettings(Settings):
 
     def tolerances(self, where: str) -> GoalTolerances:
         """Return the tolerances of the parameter `constraints`; where: its full name. Raises ParameterError."""
-        given, general = self.constraints, ("goal_time", "stopped_velocity_tolerance")
-        shared = {name: value for name, value in given.items() if name not in self.joints}
+        general = ("goal_time", "stopped_velocity_tolerance")
+        shared = {name: value for name, value in self.constraints.items() if name not in self.joints}
         for name in shared:
             if name not in general:
                 raise unknown("constraint", name, (*general, *self.joints), where)
         constraints = Constraints.of(shared, where)
-        own = [JointConstraints.of(given.get(joint), f"{below(where)}{joint}") for joint in self.joints]
-        path = tuple(Tolerance(one.trajectory) for one in own)
-        goal = tuple(Tolerance(one.goal, constraints.stopped_velocity_tolerance) for one in own)
+        by_joint = [JointConstraints.of(self.constraints.get(name), f"{below(where)}{name}") for name in self.joints]
+        path = tuple(Tolerance(joint.trajectory) for joint in by_joint)
+        goal = tuple(Tolerance(joint.goal, constraints.stopped_velocity_tolerance) for joint in by_joint)
         return GoalTolerances(path, goal, constraints.goal_time)
 
 

@@ -74,13 +74,13 @@ class Verdict:
 
     def reasons(self) -> list[str]:
         """Return the reasons why no distribution of mass has the tensor, one text per reason; empty if one has."""
-        found = []
+        reasons = []
         if self.triangle_margin < 0.0:
-            found.append(f"breaks the triangle inequality by {-self.triangle_margin:.6f} kg m^2")
+            reasons.append(f"breaks the triangle inequality by {-self.triangle_margin:.6f} kg m^2")
         if not self.positive_definite:
             negative = ", ".join(f"{moment:.4f}" for moment in self.moments if moment <= 0.0)
-            found.append(f"is not positive definite (eigenvalues {negative} kg m^2)")
-        return found
+            reasons.append(f"is not positive definite (eigenvalues {negative} kg m^2)")
+        return reasons
 
 
 def judge(inertia: FloatArray) -> Verdict:

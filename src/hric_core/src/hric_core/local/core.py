@@ -6,6 +6,8 @@ from typing import Any
 
 from hric_core import names
 from hric_core.errors import HricError
+from hric_core.live import LiveValues
+from hric_core.local.action import LocalActionServer
 
 Tap = Callable[[str, Any, float], None]
 
@@ -13,8 +15,8 @@ Tap = Callable[[str, Any, float], None]
 class ParameterTree:
     """Parameters as nested dicts, addressed by absolute names. Values are copied in and out, as over a wire."""
 
-    def __init__(self, params: Mapping[str, Any] | None = None) -> None:
-        self._root: dict[str, Any] = {}
+    def __init__(self, params: Mapping[str, object] | None = None) -> None:
+        self._root: dict[str, object] = {}
         for name, value in (params or {}).items():
             self.set(names.resolve("/", name), value)
 
@@ -73,12 +75,12 @@ class LocalTopic:
 class LocalCore:
     """State shared by a LocalNode and its children."""
 
-    def __init__(self, params: Mapping[str, Any] | None = None) -> None:
+    def __init__(self, params: Mapping[str, object] | None = None) -> None:
         self.params = ParameterTree(params)
         self.topics: dict[str, LocalTopic] = {}
         self.services: dict[str, tuple[type, Callable[[Any], Any]]] = {}
-        self.actions: dict[str, Any] = {}
-        self.live: dict[str, Any] = {}
+        self.actions: dict[str, LocalActionServer] = {}
+        self.live: dict[str, LiveValues] = {}
         self.taps: list[Tap] = []
         self.clock: Callable[[], float] = lambda: 0.0
         self.goals = 0

@@ -70,7 +70,7 @@ class LocalNode(Namespaced):
     publishes_inline = True
     """True: a RealtimePublisher on this node builds and publishes within the call, so that runs are reproducible."""
 
-    def __init__(self, params: Mapping[str, Any] | None = None, namespace: str = "/") -> None:
+    def __init__(self, params: Mapping[str, object] | None = None, namespace: str = "/") -> None:
         self._core = LocalCore(params)
         self._namespace = names.normalize(namespace)
 
@@ -197,9 +197,8 @@ class LocalNode(Namespaced):
         """
         full = self.resolve(action)
         check_known("action", [full], self._core.actions)
-        server: LocalActionServer = self._core.actions[full]
         self._core.goals += 1
-        return server.send(goal, f"local-{self._core.goals}")
+        return self._core.actions[full].send(goal, f"local-{self._core.goals}")
 
     def live_parameters(self, parameters: Sequence[LiveParameter], on_change: OnChange) -> Undoable:
         """Offer live parameters, which `set_live` changes. Values in the parameter tree replace the defaults."""
@@ -211,7 +210,7 @@ class LocalNode(Namespaced):
         self._store(live)
         return Undoable(lambda: self._core.live.pop(self._namespace))
 
-    def set_live(self, namespace: str, changes: Mapping[str, Any]) -> dict[str, Any]:
+    def set_live(self, namespace: str, changes: Mapping[str, object]) -> dict[str, object]:
         """Change live parameters of a namespace; return the values in force.
 
         Raises:
@@ -220,7 +219,7 @@ class LocalNode(Namespaced):
         """
         full = self.resolve(namespace)
         check_known("namespace with live parameters", [full], self._core.live)
-        live: LiveValues = self._core.live[full]
+        live = self._core.live[full]
         values = live.change(changes)
         self.child(full)._store(live)
         return values

@@ -182,9 +182,9 @@ def _read_kept(cache: Path, key: str) -> bytes | None:
     return None
 
 
-def _keep(kept: Path, text: bytes) -> None:
+def _keep(path: Path, text: bytes) -> None:
     try:
-        kept.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(kept, text)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(path, text)
     except OSError as error:
         LOG.warning("converted meshes are not kept: %s", error)

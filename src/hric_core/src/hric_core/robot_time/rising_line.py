@@ -105,9 +105,9 @@ class RisingLine:
             value, excess = line.at(begin), 0.0
         slope = max(line.slope - excess / BEND, SLOWEST * line.slope)
         bend = Line(begin, value, slope, line.frequency)
-        met = begin + round(excess / (line.slope - slope) * line.frequency) if slope != line.slope else begin
+        joined = begin + round(excess / (line.slope - slope) * line.frequency) if slope != line.slope else begin
         self._pieces.append(bend)
-        self._pieces.append(line._replace(anchor=met, value=bend.at(met)))
+        self._pieces.append(line._replace(anchor=joined, value=bend.at(joined)))
         if until is not None:
             self._pause_from(max(until, begin))
 

@@ -27,10 +27,10 @@ class ConfigType:
     """Replacement of a generated `<Name>Config` module, built from a list of parameters."""
 
     def __init__(self, parameters: Sequence[LiveParameter]) -> None:
-        self.defaults: dict[str, Any] = {p.name: p.default for p in parameters}
-        self.min: dict[str, Any] = {p.name: _bounds(p)[0] for p in parameters}
-        self.max: dict[str, Any] = {p.name: _bounds(p)[1] for p in parameters}
-        self.config_description: dict[str, Any] = {
+        self.defaults: dict[str, object] = {p.name: p.default for p in parameters}
+        self.min: dict[str, object] = {p.name: _bounds(p)[0] for p in parameters}
+        self.max: dict[str, object] = {p.name: _bounds(p)[1] for p in parameters}
+        self.config_description: dict[str, object] = {
             "name": "Default",
             "type": "",
             "state": True,
@@ -47,7 +47,7 @@ class ConfigType:
             "parameters": [self._describe(p) for p in parameters],
         }
 
-    def _describe(self, parameter: LiveParameter) -> dict[str, Any]:
+    def _describe(self, parameter: LiveParameter) -> dict[str, object]:
         low, high = _bounds(parameter)
         return {
             "name": parameter.name,

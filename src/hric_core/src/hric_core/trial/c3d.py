@@ -20,7 +20,7 @@ from hric_core import parameters
 from hric_core.errors import HricError, ParameterError, UnknownNameError
 from hric_core.geometry import UP_AXES, FloatArray
 from hric_core.geometry.transforms import vectors_z_up
-from hric_core.trial.plates import PlateError, TrialPlate, read_plates
+from hric_core.trial.plates import Group, PlateError, TrialPlate, read_plates
 
 PROGRAMS = ("c3d", "trc", "mot")
 """Programs that replay a recorded file: the first is for emulated sensors, all of them for a simulated human."""
@@ -92,7 +92,7 @@ class Trial:
         """
         if not self.channels:
             raise ParameterError(f"{self.name} has no analog channels")
-        found = []
+        columns = []
         for channel in channels:
             index = _index(channel, self.channels, "analog channel", self.name)
             factor = VOLTS.get(self.units[index].lower())
@@ -100,8 +100,8 @@ class Trial:
                 raise ParameterError(
                     f"channel {channel} of {self.name} is in {self.units[index] or 'no unit'!r}; valid: V, mV, uV"
                 )
-            found.append(self.analogs[:, index] * factor)
-        return np.column_stack(found)
+            columns.append(self.analogs[:, index] * factor)
+        return np.column_stack(columns)
 
     def plate(self, number: int) -> TrialPlate:
         """Return a force plate by its number in the file, from 1 on. Raises ParameterError."""
@@ -130,11 +130,11 @@ def located(tree: Any, folder: Path) -> Any:
     """Return the data with absolute paths for programs that replay a trial; folder: base of relative paths."""
     if not isinstance(tree, Mapping):
         return tree
-    found = {key: located(value, folder) for key, value in tree.items()}
-    path = found.get("path")
-    if found.get("program") in PROGRAMS and isinstance(path, str) and path and not path.startswith(PACKAGE):
-        found["path"] = str((folder / Path(path).expanduser()).absolute())
-    return found
+    absolute = {key: located(value, folder) for key, value in tree.items()}
+    path = absolute.get("path")
+    if absolute.get("program") in PROGRAMS and isinstance(path, str) and path and not path.startswith(PACKAGE):
+        absolute["path"] = str((folder / Path(path).expanduser()).absolute())
+    return absolute
 
 
 def read_trial(path: Path, up: str = "") -> Trial:
@@ -161,7 +161,7 @@ class TrialSettings(parameters.Settings):
     """Choice of a recorded trial."""
 
     path: str = parameters.text(valid="a c3d file, path or package:// address,", empty=False)
-    up: str = parameters.text("", text="axis that points up in the file, y or z; empty: what the file says")
+    up: str = parameters.text("", text="axis that points up in the file, y or z; empty: as in the file")
 
     def trial(self) -> Trial:
         """Return the trial. Raises ParameterError."""
@@ -216,7 +216,7 @@ def _check_size(path: Path, size: int) -> None:
 
 
 def _trial(
-    path: Path, up: str, parameters: Mapping[str, Any], points: FloatArray, residuals: FloatArray, analogs: FloatArray
+    path: Path, up: str, parameters: Mapping[str, Group], points: FloatArray, residuals: FloatArray, analogs: FloatArray
 ) -> Trial:
     """Return the checked data in metres and with z up."""
     name, point, analog = path.name, parameters.get("POINT", {}), parameters.get("ANALOG", {})
@@ -261,30 +261,30 @@ def _trial(
     )
 
 
-def _up(point: Mapping[str, Any]) -> str:
+def _up(point: Group) -> str:
     """Return the axis that is drawn upwards, from POINT:Y_SCREEN."""
     screen = str((point.get("Y_SCREEN") or [""])[0]).strip().upper()
     return "y" if screen.endswith("Y") else "z"
 
 
-def _first(group: Mapping[str, Any], name: str) -> float:
+def _first(group: Group, name: str) -> float:
     values = np.ravel(group.get(name, [np.nan]))
     return float(values[0]) if len(values) else float("nan")
 
 
-def _texts(group: Mapping[str, Any], name: str, count: int) -> list[str]:
+def _texts(group: Group, name: str, count: int) -> list[str]:
     """Return the first texts of a parameter that continues in NAME2, NAME3, ...; missing texts are empty."""
-    found = [text for key in (name, *(f"{name}{k}" for k in range(2, 100))) for text in group.get(key, [])]
-    return (found + [""] * count)[:count]
+    texts = [text for key in (name, *(f"{name}{k}" for k in range(2, 100))) for text in group.get(key, [])]
+    return (texts + [""] * count)[:count]
 
 
-def _labels(group: Mapping[str, Any], name: str, count: int) -> tuple[str, ...]:
+def _labels(group: Group, name: str, count: int) -> tuple[str, ...]:
     """Return unique names: duplicates get their number appended."""
-    found: list[str] = []
+    labels: list[str] = []
     for number, text in enumerate(_texts(group, name, count), 1):
         label = text.strip() or f"*{number}"
-        found.append(label if label not in found else f"{label}_{number}")
-    return tuple(found)
+        labels.append(label if label not in labels else f"{label}_{number}")
+    return tuple(labels)
 
 
 def _index(label: str, labels: Sequence[str], what: str, where: str) -> int:

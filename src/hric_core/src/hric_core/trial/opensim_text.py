@@ -115,17 +115,17 @@ def _padded(cells: list[str], width: int) -> list[str]:
 
 def _matrix(path: Path, rows: list[tuple[int, list[str]]], labels: list[str]) -> FloatArray:
     """Return the numbers of rows, each with the index of its line; an empty cell is NaN."""
-    found = []
+    numbers = []
     for index, cells in rows:
         if len(cells) != len(labels):
             raise ParameterError(f"{path}, line {index + 1}: {len(cells)} columns; valid: {len(labels)}")
         try:
-            found.append([float(cell) if cell.strip() else np.nan for cell in cells])
+            numbers.append([float(cell) if cell.strip() else np.nan for cell in cells])
         except ValueError as error:
             raise ParameterError(f"{path}, line {index + 1}: {error}") from error
-    if not found:
+    if not numbers:
         raise ParameterError(f"{path} has no rows")
-    return np.array(found)
+    return np.array(numbers)
 
 
 def _rising(path: Path, time: FloatArray) -> FloatArray:

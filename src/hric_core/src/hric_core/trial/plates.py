@@ -8,6 +8,8 @@ import numpy as np
 
 from hric_core.geometry.transforms import FloatArray, homogeneous, vectors_z_up
 
+Group = Mapping[str, list[Any]]
+"""Group of parameters of a c3d file: arrays as nested lists, by name."""
 CHANNELS = {2: 6, 3: 8, 4: 6}
 """Number of analog channels by type of a supported plate."""
 MOMENT_UNITS = {"nmm": 1e-3, "nm": 1.0}
@@ -59,7 +61,7 @@ def interpolated(times: FloatArray, rate: float, samples: FloatArray) -> FloatAr
 
 
 def read_plates(
-    group: Mapping[str, Any], analogs: FloatArray, units: Sequence[str], rate: float, metres: float, up: str
+    group: Group, analogs: FloatArray, units: Sequence[str], rate: float, metres: float, up: str
 ) -> tuple[TrialPlate, ...]:
     """Return the plates of a file.
 
@@ -67,7 +69,7 @@ def read_plates(
     (INTERFACE.md gives the sources).
 
     Args:
-        group: FORCE_PLATFORM, arrays as nested lists.
+        group: FORCE_PLATFORM.
         analogs: shape (channels, samples).
         units: units of the channels.
         rate: sample rate [Hz].
@@ -84,7 +86,7 @@ def read_plates(
 
 def _plate(
     number: int,
-    group: Mapping[str, Any],
+    group: Group,
     analogs: FloatArray,
     units: Sequence[str],
     rate: float,
@@ -143,7 +145,7 @@ def _turned(kind: int, rate: float, corners: FloatArray, reaction: FloatArray, u
     return TrialPlate(kind, rate, T_lab_plate, size, load)
 
 
-def _of(group: Mapping[str, Any], name: str, number: int, shape: tuple[int, ...]) -> FloatArray:
+def _of(group: Group, name: str, number: int, shape: tuple[int, ...]) -> FloatArray:
     """Return the values of one plate; the last index of a parameter is that of the plate."""
     values = np.asarray(group.get(name, []), dtype=float)
     if (
@@ -157,7 +159,7 @@ def _of(group: Mapping[str, Any], name: str, number: int, shape: tuple[int, ...]
     return np.array(values[..., number])
 
 
-def _channel_rows(group: Mapping[str, Any], number: int, count: int, available: int) -> list[int]:
+def _channel_rows(group: Group, number: int, count: int, available: int) -> list[int]:
     channels = np.asarray(group.get("CHANNEL", []), dtype=int)
     if channels.ndim != 2 or channels.shape[0] < count or channels.shape[1] <= number:
         raise PlateError(f"force plate {number + 1} has no FORCE_PLATFORM:CHANNEL of {count} channels")

@@ -44,7 +44,7 @@ def draw_all(
 
 
 def _friction(check: ModelCheck, friction: Sequence[Phi] | None, fits: Sequence[JointFriction], part: slice) -> Figure:
-    rest = (check.measured - check.rigid[check.signals.kept])[part]
+    rest = (check.measured - check.rigid[check.signals.valid])[part]
     velocity = np.linspace(check.velocity.min(axis=0), check.velocity.max(axis=0), LINE_POINTS)
     curves = [Curve("measured minus M ddq + C dq + g", "samples", check.velocity[part], rest)]
     laws = {

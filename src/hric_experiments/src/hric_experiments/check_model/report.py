@@ -22,7 +22,7 @@ def render(check: ModelCheck, about: Sequence[str]) -> str:
     for j, name in enumerate(check.joint_names):
         cells.append([name, *(f"{value:.3f}" for value in (largest[0][j], largest[1][j], check.rms[j], largest[2][j]))])
     cells.append(["sum", "", "", f"{check.rms.sum():.3f}", ""])
-    rigid = root_mean_square(check.measured - check.rigid[check.signals.kept]).sum()
+    rigid = root_mean_square(check.measured - check.rigid[check.signals.valid]).sum()
     tail = [f"without any friction in the model the sum is {rigid:.3f} N m", EXPECTED]
     return "\n".join([*about, "", *_rows(cells), "", *tail]) + "\n"
 

@@ -48,7 +48,7 @@ class ApproachesCommand(Command):
             Argument("--count", type=int, default=COUNT, help=f"number of approaches (default: {COUNT})"),
             Argument("--quick", action="store_true", help=f"{QUICK} approaches"),
             Argument("--first", type=int, default=0, help="seed of the first; the others follow (default: 0)"),
-            Argument("--without", action="store_true", help="the supervisor watches and does not act"),
+            Argument("--without", action="store_true", help="the supervisor observes and does not act"),
             Argument("--simulator", default="mujoco", help="engine (default: mujoco)"),
             Argument("--jobs", type=int, default=2, help="processes (default: 2)"),
             Argument(
@@ -59,12 +59,12 @@ class ApproachesCommand(Command):
             ),
         ]
 
-    def run(self, given: argparse.Namespace) -> int:
+    def run(self, arguments: argparse.Namespace) -> int:
         """Simulate the approaches and count their contacts."""
         for name in ("count", "first", "jobs"):
-            whole(minimum=0 if name == "first" else 1).checked(getattr(given, name), f"--{name}")
-        responses = simulate(given)
-        print(report(responses, given.first, supervised=not given.without))
+            whole(minimum=0 if name == "first" else 1).checked(getattr(arguments, name), f"--{name}")
+        responses = simulate(arguments)
+        print(report(responses, arguments.first, supervised=not arguments.without))
         return exit_code(responses)
 
 

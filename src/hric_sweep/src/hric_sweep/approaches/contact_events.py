@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cache
 from typing import Any
 
@@ -16,6 +16,7 @@ from hric_assessment.supervisor.separation import STANDING
 from hric_bags.reader import ControlRecord
 from hric_msgs.msg import RegionContacts
 from hric_run.simulation import Simulation
+from hric_sweep.records import PlainData
 
 BEFORE = 0.002
 """Time before a contact at which the arm's speed is read, since the contact changes it [s] (project default)."""
@@ -76,6 +77,23 @@ def contact_events(findings: Sequence[Finding], log: ControlRecord, description:
         first = min(first, begin)
         events.append(_event(finding, (begin, end), state, speed))
     return events
+
+
+def impact(events: Sequence[ContactEvent]) -> dict[str, list[PlainData]]:
+    """Return contact events as plain data in groups, each with True for its outcome in lower case.
+
+    contacts: all; moving: those that began while the arm moved; standing: the others; exceeding: those with a moving
+    arm that are above limits by a known share.
+    """
+    outcomes = [{outcome.name.lower(): event.outcome == outcome for outcome in Outcome} for event in events]
+    rows = [{**asdict(event), **states} for event, states in zip(events, outcomes, strict=True)]
+    moving = [row for row in rows if row["arm"] == MOVING]
+    return {
+        "contacts": list(rows),
+        "moving": list(moving),
+        "standing": [row for row in rows if row["arm"] != MOVING],
+        "exceeding": [row for row in moving if row["above"] and math.isfinite(row["share"])],
+    }
 
 
 def _event(finding: Finding, window: tuple[float, float], arm: str, arm_speed: float) -> ContactEvent:

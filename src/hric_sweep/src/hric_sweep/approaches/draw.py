@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -58,7 +57,7 @@ class Approach:
         """Duration of a run without contact [s]."""
         return round(self.reached + 0.4, 3)
 
-    def changes(self) -> dict[str, Any]:
+    def changes(self) -> dict[str, object]:
         """Return the overrides of the experiment, with enough time for a contact at the end of the run."""
         away = np.array([math.cos(self.bearing), math.sin(self.bearing)])
         start = np.array(self.aim) + self.distance * away
@@ -82,7 +81,7 @@ class Approach:
         }
 
 
-def changes(seed: int) -> dict[str, Any]:
+def changes(seed: int) -> dict[str, object]:
     """Return the overrides of the random approach of a seed: the rows of the sweep `approaches`."""
     return draw(seed).changes()
 

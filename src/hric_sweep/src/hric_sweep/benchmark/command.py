@@ -14,9 +14,9 @@ from hric_core.errors import NOT_GOOD, HricError
 from hric_core.parameters import read_yaml, whole
 from hric_sweep.benchmark import definition, results, scoring, text
 from hric_sweep.benchmark.definition import Benchmark, Controller
-from hric_sweep.command import provenance_of
 from hric_sweep.engines.make import engine_arguments, engine_session, resume_command
 from hric_sweep.execution import execute
+from hric_sweep.folder import provenance_of
 from hric_sweep.journal import Journal
 from hric_sweep.records import PlainData
 from hric_sweep.task import code_version
@@ -61,12 +61,12 @@ class BenchmarkCommand(Command):
             *engine_arguments("benchmark"),
         ]
 
-    def run(self, given: argparse.Namespace) -> int:
+    def run(self, arguments: argparse.Namespace) -> int:
         """Run a new benchmark, or resume one; print and compare its results."""
-        if given.seeds is not None:
-            whole(minimum=1).checked(given.seeds, "--seeds")
-        theirs = None if given.compare is None else results.read(given.compare)
-        folder, code = _folder(given.resume), code_version()
+        if arguments.seeds is not None:
+            whole(minimum=1).checked(arguments.seeds, "--seeds")
+        theirs = None if arguments.compare is None else results.read(arguments.compare)
+        folder, code = _folder(arguments.resume), code_version()
         if folder is not None:
             before = read_yaml(folder / FILE)
             if before["code"] != code:
@@ -74,9 +74,9 @@ class BenchmarkCommand(Command):
                     f"{folder} was started with code {before['code'][:12]}, but this is code {code[:12]}; valid: the "
                     "same code, or a new benchmark"
                 )
-            vars(given).update(before["given"])
-        benchmark, content, controllers = _chosen(given)
-        folder, ours = _run(folder, benchmark, content, controllers, code, given)
+            vars(arguments).update(before["given"])
+        benchmark, content, controllers = _chosen(arguments)
+        folder, ours = _run(folder, benchmark, content, controllers, code, arguments)
         print(text.render(ours))
         print(f"page: {folder / 'report.html'}\nresults: {folder / results.NAME}")
         if theirs is not None:

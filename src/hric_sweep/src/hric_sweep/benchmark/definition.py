@@ -159,7 +159,7 @@ class Controller(FileSettings):
 
     name: str = ""
     description: str = text("", text="one-line description")
-    prediction: Prediction | None = section(Prediction, None, text="what its design says of the result; none: nothing")
+    prediction: Prediction | None = section(Prediction, None, text="rank that its design predicts; none: no prediction")
     changes: Mapping[str, tuple[str, ...]] = mapping(
         OVERRIDES,
         text="overrides of each collaboration, by its name: which controllers, of which type and with which gains",

@@ -1,9 +1,8 @@
 """Page of a benchmark: one file that needs no network and no script."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 from hric_bags import files
 from hric_report.html import templates
@@ -12,20 +11,21 @@ from hric_report.html.table import Table
 from hric_sweep.benchmark import text
 from hric_sweep.benchmark.results import predicted
 from hric_sweep.page.words import figure
+from hric_sweep.records import PlainData
 
 NAME, ASSETS = "report.html", Path(__file__).parent / "assets"
 LEFT, RIGHT = 150, 770
 """Ends of the axis of a chart [px]."""
 
 
-def write(folder: Path, results: Mapping[str, Any]) -> Path:
+def write(folder: Path, results: PlainData) -> Path:
     """Write the page of the results to a folder and return its path."""
     path = folder / NAME
     files.write_text(path, build(results))
     return path
 
 
-def build(results: Mapping[str, Any]) -> str:
+def build(results: PlainData) -> str:
     """Return the text of the page."""
     note = "Medians over all bodies and seeds, smallest and largest value in brackets."
     medians = {name: text.by_collaboration(results, name) for name in results["collaborations"]}
@@ -33,8 +33,8 @@ def build(results: Mapping[str, Any]) -> str:
     return template.render(
         results=results,
         verdicts=[
-            ("good" if said == found else "bad", f"{name}: predicted {said}, found {found}")
-            for name, said, found in predicted(results)
+            ("good" if expected == rank else "bad", f"{name}: predicted {expected}, found {rank}")
+            for name, expected, rank in predicted(results)
         ],
         overview=list(_overview(results)),
         medians={name: Table("", head, tuple(rows), note) for name, (head, rows) in medians.items()},
@@ -42,14 +42,14 @@ def build(results: Mapping[str, Any]) -> str:
     )
 
 
-def _overview(results: Mapping[str, Any]) -> Iterator[Table]:
+def _overview(results: PlainData) -> Iterator[Table]:
     """Yield the table of the order, and tables of the mean ranks in each category by collaboration."""
     yield Table("", text.HEAD, tuple(text.rows(results)), results["rule"])
-    order = [one["name"] for one in results["standings"]]
+    order = [standing["name"] for standing in results["standings"]]
     for category in ("ergonomics", "task", "robustness"):
         rows = tuple(
-            (_spaced(name), *(f"{one['controllers'][who]['ranks'][category]:.2f}" for who in order))
-            for name, one in results["collaborations"].items()
+            (_spaced(name), *(f"{collaboration['controllers'][who]['ranks'][category]:.2f}" for who in order))
+            for name, collaboration in results["collaborations"].items()
         )
         yield Table(f"Mean rank in {category}", ("collaboration", *order), rows, folded=True)
 
@@ -58,16 +58,16 @@ def _spaced(name: str) -> str:
     return name.replace("_", " ")
 
 
-def _axis(one: Mapping[str, Any], key: str) -> Axis:
+def _axis(collaboration: PlainData, key: str) -> Axis:
     """Return the axis of a score, with 0, its limit and all finite values of the runs of a collaboration."""
-    scores = [controller["scores"][key] for controller in one["controllers"].values()]
+    scores = [controller["scores"][key] for controller in collaboration["controllers"].values()]
     values = [score[end] for score in scores for end in ("lowest", "highest")]
-    ends = [0.0, one["scores"][key]["limit"] or 0.0, *(value for value in values if value is not None)]
+    ends = [0.0, collaboration["scores"][key]["limit"] or 0.0, *(value for value in values if value is not None)]
     finite = [float(value) for value in ends if math.isfinite(value)]
     return Axis(min(finite), max(finite) or 1.0, LEFT, RIGHT)
 
 
-def _made(results: Mapping[str, Any]) -> Iterator[Table]:
+def _made(results: PlainData) -> Iterator[Table]:
     """Yield the table of what was run, and a table of each controller."""
     hashes, bodies = results["hashes"], results["part"]["bodies"]
     rows = (
@@ -79,8 +79,12 @@ def _made(results: Mapping[str, Any]) -> Iterator[Table]:
         ("the same within", f"{100.0 * results['tolerance']:g} % of a value"),
     )
     yield Table("", ("what", ""), rows)
-    for name, one in results["controllers"].items():
-        changes = tuple((_spaced(where), " ".join(words)) for where, words in one["changes"].items())
-        said = one["prediction"]
-        note = one["description"] + ("" if said is None else f". Predicted rank {said['rank']}: {said['text']}")
+    for name, controller in results["controllers"].items():
+        changes = tuple(
+            (_spaced(collaboration), " ".join(words)) for collaboration, words in controller["changes"].items()
+        )
+        prediction = controller["prediction"]
+        note = controller["description"]
+        if prediction is not None:
+            note += f". Predicted rank {prediction['rank']}: {prediction['text']}"
         yield Table(f"Controller {name}", ("collaboration", "overrides"), changes, note)

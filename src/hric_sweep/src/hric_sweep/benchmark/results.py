@@ -161,15 +161,15 @@ def compare(ours: PlainData, theirs: PlainData) -> list[str]:
 
 def _differences(name: str, ours: PlainData, theirs: PlainData) -> list[str]:
     lines = []
-    for where, item in ours["collaborations"].items():
-        a, b = item["controllers"][name], theirs["collaborations"][where]["controllers"][name]
+    for collaboration, item in ours["collaborations"].items():
+        a, b = item["controllers"][name], theirs["collaborations"][collaboration]["controllers"][name]
         for key in ("above", "unknown", "incomplete"):
             if a[key] != b[key]:
-                lines.append(f"{name}, {where}: runs {key}: {a[key]} here, {b[key]} there")
+                lines.append(f"{name}, {collaboration}: runs {key}: {a[key]} here, {b[key]} there")
         for score, values in a["scores"].items():
             x, y, unit = values["median"], b["scores"][score]["median"], item["scores"][score]["unit"]
             if not _same(x, y, ours["tolerance"]):
-                lines.append(f"{name}, {where}, {score}: {_text(x)} here, {_text(y)} there {unit}".rstrip())
+                lines.append(f"{name}, {collaboration}, {score}: {_text(x)} here, {_text(y)} there {unit}".rstrip())
     return lines
 
 

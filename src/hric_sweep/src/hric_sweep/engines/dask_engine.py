@@ -295,12 +295,12 @@ def _client(distributed: Any, address: str) -> Any:
     if not address.startswith(SCHEMES):
         raise HricError(f"--dask {address}: no address; valid: local, tcp://HOST:PORT or tls://HOST:PORT")
     try:
-        where = distributed.comm.get_address_host_port(address, strict=True)
+        host_port = distributed.comm.get_address_host_port(address, strict=True)
     except ValueError:
         raise HricError(f"--dask {address}: no address; valid: tcp://HOST:PORT, such as tcp://10.0.0.1:8786") from None
     security = distributed.Security()
     try:
-        with socket.create_connection(where, CONNECT):
+        with socket.create_connection(host_port, CONNECT):
             identity = asyncio.run(asyncio.wait_for(_identity(distributed, address, security), CONNECT))
     except (OSError, OverflowError) as error:
         why = "the program at this address does not answer" if isinstance(error, TimeoutError) else str(error)
@@ -317,11 +317,11 @@ def _client(distributed: Any, address: str) -> Any:
     )
 
 
-async def _identity(distributed: Any, address: str, security: Any) -> Mapping[str, Any]:
+async def _identity(distributed: Any, address: str, security: Any) -> Mapping[str, object]:
     """Return the identity that a Dask process reports."""
     arguments = security.get_connection_args("client")
     async with distributed.rpc(address, timeout=CONNECT, connection_args=arguments) as peer:
-        identity: Mapping[str, Any] = await peer.identity()
+        identity: Mapping[str, object] = await peer.identity()
         return identity
 
 

@@ -89,7 +89,7 @@ class PebbleEngine:
             self._idle_deaths = 0
             response.set_result(done.result())
         elif isinstance(error, Late):
-            patience = f"took more than {task.timeout:g} s of processor time, or did nothing so long"
+            patience = f"took more than {task.timeout:g} s of processor time, or made no progress for as long"
             response.set_exception(TimedOut(patience))
         elif isinstance(error, ProcessExpired):
             response.set_exception(Died(f"ended its worker ({_how(error.exitcode)})"))
@@ -154,7 +154,7 @@ class Patience:
         now, used = time.monotonic(), processor_time(task.worker_id)
         progress = self._progress.get(task.id)
         if progress is None:
-            self._progress = {key: kept for key, kept in self._progress.items() if not kept.future.done()}
+            self._progress = {key: entry for key, entry in self._progress.items() if not entry.future.done()}
             progress = self._progress[task.id] = _Progress(task.future, used, used, now)
         if used - progress.last > MIN_PROGRESS:
             progress.last, progress.at = used, now

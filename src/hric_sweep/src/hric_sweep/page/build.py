@@ -1,7 +1,6 @@
 """Page of a sweep: report.html, made from its table and settings only, one file that needs no network."""
 
 from pathlib import Path
-from typing import Any
 
 from hric_report import html as report_html
 from hric_report.html import templates
@@ -14,7 +13,9 @@ from hric_sweep.page.study import Study, load
 ASSETS = Path(__file__).parent / "assets"
 PERIOD, RUNS_PER_SECOND = 10.0, 2000.0
 """Reload interval of the page of a running sweep: minimum [s], and number of runs that add one second."""
-TEMPLATES = templates.environment(ASSETS, figure=words.figure, said=spread.said, rounded=sensitivity.rounded)
+TEMPLATES = templates.environment(
+    ASSETS, figure=words.figure, quantile=spread.with_interval, rounded=sensitivity.rounded
+)
 TABLES = {"Versions": "versions", "Definition": "definition", "Experiment": "experiment"}
 """Keys of sweep.yaml that have tables of their own, by title."""
 
@@ -59,7 +60,7 @@ def render_page(study: Study, *, running: bool) -> str:
         sampler=words.sampler(study),
         varied=words.varied(study),
         sample=counted,
-        sampled=drawn.said(study, rows),
+        sampled=drawn.caption(study, rows),
         spreads=spreads,
         quantiles=spread.table(study, counted, spreads),
         sobol=indices.outputs(study),
@@ -82,7 +83,7 @@ def render_page(study: Study, *, running: bool) -> str:
 def _made(study: Study) -> list[Table]:
     """Return the tables of sweep.yaml that are not empty; the definition is the canonical one of the table."""
     made = {**study.made, "definition": study.definition}
-    trees: dict[str, Any] = {title: made.pop(key, None) for title, key in TABLES.items()}
+    trees: dict[str, object] = {title: made.pop(key, None) for title, key in TABLES.items()}
     head = ("what", "value")
     return [
         Table(title, head, tuple(flat(tree)), folded=bool(title)) for title, tree in {"": made, **trees}.items() if tree

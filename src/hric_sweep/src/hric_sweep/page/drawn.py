@@ -32,7 +32,7 @@ def chosen(study: Study) -> npt.NDArray[np.intp]:
     return np.unique(np.concatenate([sample, study.order_of_worst[0][:WORST]]))
 
 
-def said(study: Study, rows: npt.NDArray[np.intp]) -> str:
+def caption(study: Study, rows: npt.NDArray[np.intp]) -> str:
     """Return the caption that says how many runs are drawn."""
     if len(rows) == study.runs:
         return f"All {study.runs} runs are drawn."
@@ -44,7 +44,7 @@ def counts(sample: Sample, rows: npt.NDArray[np.intp], blob: Blob) -> Any:
     return blob.add(sample.counts[rows], "f4") if np.any(sample.counts[rows] != 1.0) else None
 
 
-def columns(study: Study, rows: npt.NDArray[np.intp], rank: Ranks, blob: Blob) -> list[dict[str, Any]]:
+def columns(study: Study, rows: npt.NDArray[np.intp], rank: Ranks, blob: Blob) -> list[dict[str, object]]:
     """Return the columns for the scripts; `rank`: correlations of each column with others, by name."""
     names = study.variables + study.outputs
     # The output with the limit is always visible initially.
@@ -55,7 +55,7 @@ def columns(study: Study, rows: npt.NDArray[np.intp], rank: Ranks, blob: Blob) -
 
 def _column(
     study: Study, name: str, rows: npt.NDArray[np.intp], rank: dict[str, tuple[float, float]], on: bool, blob: Blob
-) -> dict[str, Any]:
+) -> dict[str, object]:
     values, labels = study.numbers(name)
     about, limit = study.about[name], study.limit
     return {
@@ -77,6 +77,6 @@ def _logarithmic(study: Study, name: str, values: FloatArray) -> bool:
     if not len(known) or known.min() <= 0.0:
         return False
     if study.about[name].role == VARIABLE:
-        given = (study.section.get("vary") or {}).get(name) or {}
-        return (given.get("distribution") or {}).get("kind") in ("log_uniform", "log_normal")
+        variable = (study.section.get("vary") or {}).get(name) or {}
+        return (variable.get("distribution") or {}).get("kind") in ("log_uniform", "log_normal")
     return bool(np.log10(known.max() / known.min()) > DECADES)

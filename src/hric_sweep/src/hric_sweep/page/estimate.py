@@ -1,14 +1,12 @@
 """Probability of exceeding the limit in one line, with its interval and the kind of the interval."""
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 
 from hric_report.html.table import Table, number
 from hric_sweep.page.study import EXCEEDED, FAILED, Study
 from hric_sweep.page.words import CROSS_ENTROPY, GRID, LIST, RANDOM, SALTELLI, SPREAD, TPE
+from hric_sweep.samplers.sampler import CrossCheck, Estimate
 from hric_sweep.statistics.intervals import LEVEL, clopper_pearson
 
 APART = 6
@@ -35,35 +33,34 @@ def condition(study: Study) -> str:
     return f"{limit.output} {limit.sign} {limit.bound:g}{' ' + unit if unit else ''}"
 
 
-def lines(study: Study, given: str) -> list[str]:
-    """Return the estimate and notes to it, some empty; empty without a limit; `given`: condition of P."""
+def lines(study: Study, assumption: str) -> list[str]:
+    """Return the estimate and notes to it, some empty; empty without a limit; `assumption`: condition of P."""
     if study.limit is None:
         return []
     exceeded, failed = study.count("exceeded"), study.count("failed")
     if study.sampler in DESIGNED:
         why = f"{DESIGNED[study.sampler]}: this is no probability, and has no interval."
         return [f"{condition(study)} in {exceeded} of {study.runs - failed} runs", why]
-    of = f"P({condition(study)} {given})"
-    found = study.estimate or _counted(study, exceeded, failed)
-    if found is None:
+    of = f"P({condition(study)} {assumption})"
+    estimate = study.estimate or _counted(study, exceeded, failed)
+    if estimate is None:
         return [f"{of}: not known yet", "The estimate follows when the first runs or all levels are finished."]
-    level = f"{100.0 * found['level']:g} % interval"
-    low, high = number(found["low"], 3), number(found["high"], 3)
-    if found["probability"] > 0.0:
-        line = f"{of} = {number(found['probability'], 3)}, {level} {low} to {high}"
+    level = f"{100.0 * estimate.level:g} % interval"
+    low, high = number(estimate.low, 3), number(estimate.high, 3)
+    if estimate.probability > 0.0:
+        line = f"{of} = {number(estimate.probability, 3)}, {level} {low} to {high}"
     else:
         line = f"{of}: no run exceeded, {level} {low} to {high}"
-    return [line, _method(study, found), _failed(int(found["failed"])), _check(found.get("check"))]
+    return [line, _method(study, estimate), _failed(estimate.failed), _check(estimate.check)]
 
 
-def _counted(study: Study, exceeded: int, failed: int) -> dict[str, Any] | None:
+def _counted(study: Study, exceeded: int, failed: int) -> Estimate | None:
     """Return the estimate from unweighted runs until the sampler has one; None: none yet, or the runs have weights."""
     if study.sampler not in (RANDOM, *SPREAD) or study.runs == failed:
         return None
     low, high = clopper_pearson(exceeded, study.runs).low, clopper_pearson(exceeded + failed, study.runs).high
-    counts = {"runs": study.runs, "exceeded": exceeded, "failed": failed, "ess": float(exceeded)}
-    share = exceeded / (study.runs - failed)
-    return {"probability": share, "low": low, "high": high, "level": LEVEL, "method": "Clopper-Pearson", **counts}
+    share, size = exceeded / (study.runs - failed), float(exceeded)
+    return Estimate(share, low, high, LEVEL, study.runs, exceeded, failed, size, "Clopper-Pearson")
 
 
 def by_value(study: Study) -> list[Table]:
@@ -90,20 +87,19 @@ def _of_one(study: Study, chosen: npt.NDArray[np.bool_]) -> tuple[str, ...]:
     return str(runs - failed), str(exceeded), share, f"{number(low, 3)} to {number(high, 3)}"
 
 
-def _method(study: Study, found: Mapping[str, Any]) -> str:
-    runs = f"{found['exceeded']} of {found['runs'] - found['failed']} runs exceeded"
-    method = str(found["method"])
-    said = f"{method[:1].upper()}{method[1:]}; {runs}."
+def _method(study: Study, estimate: Estimate) -> str:
+    runs = f"{estimate.exceeded} of {estimate.runs - estimate.failed} runs exceeded"
+    sentences = f"{estimate.method[:1].upper()}{estimate.method[1:]}; {runs}."
     if study.weighted:
-        said += f" Runs have weights: effective number of those that exceeded {number(float(found['ess']), 3)}."
-        if study.sampler == CROSS_ENTROPY and found["ess"] < TRUSTED:
-            said += f" Below about {TRUSTED:g} the interval is not reliable: more runs are needed."
+        sentences += f" Runs have weights: effective number of those that exceeded {number(estimate.ess, 3)}."
+        if study.sampler == CROSS_ENTROPY and estimate.ess < TRUSTED:
+            sentences += f" Below about {TRUSTED:g} the interval is not reliable: more runs are needed."
     if study.sampler in SPREAD:
-        said += (
+        sentences += (
             " The points are spread evenly, not drawn one by one: the interval is that of independent points, an "
             "estimate that is usually too wide."
         )
-    return said
+    return sentences
 
 
 def _failed(failed: int) -> str:
@@ -112,9 +108,9 @@ def _failed(failed: int) -> str:
     return f"Failed: {failed}. The interval's lower end takes them as not exceeding, its upper end as exceeding."
 
 
-def _check(check: Mapping[str, Any] | None) -> str:
+def _check(check: CrossCheck | None) -> str:
     if not check:
         return ""
-    ends = f"{number(check['low'], 3)} to {number(check['high'], 3)}"
-    agrees = "agrees" if check["agrees"] else "DOES NOT AGREE"
-    return f"Check with unweighted runs: {check['exceeded']} of {check['runs']} runs, {ends}; it {agrees}."
+    ends = f"{number(check.low, 3)} to {number(check.high, 3)}"
+    agrees = "agrees" if check.agrees else "DOES NOT AGREE"
+    return f"Check with unweighted runs: {check.exceeded} of {check.runs} runs, {ends}; it {agrees}."

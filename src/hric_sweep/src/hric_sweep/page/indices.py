@@ -44,7 +44,7 @@ def outputs(study: Study) -> list[OutputIndices]:
     if study.sampler != SALTELLI or study.runs != (study.planned or study.runs):
         return []
     vary = study.section["vary"]
-    space = Space({name: Variable.of(given, f"vary.{name}") for name, given in vary.items()}, ())
+    space = Space({name: Variable.of(settings, f"vary.{name}") for name, settings in vary.items()}, ())
     return [_indices(study, space, name) for name in study.outputs if not study.constant(name)]
 
 

@@ -52,5 +52,5 @@ def _cost(study: Study, name: str, rows: Sequence[bool] | np.ndarray) -> tuple[s
     again = int(np.sum(np.asarray(study.columns["attempt"], dtype=float)[rows] > 1))
     if not len(processor):
         return (name, "0", "-", "-", "-", "-", "-", "-")
-    spread = (np.nansum(processor), np.nanmean(processor), np.nanmedian(processor), np.nanquantile(processor, 0.95))
-    return (name, str(len(processor)), *(number(float(one)) for one in (*spread, np.nanmean(wall))), str(again))
+    times = (np.nansum(processor), np.nanmean(processor), np.nanmedian(processor), np.nanquantile(processor, 0.95))
+    return (name, str(len(processor)), *(number(float(time)) for time in (*times, np.nanmean(wall))), str(again))

@@ -73,9 +73,9 @@ def of_weighted(values: FloatArray, weights: FloatArray, share: float, level: fl
     count = len(values)
     if count < 2:
         return Quantile(share, float(values[0]) if count else np.nan)
-    random, found = np.random.default_rng(SEED), []
+    random, resampled = np.random.default_rng(SEED), []
     for _ in range(RESAMPLED):
         times = random.multinomial(count, np.full(count, 1.0 / count))
-        found.append(weighted(values, weights * times, share))
-    low, high = np.quantile(found, [0.5 * (1.0 - level), 0.5 * (1.0 + level)])
+        resampled.append(weighted(values, weights * times, share))
+    low, high = np.quantile(resampled, [0.5 * (1.0 - level), 0.5 * (1.0 + level)])
     return Quantile(share, weighted(values, weights, share), float(low), float(high))

@@ -31,7 +31,7 @@ def ranks(study: Study, sample: Sample) -> Ranks:
         numbers, labels = study.numbers(name)
         if len(labels) <= 2:
             values[name] = numbers
-    found: Ranks = {name: {} for name in values}
+    correlations: Ranks = {name: {} for name in values}
     names = list(values)
     for k, first in enumerate(names):
         for second in names[k + 1 :]:
@@ -39,8 +39,8 @@ def ranks(study: Study, sample: Sample) -> Ranks:
             if effective_size(sample.counts[~np.isnan(a) & ~np.isnan(b)]) < FEWEST - 1e-9:
                 continue
             with contextlib.suppress(HricError):  # one of the two is constant
-                found[first][second] = found[second][first] = rank_correlation(a, b, sample.counts)
-    return found
+                correlations[first][second] = correlations[second][first] = rank_correlation(a, b, sample.counts)
+    return correlations
 
 
 def rounded(value: float) -> str:

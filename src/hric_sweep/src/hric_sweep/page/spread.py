@@ -85,12 +85,12 @@ class Spread:
 
 def spreads(study: Study, sample: Sample) -> list[Spread]:
     """Return the distribution of each output with values; empty if the runs are no sample."""
-    return [] if sample.refused else [one for name in study.outputs if (one := _spread(study, sample, name))]
+    return [] if sample.refused else [spread for name in study.outputs if (spread := _spread(study, sample, name))]
 
 
-def table(study: Study, sample: Sample, found: Sequence[Spread]) -> Table:
+def table(study: Study, sample: Sample, rows: Sequence[Spread]) -> Table:
     """Return the table of the quantiles."""
-    return Table("", HEAD, tuple(one.row for one in found), kind(study, sample))
+    return Table("", HEAD, tuple(spread.row for spread in rows), caption(study, sample))
 
 
 def _spread(study: Study, sample: Sample, name: str) -> Spread | None:
@@ -99,13 +99,13 @@ def _spread(study: Study, sample: Sample, name: str) -> Spread | None:
     values, weights, label = values[known], sample.counts[known], study.label(name)
     if not len(values):
         return None
-    found = [_quantile(sample, values, weights, share) for share in SHARES]
-    row = (label, str(len(values)), *map(said, found), _mean(values, weights))
+    estimates = [_quantile(sample, values, weights, share) for share in SHARES]
+    row = (label, str(len(values)), *map(with_interval, estimates), _mean(values, weights))
     drawn = None if study.constant(name) else _histogram(study, name, values, weights)
-    return Spread(name, label, study.about[name].text, found, row, drawn)
+    return Spread(name, label, study.about[name].text, estimates, row, drawn)
 
 
-def kind(study: Study, sample: Sample) -> str:
+def caption(study: Study, sample: Sample) -> str:
     """Return the explanation of the quantiles' intervals."""
     shown = "Purple: 5th percentile, median, 95th percentile; band: interval. Failed runs are left out."
     shown = f"{shown} {sample.note}".rstrip()
@@ -121,12 +121,12 @@ def kind(study: Study, sample: Sample) -> str:
     return f"{shown} Intervals of {100 * LEVEL:g} % by order statistics, whatever the distribution."
 
 
-def said(one: Quantile) -> str:
+def with_interval(quantile: Quantile) -> str:
     """Return a quantile with its interval, as text."""
-    if one.open:
-        return figure(one.value)
-    ends = ["open" if np.isnan(end) else figure(end) for end in (one.low, one.high)]
-    return f"{figure(one.value)} ({ends[0]} to {ends[1]})"
+    if quantile.open:
+        return figure(quantile.value)
+    ends = ["open" if np.isnan(end) else figure(end) for end in (quantile.low, quantile.high)]
+    return f"{figure(quantile.value)} ({ends[0]} to {ends[1]})"
 
 
 def _quantile(sample: Sample, values: FloatArray, weights: FloatArray, share: float) -> Quantile:
@@ -159,8 +159,8 @@ def _ends(values: FloatArray, weights: FloatArray, bound: float | None) -> tuple
 def _histogram(study: Study, name: str, values: FloatArray, weights: FloatArray) -> Histogram:
     limit = study.limit if study.limit is not None and study.limit.output == name else None
     bound = None if limit is None else limit.bound
-    whole = _whole(values) if bound is None else None
-    edges = _edges(*_ends(values, weights, bound), effective_size(weights), bound) if whole is None else whole
+    integers = _integer_edges(values) if bound is None else None
+    edges = _edges(*_ends(values, weights, bound), effective_size(weights), bound) if integers is None else integers
     heights, _ = np.histogram(np.clip(values, edges[0], edges[-1]), edges, weights=weights)
     shares, middles = heights / heights.sum(), 0.5 * (edges[:-1] + edges[1:])
     beyond = np.zeros(len(middles), bool)
@@ -182,7 +182,7 @@ def _edges(low: float, high: float, count: float, bound: float | None) -> FloatA
     return np.asarray(bound + width * np.arange(first, int(np.ceil((high - bound) / width)) + 1))
 
 
-def _whole(values: FloatArray) -> FloatArray | None:
+def _integer_edges(values: FloatArray) -> FloatArray | None:
     """Return edges of one bin per integer if all values are integers; None: they are not, or there are too many."""
     if np.any(np.isinf(values)) or np.any(values != np.round(values)) or np.ptp(values) > MAX_BINS:
         return None

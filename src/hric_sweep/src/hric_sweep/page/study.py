@@ -1,11 +1,11 @@
 """Data of a sweep for its page: columns of runs.parquet with their roles and units, and the definition."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +14,7 @@ from hric_bags.run_folder import RunFolderError
 from hric_core.errors import ParameterError
 from hric_core.geometry import FloatArray
 from hric_core.parameters import read_yaml
+from hric_sweep.samplers.sampler import CrossCheck, Estimate
 
 RUNS, SETTINGS = "runs.parquet", "sweep.yaml"
 VARIABLE, OUTPUT = "variable", "output"
@@ -23,6 +24,41 @@ KINDS = ("fine", "exceeded", "failed")
 """Name of each result."""
 
 Column = npt.NDArray[Any]
+
+
+class ExceedanceRecord(TypedDict, total=False):
+    """Exceedance in the definition of a sweep; either `above` or `below` is there."""
+
+    output: str
+    above: float
+    below: float
+
+
+class VariableRecord(TypedDict, total=False):
+    """Variable in the definition of a sweep."""
+
+    paths: Sequence[str]
+    distribution: Mapping[str, object]
+
+
+class SweepRecord(TypedDict, total=False):
+    """Section `sweep` of the definition of a sweep."""
+
+    vary: Mapping[str, VariableRecord]
+    correlation: Sequence[tuple[str, str, float]]
+    sampler: Mapping[str, object]
+    runs: int
+    seeds: str
+    exceedance: ExceedanceRecord
+    objective: Mapping[str, str]
+
+
+class DefinitionRecord(TypedDict, total=False):
+    """Definition of a sweep as its table has it."""
+
+    description: str
+    extends: str
+    sweep: SweepRecord
 
 
 @dataclass(frozen=True)
@@ -64,15 +100,14 @@ class Study:
     folder: Path
     columns: Mapping[str, Column]
     about: Mapping[str, About]
-    definition: Mapping[str, Any]
-    estimate: Mapping[str, Any] | None = None
-    made: Mapping[str, Any] = field(default_factory=dict)
+    definition: DefinitionRecord
+    estimate: Estimate | None = None
+    made: Mapping[str, object] = field(default_factory=dict)
 
     @property
-    def section(self) -> Mapping[str, Any]:
+    def section(self) -> SweepRecord:
         """Section `sweep` of the definition."""
-        found: Mapping[str, Any] = self.definition.get("sweep") or {}
-        return found
+        return self.definition.get("sweep") or {}
 
     @property
     def sampler(self) -> str:
@@ -111,16 +146,17 @@ class Study:
         counted = self.section.get("exceedance")
         if not counted:
             return None
-        above = counted.get("above") is not None
-        return Limit(str(counted["output"]), float(counted["above" if above else "below"]), above)
+        above = counted.get("above")
+        bound = counted["below"] if above is None else above
+        return Limit(str(counted["output"]), float(bound), above is not None)
 
     @cached_property
     def kinds(self) -> npt.NDArray[np.uint32]:
         """Result of each run, FINE, EXCEEDED or FAILED, shape (runs,)."""
-        found = np.full(self.runs, FINE, dtype=np.uint32)
-        found[[bool(one) for one in self.columns["exceeded"]]] = EXCEEDED
-        found[self.columns["failure"] != ""] = FAILED
-        return found
+        kinds = np.full(self.runs, FINE, dtype=np.uint32)
+        kinds[[bool(exceeded) for exceeded in self.columns["exceeded"]]] = EXCEEDED
+        kinds[self.columns["failure"] != ""] = FAILED
+        return kinds
 
     def count(self, kind: str) -> int:
         """Return the number of runs with a result, fine, exceeded or failed."""
@@ -158,7 +194,7 @@ class Study:
 
         The criterion is the objective, else the output with the limit, else the largest value of the first output.
         """
-        aim: Mapping[str, Any] = self.section.get("objective") or {}
+        aim = self.section.get("objective") or {}
         outputs = self.outputs
         if aim:
             largest = bool(aim.get("maximise"))
@@ -187,14 +223,22 @@ def load(folder: Path) -> Study:
     try:
         rows = parquet.read_table(path)
         content = json.loads(rows.schema.metadata[b"hric"])
-        about = {name: About(**one) for name, one in content["columns"].items()}
+        about = {name: About(**column) for name, column in content["columns"].items()}
+        estimate = _estimate(content.get("estimate"))
     except (OSError, KeyError, TypeError, ValueError, pyarrow.ArrowException) as error:
         raise RunFolderError(f"cannot read {path}: {error}; valid: the folder of a sweep") from error
     columns = {name: rows.column(name).to_numpy() for name in rows.column_names}
-    return Study(folder, columns, about, content["sweep"], content.get("estimate"), _made(folder / SETTINGS))
+    return Study(folder, columns, about, content["sweep"], estimate, _made(folder / SETTINGS))
 
 
-def _made(path: Path) -> Mapping[str, Any]:
+def _estimate(record: Any) -> Estimate | None:
+    if record is None:
+        return None
+    check = record.get("check")
+    return Estimate(**{**record, "check": None if check is None else CrossCheck(**check)})
+
+
+def _made(path: Path) -> Mapping[str, object]:
     try:
         content = read_yaml(path)
     except ParameterError as error:

@@ -35,33 +35,33 @@ def sampler(study: Study) -> str:
     """Return the description of the sampler."""
     settings = dict(study.section.get("sampler") or {})
     settings.pop("kind", None)
-    given = "".join(f", {key} {number(value)}" for key, value in settings.items() if value is not None)
+    options = "".join(f", {key} {number(value)}" for key, value in settings.items() if value is not None)
     seeds = {
         "common": "; all runs share one seed (common random numbers)",
         "each": "; each run has a seed of its own",
     }.get(str(study.section.get("seeds", "")), "")
     kind = study.sampler
-    return f"{kind}: {SAMPLERS[kind]}{given}{seeds}" if kind in SAMPLERS else f"{kind or 'unknown'}{given}{seeds}"
+    return f"{kind}: {SAMPLERS[kind]}{options}{seeds}" if kind in SAMPLERS else f"{kind or 'unknown'}{options}{seeds}"
 
 
-def distribution(settings: Mapping[str, Any]) -> str:
+def distribution(settings: Mapping[str, object]) -> str:
     """Return a distribution in words; `settings`: as in the definition."""
-    given = {key: value for key, value in settings.items() if value is not None}
-    kind = str(given.pop("kind", ""))
-    low, high = given.pop("low", None), given.pop("high", None)
+    options = {key: value for key, value in settings.items() if value is not None}
+    kind = str(options.pop("kind", ""))
+    low, high = options.pop("low", None), options.pop("high", None)
     if kind in ("uniform", "log_uniform", "triangular"):
-        rest = _rest(given)
+        rest = _rest(options)
         return f"{kind.replace('_', '-')}, {number(low)} to {number(high)}{rest}"
     cut = [f"{word} {number(bound)}" for word, bound in (("from", low), ("to", high)) if bound is not None]
     ends = f", truncated {' '.join(cut)}" if cut else ""
     if kind == "population":
-        of, quantity = given.pop("of", ""), given.pop("quantity", "")
-        return f"{quantity} of the population {of}, by percentile{_rest(given)}{ends}"
-    return f"{kind.replace('_', '-')}{_rest(given)}{ends}"
+        of, quantity = options.pop("of", ""), options.pop("quantity", "")
+        return f"{quantity} of the population {of}, by percentile{_rest(options)}{ends}"
+    return f"{kind.replace('_', '-')}{_rest(options)}{ends}"
 
 
-def _rest(given: Mapping[str, Any]) -> str:
-    return "".join(f", {key.replace('_', ' ')} {_value(value)}" for key, value in given.items())
+def _rest(options: Mapping[str, object]) -> str:
+    return "".join(f", {key.replace('_', ' ')} {_value(value)}" for key, value in options.items())
 
 
 def _value(value: Any) -> str:
@@ -70,13 +70,13 @@ def _value(value: Any) -> str:
 
 def varied(study: Study) -> Table:
     """Return the table of the variables with their distributions."""
-    settings: Mapping[str, Any] = study.section.get("vary") or {}
+    settings = study.section.get("vary") or {}
     rows = []
     for name in study.variables:
-        given = settings.get(name) or {}
-        paths = given.get("paths") or ()
+        variable = settings.get(name) or {}
+        paths = variable.get("paths") or ()
         about = study.about[name]
-        shown = distribution(given.get("distribution") or {}) if given.get("distribution") else "-"
+        shown = distribution(variable.get("distribution") or {}) if variable.get("distribution") else "-"
         unit = about.unit or ("-" if study.numbers(name)[1] else "1")
         rows.append((name, unit, shown, about.text, ", ".join(map(str, paths))))
     head = ("variable", "unit", "distribution", "what it is", "sets")
@@ -87,5 +87,5 @@ def _correlations(study: Study) -> str:
     pairs = study.section.get("correlation") or ()
     if not pairs:
         return "The variables are independent of each other."
-    said = ", ".join(f"{a} with {b} {number(value)}" for a, b, value in pairs)
-    return f"Correlated in their normal scores (Gaussian copula): {said}; the others are independent."
+    text = ", ".join(f"{a} with {b} {number(value)}" for a, b, value in pairs)
+    return f"Correlated in their normal scores (Gaussian copula): {text}; the others are independent."

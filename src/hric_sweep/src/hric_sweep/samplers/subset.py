@@ -41,7 +41,9 @@ METHOD = "subset simulation, normal interval of the logarithm"
 class Subset(Settings):
     """Subset simulation for rare exceedance: wider intervals than cross_entropy, but failure regions of any shape."""
 
-    smallest: float = number(1e-5, minimum=1e-9, maximum=0.1, text="probability that the runs must suffice for")
+    smallest: float = number(
+        1e-5, minimum=1e-9, maximum=0.1, text="smallest probability that the runs must be able to estimate"
+    )
 
     def sampler(self, space: Space, runs: int | None, seed: int) -> "SubsetSampler":
         """Return the sampler. Raises ParameterError: there are too few runs for the levels."""

@@ -74,12 +74,12 @@ class TpeSampler:
         """Return the next batch of points that Optuna proposes; empty after the last run."""
         size = min(self._batch, self.total - self._count)
         self._open = [self._study.ask(self._axes) for _ in range(size)]
-        return [Point(tuple(self._shares(trial.params))) for trial in self._open]
+        return [Point(tuple(self._shares(trial))) for trial in self._open]
 
-    def _shares(self, proposed: dict[str, Any]) -> list[float]:
+    def _shares(self, trial: Any) -> list[float]:
         """Return the percentiles of the proposed values; for a discrete variable, the middle of the value's share."""
         return [
-            float(middles[proposed[name]] if middles.size else ndtr(proposed[name]))
+            float(middles[trial.params[name]] if middles.size else ndtr(trial.params[name]))
             for name, middles in self._middles.items()
         ]
 

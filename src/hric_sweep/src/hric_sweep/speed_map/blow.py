@@ -81,14 +81,14 @@ class Blows:
             body: body that the arm hits.
             speed: closing speed; the body moves at the part that the arm's joints do not allow [m/s].
         """
-        robot, dt, own = self._robot, self._robot.plant.time_step, min(speed, SHARE * approach.fastest)
-        dq = own * approach.dq
+        robot, dt, arm_speed = self._robot, self._robot.plant.time_step, min(speed, SHARE * approach.fastest)
+        dq = arm_speed * approach.dq
         robot.plant.reset(approach.q.tolist(), dq.tolist())
         robot.box.reset(approach.q.tolist())
         robot.read(0.0, dt)
         if self._arm is Arm.DRIVEN:
             robot.box.move(MoveRequest(ControllerMode.EXTERNAL, GeneratorMode.NONE))
-        device = Device(body, approach.mass, dt, speed - own)
+        device = Device(body, approach.mass, dt, speed - arm_speed)
         begin = float(approach.direction @ self._position(approach.q))
         for cycle in range(1, round(TRANSIENT_TIME / dt)):
             q, v = (np.array(part) for part in robot.plant.engine_state())

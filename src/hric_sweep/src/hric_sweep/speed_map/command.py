@@ -80,13 +80,13 @@ class SpeedMapCommand(Command):
             ),
         ]
 
-    def run(self, given: argparse.Namespace) -> None:
+    def run(self, arguments: argparse.Namespace) -> None:
         """Measure a map, print its summary, write its table and picture."""
-        number(minimum=0.0).checked(given.damping, "--damping")
-        points = grid.points(given.x, given.y, given.z)
-        request = Request(given.region, Limits.named(), given.damping, Arm(given.arm))
+        number(minimum=0.0).checked(arguments.damping, "--damping")
+        points = grid.points(arguments.x, arguments.y, arguments.z)
+        request = Request(arguments.region, Limits.named(), arguments.damping, Arm(arguments.arm))
         force = request.check()
-        definition = experiment.load(experiment.NONE, ["simulator:=mujoco", *given.overrides])
+        definition = experiment.load(experiment.NONE, ["simulator:=mujoco", *arguments.overrides])
         with Simulation(definition) as simulation:
             robot = simulation.app.hw
             if not isinstance(robot, FrankaHWSim):
@@ -103,8 +103,8 @@ class SpeedMapCommand(Command):
         if not any(cells_by_point.values()):
             raise HricError(f"the arm reaches none of the {len(points)} points; valid: a grid within its workspace")
         print(report(cells_by_point, request, force))
-        if given.out is not None:
-            _write(given.out, cells_by_point, request, force)
+        if arguments.out is not None:
+            _write(arguments.out, cells_by_point, request, force)
 
 
 def _range_argument(name: str, default: tuple[float, float, int]) -> Argument:

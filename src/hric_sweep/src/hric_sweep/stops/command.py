@@ -47,24 +47,24 @@ class MeasureStopsCommand(Command):
             Argument("-o", dest="out", type=Path, metavar="FILE", help="where to write (default: print)"),
         ]
 
-    def run(self, given: argparse.Namespace) -> None:
+    def run(self, arguments: argparse.Namespace) -> None:
         """Measure the stops of the emulated arm, and print or write their table."""
-        for name, values, minimum in (("--speeds", given.speeds, 1e-3), ("--loads", given.loads, 0.0)):
+        for name, values, minimum in (("--speeds", arguments.speeds, 1e-3), ("--loads", arguments.loads, 0.0)):
             for value in values:
                 number(minimum=minimum).checked(value, name)
-        definition = experiment.load(experiment.NONE, ["simulator:=mujoco", *given.overrides])
+        definition = experiment.load(experiment.NONE, ["simulator:=mujoco", *arguments.overrides])
         with Simulation(definition) as simulation:
             robot = simulation.app.hw
             if not isinstance(robot, FrankaHWSim):
                 raise HricError(
                     f"{definition.robot.hw} has no control box that stops it; valid: franka_sim/FrankaHWSim"
                 )
-            table = measured(robot, sorted(set(given.speeds)), sorted(set(given.loads)), given.command)
-        if given.out is None:
+            table = measured(robot, sorted(set(arguments.speeds)), sorted(set(arguments.loads)), arguments.command)
+        if arguments.out is None:
             print(stopping.as_yaml(table), end="")
             return
-        files.write_text(given.out, stopping.as_yaml(table))
-        print(f"{len(table.stops)} stops, the worst of each speed and load: {given.out}\n{stopping.NOT_A_BRAKE}")
+        files.write_text(arguments.out, stopping.as_yaml(table))
+        print(f"{len(table.stops)} stops, the worst of each speed and load: {arguments.out}\n{stopping.NOT_A_BRAKE}")
 
 
 def measured(robot: FrankaHWSim, speeds: Sequence[float], loads: Sequence[float], command: str) -> StopTable:

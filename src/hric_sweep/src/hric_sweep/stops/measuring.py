@@ -150,8 +150,8 @@ def standing(speed: FloatArray, dt: float) -> StopResult:
     last = int(np.flatnonzero(speed >= STANDSTILL)[-1]) if np.any(speed >= STANDSTILL) else 0
     a, b = float(speed[last]), float(speed[last + 1])
     share = (a - STANDSTILL) / (a - b) if a > STANDSTILL else 0.0
-    whole = float(np.sum(0.5 * (speed[:last] + speed[1 : last + 1]))) * dt
-    return StopResult((last + share) * dt, whole + 0.5 * (a + STANDSTILL) * share * dt)
+    distance = float(np.sum(0.5 * (speed[:last] + speed[1 : last + 1]))) * dt
+    return StopResult((last + share) * dt, distance + 0.5 * (a + STANDSTILL) * share * dt)
 
 
 def poses(lower: Sequence[float], upper: Sequence[float]) -> list[FloatArray]:

@@ -59,9 +59,7 @@ class Form(Settings):
     runs: Mapping[str, tuple[str, ...]] = mapping(
         OVERRIDES, text="name of each run and its own overrides, in the order in which they are run"
     )
-    abscissa: str = text(
-        "", text="what the names of the runs are, numbers then, with the unit; figures show values over it"
-    )
+    abscissa: str = text("", text="quantity and unit of run names that are numbers; abscissa of the figures")
     compared: tuple[Pair, ...] = listing(
         section(Pair), range(1, 100), text="which runs are overlaid on each other; figures show the first pair"
     )

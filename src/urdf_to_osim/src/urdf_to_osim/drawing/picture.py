@@ -64,15 +64,15 @@ class PictureCommand(Command):
             Argument("--frames", action="store_true", help="with the axes of every body"),
         ]
 
-    def run(self, given: argparse.Namespace) -> None:
+    def run(self, arguments: argparse.Namespace) -> None:
         """Draw the model and print the name of the picture."""
         opensim.Logger.setLevelString("Error")
-        output = given.output or given.model.with_suffix(".png")
-        (width, height), (azimuth, elevation) = given.size, given.view
-        look = Look(width, height, azimuth, elevation, given.centres, given.frames)
-        missing = picture(given.model, output, _pose(given.pose), look)
+        output = arguments.output or arguments.model.with_suffix(".png")
+        (width, height), (azimuth, elevation) = arguments.size, arguments.view
+        look = Look(width, height, azimuth, elevation, arguments.centres, arguments.frames)
+        missing = picture(arguments.model, output, _pose(arguments.pose), look)
         for file in missing:
-            print(f"picture: no mesh {file} in Geometry/ beside {given.model}; left out", file=sys.stderr)
+            print(f"picture: no mesh {file} in Geometry/ beside {arguments.model}; left out", file=sys.stderr)
         print(output)
 
 

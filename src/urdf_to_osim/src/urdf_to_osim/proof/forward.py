@@ -77,5 +77,5 @@ def _run(model: opensim.Model, state: opensim.State, seconds: float) -> float:
                 if time.process_time() - began > LIMIT:
                     break
     except RuntimeError as error:
-        raise DescriptionError(f"OpenSim cannot integrate the model: {transforms.said(error)}") from error
+        raise DescriptionError(f"OpenSim cannot integrate the model: {transforms.message_of(error)}") from error
     return float(state.getTime() - first)

@@ -61,16 +61,16 @@ class Proof:
         """True if all errors are within their tolerances."""
         return bool(self.errors) and not self.failed
 
-    def compare(self, name: str, found: FloatArray, expected: FloatArray) -> None:
+    def compare(self, name: str, actual: FloatArray, expected: FloatArray) -> None:
         """Add an error, relative to the largest expected value if that is above 1."""
         scale = max(1.0, float(np.max(np.abs(expected), initial=0.0)))
-        self._add(name, float(np.max(np.abs(found - expected), initial=0.0)) / scale)
+        self._add(name, float(np.max(np.abs(actual - expected), initial=0.0)) / scale)
 
-    def compare_mass(self, found: FloatArray, expected: FloatArray) -> None:
+    def compare_mass(self, actual: FloatArray, expected: FloatArray) -> None:
         """Add the errors of a mass matrix."""
-        self.compare("mass matrix", found, expected)
-        own = np.sqrt(np.diag(expected))
-        self._add(LIGHT, float(np.max(np.abs(found - expected) / np.outer(own, own), initial=0.0)))
+        self.compare("mass matrix", actual, expected)
+        scale = np.sqrt(np.diag(expected))
+        self._add(LIGHT, float(np.max(np.abs(actual - expected) / np.outer(scale, scale), initial=0.0)))
 
     def _add(self, name: str, error: float) -> None:
         known = self.errors.get(name, 0.0)
@@ -180,8 +180,8 @@ class _Prover:
         xd, xdd = random.normal(size=(2, self.size))
         self.reading.move(x, np.zeros(self.size))
         expected = self.oracle.frames(x)
-        found = self.reading.frames()
-        proof.compare("frames", np.array([found[name] for name in expected]), np.array(list(expected.values())))
+        frames = self.reading.frames()
+        proof.compare("frames", np.array([frames[name] for name in expected]), np.array(list(expected.values())))
         if not self.size:
             return
         mass = self.oracle.mass(x)
@@ -196,13 +196,13 @@ class _Prover:
             )
 
     def _check_movable(self, mass: FloatArray) -> None:
-        own = np.sqrt(np.abs(np.diag(mass)))
+        scale = np.sqrt(np.abs(np.diag(mass)))
         owners = [joint.name for joint in self.joints for _ in range({"planar": 3, "floating": 6}.get(joint.type, 1))]
-        if not own.all():
+        if not scale.all():
             raise DescriptionError(
-                f"joint {owners[int(np.argmin(own))]} moves no inertia; give the links that it moves an <inertial>"
+                f"joint {owners[int(np.argmin(scale))]} moves no inertia; give the links that it moves an <inertial>"
             )
-        values, vectors = np.linalg.eigh(mass / np.outer(own, own))
+        values, vectors = np.linalg.eigh(mass / np.outer(scale, scale))
         if values[0] < 1e-13:
             guilty = sorted({owners[i] for i in np.flatnonzero(np.abs(vectors[:, 0]) > 0.1)})
             raise DescriptionError(
@@ -238,10 +238,10 @@ class _Prover:
         if not names and not expected.any():
             return
         with self.reading.acting(names):
-            found = none - self.reading.inverse_dynamics(np.zeros(self.size))
+            efforts = none - self.reading.inverse_dynamics(np.zeros(self.size))
         # A difference of efforts, so their rounding errors count.
         scale = max(1.0, float(np.max(np.abs(none))))
-        proof.compare({"stop": "stops"}.get(kind, kind), found / scale, expected / scale)
+        proof.compare({"stop": "stops"}.get(kind, kind), efforts / scale, expected / scale)
 
     def _driven(self) -> dict[str, tuple[Joint, int]]:
         """Return the actuators of the model with joint and index of its coordinate."""
@@ -263,9 +263,9 @@ class _Prover:
             expected[index] = values[name]
         with self.reading.acting(driven):
             self.reading.control(values)
-            found = none - self.reading.inverse_dynamics(np.zeros(self.size))
+            efforts = none - self.reading.inverse_dynamics(np.zeros(self.size))
         scale = max(1.0, float(np.max(np.abs(none))))
-        proof.compare("actuators", found / scale, expected / scale)
+        proof.compare("actuators", efforts / scale, expected / scale)
 
     def _compare_limits(self, proof: Proof) -> None:
         driven = self._driven()

@@ -32,18 +32,18 @@ const sweep = { brushes: new Map(), hidden: new Set(), ids: document.getElementB
 
   const ticks = (low, high, count) => {
     const rough = (high - low) / count, power = 10 ** Math.floor(Math.log10(rough)), part = rough / power;
-    const step = power * (part > 5 ? 10 : part > 2 ? 5 : part > 1 ? 2 : 1), found = [];
-    for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k++) found.push(k * step);
-    return found;
+    const step = power * (part > 5 ? 10 : part > 2 ? 5 : part > 1 ? 2 : 1), marks = [];
+    for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k++) marks.push(k * step);
+    return marks;
   };
 
   // Of a logarithmic axis: powers of ten, with twos and fives between them where these are few.
   const decades = (low, high, count) => {
-    const found = [], few = Math.log10(high / low) < count / 2;
+    const marks = [], few = Math.log10(high / low) < count / 2;
     for (let power = Math.floor(Math.log10(low)); power <= Math.log10(high); power++) {
-      for (const part of few ? [1, 2, 5] : [1]) found.push(Number(`${part}e${power}`));
+      for (const part of few ? [1, 2, 5] : [1]) marks.push(Number(`${part}e${power}`));
     }
-    return found;
+    return marks;
   };
 
   class Column {
@@ -71,19 +71,19 @@ const sweep = { brushes: new Map(), hidden: new Set(), ids: document.getElementB
     }
 
     value(share) {
-      const found = this.ends[0] + share * (this.ends[1] - this.ends[0]);
-      return this.log ? Math.exp(found) : found;
+      const position = this.ends[0] + share * (this.ends[1] - this.ends[0]);
+      return this.log ? Math.exp(position) : position;
     }
 
     // Of its axis: [share, text].
     ticks(count) {
       if (this.labels.length) return this.labels.map((label, k) => [this.share(k), label]);
       const [low, high] = this.ends;
-      const found = this.log ? decades(Math.exp(low), Math.exp(high), count) : ticks(low, high, count);
-      return found.map((value) => [this.share(value), sweep.text(value)]).filter(([share]) => share >= -1e-6 && share <= 1 + 1e-6);
+      const marks = this.log ? decades(Math.exp(low), Math.exp(high), count) : ticks(low, high, count);
+      return marks.map((value) => [this.share(value), sweep.text(value)]).filter(([share]) => share >= -1e-6 && share <= 1 + 1e-6);
     }
 
-    said(row) {
+    valueText(row) {
       const value = this.values[row];
       if (this.labels.length) return this.labels[value] ?? "none";
       return sweep.text(value) + (this.unit && Number.isFinite(value) ? " " + this.unit : "");
@@ -96,12 +96,12 @@ const sweep = { brushes: new Map(), hidden: new Set(), ids: document.getElementB
     const { shown, kinds, hidden } = sweep, off = KINDS.map((kind) => hidden.has(kind));
     for (let row = 0; row < sweep.count; row++) shown[row] = off[kinds[row]] ? 0 : 1;
     for (const [name, [low, high]] of sweep.brushes) {
-      const column = sweep.columns.find((one) => one.name === name);
+      const column = sweep.columns.find((each) => each.name === name);
       if (!column) continue;
       const { shares } = column;
       for (let row = 0; row < sweep.count; row++) if (!(shares[row] >= low && shares[row] <= high)) shown[row] = 0;
     }
-    sweep.left = shown.reduce((sum, one) => sum + one, 0);
+    sweep.left = shown.reduce((sum, flag) => sum + flag, 0);
   };
 
   const NAMES = "http://www.w3.org/2000/svg";

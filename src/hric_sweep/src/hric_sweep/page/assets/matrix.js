@@ -119,13 +119,13 @@ sweep.Matrix = class {
   nearest(px, py) {
     const { columns, side, at, top } = this.shape, k = Math.floor((px - at(0)) / side), line = Math.floor((py - top(0)) / side);
     if (k < 0 || line <= k || line >= columns.length) return null;
-    let best = 10, found = null;
+    let best = 10, nearest = null;
     for (let row = 0; row < sweep.count; row++) {
       const u = columns[k].shares[row], v = columns[line].shares[row];
       if (!sweep.shown[row] || u < 0 || v < 0) continue;
       const away = Math.hypot(this.x(k, u) - px, this.y(line, v) - py);
-      if (away < best) { best = away; found = row; }
+      if (away < best) { best = away; nearest = row; }
     }
-    return found;
+    return nearest;
   }
 };

@@ -91,7 +91,7 @@ sweep.Parallel = class {
     const group = event.target.closest(".axis");
     if (!group) { const row = this.nearest(...this.place(event)); if (row !== null) sweep.pick(row); return; }
     event.preventDefault();
-    const column = this.columns.find((one) => one.name === group.dataset.column), share = this.share(this.place(event)[1]);
+    const column = this.columns.find((each) => each.name === group.dataset.column), share = this.share(this.place(event)[1]);
     const old = sweep.brushes.get(column.name), inside = old && share > old[0] && share < old[1];
     this.held = { column, from: share, old: inside ? old : null, moved: false };
     this.overlay.setPointerCapture(event.pointerId);
@@ -134,12 +134,12 @@ sweep.Parallel = class {
     if (columns.length < 2 || px < x(0) || px > x(columns.length - 1)) return null;
     const k = Math.min(Math.floor((px - x(0)) / step), columns.length - 2), part = (px - x(k)) / step;
     const a = columns[k].shares, b = columns[k + 1].shares;
-    let best = 14, found = null;
+    let best = 14, nearest = null;
     for (let row = 0; row < sweep.count; row++) {
       if (!sweep.shown[row]) continue;
       const away = Math.abs(y(a[row]) * (1 - part) + y(b[row]) * part - py);
-      if (away < best) { best = away; found = row; }
+      if (away < best) { best = away; nearest = row; }
     }
-    return found;
+    return nearest;
   }
 };

@@ -11,38 +11,38 @@
   // What the user chose outlives a reload; a browser that keeps nothing for files begins anew.
   const keep = () => {
     const on = sweep.columns.filter((column) => column.on).map((column) => column.name);
-    const kept = { brushes: [...sweep.brushes], hidden: [...sweep.hidden], on, theme, picked: picked === null ? null : sweep.ids[picked], reload: find("reload")?.checked, top: scrollY };
-    try { sessionStorage.setItem(KEPT, JSON.stringify(kept)); } catch { /* nothing is kept */ }
+    const saved = { brushes: [...sweep.brushes], hidden: [...sweep.hidden], on, theme, picked: picked === null ? null : sweep.ids[picked], reload: find("reload")?.checked, top: scrollY };
+    try { sessionStorage.setItem(KEPT, JSON.stringify(saved)); } catch { /* nothing is saved */ }
   };
   const recall = () => {
-    let kept = null;
-    try { kept = JSON.parse(sessionStorage.getItem(KEPT)); } catch { /* nothing was kept */ }
-    if (!kept || !data.running) return;
-    for (const [name, range] of kept.brushes) sweep.brushes.set(name, range);
-    for (const kind of kept.hidden) sweep.hidden.add(kind);
-    for (const column of sweep.columns) column.on = kept.on.includes(column.name);
-    theme = kept.theme;
-    if (find("reload")) find("reload").checked = kept.reload;
-    const row = kept.picked === null ? -1 : sweep.ids.indexOf(kept.picked);
+    let saved = null;
+    try { saved = JSON.parse(sessionStorage.getItem(KEPT)); } catch { /* nothing was saved */ }
+    if (!saved || !data.running) return;
+    for (const [name, range] of saved.brushes) sweep.brushes.set(name, range);
+    for (const kind of saved.hidden) sweep.hidden.add(kind);
+    for (const column of sweep.columns) column.on = saved.on.includes(column.name);
+    theme = saved.theme;
+    if (find("reload")) find("reload").checked = saved.reload;
+    const row = saved.picked === null ? -1 : sweep.ids.indexOf(saved.picked);
     if (row >= 0) sweep.pick(row);
-    setTimeout(() => scrollTo(0, kept.top));
+    setTimeout(() => scrollTo(0, saved.top));
   };
 
-  const said = () => {
+  const describe = () => {
     const limits = [...sweep.brushes].map(([name, [low, high]]) => {
-      const column = sweep.columns.find((one) => one.name === name);
+      const column = sweep.columns.find((each) => each.name === name);
       if (!column) return "";
       if (column.labels.length) return `${name}: ${column.labels.filter((_, k) => column.share(k) >= low && column.share(k) <= high).join(", ") || "none"}`;
       return `${name} ${sweep.text(column.value(low))} to ${sweep.text(column.value(high))}${column.unit ? " " + column.unit : ""}`;
     });
-    const counts = sweep.KINDS.map((_, kind) => sweep.kinds.reduce((sum, one, row) => sum + (one === kind && sweep.shown[row]), 0));
+    const counts = sweep.KINDS.map((_, kind) => sweep.kinds.reduce((sum, value, row) => sum + (value === kind && sweep.shown[row]), 0));
     const among = [counts[1] && `${counts[1]} of them ${data.words.exceeded}`, counts[2] && `${counts[2]} failed`].filter(Boolean).join(", ");
     find("shown").textContent = `${sweep.left.toLocaleString("en")} of ${sweep.count.toLocaleString("en")} runs${among ? ": " + among : ""}${limits.length ? "; kept: " + limits.join("; ") : ""}`;
     find("clear").hidden = !sweep.brushes.size;
     document.querySelectorAll("#kinds button").forEach((button) => button.setAttribute("aria-pressed", String(!sweep.hidden.has(button.dataset.kind))));
   };
 
-  const redraw = () => { sweep.filter(); parallel.draw(); matrix.draw(); said(); };
+  const redraw = () => { sweep.filter(); parallel.draw(); matrix.draw(); describe(); };
   // Once before the next frame, however many events ask for it.
   sweep.soon = (then) => {
     if (waiting) return;
@@ -66,7 +66,7 @@
       const line = table.insertRow();
       line.className = column.role;
       line.insertCell().textContent = column.name;
-      line.insertCell().textContent = column.said(row);
+      line.insertCell().textContent = column.valueText(row);
     }
     tip.replaceChildren(head, table);
     const { offsetWidth: wide, offsetHeight: high } = tip;

@@ -1,0 +1,49 @@
+"""Run folder of a sweep: its settings file, and what is read from it to resume the sweep or to repeat a run."""
+
+from pathlib import Path
+
+from hric_bags import files
+from hric_bags.run_folder import RunFolder, iso_now
+from hric_core.parameters import read_yaml
+from hric_run import provenance
+from hric_sweep import definition
+from hric_sweep.definition import Plan
+from hric_sweep.records import PlainData, ReferenceRun
+
+FILE = "sweep.yaml"
+
+
+def create(plan: Plan, reference: ReferenceRun, root: Path) -> Path:
+    """Create the run folder of a sweep with sweep.yaml in the folder of all runs; return its path."""
+    folder = RunFolder.create(root, plan.name).path
+    content = {
+        "name": plan.name,
+        "started": iso_now(),
+        "definition": plan.content,
+        "experiment": plan.experiment,
+        "reference": {"state_sha256": reference.state_sha256},
+        **provenance_of(reference.code),
+    }
+    files.write_yaml(folder / FILE, content)
+    return folder
+
+
+def provenance_of(code: str) -> PlainData:
+    """Return code version, revision, versions and platform, for the file of a folder with runs."""
+    return {
+        "code": code,
+        "revision": provenance.revision(),
+        "versions": provenance.versions(),
+        "platform": provenance.platform_info(),
+    }
+
+
+def opened(folder: Path) -> tuple[Plan, ReferenceRun]:
+    """Return the plan and the reference run of an existing sweep.
+
+    Raises:
+        HricError: the definition does not fit this code.
+    """
+    content = read_yaml(folder / FILE)
+    plan = definition.plan(content["name"], content["definition"], base=content["experiment"])
+    return plan, ReferenceRun(content["code"], **content["reference"])

@@ -1,0 +1,73 @@
+"""Commands `sweep rerun` and `sweep page`: repeat one run of a sweep, write its page again."""
+
+import argparse
+from collections.abc import Sequence
+
+from hric_bags.arguments import RUNS
+from hric_core.command import Argument, Command
+from hric_core.errors import HricError
+from hric_sweep import definition, table, task
+from hric_sweep.folder import opened
+from hric_sweep.records import PlainData
+
+FOLDER = Argument("sweep", help="folder of the sweep, or its name in the folder of all runs")
+
+
+class RerunCommand(Command):
+    """Run one run of a sweep again, into a run folder with bag, metrics, figures and page.
+
+    Its hash is compared with that of the sweep.
+    """
+
+    def arguments(self) -> list[Argument]:
+        """Return the arguments."""
+        return [FOLDER, Argument("id", help="id of the run, or its first characters"), RUNS]
+
+    def run(self, arguments: argparse.Namespace) -> None:
+        """Repeat one run of a sweep. Raises HricError: its hash is another one."""
+        folder = table.find(arguments.sweep)
+        plan, before = opened(folder)
+        row = _row(table.read(folder).to_pylist(), arguments.id)
+        repeated = plan.task(row["index"], {name: row[name] for name in plan.section.vary}, before.code)
+        from hric_report import headless
+        from hric_report import html as report_html
+
+        result = headless.run(
+            task.definition_of(repeated),
+            definition.written(repeated.changes),
+            seed=repeated.seed,
+            root=arguments.runs,
+        )
+        print(f"{result.metrics['report']}\nrun folder: {result.folder.path}\npage: {report_html.write(result.folder)}")
+        state = result.metrics["state_sha256"]
+        if plan.section.until != definition.ENDS[0]:  # the run folder goes on to the end of the experiment
+            state = task.run(repeated).state_sha256
+        if state != row["state_sha256"]:
+            raise HricError(
+                f"state_sha256 is {state}; in the sweep it was {row['state_sha256']}: code or machine differ (sweep: "
+                f"code {before.code[:12]}, here {task.code_version()[:12]})"
+            )
+        print(f"state_sha256: {row['state_sha256']}, as in the sweep")
+
+
+def _row(rows: Sequence[PlainData], prefix: str) -> PlainData:
+    matches = [row for row in rows if row["id"].startswith(prefix)]
+    ids = {row["id"]: None for row in matches or rows}
+    if not matches or len(ids) > 1:  # rows of a point that was sampled twice share one id
+        some = ", ".join(list(ids)[:5])
+        raise HricError(f"{len(ids) if matches else 0} runs have an id that begins with {prefix!r}; valid: {some}, ...")
+    return matches[0]
+
+
+class PageCommand(Command):
+    """Write report.html of a sweep again, from its table."""
+
+    def arguments(self) -> list[Argument]:
+        """Return the arguments."""
+        return [FOLDER]
+
+    def run(self, arguments: argparse.Namespace) -> None:
+        """Write the page of a sweep from its table."""
+        from hric_sweep.page import build as page
+
+        print(f"page: {page.write(table.find(arguments.sweep))}")

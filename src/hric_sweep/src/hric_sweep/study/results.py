@@ -1,0 +1,144 @@
+"""Results of one form of a study: numbers of its runs, their comparisons, and figures."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from hric_bags import reader as bag_reader
+from hric_bags.reader import ControlRecord, FloatArray
+from hric_bags.run_folder import RunFolder
+from hric_core.errors import HricError
+from hric_core.urdf import read
+from hric_report.compare import compare
+from hric_report.run import bag_of
+from hric_run.definition.experiment import Experiment
+from hric_run.simulation import Simulation
+from hric_sweep.records import PlainData
+from hric_sweep.study import tables
+from hric_sweep.study.definition import Form, Pair
+
+
+def of_form(
+    form: Form, runs: Mapping[str, RunFolder], arguments: Sequence[str], folder: Path, *, figures: bool
+) -> PlainData:
+    """Return the results of a form.
+
+    Args:
+        form: form that was run.
+        runs: run folders of its runs, by name.
+        arguments: overrides of the user, for all runs.
+        folder: folder of the study.
+        figures: True if figures are drawn.
+
+    Raises:
+        HricError: runs cannot be compared.
+    """
+    logs = {name: bag_reader.read(bag_of(run, run.read())).log for name, run in runs.items()}
+    metrics = {name: json.loads(run.metrics_path.read_text()) for name, run in runs.items()}
+    results = {name: _result(run, metrics[name], logs[name]) for name, run in runs.items()}
+    result = {
+        "experiment": form.experiment,
+        "changes": list(form.changes),
+        "runs": results,
+        "compared": [_compared(pair, runs, metrics, folder / form.name, figures) for pair in form.compared],
+    }
+    if not figures:
+        return result
+    poses = _draw(form, runs, logs, arguments, folder / form.name, results)
+    return {**result, "start_pose_difference_max": poses}
+
+
+def _result(folder: RunFolder, metrics: PlainData, log: ControlRecord) -> PlainData:
+    run = folder.read()
+    return {
+        "run": folder.path.name,
+        "arguments": run["arguments"],
+        "real_time_factor": run.get("real_time_factor"),
+        "stability": metrics["stability"]["loop"],
+        "law_times": law_times(log.time),
+        "tracking": tables.values(metrics, "tracking", tables.TRACKING_COLUMNS),
+        "human": tables.values(metrics, "human", tables.HUMAN_COLUMNS),
+    }
+
+
+def law_times(time: FloatArray) -> PlainData:
+    """Return the values of thesis fig. 17: number of calls of the law, and whether the time it saw ever went back."""
+    steps = np.diff(time)
+    return {
+        "calls": len(time),
+        "strictly_rising": bool(np.all(steps > 0.0)),
+        "backward_steps": int(np.count_nonzero(steps <= 0.0)),
+        "step_min": float(steps.min()),
+        "step_max": float(steps.max()),
+    }
+
+
+def _compared(
+    pair: Pair, runs: Mapping[str, RunFolder], metrics: Mapping[str, PlainData], folder: Path, figures: bool
+) -> PlainData:
+    a, b = pair.runs
+    result = compare(runs[a], runs[b], folder / f"{a}_{b}", labels=(a, b), figures=figures)
+    moves, person = result["setpoints"], result["human"] or {}
+    differences = {
+        "peak_difference_max": max(move["peak_difference_max"] for move in moves),
+        "human_joint_difference_max": person.get("joint_difference_max"),
+        "human_force_difference_max": person.get("force_difference_max"),
+    }
+    last = {name: metrics[name]["setpoints"][-1:] for name in pair.runs}
+    return {
+        "runs": [a, b],
+        **differences,
+        "rms_difference_max": max(joint["rms_difference"] for move in moves for joint in move["joints"].values()),
+        "steady_difference_max": max(move["steady_difference_max"] for move in moves),
+        "at_most": pair.at_most,
+        "force_bound": pair.force_bound,
+        "passed": _passed(pair, *differences.values()),
+        "settling_time": {name: dict(move[0]["settling_time_max"]) if move else {} for name, move in last.items()},
+    }
+
+
+def _passed(pair: Pair, robot: float, person: float | None, force: float | None) -> bool | None:
+    """Return True if joints of robot and human, and grip forces, are within the bounds of a pair; None: it has none."""
+    bounds = ((robot, pair.at_most), (person, pair.at_most), (force, pair.force_bound))
+    within = [value <= bound for value, bound in bounds if value is not None and bound is not None]
+    return all(within) if within else None
+
+
+def _draw(
+    form: Form,
+    runs: Mapping[str, RunFolder],
+    logs: Mapping[str, ControlRecord],
+    arguments: Sequence[str],
+    folder: Path,
+    results: Mapping[str, PlainData],
+) -> float:
+    """Draw the figures of a form, and return the largest difference of link frames at the start [m], [1]."""
+    from hric_report import drawing
+    from hric_sweep.study import figures
+
+    engines: dict[str, str] = {}
+    for name in form.runs:
+        engines.setdefault(form.definition(name, arguments).robot.plant_type, name)
+    shown = list(engines.values()) if len(engines) > 1 else form.compared[0].runs  # a run of each engine, or a pair
+    poses = {name: start_poses(form.definition(name, arguments)) for name in shown}
+    tracking, human = tables.tracking_figure(runs), tables.human_figure(results, form.abscissa)
+    drawn = [*figures.motion(logs), figures.times({name: log.time for name, log in logs.items()}), tracking, human]
+    drawing.draw(folder, [figure for figure in drawn if figure is not None], form.name)
+    figures.draw_poses(folder, poses, form.name)
+    first, *others = poses.values()
+    return max(float(np.abs(first[link] - other[link]).max()) for other in others for link in first if link in other)
+
+
+def start_poses(definition: Experiment) -> dict[str, FloatArray]:
+    """Return T_world_link of each link that the engine knows, shape (4, 4), in the order of the description.
+
+    Raises:
+        HricError: the robot cannot be built, or has no plant.
+    """
+    with Simulation(definition) as at_start:
+        plant = at_start.app.hw.plant
+        if plant is None:
+            raise HricError(f"{definition.robot.hw} has no plant: its links have no poses")
+        return {name: plant.link_state(name)[0] for name in read(at_start.tree["robot_description"]).links}
