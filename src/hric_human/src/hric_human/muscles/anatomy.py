@@ -24,7 +24,7 @@ CENTRES = ("shoulder", "elbow")
 """Joint centres that muscles cross."""
 SEGMENTS = ("torso", "upper_arm", "forearm")
 """Segments of a muscle's drawn line; the first two have their origin in the shoulder, the third in the elbow."""
-Course = tuple[tuple[str, Vector], ...]
+MusclePath = tuple[tuple[str, Vector], ...]
 """Points of a line: segment, and position in axes of its link [m]."""
 
 
@@ -40,7 +40,7 @@ class Muscle:
         length: length of fibres and tendon [m]; its negative gradient is the moment arms.
         pulls: by joint centre that it crosses: force on the distal part per force of the muscle [1], x, y and z in axes
             of the proximal link (torso, upper arm).
-        course: line in the resting posture, only for drawing.
+        path: line in the resting posture, only for drawing.
     """
 
     name: str
@@ -49,7 +49,7 @@ class Muscle:
     slack_length: float
     length: Polynomial
     pulls: Mapping[str, tuple[Polynomial, Polynomial, Polynomial]]
-    course: Course
+    path: MusclePath
 
 
 @dataclass(frozen=True)
@@ -134,6 +134,7 @@ def _row(muscle: Muscle) -> dict[str, Any]:
     row = asdict(muscle)
     row["length"] = _polynomial_row(muscle.length)
     row["pulls"] = {centre: [_polynomial_row(part) for part in pull] for centre, pull in muscle.pulls.items()}
+    row["course"] = row.pop("path")
     return row
 
 
@@ -148,10 +149,10 @@ def _muscle(row: Mapping[str, Any]) -> Muscle:
     pulls = {}
     for centre, (x, y, z) in row["pulls"].items():
         pulls[centre] = _polynomial(x), _polynomial(y), _polynomial(z)
-    course = tuple((str(segment), (float(x), float(y), float(z))) for segment, (x, y, z) in row["course"])
-    if len(course) < 2 or not {segment for segment, _ in course} <= set(SEGMENTS):
-        raise ValueError(f"the course of {row['name']} is {course}")
-    return Muscle(row["name"], force, optimal, slack, _polynomial(row["length"]), pulls, course)
+    path = tuple((str(segment), (float(x), float(y), float(z))) for segment, (x, y, z) in row["course"])
+    if len(path) < 2 or not {segment for segment, _ in path} <= set(SEGMENTS):
+        raise ValueError(f"the course of {row['name']} is {path}")
+    return Muscle(row["name"], force, optimal, slack, _polynomial(row["length"]), pulls, path)
 
 
 def _polynomial(row: Any) -> Polynomial:

@@ -71,12 +71,14 @@ class Human(Participant):
         with self._naming("watches"):
             if settings.watches:
                 plant.link_state(settings.watches)
-        beside = f"{node.beside('hric')}/{name}"
+        namespace = f"{node.beside('hric')}/{name}"
         calls: dict[str, Callable[[], object]] = {"start": self._start}
         for grip in self._grips:
             calls[f"grips/{grip.name}/close"] = grip.close
             calls[f"grips/{grip.name}/open"] = partial(grip.open, "its service was called")
-        self._services = [node.service(f"{beside}/{path}", Trigger, self._served(act)) for path, act in calls.items()]
+        self._services = [
+            node.service(f"{namespace}/{path}", Trigger, self._served(act)) for path, act in calls.items()
+        ]
         self._begin()
 
     def _new_control(self) -> HumanControl:
