@@ -57,16 +57,16 @@ class EmgSection(SensorSection):
 
     def nodes(self, seed: int, person: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
         """Return the private parameters of both nodes; muscles of a simulated human are those of the hand's side."""
-        found, given, names = super().nodes(seed, person), dict(self.trigno or {}), list(self.channels)
-        trigno, device = self.transport == "trigno", found.get(self.emulated_name)
+        parameters, settings, names = super().nodes(seed, person), dict(self.trigno or {}), list(self.channels)
+        trigno, device = self.transport == "trigno", parameters.get(self.emulated_name)
         if trigno:
-            found[self.name]["trigno"] = {**given, "channels": names + ["time"] * self.time_code}
+            parameters[self.name]["trigno"] = {**settings, "channels": names + ["time"] * self.time_code}
         if device is not None:
             server = {"host": "ip", "command_port": "command_port", "data_port": "data_port"} if trigno else {}
-            device |= {"muscles": names} | {name: given[key] for key, name in server.items() if key in given}
+            device |= {"muscles": names} | {name: settings[key] for key, name in server.items() if key in settings}
             if person and isinstance(EmulatedEmg.of(self.emulated, "emulated").activation, TopicActivation):
                 device["activation"] = {"side": _following_side(person["person"]), **device["activation"]}
-        return found
+        return parameters
 
     @property
     def source(self) -> dict[str, Any]:

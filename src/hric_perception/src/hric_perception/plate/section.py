@@ -98,15 +98,15 @@ class PlateSection(SensorSection):
 
     def nodes(self, seed: int, person: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
         """Return the private parameters of both nodes."""
-        found = super().nodes(seed, person)
-        if (device := found.get(self.emulated_name)) is None:
-            return found
+        parameters = super().nodes(seed, person)
+        if (device := parameters.get(self.emulated_name)) is None:
+            return parameters
         pose = {key: value for key, value in (self.pose or {}).items() if key != "frame"}
         device |= ({"pose": pose} if pose else {}) | ({"person": person["person"]} if self.follows else {})
         if self.transport == "natnet":
             device["natnet"] = NATNET_PORTS | dict(self.emulated.get("natnet") or {})
-            found[self.name]["natnet"] = {"server": "127.0.0.1", **NATNET_PORTS, **(self.natnet or {})}
-        return found
+            parameters[self.name]["natnet"] = {"server": "127.0.0.1", **NATNET_PORTS, **(self.natnet or {})}
+        return parameters
 
     @property
     def source(self) -> dict[str, Any]:

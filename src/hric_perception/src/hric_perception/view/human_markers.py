@@ -59,7 +59,7 @@ class HumanMarkers:
             grips, self._grips = self._grips, {}
             contacts, self._contacts = self._contacts, {}
         markers = [marker for grip in grips.values() if grip.closed for marker in self._grip(grip)]
-        markers += [marker for link, found in contacts.items() for marker in self._contact(link, *found)]
+        markers += [marker for link, contact in contacts.items() for marker in self._contact(link, *contact)]
         return MarkerArray(markers) if markers else None
 
     def _grip(self, grip: Any) -> list[Any]:
