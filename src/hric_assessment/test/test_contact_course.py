@@ -149,7 +149,7 @@ def test_forces_of_two_links_are_added_while_both_press_and_at_no_other_time() -
     episode = only(contact(100.0), contact(60.0, begin=1.15, duration=0.85, other="panda::panda_leftfinger"))
     assert episode.quasi_static is not None
     assert (episode.transient.peak, episode.quasi_static.peak) == (pytest.approx(160.0), pytest.approx(60.0))
-    assert (episode.whole.begin, episode.whole.end) == (1.0, pytest.approx(2.0))
+    assert (episode.overall.begin, episode.overall.end) == (1.0, pytest.approx(2.0))
 
 
 def test_a_link_that_comes_later_presses_with_nothing_before() -> None:
@@ -161,12 +161,12 @@ def test_a_link_that_comes_later_presses_with_nothing_before() -> None:
 
 def test_the_impulse_is_the_sum_of_those_that_the_messages_state() -> None:
     episode = only(contact(5.0, impulse=0.4), contact(5.0, begin=1.1, impulse=0.7), contact(5.0, impulse=None))
-    assert episode.whole.impulse == pytest.approx(1.1)
+    assert episode.overall.impulse == pytest.approx(1.1)
 
 
 def test_one_message_gives_the_force_and_none_gives_nothing() -> None:
     single = only(contact(30.0, duration=0.01))
-    assert single is not None and (single.whole.peak, single.whole.peak_time) == (30.0, pytest.approx(1.01))
+    assert single is not None and (single.overall.peak, single.overall.peak_time) == (30.0, pytest.approx(1.01))
     assert only(contact(30.0, duration=0.01)).doubts == ()
     assert only(contact(math.nan)).known is False
 
@@ -203,7 +203,7 @@ def test_links_of_a_model_with_those_of_models_in_it_and_links_of_no_named_model
     first: str, second: str, peak: float
 ) -> None:
     episode = only(contact(100.0, other=first), contact(60.0, other=second))
-    assert episode.whole.peak == pytest.approx(peak)
+    assert episode.overall.peak == pytest.approx(peak)
 
 
 @pytest.mark.parametrize(
@@ -216,12 +216,12 @@ def test_a_peak_counts_when_it_is_stated_to_have_been_from_the_begin_to_its_mess
     reached, times = made.series.reached.copy(), made.series.reached_time.copy()
     reached[3:], times[3:] = 90.0, stated
     episode = only(replace(made, series=replace(made.series, reached=reached, reached_time=times)))
-    assert (episode.whole.peak, episode.whole.peak_time) == (90.0, pytest.approx(at))
+    assert (episode.overall.peak, episode.overall.peak_time) == (90.0, pytest.approx(at))
 
 
 def test_a_newton_before_the_first_message_counts() -> None:
     episode = only(contact(0.5, duration=0.01, series={"reached": np.array([1.0])}))
-    assert episode.whole.peak == 1.0
+    assert episode.overall.peak == 1.0
 
 
 def test_a_contact_without_force_for_a_while_is_known_to_have_none() -> None:
@@ -235,7 +235,7 @@ def test_a_force_that_is_none_is_left_out_and_counted(bad: float) -> None:
     force[[4, 5]] = bad
     reached = np.maximum.accumulate(sine(50.0))
     episode = only(contact(force, series={"reached": reached}))
-    assert episode.whole.peak == pytest.approx(max(sine(50.0)))
+    assert episode.overall.peak == pytest.approx(max(sine(50.0)))
     assert "2 of 20 forces are not numbers or below 0" in episode.doubts
 
 

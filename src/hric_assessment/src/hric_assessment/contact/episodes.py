@@ -81,7 +81,7 @@ class Episode:
     """Contact from its first touch to its last.
 
     Attributes:
-        whole: the complete episode; its peak is NaN if no sample is usable.
+        overall: the complete episode; its peak is NaN if no sample is usable.
         transient: its first part.
         quasi_static: the part after the transient; None: there is none.
         rate: sampling rate [Hz].
@@ -91,7 +91,7 @@ class Episode:
         unknown_peak: upper bound of the quasi-static force where samples are missing [N]; None: no sample is missing.
     """
 
-    whole: Stretch
+    overall: Stretch
     transient: Stretch
     quasi_static: Stretch | None = None
     rate: float = math.nan
@@ -103,7 +103,7 @@ class Episode:
     @property
     def known(self) -> bool:
         """True if the force has a usable sample."""
-        return math.isfinite(self.whole.peak)
+        return math.isfinite(self.overall.peak)
 
 
 def refusal(kind: str) -> str:
@@ -255,9 +255,9 @@ def _episode(
     )
     period = source_period if np.isfinite(source_period) else _period(times)
     episode = split(times, total, table, 1.0 / period)
-    whole = replace(episode.whole, impulse=sum(contact.impulse or 0.0 for contact in contacts))
+    overall = replace(episode.overall, impulse=sum(contact.impulse or 0.0 for contact in contacts))
     peak = _unknown_peak(samples, episode, table)
-    return replace(episode, whole=whole, contacts=tuple(contacts), doubts=unique_doubts, unknown_peak=peak)
+    return replace(episode, overall=overall, contacts=tuple(contacts), doubts=unique_doubts, unknown_peak=peak)
 
 
 def _usable(contact: RegionContact) -> BoolArray:
@@ -339,7 +339,7 @@ def _flat(contact: RegionContact, time: FloatArray, force: FloatArray) -> bool:
 
 def _unknown_peak(samples: Sequence[Samples], episode: Episode, table: ValueTable) -> float | None:
     """Return the upper bound of the quasi-static force in gaps longer than may be bridged, from stated peaks [N]."""
-    held, max_gap = episode.whole.begin + table["transient_time"], verdict_table()["max_gap"]
+    held, max_gap = episode.overall.begin + table["transient_time"], verdict_table()["max_gap"]
     bound, any_unknown = 0.0, False
     for contact, time, _, usable in samples:
         any_unknown |= bool(unknown(time, usable, (max(held, contact.begin), end_of(contact)), max_gap))
