@@ -8,13 +8,11 @@ from hric_assessment.contact.limits import Limits
 from hric_assessment.ergonomics.scoring import methods
 from hric_assessment.separation import stopping
 from hric_assessment.tables import LIMIT_TABLES
-from hric_assessment.verdict.assess import assess
-from hric_assessment.verdict.choices import Braking, Choices
+from hric_assessment.verdict import Choices, Verdict, assess, opened
+from hric_assessment.verdict.choices import Braking
 from hric_assessment.verdict.comparing import compared
 from hric_assessment.verdict.conclusions import CONTACT, GROUPS, QUESTIONS
-from hric_assessment.verdict.inputs import opened
 from hric_assessment.verdict.moment import picture
-from hric_assessment.verdict.result import Verdict
 from hric_bags import files
 from hric_bags.arguments import run_arguments
 from hric_core.command import Argument, Command

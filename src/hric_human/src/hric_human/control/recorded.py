@@ -96,7 +96,7 @@ class Angles(ReferenceSettings):
     """Recorded joint angles."""
 
     rate: float = number(above=0.0, maximum=1e4, unit="Hz", text="of the rows")
-    angles: Mapping[str, Any] = mapping(
+    angles: Mapping[str, object] = mapping(
         unit="rad", text="by joint, as many values each; joints not named rest. Before and after them the body rests"
     )
 
@@ -173,7 +173,7 @@ class Markers(Captured):
     """Marker positions listed in the settings."""
 
     rate: float = number(above=0.0, maximum=1e4, unit="Hz", text="of the frames")
-    markers: Mapping[str, Any] = mapping(
+    markers: Mapping[str, object] = mapping(
         unit="m", text="positions by name of Plug-in Gait, a row of x, y, z per frame; NaN: not seen"
     )
 

@@ -8,10 +8,10 @@ A file is JSON with the attributes of `Anatomy`, a line for each muscle.
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 from hric_core.errors import HricError
 from hric_core.geometry import Vector
@@ -130,7 +130,19 @@ def load(path: Path) -> Anatomy:
         raise HricError(f"{path} is not a file of `hric fit_muscles`: {error!r}") from error
 
 
-def _row(muscle: Muscle) -> dict[str, Any]:
+class _MuscleRow(TypedDict):
+    """Muscle in the file; its parts are checked as they are read."""
+
+    name: str
+    max_force: float
+    optimal_length: float
+    slack_length: float
+    length: object
+    pulls: Mapping[str, Sequence[object]]
+    course: Sequence[tuple[str, Vector]]
+
+
+def _row(muscle: Muscle) -> dict[str, object]:
     row = asdict(muscle)
     row["length"] = _polynomial_row(muscle.length)
     row["pulls"] = {centre: [_polynomial_row(part) for part in pull] for centre, pull in muscle.pulls.items()}
@@ -142,7 +154,7 @@ def _polynomial_row(polynomial: Polynomial) -> list[Any]:
     return [polynomial.joints, polynomial.order, polynomial.coefficients]
 
 
-def _muscle(row: Mapping[str, Any]) -> Muscle:
+def _muscle(row: _MuscleRow) -> Muscle:
     force, optimal, slack = (float(row[key]) for key in ("max_force", "optimal_length", "slack_length"))
     if not (0.0 < force < math.inf and 0.0 < optimal < math.inf and 0.0 <= slack < math.inf):
         raise ValueError(f"muscle {row['name']}: {force} N, {optimal} m, {slack} m")

@@ -45,7 +45,7 @@ class Human(Participant):
         HricError: an invalid parameter, or a plant whose models have no joints.
     """
 
-    def __init__(self, name: str, plant: Plant, node: Node, config: Mapping[str, Any]) -> None:
+    def __init__(self, name: str, plant: Plant, node: Node, config: Mapping[str, object]) -> None:
         where = f"{node.resolve('participants')}/{name}"
         self._settings = settings = HumanSettings.of(config, where)
         if not isinstance(plant, Articulated):
