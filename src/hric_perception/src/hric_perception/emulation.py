@@ -57,7 +57,7 @@ class Faults(Settings):
     seed: int = 0
 
 
-def faults_of(settings: Mapping[str, Any], where: str, seed: int, delay: float = 0.0) -> Faults:
+def faults_of(settings: Mapping[str, object], where: str, seed: int, delay: float = 0.0) -> Faults:
     """Return the faults of an emulated device; delay: default of their delay [s]. Raises ParameterError."""
     return replace(Faults.of({"delay": delay, **settings}, where), seed=seed)
 

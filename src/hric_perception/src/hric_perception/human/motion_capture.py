@@ -17,13 +17,10 @@ from hric_human.hand.programs import with_programs
 from hric_perception.human.simulated_body import SimulatedBody
 from hric_perception.simulated import PROGRAM, person_of
 from mocap_natnet.client.settings import bitstream
-from mocap_natnet.codec.layout import Version
-from mocap_natnet.codec.packets import COMMAND_PORT, DATA_PORT
+from mocap_natnet.codec import COMMAND_PORT, DATA_PORT, Version
+from mocap_natnet.server import OCCLUSION, TRANSPORTS, TRIANGLE, Body, Faults, Motive, Scene
+from mocap_natnet.server import Settings as MotiveSettings
 from mocap_natnet.server.c3d_source import RecordedBody, labels_of
-from mocap_natnet.server.motive import Motive
-from mocap_natnet.server.scene import OCCLUSION, TRIANGLE, Body, Faults, Scene
-from mocap_natnet.server.settings import TRANSPORTS
-from mocap_natnet.server.settings import Settings as MotiveSettings
 
 
 class Recorded(Program):

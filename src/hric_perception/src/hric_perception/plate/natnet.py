@@ -21,8 +21,7 @@ from hric_perception.plate.loads import Load
 from hric_perception.stream import Driver, SampleStream, StreamHealth
 from mocap_natnet import client, server
 from mocap_natnet.client.settings import address
-from mocap_natnet.codec.descriptions import ForcePlateDescription, Model
-from mocap_natnet.codec.packets import COMMAND_PORT, DATA_PORT
+from mocap_natnet.codec import COMMAND_PORT, DATA_PORT, ForcePlateDescription, Model
 from mocap_natnet.node.parameters import Publishing
 
 NS = 1e-9

@@ -129,7 +129,7 @@ in batches of that length.
 class SyncSettings(Settings):
     """Parameters of the node."""
 
-    plan: Mapping[str, Any] = mapping(text='what is synchronised, and how: see "Synchroniser"')
+    plan: Mapping[str, object] = mapping(text='what is synchronised, and how: see "Synchroniser"')
     rates: tuple[float, ...] | None = listing(
         number(above=0.0, maximum=10_000.0),
         range(1, 100),

@@ -9,6 +9,7 @@ from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from hric_core.robot_time import stamps
+from hric_msgs.msg import HumanGrip
 
 PER_NEWTON_GRIP, PER_NEWTON_CONTACT = 0.02, 0.002
 """Length of an arrow of grips, as that of the force on the arm, and of contacts, of hundreds of newtons [m/N]."""
@@ -29,7 +30,7 @@ class HumanMarkers:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._grips: dict[str, Any] = {}
+        self._grips: dict[str, HumanGrip] = {}
         self._contacts: dict[str, tuple[float, str, Any]] = {}
         self._numbers: dict[str, int] = {}
 
