@@ -272,7 +272,9 @@ def test_of_a_contact_that_is_recorded_from_its_begin_to_its_end_nothing_is_unkn
 @pytest.mark.parametrize(("duration", "told"), [(0.3, True), (0.5, True), (0.51, False)])
 def test_a_blow_that_had_not_ended_may_have_become_harder(duration: float, told: bool) -> None:
     going_on = contact(sine(50.0, round(100 * duration)), duration=duration, ended=False)
-    assert only(going_on, until=1.0 + duration).doubts == (("it had not ended when the recording did",) if told else ())
+    assert only(going_on, until=1.0 + duration).doubts == (
+        ("it had not ended when the recording ended",) if told else ()
+    )
     over = contact(1.0, duration=duration, other="panda::panda_leftfinger")
     assert bool(only(over, going_on, until=1.0 + duration).doubts) == told
 

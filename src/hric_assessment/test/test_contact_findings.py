@@ -176,7 +176,7 @@ def test_no_contact_with_the_head_is_within_limits(regions: tuple[str, ...], lim
 def test_a_contact_with_the_head_of_a_simulated_body_is_above_limits() -> None:
     finding = assess(hit(0.01), where(tuple(region.name for region in body().regions["head"])), ISO)
     assert finding.outcome == Outcome.ABOVE
-    assert finding.reason.endswith("is within limits, and which of these was met is not known")
+    assert finding.reason.endswith("is within limits, and which of these was touched is not known")
 
 
 def test_a_neck_alone_may_be_touched() -> None:

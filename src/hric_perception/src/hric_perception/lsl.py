@@ -151,7 +151,7 @@ class LslReader(Driver):
         while not self._stop.wait(LOOK):
             if streams := resolver.results():
                 return list(streams)
-            self._health.trouble(f"{self._query} is not there")
+            self._health.trouble(f"{self._query} is not found")
         return []
 
     def _read(self, info: pylsl.StreamInfo) -> None:

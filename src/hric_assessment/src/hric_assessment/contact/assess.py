@@ -149,7 +149,7 @@ def _judged(
     if approach is not None and site.kind == PENALTY and (approach.exact or approach.value <= approach.limit):
         ratios.append(approach)
     if any(region in NOT_PERMITTED for region in site.regions):
-        known = "" if len(site.regions) == 1 else ", and which of these was met is not known"
+        known = "" if len(site.regions) == 1 else ", and which of these was touched is not known"
         return Outcome.ABOVE, f"no contact with {' or '.join(NOT_PERMITTED)} is within limits{known}", ratios
     if site.kind != PENALTY:
         return Outcome.NOT_ASSESSABLE, refusal(site.kind), []

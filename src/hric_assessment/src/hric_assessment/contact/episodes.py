@@ -109,7 +109,7 @@ class Episode:
 def refusal(kind: str) -> str:
     """Return why the force of a contact that is not a penalty contact is not assessed."""
     if kind == UNKNOWN:
-        return "whether the force is one of a spring is not recorded"
+        return "the recording does not say if the force is that of a spring"
     if kind not in KINDS:
         return f"contacts of kind {kind!r} are not known"
     return f"the force of a {kind} contact is a number of the integrator, not of the collision"
@@ -236,7 +236,7 @@ def _episode(
     ]
     lasted = max(map(end_of, contacts)) - contacts[0].begin
     if not all(contact.ended for contact in contacts) and lasted <= table["transient_time"] + STAMP:
-        doubts.append("it had not ended when the recording did")
+        doubts.append("it had not ended when the recording ended")
     needed = 1.0 / table["rate"]
     if source_period > needed * (1.0 + RATE_TOLERANCE) and not all(resolved(contact, needed) for contact in contacts):
         doubts.append(f"a blow needs {table['rate']:g} samples a second, and its messages do not show that it has them")

@@ -177,9 +177,10 @@ class HandSolver:
         distance, reach, side = math.dist(target.position, self._shoulder), self.chain.reach, self.chain.side
         if distance > reach:
             return OutOfReachError(
-                f"the hand is to be {distance:.3f} m from the {side} shoulder; valid: up to {reach:.3f} m, its reach"
+                f"the goal of the hand is {distance:.3f} m from the {side} shoulder; "
+                f"valid: up to {reach:.3f} m, its reach"
             )
         return OutOfReachError(
-            f"the hand is to be {distance:.3f} m from the {side} shoulder, where the ranges of the joints do not "
-            f"let it be (it misses by {left:.3f} m and rad); valid: poses within them, up to its reach, {reach:.3f} m"
+            f"the goal of the hand, {distance:.3f} m from the {side} shoulder, is outside the ranges of the joints "
+            f"(off by {left:.3f} m and rad); valid: poses within them, up to its reach, {reach:.3f} m"
         )

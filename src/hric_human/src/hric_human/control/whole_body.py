@@ -165,7 +165,7 @@ class WholeBody:
         """
         wrong = [external.link for external in loads if external.link not in self.index]
         if wrong:
-            raise HricError(f"a load on {wrong[0]!r}, which the body has not; valid: {', '.join(self.index)}")
+            raise HricError(f"a load on {wrong[0]!r}, which is no link of the body; valid: {', '.join(self.index)}")
         n, links = len(q), len(self.links)
         acting = np.zeros((n, len(loads), 9))
         for at, external in enumerate(loads):

@@ -63,13 +63,13 @@ def _fitted(path: Path) -> Anatomy:
         try:
             return load(cached)
         except HricError as error:
-            LOG.warning("a kept fit is damaged, and is made again: %s", error)
-    LOG.warning("muscles of %s are fitted, once, which takes a minute or more", path)
+            LOG.warning("a cached fit is damaged and is repeated: %s", error)
+    LOG.warning("fitting the muscles of %s: this happens once and takes a minute or more", path)
     anatomy = fit(path)
     if cached is not None:
         try:
             cached.parent.mkdir(parents=True, exist_ok=True)
             write_whole(cached, anatomy.text().encode())
         except OSError as error:
-            LOG.warning("the fit of %s is not kept: %s", path, error)
+            LOG.warning("the fit of %s cannot be cached: %s", path, error)
     return anatomy

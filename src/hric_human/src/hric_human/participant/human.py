@@ -215,7 +215,7 @@ class Human(Participant):
         before, now, control = self._strained, self._control.at_strength, self._control
         for joint, was, is_now in zip(control.person.joints, before, now, strict=True):
             if is_now and not was:
-                text = f"{joint} is at its strength, for the {control.clipped[joint]}. time"
+                text = f"{joint} is saturated at its maximum strength ({control.clipped[joint]} so far)"
                 self._happened("strength", joint, float(control.clipped[joint]), text)
         self._strained = now
 
@@ -228,7 +228,9 @@ class Human(Participant):
 
     def _start(self) -> None:
         if self._called or self._zero < math.inf:
-            raise CommandError(f"{self._name} moves since {self._zero:.3f} s; a motion runs once, until a reset")
+            raise CommandError(
+                f"{self._name} has been moving since {self._zero:.3f} s; a motion runs once, until a reset"
+            )
         self._called = True
 
     def _served(self, act: Callable[[], object]) -> Callable[[Any], Any]:
@@ -242,7 +244,9 @@ class Human(Participant):
             try:
                 return TriggerResponse(success=True, message=done.result(SERVICE_TIMEOUT))
             except TimeoutError:
-                return TriggerResponse(success=False, message=f"the robot has not moved on for {SERVICE_TIMEOUT:g} s")
+                return TriggerResponse(
+                    success=False, message=f"the control loop has not advanced for {SERVICE_TIMEOUT:g} s"
+                )
             except HricError as error:
                 return TriggerResponse(success=False, message=str(error))
 

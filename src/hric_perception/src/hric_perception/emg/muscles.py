@@ -170,7 +170,7 @@ class BodyActivation(Track):
             self._names, self._columns = tuple(names), []
             if missing := sorted({part for group in self._parts for part in group} - set(names)):
                 raise CommandError(
-                    f"no activation of {', '.join(missing)}; there is one of {', '.join(names) or 'nothing'}"
+                    f"the message has no activation of {', '.join(missing)}; it has {', '.join(names) or 'nothing'}"
                 )
             self._columns = [[self._names.index(part) for part in group] for group in self._parts]
         if self._columns:

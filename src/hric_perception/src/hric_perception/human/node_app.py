@@ -155,7 +155,7 @@ class HumanNode(NodeApp):
             return TriggerResponse(success=True, message=f"the human in the plant begins with hric/{HUMAN}/start")
         began = self._server.robot_time(0.0)
         if began is None:
-            return TriggerResponse(success=False, message="the time of the run is not known yet")
+            return TriggerResponse(success=False, message="robot time is not known yet")
         time = self._server.time
         try:
             zero = self._hand.start(time)

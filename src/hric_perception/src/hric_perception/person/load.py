@@ -271,7 +271,7 @@ class _Tally:
 def _diagnosis(person_load: PersonLoad) -> tuple[int, str]:
     """Return level and text about the newest instant."""
     if person_load.force[-1] == MISSING:
-        return WARN, "the force on the person's hand does not come: the load of that arm is not known"
+        return WARN, "no force on the person's hand arrives: the load of that arm is not known"
     if lost := [side for side, states in person_load.states.items() if states[-1] == LOST]:
         return WARN, f"lost for want of markers: {' and '.join(lost)} arm"
     if person_load.force[-1] == AWAY:

@@ -15,9 +15,9 @@ OUT_OF_ORDER, FOREIGN, MALFORMED, NOT_FOR_US = (
     "not later than the sample before",
     "stamped with another time",
     "malformed",
-    "without the values wanted",
+    "without the requested values",
 )
-NOT_YET = "not heard yet"
+NOT_YET = "no message yet"
 """Reason of a source without messages during startup: no failure."""
 REFUSALS = (OUT_OF_ORDER, FOREIGN, MALFORMED)
 """Reasons for which refused samples are losses; messages for others on the same topic are none."""

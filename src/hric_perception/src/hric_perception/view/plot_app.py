@@ -72,7 +72,7 @@ def _show(arguments: argparse.Namespace) -> None:
         if name not in known:
             raise UnknownNameError("panel", name, known)
     if arguments.screenshot and arguments.screenshot.suffix not in (".png", ".svg", ".pdf"):
-        raise PlotError(f"--screenshot {arguments.screenshot}: no kind of picture; valid: .png, .svg, .pdf")
+        raise PlotError(f"--screenshot {arguments.screenshot}: not a format of pictures; valid: .png, .svg, .pdf")
     shown = [known[name] for name in arguments.panels or DEFAULT]
     shutdown = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):

@@ -240,7 +240,7 @@ class NatNetClient:
         if address not in self._strangers and len(self._strangers) < STRANGERS:
             self._strangers.add(address)
             server = f"{self._server}:{self.settings.command_port}" if self._server else "a server that responds"
-            LOG.warning("packets of %s:%d are refused: only %s is believed (reported once)", address, port, server)
+            LOG.warning("packets of %s:%d are refused: only %s is accepted (reported once)", address, port, server)
         return STRANGER
 
     def _send(self, now: int) -> None:

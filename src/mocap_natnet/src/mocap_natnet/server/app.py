@@ -106,7 +106,7 @@ def _fault_arguments() -> list[Argument]:
         action="append",
         default=[],
         metavar="BEGIN:DURATION[:BODY]",
-        help="nothing of BODY (default: of all) is seen; may be repeated",
+        help="BODY (default: every body) is not visible; may be repeated",
     )
     delays = _declared_arguments("faults", Settings(), FAULTS[:-1])
     return [*delays, *_declared_arguments("faults", Faults(), SCENE_FAULTS), occlude]
@@ -198,6 +198,6 @@ def serve(
         while time.monotonic() < end and not stop.wait(min(TICK, max(0.0, end - time.monotonic()))):
             tick()
             if not server.running:
-                raise FailureError("the stream has broken off")
+                raise FailureError("the stream has stopped")
     finally:
         server.close()

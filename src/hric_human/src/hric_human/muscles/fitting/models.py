@@ -57,7 +57,7 @@ def fit(path: Path) -> Anatomy:
         return delft.fit(path)
     from hric_human.muscles.fitting.opensim_model import OpenSimArm
 
-    LOG.warning("%s is used as it is: no mends", path)
+    LOG.warning("%s is used without repairs", path)
     return any_arm.fit(OpenSimArm(path), path.name, terms(path))
 
 
