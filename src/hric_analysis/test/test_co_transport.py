@@ -167,7 +167,10 @@ def test_the_replay_has_the_board_where_both_ends_of_it_are(led: runner.Result) 
     [
         ("human.grips.robot.held:=plank::link", r"no model 'plank' in .*/grips/robot; valid: board"),
         ("human.grips.hand.holder:=claw", r"no link 'claw' in .*/grips/hand; valid: panda_hand"),
-        ("human.position:=[3.0, -0.2]", r"the hand is to be 1\.4\d+ m from the right shoulder; valid: up to 0\.6"),
+        (
+            "human.position:=[3.0, -0.2]",
+            r"the goal of the hand is 1\.4\d+ m from the right shoulder; valid: up to 0\.6",
+        ),
         ("robot.load.mass:=-1", r"robot\.load\.mass is -1; valid: a finite number from 0 to 50 \[kg\]"),
     ],
 )

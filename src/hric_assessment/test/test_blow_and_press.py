@@ -10,9 +10,9 @@ import pytest
 from hric_assessment.contact.impact import Clamping, ClosedFormImpact, ExpectedContact, expected_contacts
 from hric_bags.reader import ControlRecord, RunRecord
 from hric_bags.records.human_record import HumanRecord
-from hric_bags.records.region_contacts import Course, RegionForce
 from hric_bags.records.root_record import RootRecord
 from hric_human.body import describe
+from hric_human.contact import ContactSeries, RegionContact
 from hric_human.participant.settings import HumanSettings
 
 MASSES, ROTORS = (3.0, 2.0, 4.0), (1.0, 0.5, 0.25)
@@ -56,28 +56,33 @@ def person(**changes: Any) -> HumanRecord:
     return replace(made, **changes)
 
 
-def met(duration: float = 0.01, count: int = 11, force: float = 40.0, **changes: Any) -> RegionForce:
+def met(duration: float = 0.01, count: int = 11, force: float = 40.0, **changes: Any) -> RegionContact:
     """A contact with the pelvis along (0.6, 0.8, 0)."""
     time = BEGIN + np.linspace(0.0, duration, count)
     level, normal = np.full(count, force), np.tile([0.6, 0.8, 0.0], (count, 1))
-    course = Course(time, level, np.maximum.accumulate(level), time, time - BEGIN, np.zeros((count, 3)), normal)
-    about: dict[str, Any] = {"point": (0.0, 0.0, 0.0), "normal": (0.6, 0.8, 0.0), "speed": 0.5, "course": course}
+    series = ContactSeries(time, level, np.maximum.accumulate(level), time, time - BEGIN, np.zeros((count, 3)), normal)
+    about: dict[str, Any] = {
+        "begin_point": (0.0, 0.0, 0.0),
+        "begin_normal": (0.6, 0.8, 0.0),
+        "begin_speed": 0.5,
+        "series": series,
+    }
     about |= {"peak": force, "peak_time": BEGIN, "impulse": force * duration, "duration": duration}
     about |= {"regions": ("pelvis",), "link": "waist", "other": "panda::panda_hand", "kind": "penalty", "begin": BEGIN}
-    return RegionForce(**about | changes)
+    return RegionContact(**about | changes)
 
 
 def beside(
-    contact: RegionForce, run: dict[str, Any] = RUN, robot: ControlRecord | None = None, **known: Any
+    contact: RegionContact, run: dict[str, Any] = RUN, robot: ControlRecord | None = None, **known: Any
 ) -> ExpectedContact:
-    (found,) = expected_contacts(run, GANTRY, RunRecord(robot or log()), person(meetings=[contact], **known))
+    (found,) = expected_contacts(run, GANTRY, RunRecord(robot or log()), person(region_contacts=[contact], **known))
     assert found.contact is contact
     return found
 
 
 @pytest.mark.parametrize("normal", [(1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.6, 0.8, 0.0)])
 def test_a_blow_on_a_pelvis_that_is_fixed_has_the_mass_that_the_gantry_has_along_it(normal: tuple[float, ...]) -> None:
-    form = beside(met(normal=normal)).impact
+    form = beside(met(begin_normal=normal)).impact
     mass = 1.0 / sum(n * n / m for n, m in zip(normal, MOVED, strict=True))
     assert form is not None and (form.speed, form.human_mass) == (0.5, math.inf)
     assert form.stiffness == pytest.approx(PELVIS)
@@ -106,7 +111,7 @@ def wrist(turn: float, shift: tuple[float, float], q: np.ndarray, **known: Any) 
     R = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
     human = {"parts": "upper_body", "heading": turn, "position": list(shift)}
     run = RUN | {"definition": RUN["definition"] | {"human": human | known.pop("settings", {})}}
-    contact = met(link="r_wrist", point=(*(R @ at + shift), 0.1), normal=(*(R @ along), 0.0))
+    contact = met(link="r_wrist", begin_point=(*(R @ at + shift), 0.1), begin_normal=(*(R @ along), 0.0))
     form = beside(contact, run, position=q, **known).impact
     assert form is not None
     return form.human_mass
@@ -135,7 +140,7 @@ def walker(start: list[float], here: list[float]) -> float:
     height = HumanSettings.of(human, "human").root(BODY).position[2]
     root = RootRecord(np.array([0.0, 6.0]), np.tile([*here, height, 0.0, 0.0, 0.0, 1.0], (2, 1)))
     run = RUN | {"definition": RUN["definition"] | {"human": human | {"walk": {"points": [[0, 0, 0]]}}}}
-    contact = met(link="r_wrist", point=(*np.add((0.25, -0.2), here), 0.1))
+    contact = met(link="r_wrist", begin_point=(*np.add((0.25, -0.2), here), 0.1))
     form = beside(contact, run, position=angles(0.3), root=root).impact
     assert form is not None
     return form.human_mass
@@ -162,11 +167,11 @@ def test_a_person_who_walks_and_was_nowhere_has_no_closed_form() -> None:
         {"other": "wall::link"},
         {"other": "panda::nothing"},
         {"link": "nothing"},
-        {"point": None},
-        {"normal": None},
-        {"speed": None},
-        {"speed": 0.0},
-        {"speed": -0.1},
+        {"begin_point": None},
+        {"begin_normal": None},
+        {"begin_speed": None},
+        {"begin_speed": 0.0},
+        {"begin_speed": -0.1},
         {"begin": 9.0},
     ],
     ids=str,
@@ -240,12 +245,12 @@ def test_a_press_is_judged_two_seconds_after_the_touch_or_at_its_end_by_the_tent
 def test_the_measured_peak_is_the_first_and_a_later_one_does_not_count() -> None:
     time = np.array([0.0, 0.02, 0.04, 0.5])
     reached = np.array([0.0, 60.0, 80.0, 300.0])
-    course = replace(met(0.5, 4).course, time=BEGIN + time, force=reached, reached=reached)
+    series = replace(met(0.5, 4).series, time=BEGIN + time, force=reached, reached=reached)
     form = ClosedFormImpact(0.5, 8.0, 8.0, math.pi**2 * 4.0 / 0.03**2)  # lasts for 0.03 s
     assert form.duration == pytest.approx(0.03)
-    contact = met(0.5, 4, peak=300.0, course=course)
+    contact = met(0.5, 4, peak=300.0, series=series)
     assert ExpectedContact(contact, form, None).peak == 80.0
-    assert ExpectedContact(replace(contact, course=replace(course, time=BEGIN + 0.01 * time)), form, None).peak == 300.0
+    assert ExpectedContact(replace(contact, series=replace(series, time=BEGIN + 0.01 * time)), form, None).peak == 300.0
     assert ExpectedContact(contact, None, None).peak is None
 
 
@@ -266,19 +271,19 @@ def test_a_foot_has_no_spring() -> None:
 def test_the_first_message_is_as_late_as_the_half_sine_needs_for_its_force() -> None:
     form = ClosedFormImpact(0.5, 8.0, 8.0, 16e3)
     later = form.duration / 6.0  # half of the peak
-    course = replace(met(0.01, 2).course, force=np.array([0.5 * form.peak, form.peak]))
-    assert ExpectedContact(met(course=course), form, None).late() == pytest.approx(later)
-    above = replace(course, force=np.array([2.0 * form.peak, form.peak]))
-    assert ExpectedContact(met(course=above), form, None).late() == pytest.approx(0.5 * form.duration)
-    nothing = replace(course, force=np.empty(0))
-    assert ExpectedContact(met(course=nothing), form, None).late() == ExpectedContact(met(), None, None).late() == 0.0
+    series = replace(met(0.01, 2).series, force=np.array([0.5 * form.peak, form.peak]))
+    assert ExpectedContact(met(series=series), form, None).late() == pytest.approx(later)
+    above = replace(series, force=np.array([2.0 * form.peak, form.peak]))
+    assert ExpectedContact(met(series=above), form, None).late() == pytest.approx(0.5 * form.duration)
+    nothing = replace(series, force=np.empty(0))
+    assert ExpectedContact(met(series=nothing), form, None).late() == ExpectedContact(met(), None, None).late() == 0.0
 
 
 def test_the_values_of_a_contact_are_what_was_recorded_and_what_was_expected() -> None:
     form = ClosedFormImpact(0.5, 8.0, 8.0, 16e3)
     time = np.arange(0.0, 3.0, 0.05)
     values = ExpectedContact(met(force=50.0), form, Clamping(time, 30.0 + 0.0 * time, 20.0 + 0.0 * time)).values()
-    assert (values["link"], values["speed"], "course" in values) == ("waist", 0.5, False)
+    assert (values["link"], values["speed"], "series" in values) == ("waist", 0.5, False)
     peak = 0.5 * math.sqrt(4.0 * 16e3)
     expected = {"speed": 0.5, "robot_mass": 8.0, "human_mass": 8.0, "stiffness": 16e3, "mass": 4.0, "peak": peak}
     expected |= {"duration": math.pi * math.sqrt(4.0 / 16e3), "impulse": 4.0}
@@ -295,6 +300,6 @@ def test_the_values_of_a_contact_are_what_was_recorded_and_what_was_expected() -
 @pytest.mark.parametrize("changes", [{"description": ""}, {"contact": met(kind="rigid")}, {"joints": ("nobody",)}])
 def test_contacts_are_reported_all_the_same_where_nothing_can_be_expected(changes: dict[str, Any]) -> None:
     contacts = [changes.get("contact", met()), met(kind="rigid")]
-    human = person(meetings=contacts, **{k: v for k, v in changes.items() if k == "joints"})
+    human = person(region_contacts=contacts, **{k: v for k, v in changes.items() if k == "joints"})
     found = expected_contacts(RUN, changes.get("description", GANTRY), RunRecord(log()), human)
     assert [(one.contact, one.impact, one.clamping) for one in found] == [(contact, None, None) for contact in contacts]

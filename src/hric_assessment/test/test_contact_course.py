@@ -8,40 +8,40 @@ import numpy as np
 import pytest
 
 from hric_assessment.contact.episodes import Episode, end_of, episodes, resolved, window_of
-from hric_bags.records.region_contacts import Course, RegionForce
+from hric_human.contact import ContactSeries, RegionContact
 
 PERIOD = 1e-3
 """Period of the source [s]."""
 
 
 def contact(
-    force: Any, begin: float = 1.0, duration: float = 0.2, step: float = 0.01, course: Any = None, **changes: Any
-) -> RegionForce:
+    force: Any, begin: float = 1.0, duration: float = 0.2, step: float = 0.01, series: Any = None, **changes: Any
+) -> RegionContact:
     """A contact with a message every `step`, from one step after its begin to its end.
 
     Args:
         force: at the messages, a number or one for each [N].
-        course: changes of the course.
+        series: changes of the time series.
     """
     since = step * np.arange(1, round(duration / step) + 1)
     level = np.broadcast_to(np.asarray(force, float), since.shape).copy()
     reached = np.fmax.accumulate(level) if len(level) else level
     first = np.searchsorted(reached, reached) if len(level) else np.empty(0, int)
     where, time = np.zeros((len(since), 3)), begin + since
-    made = Course(time, level, reached, time[first % max(len(time), 1)], since, where, where)
+    made = ContactSeries(time, level, reached, time[first % max(len(time), 1)], since, where, where)
     about: dict[str, Any] = {"regions": ("hand, fingers",), "link": "r_wrist", "other": "panda::panda_hand"}
     about |= {"kind": "penalty", "begin": begin, "duration": duration, "peak": None, "peak_time": None}
-    about |= {"impulse": 1.0, "point": None, "normal": None, "speed": None, "ended": True}
-    return RegionForce(**{**about, "course": replace(made, **(course or {})), **changes})
+    about |= {"impulse": 1.0, "begin_point": None, "begin_normal": None, "begin_speed": None, "ended": True}
+    return RegionContact(**{**about, "series": replace(made, **(series or {})), **changes})
 
 
-def changed(changes: dict[str, Any]) -> RegionForce:
-    """A contact of 0.2 s whose messages are as if nothing had changed but the course."""
-    made = contact(5.0, course=changes.get("course"))
-    return replace(made, **{name: value for name, value in changes.items() if name != "course"})
+def changed(changes: dict[str, Any]) -> RegionContact:
+    """A contact of 0.2 s whose messages are as if nothing had changed but the time series."""
+    made = contact(5.0, series=changes.get("series"))
+    return replace(made, **{name: value for name, value in changes.items() if name != "series"})
 
 
-def only(*contacts: RegionForce, period: float = PERIOD, until: float = 9.0) -> Episode:
+def only(*contacts: RegionContact, period: float = PERIOD, until: float = 9.0) -> Episode:
     (episode,) = episodes(contacts, period, until)
     return episode
 
@@ -60,9 +60,9 @@ def sine(peak: float, count: int = 20) -> np.ndarray:
         ({"duration": 0.5}, 1.5),
         ({"duration": math.nan}, 1.2),
         ({"duration": 0.1}, 1.2),
-        ({"course": {"time": np.full(20, math.nan)}}, 1.2),
-        ({"duration": math.nan, "course": {"time": np.full(20, math.nan)}}, 1.0),
-        ({"duration": math.nan, "course": {"time": np.append(1.05, np.full(19, math.nan))}}, 1.05),
+        ({"series": {"time": np.full(20, math.nan)}}, 1.2),
+        ({"duration": math.nan, "series": {"time": np.full(20, math.nan)}}, 1.0),
+        ({"duration": math.nan, "series": {"time": np.append(1.05, np.full(19, math.nan))}}, 1.05),
     ],
 )
 def test_a_contact_ends_when_it_says_or_with_its_last_message(changes: dict[str, Any], end: float) -> None:
@@ -93,9 +93,9 @@ def test_a_contact_that_does_not_say_when_it_began_is_one_of_its_own() -> None:
         ({"step": 0.001}, True),
         ({"step": 0.01}, False),
         ({"step": 0.005, "begin": 1.001}, False),  # one instant off the beat is chance
-        ({"step": 0.005, "course": {"reached_time": np.full(40, 1.032)}}, False),
-        ({"step": 0.005, "duration": 0.198, "course": {"reached_time": np.full(40, 1.033)}}, True),
-        ({"step": 0.005, "duration": 0.198, "course": {"reached_time": np.full(40, 1.0334)}}, False),  # no whole period
+        ({"step": 0.005, "series": {"reached_time": np.full(40, 1.032)}}, False),
+        ({"step": 0.005, "duration": 0.198, "series": {"reached_time": np.full(40, 1.033)}}, True),
+        ({"step": 0.005, "duration": 0.198, "series": {"reached_time": np.full(40, 1.0334)}}, False),  # no whole period
     ],
 )
 def test_a_source_is_fast_where_its_messages_are_or_name_instants_between_them(
@@ -103,7 +103,7 @@ def test_a_source_is_fast_where_its_messages_are_or_name_instants_between_them(
 ) -> None:
     duration = about.get("duration", 0.2)
     made = contact(5.0, **{**about, "duration": 0.2})
-    made = replace(made, duration=duration, course=replace(made.course, time=made.course.time - (0.2 - duration) / 2.0))
+    made = replace(made, duration=duration, series=replace(made.series, time=made.series.time - (0.2 - duration) / 2.0))
     assert resolved(made, PERIOD) is fast
 
 
@@ -122,7 +122,7 @@ def test_a_source_with_a_single_message_is_fast_where_two_other_instants_are_who
 ) -> None:
     """Its message is of its peak."""
     at = np.array([peak_time])
-    made = contact(5.0, duration=0.01, course={"time": at, "reached_time": at})
+    made = contact(5.0, duration=0.01, series={"time": at, "reached_time": at})
     assert resolved(replace(made, begin=begin, duration=duration), PERIOD) is fast
 
 
@@ -133,12 +133,12 @@ def test_two_messages_are_as_far_apart_as_the_evaluations_of_their_source(step: 
 
 def test_one_instant_that_is_stated_twice_and_rounded_is_one() -> None:
     made = contact(5.0, step=0.005)
-    stated = replace(made.course, reached_time=np.full(40, made.begin + 0.198 + 1e-9), time=made.course.time - 0.005)
-    assert not resolved(replace(made, duration=0.198, course=stated), PERIOD)
+    stated = replace(made.series, reached_time=np.full(40, made.begin + 0.198 + 1e-9), time=made.series.time - 0.005)
+    assert not resolved(replace(made, duration=0.198, series=stated), PERIOD)
 
 
 def test_a_contact_whose_messages_have_no_time_does_not_show_how_fast_its_source_is() -> None:
-    assert not resolved(contact(5.0, course={"time": np.full(20, math.nan)}), PERIOD)
+    assert not resolved(contact(5.0, series={"time": np.full(20, math.nan)}), PERIOD)
 
 
 # -- force -------------------------------------------------------------------------------------------------------------
@@ -149,7 +149,7 @@ def test_forces_of_two_links_are_added_while_both_press_and_at_no_other_time() -
     episode = only(contact(100.0), contact(60.0, begin=1.15, duration=0.85, other="panda::panda_leftfinger"))
     assert episode.quasi_static is not None
     assert (episode.transient.peak, episode.quasi_static.peak) == (pytest.approx(160.0), pytest.approx(60.0))
-    assert (episode.whole.begin, episode.whole.end) == (1.0, pytest.approx(2.0))
+    assert (episode.overall.begin, episode.overall.end) == (1.0, pytest.approx(2.0))
 
 
 def test_a_link_that_comes_later_presses_with_nothing_before() -> None:
@@ -161,12 +161,12 @@ def test_a_link_that_comes_later_presses_with_nothing_before() -> None:
 
 def test_the_impulse_is_the_sum_of_those_that_the_messages_state() -> None:
     episode = only(contact(5.0, impulse=0.4), contact(5.0, begin=1.1, impulse=0.7), contact(5.0, impulse=None))
-    assert episode.whole.impulse == pytest.approx(1.1)
+    assert episode.overall.impulse == pytest.approx(1.1)
 
 
 def test_one_message_gives_the_force_and_none_gives_nothing() -> None:
     single = only(contact(30.0, duration=0.01))
-    assert single is not None and (single.whole.peak, single.whole.peak_time) == (30.0, pytest.approx(1.01))
+    assert single is not None and (single.overall.peak, single.overall.peak_time) == (30.0, pytest.approx(1.01))
     assert only(contact(30.0, duration=0.01)).doubts == ()
     assert only(contact(math.nan)).known is False
 
@@ -185,7 +185,7 @@ def test_an_episode_has_the_rate_of_its_source_or_of_what_is_known_of_it(
     period: float, step: float, duration: float, rate: float
 ) -> None:
     made = contact(5.0, step=step, duration=max(duration, step))
-    begin = made.course.time[0] if duration == 0.0 else made.begin
+    begin = made.series.time[0] if duration == 0.0 else made.begin
     episode = only(replace(made, begin=begin), period=period)
     assert episode.rate == pytest.approx(rate)
 
@@ -203,7 +203,7 @@ def test_links_of_a_model_with_those_of_models_in_it_and_links_of_no_named_model
     first: str, second: str, peak: float
 ) -> None:
     episode = only(contact(100.0, other=first), contact(60.0, other=second))
-    assert episode.whole.peak == pytest.approx(peak)
+    assert episode.overall.peak == pytest.approx(peak)
 
 
 @pytest.mark.parametrize(
@@ -213,15 +213,15 @@ def test_links_of_a_model_with_those_of_models_in_it_and_links_of_no_named_model
 )
 def test_a_peak_counts_when_it_is_stated_to_have_been_from_the_begin_to_its_message(stated: float, at: float) -> None:
     made = contact(sine(50.0))
-    reached, times = made.course.reached.copy(), made.course.reached_time.copy()
+    reached, times = made.series.reached.copy(), made.series.reached_time.copy()
     reached[3:], times[3:] = 90.0, stated
-    episode = only(replace(made, course=replace(made.course, reached=reached, reached_time=times)))
-    assert (episode.whole.peak, episode.whole.peak_time) == (90.0, pytest.approx(at))
+    episode = only(replace(made, series=replace(made.series, reached=reached, reached_time=times)))
+    assert (episode.overall.peak, episode.overall.peak_time) == (90.0, pytest.approx(at))
 
 
 def test_a_newton_before_the_first_message_counts() -> None:
-    episode = only(contact(0.5, duration=0.01, course={"reached": np.array([1.0])}))
-    assert episode.whole.peak == 1.0
+    episode = only(contact(0.5, duration=0.01, series={"reached": np.array([1.0])}))
+    assert episode.overall.peak == 1.0
 
 
 def test_a_contact_without_force_for_a_while_is_known_to_have_none() -> None:
@@ -234,22 +234,22 @@ def test_a_force_that_is_none_is_left_out_and_counted(bad: float) -> None:
     force = sine(50.0)
     force[[4, 5]] = bad
     reached = np.maximum.accumulate(sine(50.0))
-    episode = only(contact(force, course={"reached": reached}))
-    assert episode.whole.peak == pytest.approx(max(sine(50.0)))
+    episode = only(contact(force, series={"reached": reached}))
+    assert episode.overall.peak == pytest.approx(max(sine(50.0)))
     assert "2 of 20 forces are not numbers or below 0" in episode.doubts
 
 
 def test_peaks_that_are_none_are_counted_too() -> None:
     reached = np.maximum.accumulate(sine(50.0))
     reached[:3] = [math.nan, -1.0, math.inf]
-    doubts = only(contact(sine(50.0), course={"reached": reached})).doubts
+    doubts = only(contact(sine(50.0), series={"reached": reached})).doubts
     assert "3 of 20 forces are not numbers or below 0" in doubts
 
 
 @pytest.mark.parametrize("force", [50.0, 50.04, 74.0])
 def test_a_force_above_the_peak_that_its_message_states_is_told_beyond_rounding(force: float) -> None:
     told = ("a force is above the peak that its message states",) if force > 50.05 else ()
-    made = contact(np.array([10.0, force, 20.0]), duration=0.03, course={"reached": np.array([10.0, 50.0, 50.0])})
+    made = contact(np.array([10.0, force, 20.0]), duration=0.03, series={"reached": np.array([10.0, 50.0, 50.0])})
     assert only(made).doubts == told
 
 
@@ -272,7 +272,9 @@ def test_of_a_contact_that_is_recorded_from_its_begin_to_its_end_nothing_is_unkn
 @pytest.mark.parametrize(("duration", "told"), [(0.3, True), (0.5, True), (0.51, False)])
 def test_a_blow_that_had_not_ended_may_have_become_harder(duration: float, told: bool) -> None:
     going_on = contact(sine(50.0, round(100 * duration)), duration=duration, ended=False)
-    assert only(going_on, until=1.0 + duration).doubts == (("it had not ended when the recording did",) if told else ())
+    assert only(going_on, until=1.0 + duration).doubts == (
+        ("it had not ended when the recording ended",) if told else ()
+    )
     over = contact(1.0, duration=duration, other="panda::panda_leftfinger")
     assert bool(only(over, going_on, until=1.0 + duration).doubts) == told
 
@@ -284,7 +286,7 @@ def test_a_source_slower_than_a_blow_needs_is_told(period: float, slow: bool) ->
 
 
 @pytest.mark.parametrize(
-    ("course", "duration", "told"),
+    ("series", "duration", "told"),
     [
         ({"since_begin": 0.019 + 0.01 * np.arange(1, 21)}, 0.2, False),
         ({"since_begin": 0.021 + 0.01 * np.arange(1, 21)}, 0.2, True),
@@ -295,8 +297,8 @@ def test_a_source_slower_than_a_blow_needs_is_told(period: float, slow: bool) ->
         ({}, 0.0, False),
     ],
 )
-def test_messages_of_another_time_than_they_state_are_told(course: dict[str, Any], duration: float, told: bool) -> None:
-    found = only(replace(contact(sine(50.0), course=course), duration=duration)).doubts
+def test_messages_of_another_time_than_they_state_are_told(series: dict[str, Any], duration: float, told: bool) -> None:
+    found = only(replace(contact(sine(50.0), series=series), duration=duration)).doubts
     assert found == (("its messages are not of the time that begin and duration state",) if told else ())
 
 
@@ -417,25 +419,25 @@ def test_a_top_is_flat_where_the_force_comes_to_it_steeper_than_to_twice_a_parab
     slope = share * 2.0 * spread * (2.0 * half + 3.0) / half**2
     force = np.array([1.5 - slope, 1.5, *[top - spread] * (count - 1), 1.5, 1.5])
     made = contact(force, duration=0.01 * len(force))
-    reached, times = made.course.reached.copy(), made.course.reached_time.copy()
-    reached[2:], times[2:] = top, made.course.time[2] - 0.003
-    assert bool(only(replace(made, course=replace(made.course, reached=reached, reached_time=times))).doubts) == flat
+    reached, times = made.series.reached.copy(), made.series.reached_time.copy()
+    reached[2:], times[2:] = top, made.series.time[2] - 0.003
+    assert bool(only(replace(made, series=replace(made.series, reached=reached, reached_time=times))).doubts) == flat
 
 
 @pytest.mark.parametrize(("stated", "flat"), [(1.017, True), (1.02, False)])
 def test_two_equal_forces_are_a_flat_top_if_one_is_a_peak_between_messages(stated: float, flat: bool) -> None:
     made = contact(np.array([10.0, 60.0, 20.0]), duration=0.03)
-    times = made.course.reached_time.copy()
+    times = made.series.reached_time.copy()
     times[1:] = stated
-    assert bool(only(replace(made, course=replace(made.course, reached_time=times))).doubts) == flat
+    assert bool(only(replace(made, series=replace(made.series, reached_time=times))).doubts) == flat
 
 
-def lost(begin: float, end: float, force: float = 80.0, **changes: Any) -> RegionForce:
+def lost(begin: float, end: float, force: float = 80.0, **changes: Any) -> RegionContact:
     """A contact of 2 s that rises slowly to a force, whose messages of some time are lost."""
     made = contact(np.linspace(0.9, 1.0, 200) * force, duration=2.0, **changes)
-    kept = (made.course.time <= begin + 1e-9) | (made.course.time >= end - 1e-9)
-    fields = {name: values[kept] for name, values in vars(made.course).items()}
-    return replace(made, course=Course(**fields))
+    kept = (made.series.time <= begin + 1e-9) | (made.series.time >= end - 1e-9)
+    fields = {name: values[kept] for name, values in vars(made.series).items()}
+    return replace(made, series=ContactSeries(**fields))
 
 
 @pytest.mark.parametrize(
@@ -454,7 +456,7 @@ def test_a_held_force_that_is_unknown_is_at_most_the_sum_of_what_all_links_reach
 
 
 def test_a_link_of_which_no_peak_is_known_adds_nothing_to_the_bound_and_is_told() -> None:
-    blind = contact(0.0, duration=2.0, other="panda::panda_link7", course={"reached": np.full(200, math.nan)})
+    blind = contact(0.0, duration=2.0, other="panda::panda_link7", series={"reached": np.full(200, math.nan)})
     episode = only(lost(2.0, 2.5), blind)
     assert episode.unknown_peak == pytest.approx(80.0)
     assert episode.doubts == ("200 of 200 forces are not numbers or below 0",)
@@ -462,7 +464,7 @@ def test_a_link_of_which_no_peak_is_known_adds_nothing_to_the_bound_and_is_told(
 
 def test_a_peak_that_is_no_number_bounds_nothing() -> None:
     some = lost(2.0, 2.5)
-    reached = some.course.reached.copy()
+    reached = some.series.reached.copy()
     reached[-1] = math.nan
-    bound = only(replace(some, course=replace(some.course, reached=reached))).unknown_peak
+    bound = only(replace(some, series=replace(some.series, reached=reached))).unknown_peak
     assert bound == pytest.approx(max(reached[:-1]))

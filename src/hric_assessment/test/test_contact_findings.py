@@ -51,11 +51,11 @@ def where(regions: tuple[str, ...] = HAND, **given: object) -> ContactSite:
 
 def test_a_half_sine_has_its_peak_duration_and_impulse() -> None:
     found = hit(100.0)
-    assert found.whole.peak == pytest.approx(100.0)
-    assert found.whole.duration == pytest.approx(0.02, abs=2.1e-3)
-    assert found.whole.impulse == pytest.approx(100.0 * 2.0 / math.pi * 0.02, rel=0.01)
+    assert found.overall.peak == pytest.approx(100.0)
+    assert found.overall.duration == pytest.approx(0.02, abs=2.1e-3)
+    assert found.overall.impulse == pytest.approx(100.0 * 2.0 / math.pi * 0.02, rel=0.01)
     assert found.quasi_static is None
-    assert found.transient == found.whole
+    assert found.transient == found.overall
 
 
 def test_what_lasts_longer_than_half_a_second_is_quasi_static() -> None:
@@ -158,7 +158,7 @@ def test_without_an_area_a_contact_is_never_within_limits(peak: float) -> None:
     finding = assess(hit(peak), where(), ISO)
     assert finding.outcome == Outcome.NOT_ASSESSABLE
     assert finding.reason.startswith(f"{FORCE_ONLY}: the contact's area is not known")
-    assert finding.share == pytest.approx(hit(peak).whole.peak / 280.0)
+    assert finding.share == pytest.approx(hit(peak).overall.peak / 280.0)
 
 
 def test_without_an_area_a_force_above_its_limit_is_above() -> None:
@@ -176,7 +176,7 @@ def test_no_contact_with_the_head_is_within_limits(regions: tuple[str, ...], lim
 def test_a_contact_with_the_head_of_a_simulated_body_is_above_limits() -> None:
     finding = assess(hit(0.01), where(tuple(region.name for region in body().regions["head"])), ISO)
     assert finding.outcome == Outcome.ABOVE
-    assert finding.reason.endswith("is within limits, and which of these was met is not known")
+    assert finding.reason.endswith("is within limits, and which of these was touched is not known")
 
 
 def test_a_neck_alone_may_be_touched() -> None:

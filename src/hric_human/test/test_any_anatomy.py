@@ -169,13 +169,13 @@ def test_a_model_is_fitted_once_and_again_when_its_file_changes(
     path = tmp_path / "mine.osim"
     shutil.copy(FILE, path)
     first = find(str(path), WHERE)
-    assert "are fitted, once" in caplog.text
+    assert "fitting the muscles of" in caplog.text
     caplog.clear()
     assert find(str(path), WHERE) == first
     assert "are fitted" not in caplog.text
     path.write_text(path.read_text().replace("<!--Units for all lengths.-->", ""))
     find(str(path), WHERE)
-    assert "are fitted, once" in caplog.text
+    assert "fitting the muscles of" in caplog.text
     assert len(list(own_cache.iterdir())) == 2
 
 
@@ -260,7 +260,7 @@ def test_the_command_says_what_was_mended_and_writes_the_file(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, capsys: pytest.CaptureFixture[str]
 ):
     run(FILE, tmp_path / "arm26.json")
-    assert "is used as it is: no mends" in caplog.text
+    assert "is used without repairs" in caplog.text
     printed = capsys.readouterr().out
     assert "Its credits: The OpenSim Development Team" in printed and "| BICshort | 436 |" in printed
     assert load(tmp_path / "arm26.json") == arm26_anatomy()

@@ -6,7 +6,7 @@ import pytest
 from bodies import body
 
 from hric_control.plant import Contact
-from hric_human.body import Region, surfaces
+from hric_human.body import surfaces
 from hric_human.body.regions import REGION_MODELS, REGIONS
 from hric_human.contact import RegionContacts
 
@@ -47,8 +47,9 @@ def test_a_contact_has_its_peak_impulse_and_times_and_ends_once(touches: RegionC
     assert (present.force, present.peak, present.peak_time) == (20.0, 30.0, 0.001)
     assert present.impulse == pytest.approx(0.06)
     assert touches.update(0.003, []) == [present]
+    assert present.dominant
     assert (present.begin, present.end, present.duration) == (0.0, 0.002, 0.002)
-    assert (present.link, present.other, present.regions) == ("r_wrist", HAND, (Region("hand, fingers", True),))
+    assert (present.link, present.other, present.regions) == ("r_wrist", HAND, ("hand, fingers",))
     assert touches.update(0.004, []) == []
 
 

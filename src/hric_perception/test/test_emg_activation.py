@@ -64,7 +64,7 @@ def test_messages_without_its_muscles_are_refused_once_with_what_there_is() -> N
     for time in (1.0, 1.005, 1.01):
         topic.publish(activation(time, right_bic_l=0.1, left_bic_l=0.2))
     assert len(told) == 1 and known() == -math.inf
-    assert "no activation of right_bic_b, soleus; there is one of right_bic_l, left_bic_l" in told[0]
+    assert "the message has no activation of right_bic_b, soleus; it has right_bic_l, left_bic_l" in told[0]
     topic.publish(activation(2.0, right_bic_l=0.1, right_bic_b=0.3, soleus=0.0))
     assert known() == 2.0, "messages that have them are taken from then on"
 

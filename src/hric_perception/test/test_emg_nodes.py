@@ -67,13 +67,13 @@ def test_a_device_that_dies_and_comes_back_is_reported_and_drop_outs_show(run: T
     wait(lambda: len(raw.chunks) > 100)
     device.kill()
     device.communicate()
-    wait(lambda: health.says("is not there") or health.says("was lost"))
+    wait(lambda: health.says("is not found") or health.says("was lost"))
     begin = len(raw.chunks)
     device = nodes.start(
         "emulated_emg", *options, "_faults:={time_code: true, dropout_rate: 2.0, dropout_length: 0.02}"
     )
     wait(lambda: health.says("samples lost") and len(raw.chunks) > begin + 200)
-    assert health.says("the source began again")
+    assert health.says("the source restarted")
     assert np.abs(errors(raw.chunks[-150:])).max() < 2e-3
     nodes.end(device)
     assert driver.poll() is None

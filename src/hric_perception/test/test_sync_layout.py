@@ -39,7 +39,9 @@ def test_joints_are_found_by_name_in_any_order_and_followed_when_it_changes() ->
         synchroniser.push_message(0, message, 0.0)
     synchroniser.take(0.0)
     intake = synchroniser.intakes[0]
-    assert intake.buffer.values.tolist() == [[2.0, 1.0, 1.0]] * 2 and intake.refused == {"without the values wanted": 1}
+    assert intake.buffer.values.tolist() == [[2.0, 1.0, 1.0]] * 2 and intake.refused == {
+        "without the requested values": 1
+    }
 
 
 def test_a_field_of_fields_means_all_numbers_below_it() -> None:

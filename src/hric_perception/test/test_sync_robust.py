@@ -71,7 +71,7 @@ def test_a_source_that_never_comes_is_named_and_the_others_begin_without_it() ->
     absent = dataclasses.replace(MOCAP, silent=(0.0, np.inf))
     batch, synchroniser = synchronise(plan("resample", 2, rate=100.0), [ROBOT, absent], 2.0)
     assert seconds(batch)[-1] > 1.9 and batch.valid[:, 0].all() and not batch.valid[:, 1].any()
-    assert synchroniser.starving(START + 2.0) == {"/s1": "not heard yet"}
+    assert synchroniser.starving(START + 2.0) == {"/s1": "no message yet"}
     assert synchroniser.starving(START + 11.0)["/s1"] == "never heard"
 
 
@@ -84,7 +84,7 @@ def test_a_source_that_is_not_heard_yet_is_waited_for_while_all_nodes_start_and_
         state = messages.diagnostics(found, synchroniser, None, standing=False)
         return state.level, state.message
 
-    assert told(2.0) == (DiagnosticStatus.WARN, "waiting for sources: /s1: not heard yet")
+    assert told(2.0) == (DiagnosticStatus.WARN, "waiting for sources: /s1: no message yet")
     assert told(2.3)[0] == DiagnosticStatus.WARN
     assert told(11.0)[0] == DiagnosticStatus.ERROR
 
@@ -191,7 +191,7 @@ def test_a_chunk_that_contradicts_itself_is_counted_and_left_out() -> None:
         synchroniser.push_message(0, SampleChunk(**{**good, **wrong}), 0.0)
     synchroniser.take(0.0)
     assert (
-        synchroniser.intakes[0].refused == {"malformed": 4, "without the values wanted": 1}
+        synchroniser.intakes[0].refused == {"malformed": 4, "without the requested values": 1}
         and synchroniser.intakes[0].samples == 3
     )
 

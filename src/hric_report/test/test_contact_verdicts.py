@@ -131,4 +131,4 @@ def test_without_an_area_nothing_is_within_limits(tmp_path: Path) -> None:
 def test_a_contact_that_goes_on_when_the_run_ends_is_not_within_limits(tmp_path: Path) -> None:
     (finding,) = contacts(contact_run(tmp_path, "mujoco", at_velocity(0.5)), 1e-4)
     assert finding.outcome == Outcome.NOT_ASSESSABLE
-    assert finding.reason.startswith("it had not ended when the recording did")
+    assert finding.reason.startswith("it had not ended when the recording ended")

@@ -210,7 +210,7 @@ def test_of_a_stranger_nothing_is_taken_and_its_address_is_logged_once(
     assert max(received.frame.number for received in frames) < forged.number
     assert (len(models), session.statistics.restarts, session.statistics.connects) == (before, 0, 1)
     assert [text for text in caplog.messages if "are refused" in text] == [
-        f"packets of {source}:{out.getsockname()[1]} are refused: only 127.0.0.1:{ports[0]} is believed (reported once)"
+        f"packets of {source}:{out.getsockname()[1]} are refused: only 127.0.0.1:{ports[0]} is accepted (reported once)"
     ]
 
 

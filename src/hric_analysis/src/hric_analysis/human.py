@@ -19,7 +19,7 @@ from hric_assessment.ergonomics.effort import effort, log_dimensionless_jerk
 from hric_bags.parts import Bag
 from hric_bags.reader import FloatArray, RunRecord
 from hric_bags.records.human_record import Event, GripRecord, HumanRecord, read
-from hric_bags.records.region_contacts import RegionContact
+from hric_core.geometry import Vector
 from hric_core.json_values import from_json
 from hric_human.body import describe
 from hric_human.control.kinematics import HandChain
@@ -174,15 +174,28 @@ class ClampingMetrics:
 
 
 @dataclass(frozen=True)
-class ContactMetrics(RegionContact):
+class ContactMetrics:
     """Contact of a region of the person with its expected values.
 
     Attributes:
-        dominant, area, ended, interrupted: as in `hric_bags.records.region_contacts.RegionForce`.
+        point, normal, speed: begin_point, begin_normal and begin_speed of `hric_human.contact.RegionContact`, to which
+            the attributes up to `interrupted` belong.
         transient: closed form of the impact; None: not known.
         press: clamping; None: there was none.
     """
 
+    regions: tuple[str, ...]
+    link: str
+    other: str
+    kind: str
+    begin: float
+    duration: float
+    peak: float | None
+    peak_time: float | None
+    impulse: float | None
+    point: Vector | None
+    normal: Vector | None
+    speed: float | None
     dominant: bool | None
     area: float | None
     ended: bool

@@ -19,9 +19,9 @@ class BodyCommand(Command):
             Argument("subject", type=Path, help="YAML file of a subject; its keys: INTERFACE.md of hric_human"),
         ]
 
-    def run(self, given: argparse.Namespace) -> None:
+    def run(self, arguments: argparse.Namespace) -> None:
         """Print the description."""
-        print(describe(load(given.subject)).urdf)
+        print(describe(load(arguments.subject)).urdf)
 
 
 class FitMusclesCommand(Command):
@@ -37,8 +37,8 @@ class FitMusclesCommand(Command):
             Argument("output", type=Path, help="file to write, for `anatomy` of the human's muscles"),
         ]
 
-    def run(self, given: argparse.Namespace) -> None:
+    def run(self, arguments: argparse.Namespace) -> None:
         """Fit the muscles and write them."""
         from hric_human.muscles.fitting.models import run  # slow to load, which a mistake need not wait for
 
-        run(given.model, given.output)
+        run(arguments.model, arguments.output)

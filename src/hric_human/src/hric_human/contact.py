@@ -7,18 +7,48 @@ pair within one step of the engine is not a force on a person: such a contact is
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from hric_control.plant import Contact
-from hric_core.geometry import Vector
+from hric_core.geometry import FloatArray, Vector
 from hric_human.body.description import Body
-from hric_human.body.regions import Region
 
 Pair = tuple[str, str]
 """Two bodies, "model::link" each."""
 
 
+@dataclass(frozen=True)
+class ContactSeries:
+    """Time series of a contact at the instants of its recorded messages; values as recorded, NaN included.
+
+    Attributes:
+        time: robot time, shape (n,) [s].
+        force: contact force, shape (n,) [N].
+        reached: largest force of all cycles since the begin, shape (n,) [N].
+        reached_time: robot time of the largest force, shape (n,) [s].
+        since_begin: duration of the contact by the message, shape (n,) [s].
+        point: contact point, world frame, shape (n, 3) [m].
+        normal: unit vector along which the force acts on the body, world frame, shape (n, 3).
+    """
+
+    time: FloatArray
+    force: FloatArray
+    reached: FloatArray
+    reached_time: FloatArray
+    since_begin: FloatArray
+    point: FloatArray
+    normal: FloatArray
+
+
+NO_SERIES = ContactSeries(*(np.empty(0) for _ in range(5)), *(np.empty((0, 3)) for _ in range(2)))
+"""Time series of a contact that was not recorded."""
+
+
 @dataclass
 class RegionContact:
-    """Contact of one link of a body with one other body, from first touch to separation.
+    """Contact of one link of a body with one other body, from the first touch to separation or the end of recording.
+
+    A plant that runs updates it; `hric_bags` reads it from messages. Times are robot times.
 
     Attributes:
         link: link of the body.
@@ -27,25 +57,30 @@ class RegionContact:
         other: body that touches the link, "model::link".
         kind: "penalty", or "rigid": a touch without a force.
         begin: time of the first call that reports the contact [s].
-        end: time of the last call that reports the contact [s].
+        duration: time from the first to the last call that reports the contact [s].
+        dominant: True on the side of the dominant hand; None: its messages differ.
         force: force in the last step in contact [N]; None for a touch.
         peak: largest force [N]; None for a touch.
         peak_time: time of the call with the peak [s]; None for a touch.
         impulse: impulse of the normal force [N s]; None for a touch.
-        area: None: a capsule touches others in a point or along a line, and engines report no area [m^2].
+        area: smallest contact area [m^2]; None: not known, since a capsule touches in a point or along a line.
         point: contact point in the last step in contact, world frame [m]; of several points the one with the largest
             force, else the deepest; None if the contact fell between two calls.
         normal: unit vector at that point along which the force on the body acts, world frame; None likewise.
         begin_point, begin_normal: point and normal at the first call that reports the contact.
         begin_speed: closing speed along the normal at first contact [m/s]; None for a touch, and if unknown.
+        series: time series with one row for each recorded message that has the contact.
+        ended: True if a recorded message reports the separation.
+        interrupted: True if there are messages between two of it at another instant, without the contact and its end.
     """
 
     link: str
-    regions: tuple[Region, ...]
+    regions: tuple[str, ...]
     other: str
     kind: str
     begin: float
-    end: float
+    duration: float = 0.0
+    dominant: bool | None = False
     force: float | None = None
     peak: float | None = None
     peak_time: float | None = None
@@ -56,11 +91,14 @@ class RegionContact:
     begin_point: Vector | None = None
     begin_normal: Vector | None = None
     begin_speed: float | None = None
+    series: ContactSeries = NO_SERIES
+    ended: bool = False
+    interrupted: bool = False
 
     @property
-    def duration(self) -> float:
-        """Time between the first and the last call that report the contact [s]."""
-        return self.end - self.begin
+    def end(self) -> float:
+        """Time of the last call that reports the contact [s]."""
+        return self.begin + self.duration
 
     def reach(self, time: float, peak: float) -> None:
         """Store a force [N] and its time [s] if it exceeds the stored peak."""
@@ -88,7 +126,10 @@ class RegionContacts:
 
     def __init__(self, body: Body, model: str) -> None:
         self._model = f"{model}::"
-        self._regions = {self._model + link: regions for link, regions in body.regions.items()}
+        self._regions = {
+            self._model + link: (tuple(region.name for region in regions), any(region.dominant for region in regions))
+            for link, regions in body.regions.items()
+        }
         self.present: dict[Pair, RegionContact] = {}
 
     def update(
@@ -113,29 +154,30 @@ class RegionContacts:
         for contact in contacts:
             for pair in self._pairs(contact.body_a, contact.body_b):
                 strongest[pair] = max(strongest.get(pair, contact), contact, key=_strength)
-                found = before.pop(pair, None) or self.present.get(pair) or self._new(pair, contact.kind, time)
-                self.present[pair], found.end = found, time
+                present = before.pop(pair, None) or self.present.get(pair) or self._new(pair, contact.kind, time)
+                self.present[pair], present.duration = present, time - present.begin
                 if contact.kind == "penalty":
-                    found.force = contact.force
-                    found.impulse = (found.impulse or 0.0) + steps * contact.impulse
-                    found.reach(time, contact.force)
+                    present.force = contact.force
+                    present.impulse = (present.impulse or 0.0) + steps * contact.impulse
+                    present.reach(time, contact.force)
         for pair, contact in strongest.items():
             self.present[pair].locate(contact, 1.0 if contact.body_a == pair[0] else -1.0)
         for bodies, peak in peaks.items():
             for pair in self._pairs(*bodies):
-                found = self.present.get(pair) or before.setdefault(pair, self._new(pair, "penalty", time))
-                found.reach(time, peak)
+                reached = self.present.get(pair) or before.setdefault(pair, self._new(pair, "penalty", time))
+                reached.reach(time, peak)
         return list(before.values())
 
     def _pairs(self, a: str, b: str) -> Iterator[Pair]:
         """Yield (link of the body, other body) for two touching bodies; nothing if both or neither are of the body."""
-        for own, other in ((a, b), (b, a)):
-            if own in self._regions and not other.startswith(self._model):
-                yield own, other
+        for link, other in ((a, b), (b, a)):
+            if link in self._regions and not other.startswith(self._model):
+                yield link, other
 
     def _new(self, pair: Pair, kind: str, time: float) -> RegionContact:
-        own, other = pair
-        return RegionContact(own.removeprefix(self._model), self._regions[own], other, kind, time, time)
+        link, other = pair
+        regions, dominant = self._regions[link]
+        return RegionContact(link.removeprefix(self._model), regions, other, kind, time, dominant=dominant)
 
 
 def _strength(contact: Contact) -> tuple[float, float]:

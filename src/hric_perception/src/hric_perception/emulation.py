@@ -57,9 +57,9 @@ class Faults(Settings):
     seed: int = 0
 
 
-def faults_of(given: Mapping[str, Any], where: str, seed: int, delay: float = 0.0) -> Faults:
+def faults_of(settings: Mapping[str, object], where: str, seed: int, delay: float = 0.0) -> Faults:
     """Return the faults of an emulated device; delay: default of their delay [s]. Raises ParameterError."""
-    return replace(Faults.of({"delay": delay, **given}, where), seed=seed)
+    return replace(Faults.of({"delay": delay, **settings}, where), seed=seed)
 
 
 class Samples(NamedTuple):
@@ -116,12 +116,12 @@ class EvenSensor:
         numbers = np.arange(self._next, last + 1)
         self._next = last + 1
         times = numbers / self.rate
-        kept = ~(_within(times, self.faults.dropouts) | self._random.at(times))
-        self.sent, self.dropped = self.sent + int(kept.sum()), self.dropped + int((~kept).sum())
+        present = ~(_within(times, self.faults.dropouts) | self._random.at(times))
+        self.sent, self.dropped = self.sent + int(present.sum()), self.dropped + int((~present).sum())
         data = self._values(numbers, times)
-        edges = (np.flatnonzero(np.diff(kept)) + 1).tolist()
+        edges = (np.flatnonzero(np.diff(present)) + 1).tolist()
         parts = zip([0, *edges], [*edges, len(numbers)], strict=True)
-        return [Samples(times[a:b], data[a:b]) for a, b in parts if kept[a]]
+        return [Samples(times[a:b], data[a:b]) for a, b in parts if present[a]]
 
     def _values(self, numbers: NDArray[np.int64], times: FloatArray) -> FloatArray:
         faults = self.faults

@@ -124,14 +124,14 @@ class LslReader(Driver):
         self._query, self._stream, self._health, self._choose = query, stream, health, choose
 
     def _run(self) -> None:
-        while found := self._find():
-            if len(found) > 1:
+        while streams := self._find():
+            if len(streams) > 1:
                 self._health.event(
-                    f"several streams are {self._query}: {', '.join(sorted(info.name() for info in found))}; the first "
-                    "is read"
+                    f"several streams are {self._query}: {', '.join(sorted(info.name() for info in streams))}; "
+                    "the first is read"
                 )
             try:
-                self._read(found[0])
+                self._read(streams[0])
             except RuntimeError as error:  # from liblsl: the stream was lost, or does not respond
                 self._health.trouble(f"{self._query} was lost")
                 LOG.warning("%s was lost: %s", self._query, error)
@@ -149,9 +149,9 @@ class LslReader(Driver):
         """
         resolver = pylsl.ContinuousResolver(pred=self._query.query)
         while not self._stop.wait(LOOK):
-            if found := resolver.results():
-                return list(found)
-            self._health.trouble(f"{self._query} is not there")
+            if streams := resolver.results():
+                return list(streams)
+            self._health.trouble(f"{self._query} is not found")
         return []
 
     def _read(self, info: pylsl.StreamInfo) -> None:

@@ -109,10 +109,10 @@ class Replayed:
     def at(self, times: FloatArray) -> FloatArray:
         """Return the values at robot times, shape (n,) [s]: shape (n, channels)."""
         since = np.asarray(times) - self._begin
-        found = interpolated(since, self._rate, self._samples)
+        replayed = interpolated(since, self._rate, self._samples)
         if not self._constant_ends:
-            found[(since < 0) | (since * self._rate > len(self._samples) - 1)] = 0.0
-        return found
+            replayed[(since < 0) | (since * self._rate > len(self._samples) - 1)] = 0.0
+        return replayed
 
 
 def follow_human(node: Node, replayed: Replayed) -> float:

@@ -233,10 +233,10 @@ def _trimmed_line(k: FloatArray, t: FloatArray, nominal: float, sloping: bool) -
 
     The period is fitted if `sloping`, else the nominal one.
     """
-    kept = np.ones(len(k), dtype=bool)
+    inliers = np.ones(len(k), dtype=bool)
     offset, period, rest = 0.0, nominal, t
     for _ in range(PASSES):
-        x, y = k[kept], t[kept]
+        x, y = k[inliers], t[inliers]
         middle = x.mean()
         spread = (x - middle) @ (x - middle)
         if sloping and spread > 0:
@@ -244,8 +244,8 @@ def _trimmed_line(k: FloatArray, t: FloatArray, nominal: float, sloping: bool) -
             period = min(max(period, nominal / (1 + RATE_LIMIT)), nominal / (1 - RATE_LIMIT))
         offset = float((y - period * x).mean())
         rest = np.abs(t - period * k - offset)
-        kept = rest <= max(TRIM * float(np.median(rest)), FINE)
-    return offset, period, float(rest[kept].mean())
+        inliers = rest <= max(TRIM * float(np.median(rest)), FINE)
+    return offset, period, float(rest[inliers].mean())
 
 
 def _envelope_period(k: FloatArray, t: FloatArray, nominal: float) -> float:

@@ -80,7 +80,7 @@ class DeviceSettings(Settings):
     session: str = text("", figures=True, text="LSL session, see below")
     name: str = text("emulated", figures=True, text="of the LSL stream")
     rate: float = number(minimum=10.0, maximum=20000.0, unit="Hz")
-    faults: Mapping[str, Any] = mapping(default={}, text="see below")
+    faults: Mapping[str, object] = mapping(default={}, text="see below")
     seed: int = SEED
     block: float = BLOCK
 

@@ -9,7 +9,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypedDict
 from urllib.parse import urlparse
 
 from hric_core.node import Node
@@ -27,6 +27,22 @@ CHUNK_GAP = 0.01
 unconfirmed)."""
 
 
+class SignalPlan(TypedDict):
+    """Signals of one source in the plan of the synchroniser: path of the fields, and their unit."""
+
+    field: str
+    unit: str
+
+
+class SourcePlan(TypedDict):
+    """Source in the plan of the synchroniser; max_gap: longest time between samples that are interpolated [s]."""
+
+    topic: str
+    type: str
+    max_gap: float
+    signals: list[SignalPlan]
+
+
 def session() -> str:
     """Return the LSL session of emulated devices: bring-ups on one machine have masters with different ports."""
     return f"hric_{urlparse(os.environ.get('ROS_MASTER_URI', '')).port or 11311}"
@@ -35,7 +51,7 @@ def session() -> str:
 def for_node(declaration: Parameter, text: str) -> Any:
     """Return a mapping that a node reads: checked by the node's declaration, stored as it is; None: not set."""
 
-    def convert(value: Any, where: str, joints: Sequence[str]) -> dict[str, Any]:
+    def convert(value: Any, where: str, joints: Sequence[str]) -> dict[str, object]:
         declaration.checked(value, where, joints)
         return dict(value)
 
@@ -65,7 +81,7 @@ class SensorSection(Settings):
         unit="s",
         text="duration of a message; a few large ones cost less than many small ones (project default, unconfirmed)",
     )
-    lsl: Mapping[str, Any] | None = for_node(section(LslSettings), "which stream: hric_perception")
+    lsl: Mapping[str, object] | None = for_node(section(LslSettings), "which stream: hric_perception")
     emulated: Mapping[str, Any] = mapping(default={}, text="what the emulated device measures, and its `faults`")
 
     @classmethod
@@ -74,7 +90,7 @@ class SensorSection(Settings):
         raise NotImplementedError
 
     @property
-    def source(self) -> dict[str, Any]:
+    def source(self) -> SourcePlan:
         """Source for the plan of the synchroniser, see `_source`."""
         raise NotImplementedError
 
@@ -98,16 +114,13 @@ class SensorSection(Settings):
         """Key of the mapping whose program measures the body of the human in the robot's plant; "": none does."""
         return ""
 
-    def record(self) -> dict[str, Any]:
+    def record(self) -> dict[str, object]:
         """Return the values for run.yaml; those of the driver's node and those for exported files are grouped."""
-        values = {item.name: getattr(self, item.name) for item in fields(self)}
-        groups = {"driver": self.driver_keys, "described": self.described_keys}
-        return {
-            group: {key: value for key in keys if (value := values.pop(key)) is not None}
-            for group, keys in groups.items()
-        } | values
+        grouped = {*self.driver_keys, *self.described_keys}
+        values = {item.name: getattr(self, item.name) for item in fields(self) if item.name not in grouped}
+        return {"driver": self._set(self.driver_keys), "described": self._set(self.described_keys), **values}
 
-    def nodes(self, seed: int, person: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    def nodes(self, seed: int, person: Mapping[str, object]) -> dict[str, dict[str, object]]:
         """Return the private parameters of the driver and of the emulated device, by the names of the nodes.
 
         Args:
@@ -124,23 +137,26 @@ class SensorSection(Settings):
         driver, device = self.parts()
         return headless(driver.read(driver_node), device.read(device_node), driver_node, device_node)
 
-    def _driver(self) -> dict[str, Any]:
+    def _set(self, keys: Sequence[str]) -> dict[str, object]:
+        return {key: value for key in keys if (value := getattr(self, key)) is not None}
+
+    def _driver(self) -> dict[str, object]:
         lsl = self._lsl() if self.transport == "lsl" and self.device == EMULATED else self.lsl
-        values = {"source": self.transport, "chunk": self.chunk, **self.record()["driver"]}
+        values = {"source": self.transport, "chunk": self.chunk, **self._set(self.driver_keys)}
         return values | ({"lsl": lsl} if lsl else {})
 
-    def _emulated(self, seed: int) -> dict[str, Any]:
+    def _emulated(self, seed: int) -> dict[str, object]:
         values = {"transport": self.transport, "rate": self.rate, "seed": seed, "block": min(self.chunk / 2, BLOCK)}
         lsl = {key: self._lsl()[key] for key in ("name", "session")} if self.transport == "lsl" else {}
         return {**values, **located(self.emulated, Path.cwd()), **lsl}
 
-    def _lsl(self) -> dict[str, Any]:
+    def _lsl(self) -> dict[str, object]:
         return {"name": self.emulated_name, "session": session(), **(self.lsl or {})}
 
-    def _source(self, topic: str, units: Mapping[str, Sequence[str]]) -> dict[str, Any]:
+    def _source(self, topic: str, units: Mapping[str, Sequence[str]]) -> SourcePlan:
         """Return a source with the time code, by which the samples show their own skew; units: channels by unit."""
         code = {"s": ["time"]} if self.time_code and self.transport == "lsl" else {}
-        signals = [
+        signals: list[SignalPlan] = [
             {"field": f"data[{', '.join(channels)}]", "unit": unit} for unit, channels in {**units, **code}.items()
         ]
         return {"topic": topic, "type": "hric_msgs/SampleChunk", "max_gap": CHUNK_GAP, "signals": signals}

@@ -29,28 +29,28 @@ PERSON: Any = anything(
 )
 
 
-def person_of(given: Any, where: str) -> HumanSettings:
+def person_of(value: Any, where: str) -> HumanSettings:
     """Return the settings of the parameter `person`.
 
     Args:
-        given: value of the parameter.
+        value: value of the parameter.
         where: prefix of its name.
 
     Raises:
         ParameterError: it is missing, or not valid.
     """
-    if given is None:
+    if value is None:
         raise ParameterError(
             f"{where}person is not set, and {{program: {PROGRAM}}} measures the human in the robot's plant; valid: an "
             "experiment with a section human"
         )
-    return HumanSettings.of(given, f"{where}person")
+    return HumanSettings.of(value, f"{where}person")
 
 
-def check_joints(names: Sequence[str], own: tuple[str, ...]) -> None:
+def check_joints(names: Sequence[str], expected: tuple[str, ...]) -> None:
     """Raise HricError if joint states are those of another body."""
-    if tuple(names) != own:
-        raise HricError(f"the joints are {', '.join(names)}; valid: those of the section human, {', '.join(own)}")
+    if tuple(names) != expected:
+        raise HricError(f"the joints are {', '.join(names)}; valid: those of the section human, {', '.join(expected)}")
 
 
 class JointTrack(RecentRows[tuple[Sequence[float], Sequence[float]]]):
@@ -157,8 +157,8 @@ def follow_grips(node: Node, add: Callable[[Held], None]) -> None:
     """Pass the load of each grip on the human to `add`; the load is zero for grips of other bodies."""
 
     def on_grip(message: Any) -> None:
-        own = f"{HUMAN}::"
-        sign = float(message.holder.startswith(own)) - float(message.held.startswith(own))
+        prefix = f"{HUMAN}::"
+        sign = float(message.holder.startswith(prefix)) - float(message.held.startswith(prefix))
         f, m, p = message.wrench.force, message.wrench.torque, message.point
         force, torque = [sign * value for value in (f.x, f.y, f.z)], [sign * value for value in (m.x, m.y, m.z)]
         add(Held(message.header.stamp.to_sec(), message.name, force, torque, (p.x, p.y, p.z)))

@@ -63,7 +63,7 @@ class StreamHealth:
         self._last = time.monotonic()
         self._arrived.clear()
         if before is not None:
-            self.event("the source began again")
+            self.event("the source restarted")
         if before is not None and before.rate != layout.rate:
             self.event(f"the rate changed from {before.rate:g} to {layout.rate:g} Hz")
         if before is not None and before.channels != layout.channels:
@@ -96,12 +96,12 @@ class StreamHealth:
             self.event(f"{lost} samples lost")
         if jumps:
             self.jumps += jumps
-            self.event("a clock was set again")
+            self.event("a clock was reset")
 
     def untimed(self) -> None:
         """Count samples whose robot time is not known."""
         self._last = time.monotonic()
-        self._event_once("samples come, but the time of the run is not known yet")
+        self._event_once("samples arrive, but robot time is not known yet")
 
     def report(self, standing: bool = False) -> Health:
         """Return the health report. standing: the run is paused, and an emulated source with it."""

@@ -120,7 +120,7 @@ def assess(
         limits.table.name,
         max((item.ratio for item in ratios), default=None),
         {} if force is None else _values(force, site, limit),
-        None if episode is None else (episode.whole.begin, episode.whole.end),
+        None if episode is None else (episode.overall.begin, episode.overall.end),
         tuple(signals),
         _missing(force, site),
         (*(() if force is None else force.notes), *doubts, *_marks(limit)),
@@ -149,7 +149,7 @@ def _judged(
     if approach is not None and site.kind == PENALTY and (approach.exact or approach.value <= approach.limit):
         ratios.append(approach)
     if any(region in NOT_PERMITTED for region in site.regions):
-        known = "" if len(site.regions) == 1 else ", and which of these was met is not known"
+        known = "" if len(site.regions) == 1 else ", and which of these was touched is not known"
         return Outcome.ABOVE, f"no contact with {' or '.join(NOT_PERMITTED)} is within limits{known}", ratios
     if site.kind != PENALTY:
         return Outcome.NOT_ASSESSABLE, refusal(site.kind), []
@@ -212,13 +212,13 @@ def _pair(name: str, peak: float, held: float | None, pair: Pair, unit: str, sca
 
 def _values(force: Episode, site: ContactSite, limit: Limit | None) -> Mapping[str, float | None]:
     held, area = force.quasi_static, site.contact_area
-    energy = None if limit is None else transfer_energy(force.whole.peak, limit.stiffness)
+    energy = None if limit is None else transfer_energy(force.overall.peak, limit.stiffness)
     return {
         "transient peak [N]": force.transient.peak,
         "quasi-static peak [N]": None if held is None else held.peak,
-        "duration [s]": force.whole.duration,
+        "duration [s]": force.overall.duration,
         "quasi-static duration [s]": 0.0 if held is None else held.end - force.transient.end,
-        "impulse [N s]": force.whole.impulse,
+        "impulse [N s]": force.overall.impulse,
         "energy by the table's spring [J]": energy,
         "contact area [m^2]": area,
         "transient mean pressure [Pa]": None if area is None else force.transient.peak / area,

@@ -20,9 +20,9 @@ import numpy as np
 
 from hric_assessment.findings import BoolArray, unknown
 from hric_assessment.tables import ValueTable, episode_table, verdict_table
-from hric_bags.records.region_contacts import RegionForce
 from hric_control.sim.contact_info import KINDS, UNKNOWN
 from hric_core.geometry import FloatArray
+from hric_human.contact import RegionContact
 
 PENALTY = "penalty"
 """The only kind of contact with a physically meaningful force (`hric_control.plant.Contact`)."""
@@ -49,7 +49,7 @@ force [1]. The flanks are so steep that a smooth peak, a parabola, would differ 
 """
 OFF_BEAT = 2
 """Number of contact instants between messages that prove a source faster than its messages (project default)."""
-Samples = tuple[RegionForce, FloatArray, FloatArray, BoolArray]
+Samples = tuple[RegionContact, FloatArray, FloatArray, BoolArray]
 """Contact, with its ascending times [s], its forces [N] and True for each usable sample, shape (n,) each."""
 
 
@@ -81,7 +81,7 @@ class Episode:
     """Contact from its first touch to its last.
 
     Attributes:
-        whole: the complete episode; its peak is NaN if no sample is usable.
+        overall: the complete episode; its peak is NaN if no sample is usable.
         transient: its first part.
         quasi_static: the part after the transient; None: there is none.
         rate: sampling rate [Hz].
@@ -91,25 +91,25 @@ class Episode:
         unknown_peak: upper bound of the quasi-static force where samples are missing [N]; None: no sample is missing.
     """
 
-    whole: Stretch
+    overall: Stretch
     transient: Stretch
     quasi_static: Stretch | None = None
     rate: float = math.nan
     notes: tuple[str, ...] = ()
-    contacts: tuple[RegionForce, ...] = ()
+    contacts: tuple[RegionContact, ...] = ()
     doubts: tuple[str, ...] = ()
     unknown_peak: float | None = None
 
     @property
     def known(self) -> bool:
         """True if the force has a usable sample."""
-        return math.isfinite(self.whole.peak)
+        return math.isfinite(self.overall.peak)
 
 
 def refusal(kind: str) -> str:
     """Return why the force of a contact that is not a penalty contact is not assessed."""
     if kind == UNKNOWN:
-        return "whether the force is one of a spring is not recorded"
+        return "the recording does not say if the force is that of a spring"
     if kind not in KINDS:
         return f"contacts of kind {kind!r} are not known"
     return f"the force of a {kind} contact is a number of the integrator, not of the collision"
@@ -151,20 +151,20 @@ def _stretch(time: FloatArray, force: FloatArray) -> Stretch:
     return Stretch(float(time[0]), float(time[-1]), float(force[peak]), float(time[peak]), impulse)
 
 
-def end_of(contact: RegionForce) -> float:
+def end_of(contact: RegionContact) -> float:
     """Return the end of a contact, or the time of its last message, robot time [s]."""
     duration = contact.duration if np.isfinite(contact.duration) else 0.0
-    times = contact.course.time[np.isfinite(contact.course.time)]
+    times = contact.series.time[np.isfinite(contact.series.time)]
     return float(max(contact.begin + duration, times.max(initial=-np.inf)))
 
 
-def window_of(contacts: Sequence[RegionForce]) -> tuple[float, float]:
+def window_of(contacts: Sequence[RegionContact]) -> tuple[float, float]:
     """Return start and end of some contacts, robot time [s]."""
     return min(contact.begin for contact in contacts), max(map(end_of, contacts))
 
 
 def episodes(
-    contacts: Sequence[RegionForce],
+    contacts: Sequence[RegionContact],
     source_period: float,
     recorded_until: float,
     table: ValueTable | None = None,
@@ -181,7 +181,7 @@ def episodes(
         return []
     table = table or episode_table()
     largest = max(map(_largest, contacts))
-    groups: list[list[RegionForce]] = []
+    groups: list[list[RegionContact]] = []
     until = -np.inf
     for contact in sorted(contacts, key=lambda contact: contact.begin):
         if not contact.begin <= until + table["gap"] + STAMP:
@@ -191,20 +191,20 @@ def episodes(
     return [_episode(group, source_period, recorded_until, table, largest) for group in groups]
 
 
-def resolved(contact: RegionForce, period: float) -> bool:
+def resolved(contact: RegionContact, period: float) -> bool:
     """Return True if the source of a contact evaluates its force at least once in a period [s].
 
     Either its messages are that frequent, or OFF_BEAT of the instants that they state (start, end, times of peaks) lie
     between messages and all instants are whole periods apart, as for a source that evaluates 1000 times a second and
     publishes 200 messages.
     """
-    time = np.unique(contact.course.time[np.isfinite(contact.course.time)])
+    time = np.unique(contact.series.time[np.isfinite(contact.series.time)])
     if not len(time):
         return False
     beat = _period(time)
     if beat <= period * (1.0 + RATE_TOLERANCE):
         return True
-    stated = np.concatenate([[contact.begin, end_of(contact)], contact.course.reached_time])
+    stated = np.concatenate([[contact.begin, end_of(contact)], contact.series.reached_time])
     off_beat = [instant for instant in np.sort(stated[np.isfinite(stated)]) if _off(instant - time[0], beat)]
     if any(_off(instant - time[0], period) for instant in (*time, *off_beat)):
         return False
@@ -221,14 +221,14 @@ def _off(offset: float, period: float) -> bool:
     return abs(math.remainder(offset, period)) > SAME_INSTANT
 
 
-def _largest(contact: RegionForce) -> float:
+def _largest(contact: RegionContact) -> float:
     """Return the largest force that the messages of a contact state [N]."""
-    reached = contact.course.reached
+    reached = contact.series.reached
     return float(reached[np.isfinite(reached)].max(initial=0.0))
 
 
 def _episode(
-    contacts: list[RegionForce], source_period: float, recorded_until: float, table: ValueTable, largest: float
+    contacts: list[RegionContact], source_period: float, recorded_until: float, table: ValueTable, largest: float
 ) -> Episode:
     samples = [_samples(contact) for contact in contacts]
     doubts = [
@@ -236,7 +236,7 @@ def _episode(
     ]
     lasted = max(map(end_of, contacts)) - contacts[0].begin
     if not all(contact.ended for contact in contacts) and lasted <= table["transient_time"] + STAMP:
-        doubts.append("it had not ended when the recording did")
+        doubts.append("it had not ended when the recording ended")
     needed = 1.0 / table["rate"]
     if source_period > needed * (1.0 + RATE_TOLERANCE) and not all(resolved(contact, needed) for contact in contacts):
         doubts.append(f"a blow needs {table['rate']:g} samples a second, and its messages do not show that it has them")
@@ -255,25 +255,25 @@ def _episode(
     )
     period = source_period if np.isfinite(source_period) else _period(times)
     episode = split(times, total, table, 1.0 / period)
-    whole = replace(episode.whole, impulse=sum(contact.impulse or 0.0 for contact in contacts))
+    overall = replace(episode.overall, impulse=sum(contact.impulse or 0.0 for contact in contacts))
     peak = _unknown_peak(samples, episode, table)
-    return replace(episode, whole=whole, contacts=tuple(contacts), doubts=unique_doubts, unknown_peak=peak)
+    return replace(episode, overall=overall, contacts=tuple(contacts), doubts=unique_doubts, unknown_peak=peak)
 
 
-def _usable(contact: RegionForce) -> BoolArray:
+def _usable(contact: RegionContact) -> BoolArray:
     """Return a mask of the messages of a contact that have a valid force, shape (n,)."""
-    return np.isfinite(contact.course.force) & (contact.course.force >= 0.0)
+    return np.isfinite(contact.series.force) & (contact.series.force >= 0.0)
 
 
-def _samples(contact: RegionForce) -> Samples:
+def _samples(contact: RegionContact) -> Samples:
     """Return the samples of one contact, with its start and its peaks, which may lie between two messages."""
-    course = contact.course
-    rose = course.reached != np.concatenate([[0.0], course.reached[:-1]])  # True for NaN, too
-    at = np.where(np.isfinite(course.reached_time), course.reached_time, course.time)[rose]
-    at = np.clip(at, contact.begin, course.time[rose])
+    series = contact.series
+    rose = series.reached != np.concatenate([[0.0], series.reached[:-1]])  # True for NaN, too
+    at = np.where(np.isfinite(series.reached_time), series.reached_time, series.time)[rose]
+    at = np.clip(at, contact.begin, series.time[rose])
     touch = np.nextafter(episode_table()["touch_force"], np.inf)
-    time = np.concatenate([course.time, at, [contact.begin]])
-    force = np.concatenate([course.force, course.reached[rose], [touch]])
+    time = np.concatenate([series.time, at, [contact.begin]])
+    force = np.concatenate([series.force, series.reached[rose], [touch]])
     usable = np.isfinite(time) & np.isfinite(force) & (force >= 0.0)
     order = np.lexsort((np.where(usable, -force, np.inf), time))  # at equal times the largest force is first
     time, force, usable = time[order], force[order], usable[order]
@@ -282,7 +282,7 @@ def _samples(contact: RegionForce) -> Samples:
 
 
 def _doubts(
-    contact: RegionForce, time: FloatArray, force: FloatArray, recorded_until: float, largest: float
+    contact: RegionContact, time: FloatArray, force: FloatArray, recorded_until: float, largest: float
 ) -> list[str]:
     """Return the reasons why one contact cannot be called harmless.
 
@@ -293,16 +293,16 @@ def _doubts(
         recorded_until: robot time of the last message of the topic [s].
         largest: largest force on the region in all contacts [N]; a saturated sensor does not exceed it.
     """
-    course, doubts = contact.course, list[str]()
-    bad = ~(_usable(contact) & np.isfinite(course.reached) & (course.reached >= 0.0))
-    if (course.force > course.reached * (1.0 + RATE_TOLERANCE)).any():
+    series, doubts = contact.series, list[str]()
+    bad = ~(_usable(contact) & np.isfinite(series.reached) & (series.reached >= 0.0))
+    if (series.force > series.reached * (1.0 + RATE_TOLERANCE)).any():
         doubts.append("a force is above the peak that its message states")
     if contact.impulse is not None and not contact.impulse >= 0.0:
         doubts.append("its impulse is not a number or below 0")
     if bad.any():
         doubts.append(f"{int(bad.sum())} of {len(bad)} forces are not numbers or below 0")
-    stated = contact.begin + course.since_begin
-    if not (np.abs(course.time - stated) <= CLOCKS).all() or not contact.duration >= 0.0:
+    stated = contact.begin + series.since_begin
+    if not (np.abs(series.time - stated) <= CLOCKS).all() or not contact.duration >= 0.0:
         doubts.append("its messages are not of the time that begin and duration state")
     at_range = force.max() >= (1.0 - COARSEST) * largest
     if not bad.any() and at_range and _flat(contact, time[1:], force[1:]):  # without the start, which has no message
@@ -315,12 +315,12 @@ def _doubts(
     return doubts
 
 
-def _flat(contact: RegionForce, time: FloatArray, force: FloatArray) -> bool:
+def _flat(contact: RegionContact, time: FloatArray, force: FloatArray) -> bool:
     """Return True if the largest force forms a flat top, within sensor noise, between steep flanks.
 
     The top is FLAT messages long, or extends from a message to a peak that is stated for another instant.
     """
-    between = np.abs(time[:, None] - contact.course.time[None, :]).min(axis=1) > SAME_INSTANT
+    between = np.abs(time[:, None] - contact.series.time[None, :]).min(axis=1) > SAME_INSTANT
     top, steps = float(force.max(initial=0.0)), np.abs(np.diff(force))
     quantum = float(steps[steps > 1e-9].min(initial=np.inf))
     if not (np.abs(force / quantum - np.round(force / quantum)) < 1e-6).all():
@@ -339,9 +339,9 @@ def _flat(contact: RegionForce, time: FloatArray, force: FloatArray) -> bool:
 
 def _unknown_peak(samples: Sequence[Samples], episode: Episode, table: ValueTable) -> float | None:
     """Return the upper bound of the quasi-static force in gaps longer than may be bridged, from stated peaks [N]."""
-    held, max_gap = episode.whole.begin + table["transient_time"], verdict_table()["max_gap"]
+    held, max_gap = episode.overall.begin + table["transient_time"], verdict_table()["max_gap"]
     bound, any_unknown = 0.0, False
     for contact, time, _, usable in samples:
         any_unknown |= bool(unknown(time, usable, (max(held, contact.begin), end_of(contact)), max_gap))
-        bound += float(contact.course.reached[np.isfinite(contact.course.reached)].max(initial=0.0))
+        bound += float(contact.series.reached[np.isfinite(contact.series.reached)].max(initial=0.0))
     return bound if any_unknown else None

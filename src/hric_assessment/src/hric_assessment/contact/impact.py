@@ -16,7 +16,6 @@ from hric_assessment.tables import episode_table, verdict_table
 from hric_assessment.typed_json import Content, JsonObject
 from hric_bags.reader import ControlRecord, FloatArray, RunRecord
 from hric_bags.records.human_record import HumanRecord
-from hric_bags.records.region_contacts import RegionForce
 from hric_control.plant import Surface
 from hric_control.plants import PlantConfig, Surfaces, combine, load_surfaces
 from hric_core import urdf
@@ -25,6 +24,7 @@ from hric_core.geometry import homogeneous
 from hric_core.geometry.transforms import inverse, rotation_from_quaternion
 from hric_dynamics.tree import Tree
 from hric_human.body import describe, surfaces
+from hric_human.contact import RegionContact
 from hric_human.participant.settings import HumanSettings
 from hric_human.participant.walk import JOINTS, Walk
 
@@ -103,6 +103,24 @@ class Clamping:
         return float(end), float(self.force[last].mean()), float(self.balanced[last].mean())
 
 
+RECORDED = (
+    "regions",
+    "link",
+    "other",
+    "kind",
+    "begin",
+    "duration",
+    "peak",
+    "peak_time",
+    "impulse",
+    "dominant",
+    "area",
+    "ended",
+    "interrupted",
+)
+"""Attributes of a contact that metrics.json has by the same names."""
+
+
 @dataclass(frozen=True)
 class ExpectedContact:
     """One contact and its expected values.
@@ -114,7 +132,7 @@ class ExpectedContact:
         clamping: force over time; None if it is too short, has too few messages, or the command is not a torque.
     """
 
-    contact: RegionForce
+    contact: RegionContact
     impact: ClosedFormImpact | None
     clamping: Clamping | None
 
@@ -123,20 +141,22 @@ class ExpectedContact:
         """Largest force until the half sine ends, which is after the first peak [N]; None: no closed form."""
         if self.impact is None:
             return None
-        course = self.contact.course
-        after = np.flatnonzero(course.time >= self.contact.begin + self.impact.duration)
-        return float(course.reached[after[0]]) if len(after) else self.contact.peak
+        series = self.contact.series
+        after = np.flatnonzero(series.time >= self.contact.begin + self.impact.duration)
+        return float(series.reached[after[0]]) if len(after) else self.contact.peak
 
     def late(self) -> float:
         """Return the delay of the first message after the start of the half sine, from its force [s]."""
-        form, force = self.impact, self.contact.course.force
+        form, force = self.impact, self.contact.series.force
         if form is None or not len(force):
             return 0.0
         return form.duration / math.pi * math.asin(min(float(force[0]) / form.peak, 1.0))
 
     def values(self) -> JsonObject:
         """Return the values for metrics.json."""
-        recorded = {name: value for name, value in vars(self.contact).items() if name != "course"}
+        contact = self.contact
+        recorded = {name: getattr(contact, name) for name in RECORDED}
+        begin = {"point": contact.begin_point, "normal": contact.begin_normal, "speed": contact.begin_speed}
         form, peak, impact, clamping = self.impact, self.peak, None, None
         if form is not None and peak is not None:
             expected = {name: getattr(form, name) for name in ("mass", "peak", "duration", "impulse")}
@@ -144,7 +164,7 @@ class ExpectedContact:
         if self.clamping is not None:
             time, force, balanced = self.clamping.level()
             clamping = {"time": time, "force": force, "balanced": balanced, "ratio": force / balanced}
-        return {**recorded, "transient": impact, "press": clamping}
+        return {**recorded, **begin, "transient": impact, "press": clamping}
 
 
 class Mechanism:
@@ -234,7 +254,7 @@ class ClosedFormModels:
         self._hull = rules.of_model(self._name, self._robot.tree.links, Surface())
         self._torque = definition.get("robot", {}).get("hw") in OWN_WEIGHT
 
-    def expected(self, contact: RegionForce) -> ExpectedContact:
+    def expected(self, contact: RegionContact) -> ExpectedContact:
         """Return a contact with its expected values."""
         if not self._ours(contact):
             return ExpectedContact(contact, None, None)
@@ -242,44 +262,45 @@ class ClosedFormModels:
             contact, self.impact(contact), self._clamping(contact, contact.other.rpartition("::")[2])
         )
 
-    def _ours(self, contact: RegionForce) -> bool:
+    def _ours(self, contact: RegionContact) -> bool:
         """Return True if a contact is a penalty contact between the person and the robot."""
         other, _, link = contact.other.rpartition("::")
         return contact.kind == "penalty" and other == self._name and contact.link in self._skin and link in self._hull
 
-    def impact(self, contact: RegionForce) -> ClosedFormImpact | None:
+    def impact(self, contact: RegionContact) -> ClosedFormImpact | None:
         """Return the closed form; None: see `ExpectedContact`, or arm or person were not recorded at that time."""
         if not self._ours(contact):
             return None
         link = contact.other.rpartition("::")[2]
-        law, speed = combine(self._skin[contact.link], self._hull[link]), contact.speed or 0.0
-        if law is None or law[1] or contact.point is None or contact.normal is None or speed <= 0.0:
+        law, speed = combine(self._skin[contact.link], self._hull[link]), contact.begin_speed or 0.0
+        point, normal = contact.begin_point, contact.begin_normal
+        if law is None or law[1] or point is None or normal is None or speed <= 0.0:
             return None
         log, record = self._log, self._record
         if not (_recorded(contact.begin, log.time) and _recorded(contact.begin, record.time)):
             return None
         q_robot, q_human = _at(contact.begin, log.time, log.position), _at(contact.begin, record.time, self._human_q)
-        robot_mass = self._robot.reflected_mass(q_robot, link, contact.point, contact.normal)
-        human_mass = self._human.reflected_mass(q_human, contact.link, contact.point, contact.normal)
+        robot_mass = self._robot.reflected_mass(q_robot, link, point, normal)
+        human_mass = self._human.reflected_mass(q_human, contact.link, point, normal)
         if math.isinf(robot_mass) and math.isinf(human_mass):
             return None
         return ClosedFormImpact(speed, robot_mass, human_mass, law[0])
 
-    def _clamping(self, contact: RegionForce, link: str) -> Clamping | None:
-        log, course = self._log, contact.course
+    def _clamping(self, contact: RegionContact, link: str) -> Clamping | None:
+        log, series = self._log, contact.series
         effort = log.by_effort is None or bool(log.by_effort.all())
         if not self._torque or not effort or "effort" not in log.interfaces:
             return None
-        if contact.duration < LASTING or len(course.time) < contact.duration / MEAN:
+        if contact.duration < LASTING or len(series.time) < contact.duration / MEAN:
             return None
         count = math.ceil(contact.duration * RATE)
-        chosen = np.unique(np.linspace(0, len(course.time) - 1, count).round().astype(int))
-        time = course.time[chosen]
+        chosen = np.unique(np.linspace(0, len(series.time) - 1, count).round().astype(int))
+        time = series.time[chosen]
         q, tau = _at(time, log.time, log.position), _at(time, log.time, log.command)
         balanced = [
-            self._robot.balanced(q[i], link, course.point[k], course.normal[k], tau[i]) for i, k in enumerate(chosen)
+            self._robot.balanced(q[i], link, series.point[k], series.normal[k], tau[i]) for i, k in enumerate(chosen)
         ]
-        return Clamping(time, course.force[chosen], np.array(balanced))
+        return Clamping(time, series.force[chosen], np.array(balanced))
 
 
 def _recorded(time: float, times: FloatArray) -> bool:
@@ -301,10 +322,10 @@ def expected_contacts(run: Content, description: str, record: RunRecord, human: 
         record: recording of the robot.
         human: recording of the human.
     """
-    if not any(contact.kind == "penalty" for contact in human.meetings) or not description:
-        return [ExpectedContact(contact, None, None) for contact in human.meetings]
+    if not any(contact.kind == "penalty" for contact in human.region_contacts) or not description:
+        return [ExpectedContact(contact, None, None) for contact in human.region_contacts]
     try:
         models = ClosedFormModels(run, description, record.log, human)
     except HricError:  # a world file that no longer exists: the recorded values are reported all the same
-        return [ExpectedContact(contact, None, None) for contact in human.meetings]
-    return [models.expected(contact) for contact in human.meetings]
+        return [ExpectedContact(contact, None, None) for contact in human.region_contacts]
+    return [models.expected(contact) for contact in human.region_contacts]

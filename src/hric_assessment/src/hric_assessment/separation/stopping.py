@@ -9,7 +9,6 @@ The table of the package contains simulated stops of the emulated control box, n
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import yaml
@@ -141,7 +140,7 @@ def load(path: Path | None = None) -> StopTable:
 
 def as_yaml(table: StopTable) -> str:
     """Return the table as the text of a file for `load`."""
-    content: dict[str, Any] = {key: value for key, value in asdict(table).items() if value is not None}
+    content = {key: value for key, value in asdict(table).items() if value is not None}
     stops = content.pop("stops")
     head = yaml.safe_dump(content, sort_keys=False, width=10_000, allow_unicode=True)
     rows = "".join(f"  - {{{_written(row)}}}\n" for row in stops)

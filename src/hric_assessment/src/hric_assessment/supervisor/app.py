@@ -156,7 +156,7 @@ class SupervisorApp:
             return []
         if lost:
             return [Event("holder_lost", f"{holder} requested no speed in time: the arm stops until it does")]
-        return [Event("held", f"{holder} requests less than the supervisor: it holds the speed")]
+        return [Event("held", f"{holder} requests a lower speed scale than the supervisor, and limits the speed")]
 
     def _on_taken(self, message: Any) -> None:
         """Store the speed scale in force since the robot accepted a request, and the latency since the measurement."""
@@ -199,7 +199,7 @@ class SupervisorApp:
     def latency_text(self) -> str:
         """Return median and 99 % of the latencies as text."""
         if not self.latencies:
-            return "no slow-down was taken up"
+            return "no slow-down"
         median, late = np.percentile(np.array(self.latencies), [50, 99])
         return (
             f"from the person's pose to the slowing arm: median {1e3 * median:.1f} ms, 99 % {1e3 * late:.1f} ms "

@@ -263,15 +263,15 @@ class Supervisor:
         if fault and fault.split(":")[0] != self._fault.split(":")[0]:
             events.append(Event("fault", fault))
         elif self._fault and not fault:
-            events.append(Event("recovered", "what was wrong is over; the arm goes on when the person is far enough"))
+            events.append(Event("recovered", "the fault is cleared; the arm continues when the person is far enough"))
         state = STOPPED if scale == 0.0 else FREE if scale == 1.0 else SLOWED
         if state != self._state:
             events.append(Event(_KINDS[state], reason))
         if violation and not self._violated and part is not None:
-            text = f"{part.person_link} is nearer to {part.robot_link} than it should be while the arm moves, by"
+            text = f"{part.person_link} is nearer to {part.robot_link} than permitted while the arm moves, by"
             events.append(Event("violation", f"{text} {-part.margin:.3f} m"))
         if is_moved and not self._moved:
-            events.append(Event("moved", "the arm is to stand, and something else moves it"))
+            events.append(Event("moved", "the arm must stand still, but something else moves it"))
         self._state, self._fault, self._violated, self._moved = state, fault, violation, is_moved
         return events
 

@@ -155,10 +155,10 @@ class _BodyInput(PersonInput):
         kept: maximum number of messages stored between two decisions; the newest are stored.
     """
 
-    def __init__(self, shape: BodyShape, frame: str, kept: int) -> None:
+    def __init__(self, shape: BodyShape, frame: str, capacity: int) -> None:
         super().__init__(frame)
         self._shape, self._joints = shape, ()
-        self._pairs: deque[tuple[Any, Any]] = deque(maxlen=kept)
+        self._pairs: deque[tuple[Any, Any]] = deque(maxlen=capacity)
 
     def _take(self, joints: Any, where: Any) -> None:
         """Store both messages of one instant; where: None for a fixed root."""

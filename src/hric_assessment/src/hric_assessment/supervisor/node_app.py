@@ -51,7 +51,7 @@ class SupervisorNode(NodeApp):
             try:
                 self._app.stop_others(self._node.now().to_sec())
             except HricError as error:
-                rospy.logwarn_throttle(10.0, f"who commands is not known: {error}")
+                rospy.logwarn_throttle(10.0, f"the controllers that command are not known: {error}")
 
     def close(self) -> None:
         """Stop the node and log its latencies."""

@@ -156,5 +156,5 @@ class Watch:
         if stamp > now + AHEAD:
             return f"the clock of {what} is ahead by {stamp - now:.3f} s"
         if now - stamp > self._max_age:
-            return f"what is known of {what} is stale: {now - stamp:.3f} s old, valid: {self._max_age:g} s"
+            return f"the data of {what} is stale: {now - stamp:.3f} s old, valid: {self._max_age:g} s"
         return ""

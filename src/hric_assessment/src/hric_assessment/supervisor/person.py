@@ -72,7 +72,7 @@ class BodyShape:
     """
 
     def __init__(self, body: Body, root: Pose) -> None:
-        self._whole, self._root, self._names = WholeBody(body), root, tuple(body.joints)
+        self._dynamics, self._root, self._names = WholeBody(body), root, tuple(body.joints)
         capsules = of_body(body)
         self._capsules, self.links = capsules, capsules.links
         known = [body.regions.get(link, ()) for link in self.links]
@@ -96,7 +96,7 @@ class BodyShape:
             raise HricError(
                 f"no angle of {', '.join(missing)}; valid: all joints of the body, {', '.join(self._names)}"
             )
-        poses = self._whole.poses([angles[name] for name in self._names], self._root if root is None else root)
+        poses = self._dynamics.poses([angles[name] for name in self._names], self._root if root is None else root)
         T = np.tile(np.eye(4), (1, len(self.links), 1, 1))
         for at, link in enumerate(self.links):
             T[0, at, :3, :3] = rotation_from_quaternion(poses[link].orientation)

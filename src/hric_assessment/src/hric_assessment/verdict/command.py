@@ -9,13 +9,11 @@ from hric_assessment.contact.limits import Limits
 from hric_assessment.ergonomics.scoring import methods
 from hric_assessment.separation import stopping
 from hric_assessment.tables import LIMIT_TABLES
-from hric_assessment.verdict.assess import assess
-from hric_assessment.verdict.choices import Braking, Choices
+from hric_assessment.verdict import Choices, Verdict, assess, opened
+from hric_assessment.verdict.choices import Braking
 from hric_assessment.verdict.comparing import compared
 from hric_assessment.verdict.conclusions import CONTACT, GROUPS, QUESTIONS
-from hric_assessment.verdict.inputs import opened
 from hric_assessment.verdict.moment import picture
-from hric_assessment.verdict.result import Verdict
 from hric_bags import files
 from hric_bags.arguments import run_arguments
 from hric_core.command import Argument, Command, perform
@@ -63,24 +61,24 @@ class AssessCommand(Command):
             ),
         ]
 
-    def run(self, given: argparse.Namespace) -> int:
+    def run(self, arguments: argparse.Namespace) -> int:
         """Assess a recording and return the exit code of its outcome."""
-        if (shown := given.picture) is not None and (shown.suffix != ".svg" or not shown.parent.is_dir()):
+        if (shown := arguments.picture) is not None and (shown.suffix != ".svg" or not shown.parent.is_dir()):
             raise HricError(f"--picture {shown} cannot be; valid: a file .svg in a folder that exists")
-        limits = given.limits if given.limits in LIMIT_TABLES else Path(given.limits).expanduser()
-        stops = None if given.stop is None else stopping.load(given.stop)
-        if given.contact_area is not None:
-            check_area(given.contact_area, name=AREA_OPTION)
-        versions = {key: version for key in methods() if (version := getattr(given, f"{key}_table", ""))}
-        choices = Choices(Limits.named(limits), Braking(stops), given.contact_area, versions)
-        verdicts = [_assessed(name, given.runs, choices) for name in (given.run, *given.compare)]
-        only = [question for part in given.only for question in part]
-        if given.compare:
+        limits = arguments.limits if arguments.limits in LIMIT_TABLES else Path(arguments.limits).expanduser()
+        stops = None if arguments.stop is None else stopping.load(arguments.stop)
+        if arguments.contact_area is not None:
+            check_area(arguments.contact_area, name=AREA_OPTION)
+        versions = {key: version for key in methods() if (version := getattr(arguments, f"{key}_table", ""))}
+        choices = Choices(Limits.named(limits), Braking(stops), arguments.contact_area, versions)
+        verdicts = [_assessed(name, arguments.runs, choices) for name in (arguments.run, *arguments.compare)]
+        only = [question for part in arguments.only for question in part]
+        if arguments.compare:
             print(compared(verdicts, only))
         else:
-            print(verdicts[0].render(only, full=given.all), end="")
-        if given.picture is not None:
-            _draw(verdicts[0], given.picture)
+            print(verdicts[0].render(only, full=arguments.all), end="")
+        if arguments.picture is not None:
+            _draw(verdicts[0], arguments.picture)
         return max((verdict.exit_code(only) for verdict in verdicts), key=SEVERITY.index)
 
 

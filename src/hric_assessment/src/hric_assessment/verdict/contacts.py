@@ -20,9 +20,10 @@ from hric_assessment.verdict.choices import Choices
 from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.person import body_of
 from hric_bags.records.human_record import HumanRecord
-from hric_bags.records.region_contacts import ContactStream, RegionForce
+from hric_bags.records.region_contacts import ContactStream
 from hric_core import urdf
 from hric_core.errors import HricError
+from hric_human.contact import RegionContact
 
 TOPIC = "hric/human/contacts"
 OTHER_REGION = "the region is not one of the link's"
@@ -77,8 +78,8 @@ def _of_person(source: AssessmentInput, record: HumanRecord, choices: Choices) -
         return [_not_recorded(source, choices, record.name)]
     judge = _Judge(source, record, choices)
     evidence, lost = _evidence(source, record, record.stream)
-    regions: dict[tuple[tuple[str, ...], str], list[RegionForce]] = {}
-    for contact in record.meetings:
+    regions: dict[tuple[tuple[str, ...], str], list[RegionContact]] = {}
+    for contact in record.region_contacts:
         side = contact.link[:2] if contact.link.startswith(("r_", "l_")) else ""
         regions.setdefault((tuple(sorted(contact.regions)) or (contact.link,), side), []).append(contact)
     findings = [finding for contacts in regions.values() for finding in judge.of_region(contacts)]
@@ -98,8 +99,8 @@ def _evidence(source: AssessmentInput, record: HumanRecord, stream: ContactStrea
     window = source.recording.begin, source.recording.end
     times = [stream.time]
     if not reports_silence(source, stream):
-        times = [stream.time, record.time] if record.meetings and source.recording.log is None else times
-        times = times if record.meetings else []
+        times = [stream.time, record.time] if record.region_contacts and source.recording.log is None else times
+        times = times if record.region_contacts else []
     time = np.unique(np.concatenate([np.zeros(0), *times]))
     longest = verdict_table()["max_gap"]
     longest = min(longest, SILENT_GAP) if source.definition.get("human") else longest
@@ -123,7 +124,7 @@ def silence_assumed(source: AssessmentInput) -> list[str]:
     return [
         f"{record.name}/contacts has no message while nothing touches: its source is taken to have run until the end"
         for record in source.recording.humans.values()
-        if record.stream is not None and record.meetings and source.recording.log is None
+        if record.stream is not None and record.region_contacts and source.recording.log is None
         if not reports_silence(source, record.stream)
     ]
 
@@ -160,9 +161,9 @@ class _Judge:
         self._simulated = bool(source.definition.get("human"))
         self._period = float(source.plant.get("time_step", SPEED_STEP)) if self._simulated else np.inf
 
-    def of_region(self, contacts: Sequence[RegionForce]) -> list[Finding]:
+    def of_region(self, contacts: Sequence[RegionContact]) -> list[Finding]:
         """Return the findings of one region of the person, on one side of the body."""
-        others: dict[str, list[RegionForce]] = {}
+        others: dict[str, list[RegionContact]] = {}
         for contact in contacts:
             if contact.kind != PENALTY:
                 others.setdefault(contact.other, []).append(contact)
@@ -173,7 +174,7 @@ class _Judge:
         judged = [self._with_force(episode) for episode in episodes(sprung, self._period, until)]
         return findings + [finding.marked_near_limit() for finding in judged]
 
-    def _without_force(self, contacts: Sequence[RegionForce]) -> Finding:
+    def _without_force(self, contacts: Sequence[RegionContact]) -> Finding:
         """Return one finding for all touches of a pair without a meaningful force."""
         finding = self._assessed(None, self._site(contacts)[0], contacts, None)
         return replace(finding, notes=(*finding.notes, f"they touched {len(contacts)} times"))
@@ -200,7 +201,7 @@ class _Judge:
         )
 
     def _assessed(
-        self, episode: Episode | None, site: ContactSite, contacts: Sequence[RegionForce], approach: LimitRatio | None
+        self, episode: Episode | None, site: ContactSite, contacts: Sequence[RegionContact], approach: LimitRatio | None
     ) -> Finding:
         signals, limits = (f"{self._record.name}/contacts",), self._choices.limits
         try:
@@ -210,7 +211,7 @@ class _Judge:
         window, person = window_of(contacts), self._record.name
         return replace(finding, group=CONTACT, regions=site.regions, window=window, person=person)
 
-    def _site(self, contacts: Sequence[RegionForce]) -> tuple[ContactSite, list[str]]:
+    def _site(self, contacts: Sequence[RegionContact]) -> tuple[ContactSite, list[str]]:
         """Return the contact's location, and notes on the statements of the recording and the user about it."""
         first, notes, areas = contacts[0], list[str](), dict[str, float]()
         names = tuple(dict.fromkeys(name for contact in contacts for name in contact.regions))
@@ -267,7 +268,7 @@ class ExpectedImpacts:
         self._moving, self._payload, self._standard = moving - tool, tool + load, 0.5 * (moving - tool) + tool + load
 
     def approach(
-        self, contacts: Sequence[RegionForce], site: ContactSite, simulated: bool
+        self, contacts: Sequence[RegionContact], site: ContactSite, simulated: bool
     ) -> tuple[LimitRatio | None, ClosedFormImpact | None, list[str]]:
         """Return the worst approach of some contacts, its closed form, and doubts.
 
@@ -276,12 +277,16 @@ class ExpectedImpacts:
             site: the two bodies.
             simulated: True if the recording is of a plant, which states each approach speed.
         """
-        unknown = [contact for contact in contacts if contact.speed is None or not np.isfinite(contact.speed)]
-        placed = any(contact.point is not None for contact in unknown)
+        unknown = [
+            contact for contact in contacts if contact.begin_speed is None or not np.isfinite(contact.begin_speed)
+        ]
+        placed = any(contact.begin_point is not None for contact in unknown)
         doubts = ["the speed at which they met is not known"] if unknown and (simulated or placed) else []
         approaches = []
         for contact in contacts:
-            speed = 0.0 if contact.speed is None else abs(contact.speed)  # also for a touch while the bodies separate
+            speed = (
+                0.0 if contact.begin_speed is None else abs(contact.begin_speed)
+            )  # also for a touch while the bodies separate
             if not speed > 0.0:
                 continue
             form = None if self._forms is None else self._forms.impact(contact)

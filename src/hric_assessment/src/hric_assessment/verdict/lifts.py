@@ -22,7 +22,7 @@ ASSUMED = (
 
 
 @dataclass(frozen=True)
-class Carried:
+class Transport:
     """Body that a person carries with one or both hands.
 
     Attributes:
@@ -55,7 +55,7 @@ def lift_findings(source: AssessmentInput, person: Person) -> list[Finding]:
     findings = []
     for held, holding in grips.items():
         if not held.startswith(f"{robot}::"):
-            findings += [_proven(finding, holding, human.name) for finding in _of(_carried(held, holding), person)]
+            findings += [_proven(finding, holding, human.name) for finding in _of(_transport(held, holding), person)]
     return findings
 
 
@@ -73,49 +73,49 @@ def _proven(finding: Finding, grips: Sequence[GripRecord], name: str) -> Finding
     return replace(finding, outcome=Outcome.NOT_ASSESSABLE, reason=reason, remedy=remedy)
 
 
-def _carried(held: str, grips: Sequence[GripRecord]) -> Carried:
+def _transport(held: str, grips: Sequence[GripRecord]) -> Transport:
     first = grips[0]
     closed = np.all([np.interp(first.time, grip.time, grip.closed) > 0.5 for grip in grips], axis=0)
     time = first.time[closed]
     points = [np.array([np.interp(time, grip.time, column) for column in grip.point.T]).T for grip in grips]
     force = sum(-np.interp(time, grip.time, grip.force[:, 2]) for grip in grips)
     load = np.asarray(force) / float(np.linalg.norm(GRAVITY))
-    return Carried(held, len(grips), time, np.mean(points, axis=0), load)
+    return Transport(held, len(grips), time, np.mean(points, axis=0), load)
 
 
-def _of(carried: Carried, person: Person) -> list[Finding]:
+def _of(transport: Transport, person: Person) -> list[Finding]:
     """Return the findings of picking up, from the start of the hold to its highest point, and of putting down."""
-    height, limit = carried.point[:, 2], verdict_table()["lift"]
+    height, limit = transport.point[:, 2], verdict_table()["lift"]
     top = int(np.argmax(height))
     findings = []
     for phase, end in (("pick-up", 0), ("put-down", len(height) - 1)):
         if float(height[top] - height[end]) > limit:
-            window = float(carried.time[min(end, top)]), float(carried.time[max(end, top)])
-            findings.append(_rated(carried, _lift(carried, person, phase, end, top), window))
+            window = float(transport.time[min(end, top)]), float(transport.time[max(end, top)])
+            findings.append(_rated(transport, _lift(transport, person, phase, end, top), window))
     return findings
 
 
-def _lift(carried: Carried, person: Person, phase: str, end: int, top: int) -> Lift:
+def _lift(transport: Transport, person: Person, phase: str, end: int, top: int) -> Lift:
     """Return the lift between one of its ends and its highest point."""
     settings, root = person.settings, person.root
     assert settings is not None and root is not None
     rows = slice(min(end, top), max(end, top) + 1)
-    height, low = carried.point[rows, 2], float(carried.point[end, 2])
-    travel = float(carried.point[top, 2]) - low
+    height, low = transport.point[rows, 2], float(transport.point[end, 2])
+    travel = float(transport.point[top, 2]) - low
     raised = height > low + 0.5 * travel
     return Lift(
         phase,
-        max(0.0, float(carried.load[rows][raised].mean())),
-        float(np.linalg.norm(carried.point[end, :2] - root.at(carried.time[end : end + 1])[0, :2])),
+        max(0.0, float(transport.load[rows][raised].mean())),
+        float(np.linalg.norm(transport.point[end, :2] - root.at(transport.time[end : end + 1])[0, :2])),
         max(0.0, low - settings.floor),
         travel,
-        hands=carried.hands,
+        hands=transport.hands,
         position=settings.person.posture,
-        speed=float(np.abs(np.gradient(height, carried.time[rows])).max()) if len(height) > 1 else None,
+        speed=float(np.abs(np.gradient(height, transport.time[rows])).max()) if len(height) > 1 else None,
     )
 
 
-def _rated(carried: Carried, lift: Lift, window: tuple[float, float]) -> Finding:
+def _rated(transport: Transport, lift: Lift, window: tuple[float, float]) -> Finding:
     table = niosh_table()
     values = {
         "load, the person's share [kg]": lift.load,
@@ -123,7 +123,7 @@ def _rated(carried: Carried, lift: Lift, window: tuple[float, float]) -> Finding
         "height V [m]": lift.vertical,
         "travel D [m]": lift.distance,
     }
-    subject, signals = f"{lift.phase} of {carried.held}", ("/hric/human/grip",)
+    subject, signals = f"{lift.phase} of {transport.held}", ("/hric/human/grip",)
     unrated = Finding(subject, Outcome.NOT_ASSESSABLE, "", table.name, None, values, window, signals, group=LIFT)
     try:
         rated = niosh.rate(lift)

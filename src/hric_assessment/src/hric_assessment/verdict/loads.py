@@ -57,8 +57,8 @@ def loads(source: AssessmentInput, person: Person | None) -> Loads:
         person: the person; None: there is none, and all signals of the recording count.
     """
     figures = _strength(source, person)
-    recorded = next(_own(source.recording.activation, person), None)
-    contacts = list(_own(source.recording.contact, person))
+    recorded = next(_of_person(source.recording.activation, person), None)
+    contacts = list(_of_person(source.recording.contact, person))
     computed, shown = _computed(person), recorded
     if recorded is not None:
         muscles = _muscles_of(recorded, computed[0].names) if computed else recorded
@@ -76,7 +76,7 @@ def loads(source: AssessmentInput, person: Person | None) -> Loads:
     return Loads(tuple(figures), shown)
 
 
-def _own(streams: Mapping[str, Columns], person: Person | None) -> Iterator[Columns]:
+def _of_person(streams: Mapping[str, Columns], person: Person | None) -> Iterator[Columns]:
     """Yield the streams in the namespace of a person."""
     for topic, columns in streams.items():
         if person is None or not person.name or topic.startswith(f"{person.name}/"):
@@ -93,7 +93,7 @@ def _muscles_of(recorded: Columns, muscles: Sequence[str]) -> Columns:
 def _strength(source: AssessmentInput, person: Person | None) -> list[Figure]:
     """Return the largest share of each joint's strength; for shoulders also that of a weaker person."""
     record, table = None if person is None else person.record, verdict_table()
-    columns = next(_own(source.recording.shares, person), None)
+    columns = next(_of_person(source.recording.shares, person), None)
     if record is not None and len(record.torque_time):
         names, shares = record.joints, np.abs(record.share)
     elif columns is not None:
@@ -173,10 +173,10 @@ def _over(
         rows = (record.time >= begin - OVERLAP) & (record.time <= begin + PIECE + OVERLAP)
         part = replace(record, time=record.time[rows], position=record.position[rows])
         motion, moved = motion_of(part, list(person.body.joints), root, CUTOFF, RATE)
-        kept = (motion.time >= begin) & (motion.time < begin + PIECE)
-        motion = Motion(*(values[kept] for values in (motion.time, motion.q, motion.dq, motion.ddq)))
+        inside = (motion.time >= begin) & (motion.time < begin + PIECE)
+        motion = Motion(*(values[inside] for values in (motion.time, motion.q, motion.dq, motion.ddq)))
         if not isinstance(moved, Pose):
-            moved = RootMotion(*(values[kept] for values in moved))
+            moved = RootMotion(*(values[inside] for values in moved))
         acting = grip_loads(record.grips.values(), motion.time)
         pieces.append(load_of(person.body, anatomy, moved, motion, acting, strength))
         begin += PIECE

@@ -152,8 +152,8 @@ def _placed(source: AssessmentInput, name: str) -> Pose | None:
 
 def _other(source: AssessmentInput, topic: str) -> Person:
     states, name = source.recording.people[topic], topic.rpartition("/")[0]
-    beside = f"{name}/tracking"
-    tracked = source.recording.tracked.get(beside)
+    tracking_topic = f"{name}/tracking"
+    tracked = source.recording.tracked.get(tracking_topic)
     section, assumptions = source.definition.get("person"), []
     if section is None:
         body = describe(_settings(None, states.names).person)
@@ -167,7 +167,7 @@ def _other(source: AssessmentInput, topic: str) -> Person:
     if tracked is not None and attitude is not None and frame is None:
         assumptions.append(f"where the frame {tracked.frame} of the markers is, is not known: its z is taken as up")
     what = "tracked person" if tracked is not None else "person of whom joint states alone were recorded"
-    signals = (topic,) if tracked is None else (topic, beside)
+    signals = (topic,) if tracked is None else (topic, tracking_topic)
     return Person(
         what,
         body,

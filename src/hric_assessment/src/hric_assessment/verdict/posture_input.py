@@ -56,9 +56,9 @@ def task_of(person: Person, record: HumanRecord | None, posture: Posture, side: 
     rest = np.array(middle).T if middle else np.empty((len(time), 0))
     load, static = _load(person, record, side), None
     if load is not None:
-        carried = np.minimum(load, table.light)[:, None]
-        again = use.repeats(time, carried, 0.5 * table.light) >= table.repeats
-        static = again | (use.held(time, carried, 0.5 * table.light, table.static_time) > 0.0)
+        clipped_load = np.minimum(load, table.light)[:, None]
+        again = use.repeats(time, clipped_load, 0.5 * table.light) >= table.repeats
+        static = again | (use.held(time, clipped_load, 0.5 * table.light, table.static_time) > 0.0)
     return Task(
         load=load,
         static=static,

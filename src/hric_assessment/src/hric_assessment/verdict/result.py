@@ -217,13 +217,13 @@ def thinned(time: FloatArray, *curves: FloatArray, count: int = 2000) -> list[in
     n = len(time)
     if n <= count:
         return list(range(n))
-    kept = {0, n - 1}
+    indices = {0, n - 1}
     edges = np.linspace(0, n, (count - 2) // (2 * max(len(curves), 1)) + 1).astype(int)
     for begin, end in pairwise(edges.tolist()):
         for curve in curves:
             if np.isfinite(part := curve[begin:end]).any():
-                kept |= {begin + int(np.nanargmin(part)), begin + int(np.nanargmax(part))}
-    return sorted(kept)
+                indices |= {begin + int(np.nanargmin(part)), begin + int(np.nanargmax(part))}
+    return sorted(indices)
 
 
 def _grouped(items: Sequence[T]) -> dict[str, list[T]]:

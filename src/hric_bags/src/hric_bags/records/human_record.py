@@ -16,11 +16,11 @@ from hric_bags.records.region_contacts import (
     CONTACTS_TYPE,
     ContactRecord,
     ContactStream,
-    RegionForce,
     RegionMessages,
 )
 from hric_bags.records.root_record import RootRecord
 from hric_bags.records.rows import Rows, Thinning, seven, times, xyz
+from hric_human.contact import RegionContact
 
 GRIP_TYPE, TORQUE_TYPE = "hric_msgs/msg/HumanGrip", "hric_msgs/msg/JointTorque"
 EVENT_TYPE = "hric_msgs/msg/HumanEvent"
@@ -78,7 +78,7 @@ class HumanRecord:
         grips: grips by name.
         contacts: contacts with a force, by link.
         events: events in order of time.
-        meetings: contacts with begin and peak, in the order in which they ended.
+        region_contacts: contacts with begin and peak, in the order in which they ended.
         muscles: muscle data; None: the joints have no muscles.
         root: root pose of a walking person; None: the person stays at the spawn pose.
         name: namespace of the person.
@@ -95,7 +95,7 @@ class HumanRecord:
     grips: dict[str, GripRecord] = field(default_factory=dict)
     contacts: dict[str, ContactRecord] = field(default_factory=dict)
     events: list[Event] = field(default_factory=list)
-    meetings: list[RegionForce] = field(default_factory=list)
+    region_contacts: list[RegionContact] = field(default_factory=list)
     muscles: MuscleRecord | None = None
     root: RootRecord | None = None
     name: str = ""
@@ -221,7 +221,7 @@ class HumanMessages:
             {name: grips.record(robot_time) for name, grips in self._grips.items()},
             contacts.by_link(robot_time),
             [Event(robot_time(stamp), m.kind, m.name, float(m.value), m.text) for stamp, m in self._events],
-            contacts.meetings(robot_time),
+            contacts.region_contacts(robot_time),
             root=self._root_record(robot_time),
             name=self.name,
             stream=None if self._contacts is None else contacts.stream(robot_time),

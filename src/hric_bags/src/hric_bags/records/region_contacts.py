@@ -11,6 +11,7 @@ import numpy as np
 from hric_bags.reader import FloatArray
 from hric_bags.records.rows import times, xyz
 from hric_core.geometry import Vector
+from hric_human.contact import ContactSeries, RegionContact
 
 CONTACTS_TYPE = "hric_msgs/msg/RegionContacts"
 
@@ -35,82 +36,6 @@ class ContactRecord:
     force: FloatArray
     point: FloatArray
     normal: FloatArray
-
-
-@dataclass(frozen=True)
-class Course:
-    """Time series of a contact at the instants of its messages; values as recorded, NaN included.
-
-    Attributes:
-        time: robot time, shape (n,) [s].
-        force: contact force, shape (n,) [N].
-        reached: largest force of all cycles since the begin, shape (n,) [N].
-        reached_time: robot time of the largest force, shape (n,) [s].
-        since_begin: duration of the contact by the message, shape (n,) [s].
-        point, normal: as in ContactRecord, shape (n, 3).
-    """
-
-    time: FloatArray
-    force: FloatArray
-    reached: FloatArray
-    reached_time: FloatArray
-    since_begin: FloatArray
-    point: FloatArray
-    normal: FloatArray
-
-
-@dataclass(frozen=True)
-class RegionContact:
-    """One contact of a region, from the first touch until the bodies parted or the recording ended.
-
-    Attributes:
-        regions: regions of ISO/TS 15066 that the link belongs to.
-        link, other: link of the person, and the body that touched it.
-        kind: "penalty", or "rigid", which has no force.
-        begin: robot time of the begin [s].
-        duration: duration in the last message [s].
-        peak, peak_time, impulse: peak of the normal force, its time, and the impulse; None: rigid [N], [s], [N s].
-        point, normal: point of the first touch, and unit vector along which the force then acted on the person, world
-            frame, 3 floats each [m]; None: not known.
-        speed: approach speed along the normal at the first touch [m/s]; None: rigid, or not known.
-    """
-
-    regions: tuple[str, ...]
-    link: str
-    other: str
-    kind: str
-    begin: float
-    duration: float
-    peak: float | None
-    peak_time: float | None
-    impulse: float | None
-    point: Vector | None
-    normal: Vector | None
-    speed: float | None
-
-
-@dataclass(frozen=True)
-class RegionForce(RegionContact):
-    """Contact of a region with its time series.
-
-    Attributes:
-        course: time series with one row for each message that has the contact.
-        dominant: True if the messages place it on the side of the dominant hand; None: they differ.
-        area: smallest contact area in its messages [m^2], as recorded; None: some message does not have it.
-        ended: True if a message says that the bodies parted.
-        interrupted: True if there are messages between two of it at another instant, without the contact and its end.
-    """
-
-    course: Course
-    dominant: bool | None = False
-    area: float | None = None
-    ended: bool = True
-    interrupted: bool = False
-
-    @property
-    def end(self) -> float:
-        """Robot time of the end [s]."""
-        return self.begin + self.duration
 
 
 @dataclass(frozen=True)
@@ -197,64 +122,62 @@ class RegionMessages:
         known.area = math.nan if math.isnan(contact.area + known.area) else min(contact.area, known.area)
         return known
 
-    def _strongest(self, one: Any, index: int, stamp: float, force: float) -> None:
+    def _strongest(self, contact: Any, index: int, stamp: float, force: float) -> None:
         if force > 0.0:  # the force of a rigid contact is NaN
-            _, rows = self._links.setdefault(one.link, (tuple(one.regions), array("d")))
-            rows.extend((index, stamp, force, *xyz(one.point), *xyz(one.normal)))
+            _, rows = self._links.setdefault(contact.link, (tuple(contact.regions), array("d")))
+            rows.extend((index, stamp, force, *xyz(contact.point), *xyz(contact.normal)))
 
     def by_link(self, robot_time: Callable[[float], float]) -> dict[str, ContactRecord]:
         """Return forces at the times of the messages; a peak between two messages counts at the later one."""
         time = times(self._stamps, robot_time)
-        found, n = dict[str, ContactRecord](), len(time)
+        records, n = dict[str, ContactRecord](), len(time)
         for link, (regions, values) in self._links.items():
-            kept = ContactRecord(link, regions, time, np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3)))
-            for index, stamp, force, *where in np.array(values).reshape(-1, 9).tolist():
+            record = ContactRecord(link, regions, time, np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3)))
+            for index, stamp, force, *vectors in np.array(values).reshape(-1, 9).tolist():
                 at = int(index)
                 if not math.isnan(stamp):
                     at = min(int(np.searchsorted(time, robot_time(stamp))), at)
-                if force > kept.force[at]:
-                    kept.force[at], kept.point[at], kept.normal[at] = force, where[:3], where[3:]
-            found[link] = kept
-        return found
+                if force > record.force[at]:
+                    record.force[at], record.point[at], record.normal[at] = force, vectors[:3], vectors[3:]
+            records[link] = record
+        return records
 
-    def meetings(self, robot_time: Callable[[float], float]) -> list[RegionForce]:
+    def region_contacts(self, robot_time: Callable[[float], float]) -> list[RegionContact]:
         """Return all contacts in the order in which they ended; those that did not end come last."""
         open_contacts = [contact for contact in self._contacts.values() if not contact.ended]
-        return [self._meeting(contact, robot_time) for contact in (*self._order, *open_contacts)]
+        return [_region_contact(contact, robot_time) for contact in (*self._order, *open_contacts)]
 
-    def _meeting(self, contact: _Contact, robot_time: Callable[[float], float]) -> RegionForce:
-        last, rows = contact.last, np.array(contact.rows).reshape(-1, 11)
-        kind = last.kind if len(contact.kinds) == 1 else " and ".join(sorted(contact.kinds))
-        known = kind == "penalty"
-        course = Course(
-            times(rows[:, 0], robot_time),
-            rows[:, 1],
-            rows[:, 2],
-            times(rows[:, 3], robot_time),
-            rows[:, 4],
-            rows[:, 5:8],
-            rows[:, 8:],
-        )
-        stated = math.isfinite(last.begin)  # else it begins with its first message, of unknown duration
-        return RegionForce(
-            tuple(contact.regions),
-            last.link,
-            last.other,
-            kind,
-            robot_time(last.begin) if stated else float(course.time[0]),
-            float(last.duration) if stated else math.nan,
-            float(last.peak) if known else None,
-            robot_time(last.peak_time) if known else None,
-            float(last.impulse) if known else None,
-            _known(last.begin_point),
-            _known(last.begin_normal),
-            None if math.isnan(last.begin_speed) else float(last.begin_speed),
-            course,
-            contact.sides.copy().pop() if len(contact.sides) == 1 else None,
-            None if math.isnan(contact.area) or contact.area == math.inf else float(contact.area),
-            contact.ended,
-            contact.interrupted,
-        )
+
+def _region_contact(contact: _Contact, robot_time: Callable[[float], float]) -> RegionContact:
+    last, rows = contact.last, np.array(contact.rows).reshape(-1, 11)
+    stamps, force, reached, reached_stamps, since_begin = rows[:, :5].T
+    time, reached_time = times(stamps, robot_time), times(reached_stamps, robot_time)
+    series = ContactSeries(time, force, reached, reached_time, since_begin, rows[:, 5:8], rows[:, 8:])
+    kind = last.kind if len(contact.kinds) == 1 else " and ".join(sorted(contact.kinds))
+    known = kind == "penalty"
+    stated = math.isfinite(last.begin)  # else it begins with its first message, of unknown duration
+    return RegionContact(
+        last.link,
+        tuple(contact.regions),
+        last.other,
+        kind,
+        begin=robot_time(last.begin) if stated else float(time[0]),
+        duration=float(last.duration) if stated else math.nan,
+        dominant=contact.sides.copy().pop() if len(contact.sides) == 1 else None,
+        force=float(last.force) if known else None,
+        peak=float(last.peak) if known else None,
+        peak_time=robot_time(last.peak_time) if known else None,
+        impulse=float(last.impulse) if known else None,
+        area=None if math.isnan(contact.area) or contact.area == math.inf else float(contact.area),
+        point=_known(last.point),
+        normal=_known(last.normal),
+        begin_point=_known(last.begin_point),
+        begin_normal=_known(last.begin_normal),
+        begin_speed=None if math.isnan(last.begin_speed) else float(last.begin_speed),
+        series=series,
+        ended=contact.ended,
+        interrupted=contact.interrupted,
+    )
 
 
 def _known(v: Any) -> Vector | None:

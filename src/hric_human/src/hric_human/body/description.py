@@ -105,16 +105,16 @@ def _urdf(name: str, made: list[Segment], moved: list[BodyJoint]) -> str:
     robot = Element("robot", name=name)
     SubElement(robot, "link", name=ROOT)
     for segment in made:
-        own = [joint for joint in moved if joint.link == segment.link]
+        joints = [joint for joint in moved if joint.link == segment.link]
         mass, ball = segment.mass, _ball(segment)
-        for joint in own[:-1]:
+        for joint in joints[:-1]:
             write_inertial(SubElement(robot, "link", name=joint.child), ball.mass, np.eye(4), ball.inertia)
             mass += MassProperties(-ball.mass, -ball.com, -ball.inertia)
         _write_segment(robot, segment, mass)
-        if not own:
+        if not joints:
             _write_joint(robot, f"{segment.link}_joint", "fixed", segment.parent, segment.link, segment.p_parent_link)
         parent, at = segment.parent, segment.p_parent_link
-        for joint in own:
+        for joint in joints:
             element = _write_joint(robot, joint.name, "revolute", parent, joint.child, at)
             _write_motion(element, joint)
             parent, at = joint.child, np.zeros(3)

@@ -40,21 +40,21 @@ def from_isb(angles: Mapping[str, float]) -> dict[str, float]:
 
 def _converted(
     angles: Mapping[str, float],
-    given: Sequence[str],
-    wished: Sequence[str],
+    from_names: Sequence[str],
+    to_names: Sequence[str],
     shoulder: Callable[[float, float, float], tuple[float, float, float]],
     linear: Callable[[float, int, float], float],
 ) -> dict[str, float]:
-    found: dict[str, float] = {}
+    converted: dict[str, float] = {}
     for name, angle in angles.items():
         side, joint = _split(name)
-        if joint == given[0]:
-            first, second, third = (angles[side + each] for each in given)
-            found |= zip((side + each for each in wished), shoulder(first, second, third), strict=True)
-        elif joint not in given:
+        if joint == from_names[0]:
+            first, second, third = (angles[side + each] for each in from_names)
+            converted |= zip((side + each for each in to_names), shoulder(first, second, third), strict=True)
+        elif joint not in from_names:
             sign, offset = ROWS[joint].isb or (1, 0.0)
-            found[name] = linear(angle, sign, math.radians(offset))
-    return found
+            converted[name] = linear(angle, sign, math.radians(offset))
+    return converted
 
 
 def isb_shoulder(flex: float, abd: float, rot: float) -> tuple[float, float, float]:

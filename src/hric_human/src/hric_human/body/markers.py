@@ -117,14 +117,15 @@ def marker_labels(file: str, labels: Sequence[str], names: Sequence[str]) -> dic
     Raises:
         HricError: none of the markers is in the recording, or those of several bodies.
     """
-    found: dict[str, dict[str, str]] = {}
+    by_prefix: dict[str, dict[str, str]] = {}
     for label in labels:
         name = re.split("[:_]", label)[-1]
         if name in names:
-            found.setdefault(label.removesuffix(name), {})[name] = label
-    if len(found) != 1:
-        what = f"markers of {len(found)} bodies: {', '.join(map(repr, found))}" if found else "no marker of the body"
+            by_prefix.setdefault(label.removesuffix(name), {})[name] = label
+    if len(by_prefix) != 1:
+        several = f"markers of {len(by_prefix)} bodies: {', '.join(map(repr, by_prefix))}"
+        what = several if by_prefix else "no marker of the body"
         raise HricError(
             f"{file} has {what}; needed are some of {', '.join(names)} of one body; it has {', '.join(labels)}"
         )
-    return found.popitem()[1]
+    return by_prefix.popitem()[1]

@@ -80,12 +80,12 @@ class Region:
 
 def regions(segments: Sequence[Segment], dominant_hand: str) -> dict[str, tuple[Region, ...]]:
     """Return the regions by link; links between the joints of one segment have no shape and are not listed."""
-    found = {}
+    by_link = {}
     for segment in segments:
         side = side_of(segment.name)
         dominant = side == dominant_hand if side else None
-        found[segment.link] = tuple(Region(name, dominant) for name in REGIONS[segment.kind])
-    return found
+        by_link[segment.link] = tuple(Region(name, dominant) for name in REGIONS[segment.kind])
+    return by_link
 
 
 def surfaces(body: Body) -> dict[str, Surface]:
@@ -93,9 +93,9 @@ def surfaces(body: Body) -> dict[str, Surface]:
 
     A link without a region, such as a foot, is left out, and stays rigid.
     """
-    found = {}
+    by_link = {}
     for segment in body.segments.values():
         names = REGIONS[segment.kind]
         if names:
-            found[segment.link] = Surface(REGION_MODELS[SPRING_OF.get(segment.kind, names[0])].stiffness)
-    return found
+            by_link[segment.link] = Surface(REGION_MODELS[SPRING_OF.get(segment.kind, names[0])].stiffness)
+    return by_link

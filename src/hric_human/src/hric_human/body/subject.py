@@ -62,11 +62,11 @@ class Subject(Settings):
         """Refuse measurements of unknown lengths or masses, and those that are far from the table's."""
         lengths, masses = scaled_lengths(self.sex, self.height), scaled_masses(self.sex, self.mass)
         mistakes = Mistakes()
-        for kind, given, published, unit in (
+        for kind, measured, published, unit in (
             ("length", self.lengths, lengths, "m"),
             ("mass", self.masses, masses, "kg"),
         ):
-            for name, value in given.items():
+            for name, value in measured.items():
                 with mistakes.noted():
                     if name not in published:
                         raise unknown(kind, name, published, where.rstrip(":. "))

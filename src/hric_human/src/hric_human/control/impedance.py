@@ -117,12 +117,12 @@ class ImpedanceArm(HumanController):
         """Refuse a load that a joint is too weak for at the start of the motion. Torques are linear in the load."""
         posture = self.posture()
         alone, loaded, held = person.own_weight(posture), self._weight(posture), {}
-        for joint, own, both, low, high in zip(
+        for joint, weight, total, low, high in zip(
             person.joints, alone, loaded, person.weakest, person.strongest, strict=True
         ):
-            per_kilogram = (both - own) / settings.load
+            per_kilogram = (total - weight) / settings.load
             if per_kilogram:
-                held[joint] = max(0.0, ((high if per_kilogram > 0.0 else low) - own) / per_kilogram)
+                held[joint] = max(0.0, ((high if per_kilogram > 0.0 else low) - weight) / per_kilogram)
         weakest = min(held, key=held.__getitem__, default=None)
         if weakest is not None and settings.load > held[weakest]:
             valid = f"up to {math.floor(10.0 * held[weakest]) / 10.0:g} [kg], which {weakest} holds at the start"

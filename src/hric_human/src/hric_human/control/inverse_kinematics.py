@@ -140,7 +140,7 @@ class HandSolver:
             before, (q, left) = q, solver.solve(task, q)
             if float(np.abs(q - before).max()) < SETTLED:
                 break
-        return self._whole(q)
+        return self._posture(q)
 
     def next(self, target: Pose, last: Sequence[float]) -> list[float]:
         """Return joint angles of the whole body [rad] for a target near the last one; last: its angles [rad]."""
@@ -148,22 +148,22 @@ class HandSolver:
         q, left = self._solver.solve(self._task(target), guess)
         if left > TOLERANCE:
             raise self._out_of_reach(target, left)
-        return self._whole(q)
+        return self._posture(q)
 
-    def _whole(self, q: FloatArray) -> list[float]:
-        whole = self._rest.copy()
+    def _posture(self, q: FloatArray) -> list[float]:
+        posture = self._rest.copy()
         for index, angle in zip(self.chain.arm, q.tolist(), strict=True):
-            whole[index] = angle
-        return whole
+            posture[index] = angle
+        return posture
 
     def _task(self, target: Pose) -> Task:
-        chain, arm, whole = self.chain, self.chain.arm, self._rest.copy()
+        chain, arm, posture = self.chain, self.chain.arm, self._rest.copy()
         count = len(arm)
 
         def task(q: list[float]) -> tuple[FloatArray, FloatArray]:
             for index, angle in zip(arm, q, strict=True):
-                whole[index] = angle
-            posed = chain.posed(whole)
+                posture[index] = angle
+            posed = chain.posed(posture)
             p = posed.point(chain.p_link_hand)
             error = difference(target, Pose(p, posed.orientation))
             linear = posed.velocities(p)[-count:]
@@ -177,9 +177,10 @@ class HandSolver:
         distance, reach, side = math.dist(target.position, self._shoulder), self.chain.reach, self.chain.side
         if distance > reach:
             return OutOfReachError(
-                f"the hand is to be {distance:.3f} m from the {side} shoulder; valid: up to {reach:.3f} m, its reach"
+                f"the goal of the hand is {distance:.3f} m from the {side} shoulder; "
+                f"valid: up to {reach:.3f} m, its reach"
             )
         return OutOfReachError(
-            f"the hand is to be {distance:.3f} m from the {side} shoulder, where the ranges of the joints do not "
-            f"let it be (it misses by {left:.3f} m and rad); valid: poses within them, up to its reach, {reach:.3f} m"
+            f"the goal of the hand, {distance:.3f} m from the {side} shoulder, is outside the ranges of the joints "
+            f"(off by {left:.3f} m and rad); valid: poses within them, up to its reach, {reach:.3f} m"
         )

@@ -26,8 +26,8 @@ class MarkedBody:
 
     def __init__(self, body: Body, names: Sequence[str]) -> None:
         self.body, self.names = body, tuple(names)
-        self._whole = WholeBody(body)
-        links = self._whole.links
+        self._dynamics = WholeBody(body)
+        links = self._dynamics.links
         self._moving = [(link.name, link.axis, link.joint) for link in links if any(link.axis)]
         self._on: list[tuple[str, Vector]] = []
         self._moved = np.zeros((len(names), len(self._moving), 1))
@@ -55,7 +55,7 @@ class MarkedBody:
             shape (m, 3) in axes of the world [m]; shape (m, 3, 6 + n): by translation and rotation of the root link
                 along the axes of the world, the latter about its origin, and by the joints [m/m], [m/rad].
         """
-        poses = self._whole.poses(q, T_world_root)
+        poses = self._dynamics.poses(q, T_world_root)
         p = np.array([transformed(poses[link], p_link) for link, p_link in self._on])
         # The joint's axis has the same coordinates in its link before and behind it.
         axes = np.array([rotated(poses[name].orientation, axis) for name, axis, _ in self._moving])

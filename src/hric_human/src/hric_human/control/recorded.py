@@ -96,7 +96,7 @@ class Angles(ReferenceSettings):
     """Recorded joint angles."""
 
     rate: float = number(above=0.0, maximum=1e4, unit="Hz", text="of the rows")
-    angles: Mapping[str, Any] = mapping(
+    angles: Mapping[str, object] = mapping(
         unit="rad", text="by joint, as many values each; joints not named rest. Before and after them the body rests"
     )
 
@@ -156,7 +156,7 @@ class Captured(ReferenceSettings):
     def reference(self, person: Person) -> Reference:
         """Return the reference of the joint angles computed from the markers."""
         rate, markers = self.motion()
-        markers = _own(markers, person.body.markers)
+        markers = _by_marker_name(markers, person.body.markers)
         names = [name for name in person.body.markers if name in markers]
         if not names:
             raise ParameterError(
@@ -173,17 +173,17 @@ class Markers(Captured):
     """Marker positions listed in the settings."""
 
     rate: float = number(above=0.0, maximum=1e4, unit="Hz", text="of the frames")
-    markers: Mapping[str, Any] = mapping(
+    markers: Mapping[str, object] = mapping(
         unit="m", text="positions by name of Plug-in Gait, a row of x, y, z per frame; NaN: not seen"
     )
 
     def motion(self) -> tuple[float, Mapping[str, FloatArray]]:
         """Return rate and positions from the settings."""
         where = f"{self.prefix}markers"
-        found = {name: _array(values, f"{where}.{name}", 2) for name, values in self.markers.items()}
-        if len({array.shape for array in found.values()}) > 1 or any(array.shape[1] != 3 for array in found.values()):
+        arrays = {name: _array(values, f"{where}.{name}", 2) for name, values in self.markers.items()}
+        if len({array.shape for array in arrays.values()}) > 1 or any(array.shape[1] != 3 for array in arrays.values()):
             raise ParameterError(f"{where} must have as many rows of x, y, z each")
-        return self.rate, found
+        return self.rate, arrays
 
 
 @dataclass(frozen=True)
@@ -224,7 +224,7 @@ RECORDED: dict[str, type[ReferenceSettings]] = {
 """Settings classes of recorded motions, by the value of `program`."""
 
 
-def _own(markers: Mapping[str, FloatArray], valid: Collection[str]) -> Mapping[str, FloatArray]:
+def _by_marker_name(markers: Mapping[str, FloatArray], valid: Collection[str]) -> Mapping[str, FloatArray]:
     """Return positions by the body's names; removes an asset's prefix: `body/RELB`, `subject:RELB`, `body_RELB`."""
     return {name if name in valid else re.split("[/:_]", name)[-1]: rows for name, rows in markers.items()}
 

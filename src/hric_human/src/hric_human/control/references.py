@@ -178,11 +178,11 @@ def _cubics(rows: Sequence[Joints], piece: int) -> list[tuple[float, float, floa
     """Return the cubic's coefficients per joint after a row; end velocities are chords over two pieces."""
     before, start = rows[max(piece - 1, 0)], rows[piece]
     goal, after = rows[piece + 1], rows[min(piece + 2, len(rows) - 1)]
-    found = []
+    coefficients = []
     for p, a, b, n in zip(before, start, goal, after, strict=True):
         v, w = 0.5 * (b - p), 0.5 * (n - a)
-        found.append((a, v, 3.0 * (b - a) - 2.0 * v - w, 2.0 * (a - b) + v + w))
-    return found
+        coefficients.append((a, v, 3.0 * (b - a) - 2.0 * v - w, 2.0 * (a - b) + v + w))
+    return coefficients
 
 
 class HandReference(Reference):

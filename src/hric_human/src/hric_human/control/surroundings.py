@@ -192,8 +192,8 @@ class HumanControl:
         self._any_at_strength, self._running = False, False
         self._controller = controller()
         self._controller.init(self.person, parameters)
-        self.end, given = self._controller.end, self._controller.posture()
-        self.posture = list(self.person.rest) if given is None else self._as_list(given)
+        self.end, posture = self._controller.end, self._controller.posture()
+        self.posture = list(self.person.rest) if posture is None else self._as_list(posture)
 
     def start(self, time: float) -> None:
         """Start the motion at `time` [s]."""
@@ -245,19 +245,19 @@ class HumanControl:
         """Return the clipped torque, and count the joints that became saturated."""
         person, before = self.person, self.at_strength
         self.at_strength, self._any_at_strength = [], True
-        found = []
+        limited_tau = []
         for index, (value, low, high) in enumerate(zip(tau, person.weakest, person.strongest, strict=True)):
             if not math.isfinite(value):
                 raise HricError(
                     f"{type(self._controller).__name__} gave {value} N m for {person.joints[index]} at {time:.3f} s; "
                     "valid: finite torques"
                 )
-            kept = min(max(value, low), high)
-            self.at_strength.append(kept != value)
-            if kept != value and not before[index]:
+            limited = min(max(value, low), high)
+            self.at_strength.append(limited != value)
+            if limited != value and not before[index]:
                 self.clipped[person.joints[index]] += 1
-            found.append(kept)
-        return found
+            limited_tau.append(limited)
+        return limited_tau
 
 
 def resting_posture(body: Body) -> tuple[float, ...]:
@@ -281,10 +281,10 @@ def checked(content: Any, joints: tuple[str, ...], where: str) -> tuple[ControlS
     mistakes = Mistakes()
     with mistakes.noted():
         settings = ControlSettings.of(content, where)
-    given = content if isinstance(content, Mapping) else {}
+    section = content if isinstance(content, Mapping) else {}
     with mistakes.noted():
-        controller = _controller(given.get("type", "hric_human/ImpedanceArm"), where)
-        parameters = controller.settings.of(given.get("parameters"), f"{below(where)}parameters", joints)
+        controller = _controller(section.get("type", "hric_human/ImpedanceArm"), where)
+        parameters = controller.settings.of(section.get("parameters"), f"{below(where)}parameters", joints)
     mistakes.raise_all()
     return settings, controller, parameters
 
@@ -307,7 +307,7 @@ def hand_side(body: Body, side: str, where: str) -> str:
     Raises:
         ParameterError: the body has no such hand.
     """
-    sides = [one for one in ("right", "left") if f"{one}_hand" in body.segments]
+    sides = [name for name in ("right", "left") if f"{name}_hand" in body.segments]
     if side == "dominant":
         return body.subject.dominant_hand if body.subject.dominant_hand in sides else sides[0]
     if side not in sides:

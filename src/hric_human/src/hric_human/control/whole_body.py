@@ -143,27 +143,27 @@ class WholeBody:
         Raises:
             HricError: a load on a link that the body does not have.
         """
-        wrong = [one.link for one in loads if one.link not in self.index]
+        wrong = [external.link for external in loads if external.link not in self.index]
         if wrong:
-            raise HricError(f"a load on {wrong[0]!r}, which the body has not; valid: {', '.join(self.index)}")
+            raise HricError(f"a load on {wrong[0]!r}, which is no link of the body; valid: {', '.join(self.index)}")
         n, links = len(q), len(self.links)
         acting = np.zeros((n, len(loads), 9))
-        for at, one in enumerate(loads):
-            acting[:, at] = np.hstack([one.force, one.torque, one.point])
+        for at, external in enumerate(loads):
+            acting[:, at] = np.hstack([external.force, external.torque, external.point])
         moved = RootMotion.at_rest(root, n) if isinstance(root, Pose) else root
-        given = [np.ascontiguousarray(values, np.float64) for values in (np.hstack(moved), q, dq, ddq)]
+        motion = [np.ascontiguousarray(values, np.float64) for values in (np.hstack(moved), q, dq, ddq)]
         force, moment, position = (np.empty((n, links, 3)) for _ in range(3))
-        needed = Needed(np.zeros(given[1].shape), force, moment, position, np.empty((n, links, 3, 3)))
-        self._bodies.solve(gravity, [self.index[one.link] for one in loads], *given, acting, *needed)
+        needed = Needed(np.zeros(motion[1].shape), force, moment, position, np.empty((n, links, 3, 3)))
+        self._bodies.solve(gravity, [self.index[external.link] for external in loads], *motion, acting, *needed)
         return needed
 
     def poses(self, q: Sequence[float], T_world_root: Pose) -> dict[str, Pose]:
         """Return the poses of all links in the world, by name; q: n floats [rad]."""
-        found = [*[Pose()] * len(self.links), T_world_root]  # the root is the last one, as its index has it
+        in_world = [*[Pose()] * len(self.links), T_world_root]  # the root is the last one, as its index has it
         for at, link in enumerate(self.links):
-            parent = found[link.parent]
-            found[at] = Pose(transformed(parent, link.offset), product(parent.orientation, _rotation(link, q)))
-        return dict(zip([*[link.name for link in self.links], ROOT], found, strict=True))
+            parent = in_world[link.parent]
+            in_world[at] = Pose(transformed(parent, link.offset), product(parent.orientation, _rotation(link, q)))
+        return dict(zip([*[link.name for link in self.links], ROOT], in_world, strict=True))
 
     def markers(self, poses: Mapping[str, Pose]) -> dict[str, Vector]:
         """Return the positions of the body's markers in the world, by name [m]; poses: of the links, see `poses`."""
@@ -187,7 +187,7 @@ def _rotation(link: _Link, q: Sequence[float]) -> Quaternion:
 
 
 def floor_wrench(
-    whole: WholeBody,
+    dynamics: WholeBody,
     q: Sequence[float],
     dq: Sequence[float],
     ddq: Sequence[float],
@@ -200,7 +200,7 @@ def floor_wrench(
     subject's mass, at rest below or above the root.
 
     Args:
-        whole: body of the person.
+        dynamics: body of the person.
         q: joint positions, n floats [rad].
         dq: joint velocities, n floats [rad/s].
         ddq: joint accelerations, n floats [rad/s^2].
@@ -210,10 +210,10 @@ def floor_wrench(
     Returns:
         wrench in axes of the world, about its origin.
     """
-    moved = whole.inverse_dynamics(np.array([q]), np.array([dq]), np.array([ddq]), T_world_root, (), gravity)
-    rest = _scaled(whole.body.subject.mass - whole.body.total_mass, gravity)
+    moved = dynamics.inverse_dynamics(np.array([q]), np.array([dq]), np.array([ddq]), T_world_root, (), gravity)
+    rest = _scaled(dynamics.body.subject.mass - dynamics.body.total_mass, gravity)
     force, torque = rest, cross(T_world_root.position, rest)
-    for at, link in enumerate(whole.links):
+    for at, link in enumerate(dynamics.links):
         if link.parent < 0:
             pressed = _scaled(-1.0, _vector(moved.force[0, at]))
             torque = _sum(torque, cross(_vector(moved.position[0, at]), pressed), _vector(-moved.moment[0, at]))

@@ -186,13 +186,13 @@ class Reactive(Program):
                 self._observed.popleft()
 
     def _state(self, time: float) -> FloatArray:
-        found = max(0, bisect_right(self._pieces, time, key=lambda piece: piece.begin) - 1)
-        return self._pieces[found].state(time)
+        index = max(0, bisect_right(self._pieces, time, key=lambda piece: piece.begin) - 1)
+        return self._pieces[index].state(time)
 
     def _perceived(self, now: float) -> FloatArray | None:
         """Return the end effector's position one reaction time ago [m]; None if unknown."""
-        found = bisect_right(self._observed, now - self._how.delay, key=itemgetter(0)) - 1
-        return self._observed[found][1] if found >= 0 else None
+        index = bisect_right(self._observed, now - self._how.delay, key=itemgetter(0)) - 1
+        return self._observed[index][1] if index >= 0 else None
 
     def _at_rest(self, now: float) -> None:
         self._hurt = math.inf

@@ -147,7 +147,7 @@ def of_root_too(motion: Motion, joints: int) -> tuple[Motion, RootMotion]:
         _turning(turned, ddq[:, quaternion]),
         ddq[:, here],
     )
-    return Motion(motion.time, *(np.ascontiguousarray(one[:, :joints]) for one in (q, dq, ddq))), root
+    return Motion(motion.time, *(np.ascontiguousarray(columns[:, :joints]) for columns in (q, dq, ddq))), root
 
 
 def _turning(q: FloatArray, rate: FloatArray) -> FloatArray:
@@ -178,9 +178,9 @@ class AfterRun:
     def __init__(
         self, body: Body, muscles: MuscleSet, anatomy: Anatomy, T_world_root: Pose, gravity: Vector = GRAVITY
     ) -> None:
-        self._whole, self._muscles, self._root, self._gravity = WholeBody(body), muscles, T_world_root, gravity
+        self._dynamics, self._muscles, self._root, self._gravity = WholeBody(body), muscles, T_world_root, gravity
         self._anatomy = anatomy
-        self._contact = JointContact(self._whole, anatomy, muscles.names)
+        self._contact = JointContact(self._dynamics, anatomy, muscles.names)
         low, high = strength(body)
         self._strength = np.array([low, high])[:, list(muscles.joints)]
         self.names, self.links = muscles.names, self._contact.links
@@ -198,7 +198,7 @@ class AfterRun:
             HricError: a load on a link that the body does not have.
         """
         where = self._root if root is None else root
-        needed = self._whole.inverse_dynamics(motion.q, motion.dq, motion.ddq, where, loads, self._gravity)
+        needed = self._dynamics.inverse_dynamics(motion.q, motion.dq, motion.ddq, where, loads, self._gravity)
         torque = needed.torque[:, list(self._muscles.joints)]
         activation, force, shortfall = self._shared(motion, torque)
         low, high = self._strength
@@ -213,18 +213,18 @@ class AfterRun:
             torque / np.where(torque < 0.0, low, high),
             shortfall,
             self._contact.over(motion.q, where, needed, force),
-            {name: needed.position[:, self._whole.index[link]] for name, link in self._contact.links.items()},
+            {name: needed.position[:, self._dynamics.index[link]] for name, link in self._contact.links.items()},
             self._outside(motion.q),
         )
 
     def _outside(self, q: FloatArray) -> dict[str, NDArray[np.bool_]]:
         """Return True for instants with an angle beyond the range of the fitted muscle paths, by side."""
-        order, anatomy = list(self._whole.body.joints), self._anatomy
-        found = dict[str, NDArray[np.bool_]]()
+        order, anatomy = list(self._dynamics.body.joints), self._anatomy
+        outside = dict[str, NDArray[np.bool_]]()
         for side in {name.partition("_")[0]: None for name in self.joints}:
-            own = q[:, [order.index(f"{side}_{joint}") for joint in anatomy.joints]]
-            found[side] = np.any((own < anatomy.lower) | (own > anatomy.upper), axis=1)
-        return found
+            angles = q[:, [order.index(f"{side}_{joint}") for joint in anatomy.joints]]
+            outside[side] = np.any((angles < anatomy.lower) | (angles > anatomy.upper), axis=1)
+        return outside
 
     def _shared(self, motion: Motion, torque: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return activation, force and shortfall at all instants."""
@@ -233,7 +233,7 @@ class AfterRun:
         activation, force, shortfall = np.empty((n, k)), np.empty((n, k)), np.empty((n, len(self.joints)))
         for t, (q, dq, tau) in enumerate(zip(motion.q.tolist(), motion.dq.tolist(), torque, strict=True)):
             state = self._muscles.at(q, dq)
-            found = solver.solve(state.arms, state.gain, tau - state.passive @ state.arms)
-            activation[t], force[t] = found.activation, state.forces(found.activation)
-            shortfall[t] = found.shortfall
+            solution = solver.solve(state.arms, state.gain, tau - state.passive @ state.arms)
+            activation[t], force[t] = solution.activation, state.forces(solution.activation)
+            shortfall[t] = solution.shortfall
         return activation, force, shortfall

@@ -8,10 +8,10 @@ A file is JSON with the attributes of `Anatomy`, a line for each muscle.
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 from hric_core.errors import HricError
 from hric_core.geometry import Vector
@@ -24,7 +24,7 @@ CENTRES = ("shoulder", "elbow")
 """Joint centres that muscles cross."""
 SEGMENTS = ("torso", "upper_arm", "forearm")
 """Segments of a muscle's drawn line; the first two have their origin in the shoulder, the third in the elbow."""
-Course = tuple[tuple[str, Vector], ...]
+MusclePath = tuple[tuple[str, Vector], ...]
 """Points of a line: segment, and position in axes of its link [m]."""
 
 
@@ -40,7 +40,7 @@ class Muscle:
         length: length of fibres and tendon [m]; its negative gradient is the moment arms.
         pulls: by joint centre that it crosses: force on the distal part per force of the muscle [1], x, y and z in axes
             of the proximal link (torso, upper arm).
-        course: line in the resting posture, only for drawing.
+        path: line in the resting posture, only for drawing.
     """
 
     name: str
@@ -49,7 +49,7 @@ class Muscle:
     slack_length: float
     length: Polynomial
     pulls: Mapping[str, tuple[Polynomial, Polynomial, Polynomial]]
-    course: Course
+    path: MusclePath
 
 
 @dataclass(frozen=True)
@@ -130,10 +130,23 @@ def load(path: Path) -> Anatomy:
         raise HricError(f"{path} is not a file of `hric fit_muscles`: {error!r}") from error
 
 
-def _row(muscle: Muscle) -> dict[str, Any]:
+class _MuscleRow(TypedDict):
+    """Muscle in the file; its parts are checked as they are read."""
+
+    name: str
+    max_force: float
+    optimal_length: float
+    slack_length: float
+    length: object
+    pulls: Mapping[str, Sequence[object]]
+    course: Sequence[tuple[str, Vector]]
+
+
+def _row(muscle: Muscle) -> dict[str, object]:
     row = asdict(muscle)
     row["length"] = _polynomial_row(muscle.length)
     row["pulls"] = {centre: [_polynomial_row(part) for part in pull] for centre, pull in muscle.pulls.items()}
+    row["course"] = row.pop("path")
     return row
 
 
@@ -141,17 +154,17 @@ def _polynomial_row(polynomial: Polynomial) -> list[Any]:
     return [polynomial.joints, polynomial.order, polynomial.coefficients]
 
 
-def _muscle(row: Mapping[str, Any]) -> Muscle:
+def _muscle(row: _MuscleRow) -> Muscle:
     force, optimal, slack = (float(row[key]) for key in ("max_force", "optimal_length", "slack_length"))
     if not (0.0 < force < math.inf and 0.0 < optimal < math.inf and 0.0 <= slack < math.inf):
         raise ValueError(f"muscle {row['name']}: {force} N, {optimal} m, {slack} m")
     pulls = {}
     for centre, (x, y, z) in row["pulls"].items():
         pulls[centre] = _polynomial(x), _polynomial(y), _polynomial(z)
-    course = tuple((str(segment), (float(x), float(y), float(z))) for segment, (x, y, z) in row["course"])
-    if len(course) < 2 or not {segment for segment, _ in course} <= set(SEGMENTS):
-        raise ValueError(f"the course of {row['name']} is {course}")
-    return Muscle(row["name"], force, optimal, slack, _polynomial(row["length"]), pulls, course)
+    path = tuple((str(segment), (float(x), float(y), float(z))) for segment, (x, y, z) in row["course"])
+    if len(path) < 2 or not {segment for segment, _ in path} <= set(SEGMENTS):
+        raise ValueError(f"the course of {row['name']} is {path}")
+    return Muscle(row["name"], force, optimal, slack, _polynomial(row["length"]), pulls, path)
 
 
 def _polynomial(row: Any) -> Polynomial:

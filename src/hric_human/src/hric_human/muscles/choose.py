@@ -52,24 +52,24 @@ def find(chosen: str, where: str) -> Anatomy:
 
 def _fitted(path: Path) -> Anatomy:
     """Return the anatomy of a model, from the cache, or fitted now."""
-    said = terms(path)
-    if said:
-        LOG.warning("%s: %s", path, said)
+    notice = terms(path)
+    if notice:
+        LOG.warning("%s: %s", path, notice)
     folder = cache_folder("muscles")
-    parts = [FIT_VERSION, path.suffix.lower().encode(), said.encode(), content(path)]
+    parts = [FIT_VERSION, path.suffix.lower().encode(), notice.encode(), content(path)]
     key = hashlib.sha256(b"|".join(parts)).hexdigest()
-    kept = None if folder is None else folder / f"{key}.json"
-    if kept is not None and kept.is_file():
+    cached = None if folder is None else folder / f"{key}.json"
+    if cached is not None and cached.is_file():
         try:
-            return load(kept)
+            return load(cached)
         except HricError as error:
-            LOG.warning("a kept fit is damaged, and is made again: %s", error)
-    LOG.warning("muscles of %s are fitted, once, which takes a minute or more", path)
+            LOG.warning("a cached fit is damaged and is repeated: %s", error)
+    LOG.warning("fitting the muscles of %s: this happens once and takes a minute or more", path)
     anatomy = fit(path)
-    if kept is not None:
+    if cached is not None:
         try:
-            kept.parent.mkdir(parents=True, exist_ok=True)
-            write_whole(kept, anatomy.text().encode())
+            cached.parent.mkdir(parents=True, exist_ok=True)
+            write_whole(cached, anatomy.text().encode())
         except OSError as error:
-            LOG.warning("the fit of %s is not kept: %s", path, error)
+            LOG.warning("the fit of %s cannot be cached: %s", path, error)
     return anatomy

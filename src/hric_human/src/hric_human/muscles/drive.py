@@ -97,10 +97,10 @@ class MuscleDrive:
         _give(self._columns, self._constants, state.numbers, self.activation, self._decided, out, q, dq, ahead)
         self._since += 1
         self.force, self._next = out[:k], out[k : 2 * k]
-        found = list(tau)
+        torque = list(tau)
         for index, value in zip(self.muscles.joints, out[2 * k :].tolist(), strict=True):
-            found[index] = value
-        return found
+            torque[index] = value
+        return torque
 
     def _decide(self, state: MuscleState, q: FloatArray, dq: FloatArray, tau: FloatArray, at_rest: bool) -> None:
         """Decide activations for the desired torque, and the excitations (0 to 1) that reach them by the next."""

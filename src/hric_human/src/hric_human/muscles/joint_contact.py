@@ -85,12 +85,12 @@ class _Joint:
         rows: indices of its muscles in the forces.
     """
 
-    def __init__(self, whole: WholeBody, side: str, centre: str, rows: list[int]) -> None:
-        distal = whole.body.segments[f"{side}_{DISTAL[centre]}"]
+    def __init__(self, dynamics: WholeBody, side: str, centre: str, rows: list[int]) -> None:
+        distal = dynamics.body.segments[f"{side}_{DISTAL[centre]}"]
         self.side, self.centre, self.rows = side, centre, rows
-        first = next(joint.child for joint in whole.body.joints.values() if joint.link == distal.link)
-        self.link = whole.index[first]
-        self.proximal = None if distal.parent == ROOT else whole.index[distal.parent]
+        first = next(joint.child for joint in dynamics.body.joints.values() if joint.link == distal.link)
+        self.link = dynamics.index[first]
+        self.proximal = None if distal.parent == ROOT else dynamics.index[distal.parent]
 
 
 class JointContact:
@@ -108,10 +108,10 @@ class JointContact:
         HricError: a muscle of the anatomy is not among the names.
     """
 
-    def __init__(self, whole: WholeBody, anatomy: Anatomy, names: Sequence[str]) -> None:
-        self._whole, self._pulls = whole, Pulls(anatomy)
-        order = list(whole.body.joints)
-        sides = [side for side in ("right", "left") if f"{side}_upper_arm" in whole.body.segments]
+    def __init__(self, dynamics: WholeBody, anatomy: Anatomy, names: Sequence[str]) -> None:
+        self._dynamics, self._pulls = dynamics, Pulls(anatomy)
+        order = list(dynamics.body.joints)
+        sides = [side for side in ("right", "left") if f"{side}_upper_arm" in dynamics.body.segments]
         self._angles = {side: [order.index(f"{side}_{joint}") for joint in anatomy.joints] for side in sides}
         self._joints = dict[str, _Joint]()
         for side in sides:
@@ -120,8 +120,8 @@ class JointContact:
                 if missing:
                     raise HricError(f"contact forces need the force of {missing[0]}; given are {', '.join(names)}")
                 rows = [list(names).index(f"{side}_{name}") for name in muscles]
-                self._joints[f"{side}_{centre}"] = _Joint(whole, side, centre, rows)
-        self.links = {name: whole.links[joint.link].name for name, joint in self._joints.items()}
+                self._joints[f"{side}_{centre}"] = _Joint(dynamics, side, centre, rows)
+        self.links = {name: dynamics.links[joint.link].name for name, joint in self._joints.items()}
 
     def over(self, q: FloatArray, root: Pose | RootMotion, needed: Needed, forces: FloatArray) -> dict[str, FloatArray]:
         """Return the joint contact forces at n instants.
@@ -137,14 +137,14 @@ class JointContact:
         """
         pulls = {side: self._pulls.at(q[:, columns]) for side, columns in self._angles.items()}
         R_world_root = _rotation(root)
-        found = {}
+        contact_forces = {}
         for name, joint in self._joints.items():
             pull = (forces[:, None, joint.rows] @ pulls[joint.side][joint.centre])[:, 0]
             if joint.side == "left":
                 pull = pull * _MIRROR
             R = R_world_root if joint.proximal is None else needed.rotation[:, joint.proximal]
-            found[name] = needed.force[:, joint.link] - (R @ pull[:, :, None])[:, :, 0]
-        return found
+            contact_forces[name] = needed.force[:, joint.link] - (R @ pull[:, :, None])[:, :, 0]
+        return contact_forces
 
     def at(
         self,
@@ -168,13 +168,13 @@ class JointContact:
             gravity: gravity vector in axes of the world [m/s^2].
         """
         angles, speeds, rates = (np.array([values], np.float64) for values in (q, dq, ddq))
-        needed = self._whole.inverse_dynamics(angles, speeds, rates, T_world_root, loads, gravity)
-        found = self.over(angles, T_world_root, needed, np.asarray(forces)[None])
-        return {name: (float(x), float(y), float(z)) for name, ((x, y, z),) in found.items()}
+        needed = self._dynamics.inverse_dynamics(angles, speeds, rates, T_world_root, loads, gravity)
+        contact_forces = self.over(angles, T_world_root, needed, np.asarray(forces)[None])
+        return {name: (float(x), float(y), float(z)) for name, ((x, y, z),) in contact_forces.items()}
 
 
 def _rotation(root: Pose | RootMotion) -> FloatArray:
     """Return the rotation of the root link, shape (3, 3), or (n, 3, 3) if it moves."""
     if isinstance(root, Pose):
         return rotation_from_quaternion(root.orientation)
-    return np.array([rotation_from_quaternion(one) for one in root.orientation.tolist()])
+    return np.array([rotation_from_quaternion(quaternion) for quaternion in root.orientation.tolist()])

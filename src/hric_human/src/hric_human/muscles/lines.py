@@ -33,7 +33,7 @@ def colour(activation: Sequence[float]) -> FloatArray:
 def muscle_lines(body: Body, anatomy: Anatomy) -> dict[str, Points]:
     """Return the lines of a body's arm muscles, by name with the side ("right_bic_l"), scaled with its segments."""
     return {
-        f"{side}_{name}": tuple(_placed(body, anatomy, side, segment, p) for segment, p in muscle.course)
+        f"{side}_{name}": tuple(_placed(body, anatomy, side, segment, p) for segment, p in muscle.path)
         for side in ("right", "left")
         if f"{side}_upper_arm" in body.segments
         for name, muscle in anatomy.muscles.items()

@@ -131,18 +131,18 @@ class LiveLoad:
         self._forces: deque[HandForce] = deque()
         self._next: int | None = None
 
-    def add(self, one: Estimate) -> None:
+    def add(self, estimate: Estimate) -> None:
         """Add a frame; one that is not after the last one, or is of another clock, restarts the estimate."""
-        if self._frames and not 0.0 < one.time - self._frames[-1].time < ANOTHER_CLOCK:
+        if self._frames and not 0.0 < estimate.time - self._frames[-1].time < ANOTHER_CLOCK:
             self.restart()
-        orientation = np.array(one.root.orientation)
+        orientation = np.array(estimate.root.orientation)
         if self._frames and orientation @ self._frames[-1].values[-4:] < 0.0:
             orientation = -orientation  # the same rotation, and a smooth curve
-        states = np.array([_ORDER.index(state) for state in (*one.states, one.root_state)], np.int8)
-        values = np.concatenate([one.q, one.root.position, orientation])
-        self._frames.append(_Frame(one.time, values, states))
+        states = np.array([_ORDER.index(state) for state in (*estimate.states, estimate.root_state)], np.int8)
+        values = np.concatenate([estimate.q, estimate.root.position, orientation])
+        self._frames.append(_Frame(estimate.time, values, states))
         if self._next is None:
-            self._next = math.ceil((one.time + WINDOW - STAMP) * RATE)
+            self._next = math.ceil((estimate.time + WINDOW - STAMP) * RATE)
 
     def add_force(self, force: HandForce) -> None:
         """Add a sample of the force on the hand, if it is finite; an older one than the last restarts the force."""
@@ -158,8 +158,8 @@ class LiveLoad:
         if not instants:
             return None
         frames = _Fitted(self._frames)
-        found = [one for one in (frames.at(instant / RATE) for instant in instants) if one is not None]
-        result = self._of(found) if found else None
+        fitted = [frame for frame in (frames.at(instant / RATE) for instant in instants) if frame is not None]
+        result = self._of(fitted) if fitted else None
         self._forget()
         return result
 
@@ -182,13 +182,13 @@ class LiveLoad:
         while len(self._forces) > 1 and self._forces[1].time < time:
             self._forces.popleft()
 
-    def _of(self, found: "list[_Instant]") -> PersonLoad:
-        time = np.array([one.time for one in found])
-        derivatives = np.array([one.derivatives for one in found])
+    def _of(self, instants: "list[_Instant]") -> PersonLoad:
+        time = np.array([instant.time for instant in instants])
+        derivatives = np.array([instant.derivatives for instant in instants])
         motion, root = of_root_too(Motion(time, *derivatives.swapaxes(0, 1)), self._count)
         force, acting, distance = self._acting(time, motion, root)
         known = acting._replace(force=np.nan_to_num(acting.force), torque=np.nan_to_num(acting.torque))
-        worst = np.array([one.states for one in found])
+        worst = np.array([instant.states for instant in instants])
         states = {side: self._state(side, worst, force) for side in self._chains}
         lost = {side: np.array(state) == LOST for side, state in states.items()}
         return PersonLoad(_trusted(self._after.of(motion, [known], root), lost), states, force, acting, distance)
@@ -212,7 +212,7 @@ class LiveLoad:
         distance = np.linalg.norm(point - hand, axis=1)
         away = known & (distance > REACH)
         states = np.where(away, AWAY, np.where(known, MEASURED, MISSING))
-        force, torque = (np.where(away[:, None], 0.0, one) for one in (force, torque))
+        force, torque = (np.where(away[:, None], 0.0, vector) for vector in (force, torque))
         return tuple(states.tolist()), Load(self._link, force, torque, np.nan_to_num(point)), distance
 
 

@@ -29,11 +29,11 @@ def with_muscles(model: str, muscles: MuscleSet) -> str:
     except ElementTree.ParseError as error:
         raise HricError(f"muscles need an OpenSim model: {error}") from error
     paths = _coordinate_paths(root)
-    whole = root.find("Model")
-    if whole is None:
+    model_element = root.find("Model")
+    if model_element is None:
         raise HricError("muscles need an OpenSim model: the file has no Model")
-    forces = whole.find("ForceSet")
-    forces = SubElement(whole, "ForceSet", name="forceset") if forces is None else forces
+    forces = model_element.find("ForceSet")
+    forces = SubElement(model_element, "ForceSet", name="forceset") if forces is None else forces
     objects = forces.find("objects")
     objects = SubElement(forces, "objects") if objects is None else objects
     objects.append(ElementTree.Comment(f" {NOTE} "))

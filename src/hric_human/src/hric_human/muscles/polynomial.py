@@ -58,9 +58,9 @@ class Polynomial:
 
     def powers(self, joints: Sequence[str]) -> IntArray:
         """Return the exponents of its terms as those of some joints, its own among them, shape (terms, joints)."""
-        own = exponents(len(self.joints), self.order)
-        spread = np.zeros((len(own), len(joints)), dtype=np.int64)
-        spread[:, [joints.index(name) for name in self.joints]] = own
+        term_exponents = exponents(len(self.joints), self.order)
+        spread = np.zeros((len(term_exponents), len(joints)), dtype=np.int64)
+        spread[:, [joints.index(name) for name in self.joints]] = term_exponents
         return spread
 
     def values(self, q: FloatArray) -> FloatArray:

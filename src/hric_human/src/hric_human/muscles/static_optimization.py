@@ -82,14 +82,14 @@ class StaticOptimization:
             HricError: a wrong shape, a number that is not finite, or a co-contraction not from 0 to 1.
         """
         lower = self._lower if co_contraction is None else self._raised(co_contraction)
-        given = [np.ascontiguousarray(values, np.float64) for values in (arms, gain, lower, torque)]
+        arrays = [np.ascontiguousarray(values, np.float64) for values in (arms, gain, lower, torque)]
         activation, shortfall = np.empty(len(self._lower)), np.empty(len(self._start))
-        if tuple(array.shape for array in given) != self._shapes:
-            raise HricError(f"static optimisation: {_shapes(given)}; valid: {_NAMES} of shapes {self._shapes}")
+        if tuple(array.shape for array in arrays) != self._shapes:
+            raise HricError(f"static optimisation: {_shapes(arrays)}; valid: {_NAMES} of shapes {self._shapes}")
         try:
-            iterations = _solve(*given, self._start, activation, shortfall)
+            iterations = _solve(*arrays, self._start, activation, shortfall)
         except ValueError as error:
-            raise HricError(f"static optimisation: {_not_finite(given)} not finite") from error
+            raise HricError(f"static optimisation: {_not_finite(arrays)} not finite") from error
         return Solution(activation, shortfall, iterations)
 
     def _raised(self, co_contraction: FloatArray) -> FloatArray:
@@ -102,10 +102,10 @@ class StaticOptimization:
 _NAMES = ("arms", "gain", "minimum activation", "torque")
 
 
-def _shapes(given: list[FloatArray]) -> str:
-    return ", ".join(f"{name} {array.shape}" for name, array in zip(_NAMES, given, strict=True))
+def _shapes(arrays: list[FloatArray]) -> str:
+    return ", ".join(f"{name} {array.shape}" for name, array in zip(_NAMES, arrays, strict=True))
 
 
-def _not_finite(given: list[FloatArray]) -> str:
-    names = [name for name, array in zip(_NAMES, given, strict=True) if not np.isfinite(array).all()]
+def _not_finite(arrays: list[FloatArray]) -> str:
+    names = [name for name, array in zip(_NAMES, arrays, strict=True) if not np.isfinite(array).all()]
     return f"{' and '.join(names)} {'is' if len(names) == 1 else 'are'}"

@@ -45,7 +45,7 @@ class Human(Participant):
         HricError: an invalid parameter, or a plant whose models have no joints.
     """
 
-    def __init__(self, name: str, plant: Plant, node: Node, config: Mapping[str, Any]) -> None:
+    def __init__(self, name: str, plant: Plant, node: Node, config: Mapping[str, object]) -> None:
         where = f"{node.resolve('participants')}/{name}"
         self._settings = settings = HumanSettings.of(config, where)
         if not isinstance(plant, Articulated):
@@ -71,12 +71,14 @@ class Human(Participant):
         with self._naming("watches"):
             if settings.watches:
                 plant.link_state(settings.watches)
-        beside = f"{node.beside('hric')}/{name}"
+        namespace = f"{node.beside('hric')}/{name}"
         calls: dict[str, Callable[[], object]] = {"start": self._start}
         for grip in self._grips:
             calls[f"grips/{grip.name}/close"] = grip.close
             calls[f"grips/{grip.name}/open"] = partial(grip.open, "its service was called")
-        self._services = [node.service(f"{beside}/{path}", Trigger, self._served(act)) for path, act in calls.items()]
+        self._services = [
+            node.service(f"{namespace}/{path}", Trigger, self._served(act)) for path, act in calls.items()
+        ]
         self._begin()
 
     def _new_control(self) -> HumanControl:
@@ -213,7 +215,7 @@ class Human(Participant):
         before, now, control = self._strained, self._control.at_strength, self._control
         for joint, was, is_now in zip(control.person.joints, before, now, strict=True):
             if is_now and not was:
-                text = f"{joint} is at its strength, for the {control.clipped[joint]}. time"
+                text = f"{joint} is saturated at its maximum strength ({control.clipped[joint]} so far)"
                 self._happened("strength", joint, float(control.clipped[joint]), text)
         self._strained = now
 
@@ -226,7 +228,9 @@ class Human(Participant):
 
     def _start(self) -> None:
         if self._called or self._zero < math.inf:
-            raise CommandError(f"{self._name} moves since {self._zero:.3f} s; a motion runs once, until a reset")
+            raise CommandError(
+                f"{self._name} has been moving since {self._zero:.3f} s; a motion runs once, until a reset"
+            )
         self._called = True
 
     def _served(self, act: Callable[[], object]) -> Callable[[Any], Any]:
@@ -240,7 +244,9 @@ class Human(Participant):
             try:
                 return TriggerResponse(success=True, message=done.result(SERVICE_TIMEOUT))
             except TimeoutError:
-                return TriggerResponse(success=False, message=f"the robot has not moved on for {SERVICE_TIMEOUT:g} s")
+                return TriggerResponse(
+                    success=False, message=f"the control loop has not advanced for {SERVICE_TIMEOUT:g} s"
+                )
             except HricError as error:
                 return TriggerResponse(success=False, message=str(error))
 

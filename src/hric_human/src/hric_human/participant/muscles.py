@@ -68,17 +68,17 @@ class Muscles:
         where: str,
         happened: Happened,
     ) -> None:
-        self._own, self._cycle, self._root, self._gravity = f"{name}::", person.cycle, root, gravity
+        self._prefix, self._cycle, self._root, self._gravity = f"{name}::", person.cycle, root, gravity
         self._happened = happened
         anatomy = find(settings.anatomy, f"{where}anatomy")
         muscles = MuscleSet(person.body, anatomy, settings.strength)
         self._drive = drive = MuscleDrive(muscles, person.cycle, settings.rate, settings.co_contraction, where)
-        self._whole = WholeBody(person.body)
-        self._contact = JointContact(self._whole, anatomy, muscles.names)
-        beside = node.beside(f"hric/{name}")
-        self._activation = realtime.publisher(node, f"{beside}/activation", MuscleActivation, lossless=True)
-        self._force = realtime.publisher(node, f"{beside}/muscle_force", MuscleForce, lossless=True)
-        self._reactions = realtime.publisher(node, f"{beside}/joint_reactions", JointReactions, lossless=True)
+        self._dynamics = WholeBody(person.body)
+        self._contact = JointContact(self._dynamics, anatomy, muscles.names)
+        namespace = node.beside(f"hric/{name}")
+        self._activation = realtime.publisher(node, f"{namespace}/activation", MuscleActivation, lossless=True)
+        self._force = realtime.publisher(node, f"{namespace}/muscle_force", MuscleForce, lossless=True)
+        self._reactions = realtime.publisher(node, f"{namespace}/joint_reactions", JointReactions, lossless=True)
         self._exhausted = drive.at_limit
         self._pending: Snapshot | None = None
 
@@ -97,10 +97,10 @@ class Muscles:
         if self._pending is not None:
             self._reactions.publish(self._joint_reactions, self._pending, dq[:])
             self._pending = None
-        given = self._drive.update(q, dq, tau)
+        produced = self._drive.update(q, dq, tau)
         if self._drive.at_limit is not self._exhausted:
             self._note_limits()
-        return given
+        return produced
 
     def publish(
         self, time: float, q: list[float], dq: list[float], grips: Sequence[Grip], contacts: Sequence[Contact]
@@ -129,7 +129,7 @@ class Muscles:
         if self._force.subscribers():
             self._force.publish(_muscle_force, time, drive.muscles, drive.force, state)
         if self._reactions.subscribers():
-            loads = _held(grips, self._own) + _touched(contacts, self._own)
+            loads = _held(grips, self._prefix) + _touched(contacts, self._prefix)
             self._pending = Snapshot(time, q, dq, drive.force, loads)
 
     def _note_limits(self) -> None:
@@ -138,46 +138,46 @@ class Muscles:
             drive.muscles.names, drive.limited, self._exhausted, drive.at_limit, strict=True
         ):
             if there and not was:
-                self._happened("muscle", name, float(count), f"{name} gives all that it can, for the {count}. time")
+                self._happened("muscle", name, float(count), f"{name} is saturated ({count} so far)")
         self._exhausted = drive.at_limit
 
     def _joint_reactions(self, before: Snapshot, dq: Sequence[float]) -> Any:
         """Return the message of one cycle's joint reactions; called outside the loop."""
         ddq = [(after - at) / self._cycle for after, at in zip(dq, before.dq, strict=True)]
         angles, speeds, rates = (np.array([values]) for values in (before.q, before.dq, ddq))
-        needed = self._whole.inverse_dynamics(angles, speeds, rates, self._root, before.loads, self._gravity)
-        found = self._contact.over(angles, self._root, needed, before.force[None])
+        needed = self._dynamics.inverse_dynamics(angles, speeds, rates, self._root, before.loads, self._gravity)
+        contact_forces = self._contact.over(angles, self._root, needed, before.force[None])
         links = list(self._contact.links.values())
         return stamped_message(
             JointReactions,
             before.time,
             WORLD,
-            joint_names=list(found),
+            joint_names=list(contact_forces),
             link_names=links,
-            positions=[Point(*needed.position[0, self._whole.index[link]]) for link in links],
-            wrenches=[Wrench(Vector3(*force), Vector3()) for (force,) in found.values()],
+            positions=[Point(*needed.position[0, self._dynamics.index[link]]) for link in links],
+            wrenches=[Wrench(Vector3(*force), Vector3()) for (force,) in contact_forces.values()],
         )
 
 
-def _held(grips: Sequence[Grip], own: str) -> list[Load]:
+def _held(grips: Sequence[Grip], prefix: str) -> list[Load]:
     """Return the loads of closed grips on the person's links, both as holder and as held body."""
     loads = []
     for grip in grips:
         for body, sign in ((grip.holder, 1.0), (grip.settings.held, -1.0)):
-            if grip.closed and body.startswith(own):
+            if grip.closed and body.startswith(prefix):
                 force, torque, point = np.array(grip.load[:3])[:, None]
-                loads.append(Load(body.removeprefix(own), sign * force, sign * torque, point))
+                loads.append(Load(body.removeprefix(prefix), sign * force, sign * torque, point))
     return loads
 
 
-def _touched(contacts: Sequence[Contact], own: str) -> list[Load]:
+def _touched(contacts: Sequence[Contact], prefix: str) -> list[Load]:
     """Return the loads of elastic contacts along their normals; rigid impacts are not forces on a person."""
     loads = []
     for contact in contacts:
         for body, sign in ((contact.body_a, 1.0), (contact.body_b, -1.0)):
-            if contact.kind == "penalty" and body.startswith(own):
+            if contact.kind == "penalty" and body.startswith(prefix):
                 force = sign * contact.force * np.array([contact.normal])
-                loads.append(Load(body.removeprefix(own), force, np.zeros((1, 3)), np.array([contact.position])))
+                loads.append(Load(body.removeprefix(prefix), force, np.zeros((1, 3)), np.array([contact.position])))
     return loads
 
 
@@ -190,5 +190,5 @@ def _muscle_activation(
 
 def _muscle_force(time: float, muscles: MuscleSet, force: Any, state: MuscleState) -> Any:
     values = {"name": muscles.names, "force": force, "length": state.length, "velocity": state.velocity}
-    own = {key: list(compress(np.asarray(of).tolist(), muscles.is_muscle)) for key, of in values.items()}
-    return stamped_message(MuscleForce, time, "", outside=state.outside, **own)
+    of_muscles = {key: list(compress(np.asarray(of).tolist(), muscles.is_muscle)) for key, of in values.items()}
+    return stamped_message(MuscleForce, time, "", outside=state.outside, **of_muscles)

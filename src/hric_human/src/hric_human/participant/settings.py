@@ -52,7 +52,7 @@ def _subject(value: Any, where: str, _: Sequence[str]) -> Subject:
     return load(SUBJECTS / f"{value}.yaml")
 
 
-def _subject_shape() -> dict[str, Any]:
+def _subject_shape() -> dict[str, object]:
     return {"anyOf": [{"type": "string"}, schema_of(section(Subject))]}
 
 

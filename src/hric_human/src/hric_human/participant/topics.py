@@ -103,7 +103,7 @@ class Topics:
             present: contacts of this cycle, with robot times.
             ended: contacts that ended, with robot times.
         """
-        touching, over = [_contact(one, epoch) for one in present], [_contact(one, epoch) for one in ended]
+        touching, over = ([_contact(contact, epoch) for contact in contacts] for contacts in (present, ended))
         if touching or over or self._touching or not 0.0 <= time - self._reported < SILENCE - 1e-9:
             self._touching, self._reported = bool(touching), time
             self._contacts.publish(_contacts, time, touching, over)
@@ -157,8 +157,7 @@ def _event(time: float, kind: str, name: str, value: float, text: str) -> Any:
 def _contact(contact: RegionContact, epoch: float) -> Any:
     """Return a copy of the contact as a message, since the contact changes later."""
     message = RegionContactMessage()
-    message.regions = [region.name for region in contact.regions]
-    message.dominant = any(region.dominant for region in contact.regions)
+    message.regions, message.dominant = list(contact.regions), bool(contact.dominant)
     message.link, message.other, message.kind = contact.link, contact.other, contact.kind
     message.begin, message.duration = epoch + contact.begin, contact.duration
     message.peak_time = math.nan if contact.peak_time is None else epoch + contact.peak_time

@@ -249,10 +249,10 @@ class PersonTracker:
             if best.residual < GOOD:
                 break
             # The worst-fitting limb gets another guess.
-            side = max(SIDES, key=lambda one: best.distances[self._of_side[one][0] & seen].max(initial=0.0))
+            side = max(SIDES, key=lambda candidate: best.distances[self._of_side[candidate][0] & seen].max(initial=0.0))
             q = random.uniform(self._solver.lower[ROOT_MOTIONS:], self._solver.upper[ROOT_MOTIONS:])
             other = self._settled(positions, seen, np.where(self._of_side[side][1], q, best.q))
-            best = min(best, other, key=lambda one: one.residual)
+            best = min(best, other, key=lambda candidate: candidate.residual)
         if best.residual > FAR:
             return None
         self._last, self._J = (time, best.root, best.q), best.J

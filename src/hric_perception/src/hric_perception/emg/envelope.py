@@ -140,9 +140,9 @@ class Envelope:
         skip = -chunk.first % self._decimate
         if skip >= len(smooth):
             return None
-        kept = smooth[skip :: self._decimate] * self._scale
+        decimated = smooth[skip :: self._decimate] * self._scale
         return Chunk(
-            self.layout, chunk.start + skip / chunk.rate, (chunk.first + skip) // self._decimate, kept, chunk.pace
+            self.layout, chunk.start + skip / chunk.rate, (chunk.first + skip) // self._decimate, decimated, chunk.pace
         )
 
     def _filled(self, data: FloatArray, bad: Any) -> FloatArray:

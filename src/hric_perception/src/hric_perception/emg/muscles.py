@@ -168,13 +168,15 @@ class BodyActivation(Track):
         """
         if tuple(names) != self._names:
             self._names, self._columns = tuple(names), []
-            if missing := sorted({part for own in self._parts for part in own} - set(names)):
+            if missing := sorted({part for group in self._parts for part in group} - set(names)):
                 raise CommandError(
-                    f"no activation of {', '.join(missing)}; there is one of {', '.join(names) or 'nothing'}"
+                    f"the message has no activation of {', '.join(missing)}; it has {', '.join(names) or 'nothing'}"
                 )
-            self._columns = [[self._names.index(part) for part in own] for own in self._parts]
+            self._columns = [[self._names.index(part) for part in group] for group in self._parts]
         if self._columns:
-            self.store(time, np.array([sum(activation[column] for column in own) / len(own) for own in self._columns]))
+            self.store(
+                time, np.array([sum(activation[column] for column in group) / len(group) for group in self._columns])
+            )
 
 
 class Muscles:
@@ -208,19 +210,19 @@ class Muscles:
         return self._amplitude * np.clip(self._activation(times), 0.0, 1.0) * carrier + FLOOR * floor
 
     def _in_band(self, block: FloatArray) -> FloatArray:
-        found, self._state = scipy.signal.sosfilt(self._sections, block, axis=0, zi=self._state)
-        return np.asarray(self._gain * found)
+        filtered, self._state = scipy.signal.sosfilt(self._sections, block, axis=0, zi=self._state)
+        return np.asarray(self._gain * filtered)
 
 
-def muscles(given: int | tuple[str, ...]) -> tuple[str, ...]:
+def muscles(names_or_count: int | tuple[str, ...]) -> tuple[str, ...]:
     """Return names of muscles: the given ones, or the first default ones. Raises ValueError."""
-    if isinstance(given, int) and not 1 <= given <= len(MUSCLES):
+    if isinstance(names_or_count, int) and not 1 <= names_or_count <= len(MUSCLES):
         raise ValueError
-    return MUSCLES[:given] if isinstance(given, int) else given
+    return MUSCLES[:names_or_count] if isinstance(names_or_count, int) else names_or_count
 
 
-def muscle_names(said: str = "") -> Any:
+def muscle_names(text: str = "") -> Any:
     """Return a parameter with names of muscles, or the number of default ones."""
-    kinds: Parameter = either(whole(), names(range(1, 65)), default=len(MUSCLES), made=muscles, text=said)
+    kinds: Parameter = either(whole(), names(range(1, 65)), default=len(MUSCLES), made=muscles, text=text)
     kinds.accepts = f"1 to {len(MUSCLES)} of the usual muscles, or a list of up to 64 names, all different"
     return kinds

@@ -114,10 +114,10 @@ class MvcService:
             return SetBoolResponse(True, "contract as hard as you can; call again with false")
         if not was or largest is None:
             return SetBoolResponse(False, "no envelope was recorded; call with true first, while samples come")
-        found = {name: float(value) for name, value in zip(names, largest, strict=True)}
-        self._node.set_param("measured_mvc", found)
+        maxima = {name: float(value) for name, value in zip(names, largest, strict=True)}
+        self._node.set_param("measured_mvc", maxima)
         return SetBoolResponse(
-            True, "envelope/mvc: {" + ", ".join(f"{name}: {value:.4g}" for name, value in found.items()) + "}"
+            True, "envelope/mvc: {" + ", ".join(f"{name}: {value:.4g}" for name, value in maxima.items()) + "}"
         )
 
 

@@ -13,7 +13,7 @@ from hric_perception.emg.muscles import AMPLITUDE, PROGRAM, Program, TopicActiva
 from hric_perception.emulation import Faults
 from hric_perception.replayed import RecordedEmg
 from hric_perception.sampled import DeviceSettings, DriverSettings
-from hric_perception.section import SensorSection, for_node
+from hric_perception.section import SensorSection, SourcePlan, for_node
 from hric_perception.simulated import HUMAN
 from hric_perception.trigno.client import Settings as TrignoSettings
 
@@ -36,8 +36,8 @@ class EmgSection(SensorSection):
     transport: str = choice("lsl", "trigno", text="by which EMG comes")
     channels: tuple[str, ...] = muscle_names("how many of the usual muscles, or names, which a real stream needs")
     rate: float = number(2000.0, minimum=100.0, maximum=20_000.0, unit="Hz", text="of the emulated device")
-    envelope: Mapping[str, Any] | None = for_node(section(EnvelopeSettings), "how it is made: hric_perception")
-    trigno: Mapping[str, Any] | None = for_node(section(TrignoSettings), "which server: hric_perception")
+    envelope: Mapping[str, object] | None = for_node(section(EnvelopeSettings), "how it is made: hric_perception")
+    trigno: Mapping[str, object] | None = for_node(section(TrignoSettings), "which server: hric_perception")
 
     @classmethod
     def parts(cls) -> tuple[type[DriverSettings], type[DeviceSettings]]:
@@ -55,21 +55,21 @@ class EmgSection(SensorSection):
         elif isinstance(program, Program):
             program.activation(len(self.channels))
 
-    def nodes(self, seed: int, person: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    def nodes(self, seed: int, person: Mapping[str, object]) -> dict[str, dict[str, object]]:
         """Return the private parameters of both nodes; muscles of a simulated human are those of the hand's side."""
-        found, given, names = super().nodes(seed, person), dict(self.trigno or {}), list(self.channels)
-        trigno, device = self.transport == "trigno", found.get(self.emulated_name)
+        parameters, settings, names = super().nodes(seed, person), dict(self.trigno or {}), list(self.channels)
+        trigno, device = self.transport == "trigno", parameters.get(self.emulated_name)
         if trigno:
-            found[self.name]["trigno"] = {**given, "channels": names + ["time"] * self.time_code}
+            parameters[self.name]["trigno"] = {**settings, "channels": names + ["time"] * self.time_code}
         if device is not None:
             server = {"host": "ip", "command_port": "command_port", "data_port": "data_port"} if trigno else {}
-            device |= {"muscles": names} | {name: given[key] for key, name in server.items() if key in given}
+            device |= {"muscles": names} | {name: settings[key] for key, name in server.items() if key in settings}
             if person and isinstance(EmulatedEmg.of(self.emulated, "emulated").activation, TopicActivation):
-                device["activation"] = {"side": _following_side(person["person"]), **device["activation"]}
-        return found
+                device["activation"] = {"side": _following_side(person["person"]), **self.emulated["activation"]}
+        return parameters
 
     @property
-    def source(self) -> dict[str, Any]:
+    def source(self) -> SourcePlan:
         """Source for the plan of the synchroniser."""
         return self._source("hric/perception/emg/raw", {"V": self.channels})
 

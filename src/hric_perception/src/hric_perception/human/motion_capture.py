@@ -17,13 +17,10 @@ from hric_human.hand.programs import with_programs
 from hric_perception.human.simulated_body import SimulatedBody
 from hric_perception.simulated import PROGRAM, person_of
 from mocap_natnet.client.settings import bitstream
-from mocap_natnet.codec.layout import Version
-from mocap_natnet.codec.packets import COMMAND_PORT, DATA_PORT
+from mocap_natnet.codec import COMMAND_PORT, DATA_PORT, Version
+from mocap_natnet.server import OCCLUSION, TRANSPORTS, TRIANGLE, Body, Faults, Motive, Scene
+from mocap_natnet.server import Settings as MotiveSettings
 from mocap_natnet.server.c3d_source import RecordedBody, labels_of
-from mocap_natnet.server.motive import Motive
-from mocap_natnet.server.scene import OCCLUSION, TRIANGLE, Body, Faults, Scene
-from mocap_natnet.server.settings import TRANSPORTS
-from mocap_natnet.server.settings import Settings as MotiveSettings
 
 
 class Recorded(Program):
@@ -181,27 +178,27 @@ def see(
     Raises:
         HricError: an invalid value; names the key.
     """
-    given: Marked | RecordedHuman = HUMAN.checked(human, f"{where}human")
+    settings: Marked | RecordedHuman = HUMAN.checked(human, f"{where}human")
     streaming = Stream.of(stream, f"{where}stream")
     T_base_mocap = PoseSettings.of(base_from_mocap, f"{where}base_from_mocap").pose
     T_mocap_base, simulated = inverse(T_base_mocap), None
-    if isinstance(given, RecordedHuman):
-        recorded = given.recorded(T_base_mocap)
-        hand = Hand(recorded, given.begin)
+    if isinstance(settings, RecordedHuman):
+        recorded = settings.recorded(T_base_mocap)
+        hand = Hand(recorded, settings.begin)
         bodies = recorded.seen(hand)
-    elif isinstance(given, Captured):
-        hand = Hand(program_of(given, seed), given.begin)
+    elif isinstance(settings, Captured):
+        hand = Hand(program_of(settings, seed), settings.begin)
     else:
         T_base_world = inverse(PoseSettings.of(world_from_base, f"{where}world_from_base").pose)
         hand = Hand(simulated := SimulatedBody(person_of(person, where), T_base_world))
         hand.start(0.0)
-    if isinstance(given, Marked):
-        bodies = [Body(given.name, _in_mocap(T_mocap_base, hand), 1, given.markers or TRIANGLE)]
-    bodies += _still(given.still, T_mocap_base, len(bodies) + 1)
+    if isinstance(settings, Marked):
+        bodies = [Body(settings.name, _in_mocap(T_mocap_base, hand), 1, settings.markers or TRIANGLE)]
+    bodies += _still(settings.still, T_mocap_base, len(bodies) + 1)
     skeletons = () if simulated is None else (simulated.skeleton(len(bodies) + 1, T_mocap_base),)
     scene = Scene(tuple(bodies), (), streaming.faults(seed), streaming.up_axis, skeletons=skeletons)
     _check_occlusions(streaming, scene)
-    return CapturedHuman(hand, Motive(streaming.motive(seed), scene), given.name, simulated)
+    return CapturedHuman(hand, Motive(streaming.motive(seed), scene), settings.name, simulated)
 
 
 def _check_occlusions(stream: Stream, scene: Scene) -> None:
@@ -218,8 +215,8 @@ def _in_mocap(T_mocap_base: Pose, source: Callable[[float], Pose]) -> Callable[[
 
 def _still(positions: Mapping[str, Vector], T_mocap_base: Pose, first: int) -> list[Body]:
     """Return static bodies: name -> [x, y, z] in the base [m]; first: streaming id of the first one."""
-    found = []
+    bodies = []
     for index, (name, position) in enumerate(positions.items(), first):
         pose = compose(T_mocap_base, Pose(position))
-        found.append(Body(name, lambda time, pose=pose: pose, index))  # type: ignore[misc]
-    return found
+        bodies.append(Body(name, lambda time, pose=pose: pose, index))  # type: ignore[misc]
+    return bodies

@@ -67,18 +67,18 @@ class HumanNode(NodeApp):
     """
 
     def __init__(self, node: RosNode) -> None:
-        given = HumanSettings.read(node)
+        human_settings = HumanSettings.read(node)
         seen = see(
-            given.human,
-            given.stream,
-            given.base_from_mocap,
-            given.seed,
+            human_settings.human,
+            human_settings.stream,
+            human_settings.base_from_mocap,
+            human_settings.seed,
             f"{node.namespace}/",
-            given.person,
-            given.world_from_base,
+            human_settings.person,
+            human_settings.world_from_base,
         )
-        seen.motive.settings = settings = replace(seen.motive.settings, ip=given.ip)
-        self._hand, self._body, self._truth = seen.hand, seen.body, Truth(node, seen.hand, given.base_frame)
+        seen.motive.settings = settings = replace(seen.motive.settings, ip=human_settings.ip)
+        self._hand, self._body, self._truth = seen.hand, seen.body, Truth(node, seen.hand, human_settings.base_frame)
         self._started = node.advertise(node.beside(START_TOPIC), Header, latch=True)
         self._robot_time = RobotTime(node)
         clock: Clock = self._robot_time
@@ -95,7 +95,7 @@ class HumanNode(NodeApp):
             body.robot_time = self._server.robot_time
         self._counts = SentCounts(node, "", "frames", settings.rate)
         node.subscribe(
-            node.beside(given.state_topic or "franka_state_controller/franka_states"),
+            node.beside(human_settings.state_topic or "franka_state_controller/franka_states"),
             FrankaState,
             self._on_state,
             queue_size=1,
@@ -155,7 +155,7 @@ class HumanNode(NodeApp):
             return TriggerResponse(success=True, message=f"the human in the plant begins with hric/{HUMAN}/start")
         began = self._server.robot_time(0.0)
         if began is None:
-            return TriggerResponse(success=False, message="the time of the run is not known yet")
+            return TriggerResponse(success=False, message="robot time is not known yet")
         time = self._server.time
         try:
             zero = self._hand.start(time)

@@ -36,7 +36,7 @@ class SimulatedBody(Program):
     def __init__(self, person: HumanSettings, T_base_world: Pose) -> None:
         self._body = body = describe(person.person)
         side = hand_side(body, ControlSettings.of(person.control, f"{person.prefix}control").side, person.prefix)
-        self._whole, self._hand = WholeBody(body), HandChain(body, side)
+        self._dynamics, self._hand = WholeBody(body), HandChain(body, side)
         self._T_base_root = compose(T_base_world, person.root(body))
         self.states = JointTrack(list(body.joints))
         self.robot_time: Callable[[float], float | None] = _same
@@ -80,16 +80,16 @@ class SimulatedBody(Program):
             bones.append(Bone(segment.name, names[segment.parent], (x, y, z)))
 
         def source(time: float) -> tuple[Sequence[Pose], Sequence[Vector]]:
-            poses = self._whole.poses(self._q(time), T_mocap_root)
-            return [poses[segment.link] for segment in segments], list(self._whole.markers(poses).values())
+            poses = self._dynamics.poses(self._q(time), T_mocap_root)
+            return [poses[segment.link] for segment in segments], list(self._dynamics.markers(poses).values())
 
         return Skeleton(SKELETON, number, tuple(bones), tuple(self._body.markers), source)
 
     def _q(self, time: float) -> Sequence[float]:
         """Return the joint positions at a time of the stream [rad]."""
         robot_time = self.robot_time(time)
-        found = None if robot_time is None else self.states.at(robot_time)
-        return self._rest if found is None else found
+        positions = None if robot_time is None else self.states.at(robot_time)
+        return self._rest if positions is None else positions
 
 
 def _same(time: float) -> float:

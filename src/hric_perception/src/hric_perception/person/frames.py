@@ -35,13 +35,13 @@ class MarkerRows:
 
     def positions(self, message: Any) -> FloatArray:
         """Return positions from a hric_msgs/MocapData, shape (m, 3) [m]; NaN: not visible."""
-        found = np.full((self._count, 3), np.nan)
+        rows = np.full((self._count, 3), np.nan)
         for label, point in zip(message.labelled_marker_names, message.labelled_markers, strict=True):
             asset, _, name = label.rpartition("/")
             row = self._rows.get(name)
             if row is not None and (not self._asset or asset == self._asset):
-                found[row] = point.x, point.y, point.z
-        return found
+                rows[row] = point.x, point.y, point.z
+        return rows
 
 
 class Messages:
@@ -53,7 +53,7 @@ class Messages:
     """
 
     def __init__(self, body: Body, calibrated: bool) -> None:
-        self._joints, self._calibrated, self._whole = list(body.joints), calibrated, WholeBody(body)
+        self._joints, self._calibrated, self._dynamics = list(body.joints), calibrated, WholeBody(body)
         self._needed = self._joints_of_links(body)
 
     @staticmethod
@@ -61,39 +61,39 @@ class Messages:
         """Return the joints between the root and each segment's link, as rows."""
         by_link: dict[str, list[int]] = {ROOT: []}
         for segment in body.segments.values():
-            own = [row for row, joint in enumerate(body.joints.values()) if joint.link == segment.link]
-            by_link[segment.link] = by_link[segment.parent] + own
+            rows = [row for row, joint in enumerate(body.joints.values()) if joint.link == segment.link]
+            by_link[segment.link] = by_link[segment.parent] + rows
         return by_link
 
-    def joint_states(self, head: Any, one: Estimate) -> Any:
+    def joint_states(self, head: Any, estimate: Estimate) -> Any:
         """Return sensor_msgs/JointState of the joints that are not lost."""
-        known = [row for row, state in enumerate(one.states) if state != LOST]
+        known = [row for row, state in enumerate(estimate.states) if state != LOST]
         message = JointState(header=head, name=[self._joints[row] for row in known])
-        message.position, message.velocity = [one.q[row] for row in known], [one.dq[row] for row in known]
+        message.position, message.velocity = [estimate.q[row] for row in known], [estimate.dq[row] for row in known]
         return message
 
-    def tracking(self, head: Any, one: Estimate, dropped: int) -> Any:
+    def tracking(self, head: Any, estimate: Estimate, dropped: int) -> Any:
         """Return hric_msgs/PersonTracking."""
-        root = _NOWHERE if one.root_state == LOST else one.root
+        root = _NOWHERE if estimate.root_state == LOST else estimate.root
         return PersonTracking(
             header=head,
             calibrated=self._calibrated,
             root=stamped.pose_message(root),
-            root_state=one.root_state,
+            root_state=estimate.root_state,
             name=self._joints,
-            state=one.states,
-            residual=one.residual,
-            missing=one.missing,
+            state=estimate.states,
+            residual=estimate.residual,
+            missing=estimate.missing,
             dropped=dropped,
         )
 
-    def frames(self, head: Any, one: Estimate) -> Any:
+    def frames(self, head: Any, estimate: Estimate) -> Any:
         """Return tf2_msgs/TFMessage: `person/LINK` of the links that are not lost, all in the frame of the markers."""
-        if one.root_state == LOST:
+        if estimate.root_state == LOST:
             return TFMessage()
-        poses = self._whole.poses(one.q, one.root)
+        poses = self._dynamics.poses(estimate.q, estimate.root)
         return TFMessage([
             stamped.transform_stamped(head, f"{PERSON}/{link}", poses[link])
             for link, rows in self._needed.items()
-            if all(one.states[row] != LOST for row in rows)
+            if all(estimate.states[row] != LOST for row in rows)
         ])  # fmt: skip

@@ -44,12 +44,12 @@ def of_robot(time: float, message: Any, T_markers_base: Pose) -> HandForce:
     T, (kx, ky, kz) = message.O_T_EE, message.EE_T_K[12:15]
     x, y, z = (T[12 + i] + T[i] * kx + T[4 + i] * ky + T[8 + i] * kz for i in range(3))
     fx, fy, fz, mx, my, mz = message.O_F_ext_hat_K
-    force, torque = (rotated(T_markers_base.orientation, one) for one in ((fx, fy, fz), (mx, my, mz)))
+    force, torque = (rotated(T_markers_base.orientation, vector) for vector in ((fx, fy, fz), (mx, my, mz)))
     return HandForce(time, force, torque, transformed(T_markers_base, (x, y, z)))
 
 
 def of_plate(time: float, message: Any, T_markers_plate: Pose) -> HandForce:
     """Return the force from a geometry_msgs/WrenchStamped: the load on a plate, about the middle of its surface."""
     f, m = message.wrench.force, message.wrench.torque
-    force, torque = (rotated(T_markers_plate.orientation, (-one.x, -one.y, -one.z)) for one in (f, m))
+    force, torque = (rotated(T_markers_plate.orientation, (-vector.x, -vector.y, -vector.z)) for vector in (f, m))
     return HandForce(time, force, torque, T_markers_plate.position)

@@ -47,7 +47,7 @@ class Frame(NamedTuple):
     """
 
     live: LiveLoad
-    one: Estimate
+    estimate: Estimate
     frame_id: str
 
 
@@ -80,56 +80,58 @@ class LoadMessages:
         self._links, self._hand = live.links, hand
         self._strong, self._full = Arrivals(len(live.joints)), Arrivals(len(live.names))
 
-    def count(self, one: PersonLoad, row: int) -> None:
+    def count(self, person_load: PersonLoad, row: int) -> None:
         """Count limits at the next instant; call it before the messages of that instant."""
-        self._strong.update(np.abs(one.load.share[row]) >= FULL)
-        self._full.update(one.load.activation[row] >= FULL)
+        self._strong.update(np.abs(person_load.load.share[row]) >= FULL)
+        self._full.update(person_load.load.activation[row] >= FULL)
 
-    def torque(self, head: Any, one: PersonLoad, row: int) -> Any:
+    def torque(self, head: Any, person_load: PersonLoad, row: int) -> Any:
         """Return hric_msgs/JointTorque; NaN for a lost arm."""
         return JointTorque(
             header=head,
-            name=one.load.joints,
-            torque=one.load.torque[row].tolist(),
-            strength_share=one.load.share[row].tolist(),
+            name=person_load.load.joints,
+            torque=person_load.load.torque[row].tolist(),
+            strength_share=person_load.load.share[row].tolist(),
             at_strength=self._strong.there.tolist(),
             clipped=self._strong.counts.tolist(),
         )
 
-    def activation(self, head: Any, one: PersonLoad, row: int) -> Any:
+    def activation(self, head: Any, person_load: PersonLoad, row: int) -> Any:
         """Return hric_msgs/MuscleActivation; static optimisation has no excitation."""
         return MuscleActivation(
             header=head,
-            name=one.load.names,
-            excitation=[math.nan] * len(one.load.names),
-            activation=one.load.activation[row].tolist(),
+            name=person_load.load.names,
+            excitation=[math.nan] * len(person_load.load.names),
+            activation=person_load.load.activation[row].tolist(),
             at_limit=self._full.there.tolist(),
             limited=self._full.counts.tolist(),
         )
 
-    def reactions(self, head: Any, one: PersonLoad, row: int) -> Any:
+    def reactions(self, head: Any, person_load: PersonLoad, row: int) -> Any:
         """Return hric_msgs/JointReactions: contact forces between the bones."""
-        names = list(one.load.contact)
+        names = list(person_load.load.contact)
         return JointReactions(
             header=head,
             joint_names=names,
             link_names=[self._links[name] for name in names],
-            positions=[Point(*one.load.centres[name][row].tolist()) for name in names],
-            wrenches=[Wrench(Vector3(*one.load.contact[name][row].tolist()), Vector3()) for name in names],
+            positions=[Point(*person_load.load.centres[name][row].tolist()) for name in names],
+            wrenches=[Wrench(Vector3(*person_load.load.contact[name][row].tolist()), Vector3()) for name in names],
         )
 
-    def load(self, head: Any, one: PersonLoad, row: int, behind: float) -> Any:
+    def load(self, head: Any, person_load: PersonLoad, row: int, behind: float) -> Any:
         """Return hric_msgs/PersonLoad."""
         return PersonLoadMessage(
             header=head,
-            side=list(one.states),
-            state=[states[row] for states in one.states.values()],
-            outside=[bool(one.load.outside[side][row]) for side in one.states],
+            side=list(person_load.states),
+            state=[states[row] for states in person_load.states.values()],
+            outside=[bool(person_load.load.outside[side][row]) for side in person_load.states],
             hand=self._hand,
-            force=one.force[row],
-            wrench=Wrench(Vector3(*one.acting.force[row].tolist()), Vector3(*one.acting.torque[row].tolist())),
-            point=Point(*one.acting.point[row].tolist()),
-            distance=float(one.distance[row]),
+            force=person_load.force[row],
+            wrench=Wrench(
+                Vector3(*person_load.acting.force[row].tolist()), Vector3(*person_load.acting.torque[row].tolist())
+            ),
+            point=Point(*person_load.acting.point[row].tolist()),
+            distance=float(person_load.distance[row]),
             behind=behind,
         )
 
@@ -167,10 +169,10 @@ class LoadThread(Driver):
             self._read = source.read
             node.subscribe(node.beside(source.topic), source.type, self._on_force, queue_size=0)
 
-    def add(self, one: Frame | HandForce) -> None:
+    def add(self, item: Frame | HandForce) -> None:
         """Add a frame or a force sample, each kind in its order; thread-safe."""
-        self._queue.append(one)
-        if isinstance(one, Frame):
+        self._queue.append(item)
+        if isinstance(item, Frame):
             self._came.set()
 
     def _on_force(self, message: Any) -> None:
@@ -192,36 +194,36 @@ class LoadThread(Driver):
             self._came.clear()
             began = time.thread_time()
             while self._queue:
-                one = self._queue.popleft()
-                if isinstance(one, Frame):
-                    self._take(one)
-                elif self._live is not None and one.time - self._newest < RECENT:
-                    self._live.add_force(one)
+                item = self._queue.popleft()
+                if isinstance(item, Frame):
+                    self._take(item)
+                elif self._live is not None and item.time - self._newest < RECENT:
+                    self._live.add_force(item)
             self._tally.cost += time.thread_time() - began
 
     def _take(self, frame: Frame) -> None:
         if frame.live is not self._live:
             self._live, self._messages = frame.live, LoadMessages(frame.live, self._side)
-        frame.live.add(frame.one)
-        self._newest = frame.one.time
-        if 0.0 <= frame.one.time - self._taken < PORTION:
+        frame.live.add(frame.estimate)
+        self._newest = frame.estimate.time
+        if 0.0 <= frame.estimate.time - self._taken < PORTION:
             return
-        self._taken = frame.one.time
-        if (found := frame.live.take()) is not None:
-            self._publish(found, frame.frame_id)
+        self._taken = frame.estimate.time
+        if (person_load := frame.live.take()) is not None:
+            self._publish(person_load, frame.frame_id)
 
-    def _publish(self, found: PersonLoad, frame_id: str) -> None:
+    def _publish(self, person_load: PersonLoad, frame_id: str) -> None:
         assert self._messages is not None
         now = self._now()
-        for row, instant in enumerate(found.load.time.tolist()):
+        for row, instant in enumerate(person_load.load.time.tolist()):
             head = stamped.header(stamps.to_time(instant), frame_id)
             behind = math.nan if now is None else now - instant
-            self._messages.count(found, row)
-            self._load.publish(self._messages.load(head, found, row, behind))
+            self._messages.count(person_load, row)
+            self._load.publish(self._messages.load(head, person_load, row, behind))
             for publisher, make in self._parts.items():
                 if publisher.subscribers():
-                    publisher.publish(make(self._messages, head, found, row))
-        self._tally.took(found, now)
+                    publisher.publish(make(self._messages, head, person_load, row))
+        self._tally.took(person_load, now)
 
 
 class _Tally:
@@ -237,16 +239,16 @@ class _Tally:
         self._instants, self._behind = 0, 0.0
         self._last: PersonLoad | None = None
 
-    def took(self, found: PersonLoad, now: float | None) -> None:
+    def took(self, person_load: PersonLoad, now: float | None) -> None:
         """Count published instants."""
-        self._instants += len(found.load.time)
-        self._last = found
+        self._instants += len(person_load.load.time)
+        self._last = person_load
         if now is not None:
-            self._behind = max(self._behind, now - float(found.load.time[0]))
+            self._behind = max(self._behind, now - float(person_load.load.time[0]))
 
     def report(self) -> Health:
         """Return the health report, once a second."""
-        one, instants, cost = self._last, self._instants, self.cost
+        newest, instants, cost = self._last, self._instants, self.cost
         now, (then, cost_then, instants_then) = time.monotonic(), self._before
         self._before, span = (now, cost, instants), max(now - then, 1e-3)
         values = {
@@ -257,23 +259,24 @@ class _Tally:
             "force": self._source,
         }
         self._behind = 0.0
-        if one is None or instants == instants_then:
+        if newest is None or instants == instants_then:
             starts = not instants and now - self._made < START
             return Health(OK if starts else WARN, "waits for frames that show the person", values)
-        values |= {f"{side} arm": states[-1] for side, states in one.states.items()}
-        if math.isfinite(one.distance[-1]):
-            values["force from the hand [m]"] = f"{one.distance[-1]:.3f}"
-        return Health(*_said(one), values)
+        values |= {f"{side} arm": states[-1] for side, states in newest.states.items()}
+        if math.isfinite(newest.distance[-1]):
+            values["force from the hand [m]"] = f"{newest.distance[-1]:.3f}"
+        return Health(*_diagnosis(newest), values)
 
 
-def _said(one: PersonLoad) -> tuple[int, str]:
+def _diagnosis(person_load: PersonLoad) -> tuple[int, str]:
     """Return level and text about the newest instant."""
-    if one.force[-1] == MISSING:
-        return WARN, "the force on the person's hand does not come: the load of that arm is not known"
-    if lost := [side for side, states in one.states.items() if states[-1] == LOST]:
+    if person_load.force[-1] == MISSING:
+        return WARN, "no force on the person's hand arrives: the load of that arm is not known"
+    if lost := [side for side, states in person_load.states.items() if states[-1] == LOST]:
         return WARN, f"lost for want of markers: {' and '.join(lost)} arm"
-    if one.force[-1] == AWAY:
-        return OK, f"the force is {one.distance[-1]:.2f} m from the person's hand, and does not count"
-    if outside := [side for side, rows in one.load.outside.items() if rows[-1]]:
+    if person_load.force[-1] == AWAY:
+        return OK, f"the force is {person_load.distance[-1]:.2f} m from the person's hand, and does not count"
+    if outside := [side for side, rows in person_load.load.outside.items() if rows[-1]]:
         return OK, f"outside the range of muscle paths: {' and '.join(outside)} arm"
-    return OK, "the load is known" if one.force[-1] == MEASURED else "the load is known, without a force on a hand"
+    measured = person_load.force[-1] == MEASURED
+    return OK, "the load is known" if measured else "the load is known, without a force on a hand"

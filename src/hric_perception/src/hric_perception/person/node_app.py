@@ -119,18 +119,18 @@ class PersonNode(NodeApp):
             self._still = None
             self._still_done.set()
         known = self._known.get()
-        one = known.tracker.update(stamp, positions)
-        if one is not None:
-            self._publish(known.messages, message.header, one)
-            self._load.add(Frame(known.live, one, message.header.frame_id))
-        self._health.took(stamp, one, time.thread_time() - began)
+        estimate = known.tracker.update(stamp, positions)
+        if estimate is not None:
+            self._publish(known.messages, message.header, estimate)
+            self._load.add(Frame(known.live, estimate, message.header.frame_id))
+        self._health.took(stamp, estimate, time.thread_time() - began)
 
-    def _publish(self, messages: Messages, head: Any, one: Estimate) -> None:
-        self._states.publish(messages.joint_states(head, one))
-        self._tracking.publish(messages.tracking(head, one, self._health.dropped))
-        if not 0.0 < self._next_tf - one.time <= 1.0 / TF_RATE:
-            self._next_tf = one.time + 1.0 / TF_RATE
-            self._tf.publish(messages.frames(head, one))
+    def _publish(self, messages: Messages, head: Any, estimate: Estimate) -> None:
+        self._states.publish(messages.joint_states(head, estimate))
+        self._tracking.publish(messages.tracking(head, estimate, self._health.dropped))
+        if not 0.0 < self._next_tf - estimate.time <= 1.0 / TF_RATE:
+            self._next_tf = estimate.time + 1.0 / TF_RATE
+            self._tf.publish(messages.frames(head, estimate))
 
     # -- calibration ---------------------------------------------------------------------------------------------------
 
@@ -184,16 +184,16 @@ class _Tally:
         self._last: Estimate | None = None
         self._cost = 0.0
 
-    def took(self, stamp: float, one: Estimate | None, cost: float) -> None:
+    def took(self, stamp: float, estimate: Estimate | None, cost: float) -> None:
         """Count a processed frame; cost: processor time [s]."""
         self._used += 1
         self.dropped = max(self.dropped, self.came - self._used)
-        self._last = one
+        self._last = estimate
         self._cost += 0.05 * (cost - self._cost)
 
     def report(self) -> Health:
         """Return the health report, once a second."""
-        one, fresh, self._before = self._last, self._used - self._before, self._used
+        estimate, fresh, self._before = self._last, self._used - self._before, self._used
         values = {
             "frames": str(self.came),
             "frames dropped": str(self.dropped),
@@ -204,13 +204,13 @@ class _Tally:
         if not fresh:
             starts = not self.came and time.monotonic() - self._made < START
             return Health(WARN if starts else ERROR, f"no frames on {FRAMES}", values)
-        if one is None:
+        if estimate is None:
             return Health(
                 WARN, "the person is not found: too few markers of the trunk, or they do not fit the body", values
             )
-        values |= {"residual [mm]": f"{1e3 * one.residual:.1f}", "markers missing": ", ".join(one.missing)}
-        if one.root_state == LOST or LOST in one.states:
-            return Health(WARN, f"lost for want of markers: {', '.join(one.missing)}", values)
+        values |= {"residual [mm]": f"{1e3 * estimate.residual:.1f}", "markers missing": ", ".join(estimate.missing)}
+        if estimate.root_state == LOST or LOST in estimate.states:
+            return Health(WARN, f"lost for want of markers: {', '.join(estimate.missing)}", values)
         if not self.calibrated:
             return Health(WARN, "tracked; not calibrated", values)
         return Health(OK, "tracked", values)

@@ -66,12 +66,12 @@ class PersonSettings(Settings):
     def check(self, where: str) -> None:
         """Refuse markers and joints that the body does not have, and too few markers."""
         mistakes, body = Mistakes(), describe(self.person)
-        for given, valid, kind, key in (
+        for checked_names, valid, kind, key in (
             (self.markers or (), body.markers, "marker", "markers"),
             (self.labels, body.markers, "marker", "labels"),
             (self.pose, body.joints, "joint", "pose"),
         ):
-            for name in given:
+            for name in checked_names:
                 with mistakes.noted():
                     if name not in valid:
                         raise unknown(kind, name, valid, f"{where}{key}")
@@ -101,13 +101,13 @@ class PersonSettings(Settings):
         """
         if not self.calibration or not self.path.is_file():
             return describe(self.person), False
-        found = Calibration.load(self.path)
-        if (found.subject.code, found.subject.parts) != (self.person.code, self.parts):
+        calibration = Calibration.load(self.path)
+        if (calibration.subject.code, calibration.subject.parts) != (self.person.code, self.parts):
             raise HricError(
-                f"{self.path} is of {found.subject.code} ({found.subject.parts}); valid: a calibration of "
+                f"{self.path} is of {calibration.subject.code} ({calibration.subject.parts}); valid: a calibration of "
                 f"{self.person.code} ({self.parts})"
             )
-        return found.body, True
+        return calibration.body, True
 
     @property
     def path(self) -> Path:

@@ -88,7 +88,7 @@ def _followed(node: Node, program: Contacts, pose: Pose) -> ContactLoad:
     def add(message: Any) -> None:
         load.add(
             message.header.stamp.to_sec(),
-            [(one.collision1_name, one.collision2_name, list(_points(one))) for one in message.states],
+            [(state.collision1_name, state.collision2_name, list(_points(state))) for state in message.states],
         )
 
     node.subscribe(node.beside(program.topic), ContactsState, add, queue_size=100)

@@ -132,7 +132,7 @@ class FloorLoad:
 
     def __init__(self, person: HumanSettings, T_world_plate: Pose) -> None:
         body = describe(person.person)
-        self._whole, self._T_world_root = WholeBody(body), person.root(body)
+        self._dynamics, self._T_world_root = WholeBody(body), person.root(body)
         self._R = rotation_from_quaternion(T_world_plate.orientation)
         self._p = np.array(T_world_plate.position)
         self._joints, self._rows = tuple(body.joints), deque[tuple[float, FloatArray, FloatArray]](maxlen=3)
@@ -162,7 +162,7 @@ class FloorLoad:
         if len(rows) == 3:
             (before, _, dq_before), (at, q_at, dq_at), (after, _, dq_after) = rows
             ddq = (dq_after - dq_before) / (after - before)
-            wrench = floor_wrench(self._whole, q_at.tolist(), dq_at.tolist(), ddq.tolist(), self._T_world_root)
+            wrench = floor_wrench(self._dynamics, q_at.tolist(), dq_at.tolist(), ddq.tolist(), self._T_world_root)
             self._floor.store(at, np.array(wrench))
 
     def hold(self, held: simulated.Held) -> None:

@@ -21,8 +21,7 @@ from hric_perception.plate.loads import Load
 from hric_perception.stream import Driver, SampleStream, StreamHealth
 from mocap_natnet import client, server
 from mocap_natnet.client.settings import address
-from mocap_natnet.codec.descriptions import ForcePlateDescription, Model
-from mocap_natnet.codec.packets import COMMAND_PORT, DATA_PORT
+from mocap_natnet.codec import COMMAND_PORT, DATA_PORT, ForcePlateDescription, Model
 from mocap_natnet.node.parameters import Publishing
 
 NS = 1e-9
@@ -102,8 +101,8 @@ class NatNetPlate(Driver):
 
     def _on_frame(self, received: client.Received) -> None:
         plates, rate = received.frame.force_plates, self._frame_rate
-        found = next((plate for plate in plates if self._plate in (0, plate.id)), None)
-        if found is None or len(found.channels) < len(CHANNELS):
+        plate = next((plate for plate in plates if self._plate in (0, plate.id)), None)
+        if plate is None or len(plate.channels) < len(CHANNELS):
             self._missing = (
                 f"no force plate {self._plate or ''} in the stream; valid: "
                 f"{', '.join(str(plate.id) for plate in plates) or 'none'}"
@@ -111,14 +110,14 @@ class NatNetPlate(Driver):
             self._count = 0
             return
         self._missing = ""
-        channels = found.channels[: len(CHANNELS)]
+        channels = plate.channels[: len(CHANNELS)]
         count = min(len(channel) for channel in channels)
         if rate is None or not rate > 0 or not count:
             self._count = 0
             return
         if count != self._count:
             self._count, self._number = count, None
-            source = f"NatNet {self._client.server} plate {found.id}"
+            source = f"NatNet {self._client.server} plate {plate.id}"
             self._stream.begin(self._choose(Layout(source, CHANNELS, UNITS, count * rate)))
         data = np.array([channel[:count] for channel in channels], dtype=float).T
         frames = received.frame.number - self._number if self._number is not None else 1

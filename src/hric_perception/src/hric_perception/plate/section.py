@@ -13,7 +13,7 @@ from hric_perception.plate.geometry import CHANNELS, PLATE_ID, PLATE_SIZE, Plate
 from hric_perception.plate.natnet import PlateClient
 from hric_perception.replayed import RecordedLoad
 from hric_perception.sampled import DeviceSettings, DriverSettings
-from hric_perception.section import EMULATED, SensorSection, for_node
+from hric_perception.section import EMULATED, SensorSection, SourcePlan, for_node
 from hric_perception.simulated import measures_person
 
 NATNET_PORTS = {"command_port": 1512, "data_port": 1513}
@@ -26,7 +26,7 @@ class EmulatedPlate(Settings):
 
     load: Settings = loads.PROGRAM
     faults: Faults = section(Faults)
-    natnet: Mapping[str, Any] = mapping(default={})
+    natnet: Mapping[str, object] = mapping(default={})
 
 
 def _invertible(rows: Sequence[Sequence[float]]) -> Sequence[Sequence[float]]:
@@ -58,10 +58,10 @@ class PlateSection(SensorSection):
     id: str = PLATE_ID
     height: float | None = number(None, unit="m", text="of the surface over the origin of the device's moments")
     invert: bool | None = flag(None, text="whether the device reports the reaction, not the load")
-    pose: Mapping[str, Any] | None = for_node(
+    pose: Mapping[str, object] | None = for_node(
         section(PlatePose), "`frame`, `xyz` [m], `xyzw` of the middle of the surface"
     )
-    natnet: Mapping[str, Any] | None = for_node(section(PlateClient), "which server and `plate`: hric_perception")
+    natnet: Mapping[str, object] | None = for_node(section(PlateClient), "which server and `plate`: hric_perception")
     size: tuple[float, ...] = numbers(
         2, PLATE_SIZE, above=0.0, unit="m", text="of the surface along x and y, for c3d files"
     )
@@ -86,7 +86,7 @@ class PlateSection(SensorSection):
         measured = self.device == EMULATED and measures_person(self.emulated.get("load"))
         return f"{self.name}.emulated.load" if measured else ""
 
-    def record(self) -> dict[str, Any]:
+    def record(self) -> dict[str, object]:
         """Return the values for run.yaml; a load that is not measured on anything is called computed."""
         return super().record() | ({"computed": "load: from the simulated body's motion"} if self.follows else {})
 
@@ -96,20 +96,20 @@ class PlateSection(SensorSection):
         if isinstance(load, RecordedLoad):
             load.replayed()
 
-    def nodes(self, seed: int, person: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    def nodes(self, seed: int, person: Mapping[str, object]) -> dict[str, dict[str, object]]:
         """Return the private parameters of both nodes."""
-        found = super().nodes(seed, person)
-        if (device := found.get(self.emulated_name)) is None:
-            return found
+        parameters = super().nodes(seed, person)
+        if (device := parameters.get(self.emulated_name)) is None:
+            return parameters
         pose = {key: value for key, value in (self.pose or {}).items() if key != "frame"}
         device |= ({"pose": pose} if pose else {}) | ({"person": person["person"]} if self.follows else {})
         if self.transport == "natnet":
             device["natnet"] = NATNET_PORTS | dict(self.emulated.get("natnet") or {})
-            found[self.name]["natnet"] = {"server": "127.0.0.1", **NATNET_PORTS, **(self.natnet or {})}
-        return found
+            parameters[self.name]["natnet"] = {"server": "127.0.0.1", **NATNET_PORTS, **(self.natnet or {})}
+        return parameters
 
     @property
-    def source(self) -> dict[str, Any]:
+    def source(self) -> SourcePlan:
         """Source for the plan of the synchroniser."""
         units = {"N": self.channels[:3], "N m": self.channels[3:]}
         return self._source(f"hric/perception/force_plate/{self.id}/samples", units)

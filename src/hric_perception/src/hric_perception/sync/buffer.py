@@ -60,10 +60,10 @@ class StampBuffer:
         if not count:
             return
         if self._end + count > len(self._stamps):
-            kept = min(len(self), self.capacity)
-            self._stamps[:kept] = self._stamps[self._end - kept : self._end]
-            self._values[:kept] = self._values[self._end - kept : self._end]
-            self._begin, self._end = 0, kept
+            stored = min(len(self), self.capacity)
+            self._stamps[:stored] = self._stamps[self._end - stored : self._end]
+            self._values[:stored] = self._values[self._end - stored : self._end]
+            self._begin, self._end = 0, stored
         self._stamps[self._end : self._end + count] = stamps[-count:]
         self._values[self._end : self._end + count] = values[-count:]
         self._end += count

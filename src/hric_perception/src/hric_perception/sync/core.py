@@ -78,7 +78,7 @@ class Window:
 
     def _skews(self, index: int) -> Values:
         known = [row.skews[index] for row in self._rows]
-        skews = np.concatenate([np.zeros(0), *(one for one in known if one is not None)])
+        skews = np.concatenate([np.zeros(0), *(skew for skew in known if skew is not None)])
         return np.asarray(skews[~np.isnan(skews)])
 
 
@@ -175,8 +175,10 @@ class Synchroniser:
 
     def _collect(self) -> None:
         """Process the samples put since the last call, in the order of their arrival."""
-        found = [(*one, index) for index, intake in enumerate(self.intakes) if (one := intake.collect()) is not None]
-        for arrived, samples, index in sorted(found, key=lambda one: one[0]):
+        collected = [
+            (*batch, index) for index, intake in enumerate(self.intakes) if (batch := intake.collect()) is not None
+        ]
+        for arrived, samples, index in sorted(collected, key=lambda batch: batch[0]):
             self._busy.received(arrived)
             busy = self._busy.at(arrived)
             verdict = self._time.see(samples.stamps, arrived)
@@ -211,24 +213,24 @@ class Synchroniser:
         return True
 
     def _assemble(self, stamps: Stamps, sampled: list[Sampled]) -> Batch | None:
-        valid = np.array([one.valid for one in sampled]).T
+        valid = np.array([part.valid for part in sampled]).T
         batch = Batch(
             stamps,
-            np.concatenate([one.values for one in sampled], axis=1),
-            np.array([one.age for one in sampled]).T,
+            np.concatenate([part.values for part in sampled], axis=1),
+            np.array([part.age for part in sampled]).T,
             valid,
         )
         count = len(stamps)
-        whole: Mask = np.all(valid, axis=1)
+        complete: Mask = np.all(valid, axis=1)
         self.window.add(
-            int(stamps[-1]), [one.skew for one in sampled], valid, (self._time.newest or 0) - int(stamps[0])
+            int(stamps[-1]), [part.skew for part in sampled], valid, (self._time.newest or 0) - int(stamps[0])
         )
-        if not self.plan.mark and not whole.all():
-            count = int(whole.sum())
-            batch = Batch(stamps[whole], batch.values[whole], batch.age[whole], valid[whole])
+        if not self.plan.mark and not complete.all():
+            count = int(complete.sum())
+            batch = Batch(stamps[complete], batch.values[complete], batch.age[complete], valid[complete])
             self.dropped += len(stamps) - count
         else:
-            self.incomplete += count - int(whole.sum())
+            self.incomplete += count - int(complete.sum())
         self.sent += count
         return batch if count else None
 

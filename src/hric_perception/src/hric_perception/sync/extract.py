@@ -169,7 +169,7 @@ def chunk_reader(leaves: Sequence[Leaf], where: str) -> Callable[[Any], Samples]
             raise MalformedError(f"{len(message.data)} values of {width} channels at {message.rate:g} Hz")
         offsets = np.rint(np.arange(count) * (NS / message.rate)).astype(np.int64)
         values = np.asarray(message.data, np.float64).reshape(count, width)
-        return Samples(stamp_of(message) + offsets, values[:, _found(find, message)])
+        return Samples(stamp_of(message) + offsets, values[:, _indices(find, message)])
 
     return read
 
@@ -193,7 +193,7 @@ def log_reader(leaves: Sequence[Leaf], where: str) -> Callable[[Any], Samples]:
             raise MalformedError(f"{len(times)} cycles of {joints} joints, but other numbers of values")
         stamps = stamp_of(message) + np.rint((times - times[0]) * NS).astype(np.int64)
         values = [
-            np.asarray(getattr(message, field)).reshape(-1, joints)[:, _found(find, message)]
+            np.asarray(getattr(message, field)).reshape(-1, joints)[:, _indices(find, message)]
             for field, _, find in groups
         ]
         return Samples(stamps, np.hstack(values))
@@ -208,7 +208,7 @@ def _columns(leaves: Sequence[Leaf], valid: tuple[str, ...], where: str) -> list
     return [leaf.steps[0] for leaf in leaves]
 
 
-def _found(find: Callable[[Any], list[int]], message: Any) -> list[int]:
+def _indices(find: Callable[[Any], list[int]], message: Any) -> list[int]:
     try:
         return find(message)
     except ValueError:

@@ -148,7 +148,7 @@ class ReferenceStamps:
         stamps = self._buffer.stamps
         begin = 0 if self._last is None else int(np.searchsorted(stamps, self._last, side="right"))
         end = min(int(np.searchsorted(stamps, limit, side="right")), begin + MAX_INSTANTS)
-        found = stamps[begin:end].copy()
-        if len(found):
-            self._last = int(found[-1])
-        return found
+        due_stamps = stamps[begin:end].copy()
+        if len(due_stamps):
+            self._last = int(due_stamps[-1])
+        return due_stamps

@@ -15,9 +15,9 @@ OUT_OF_ORDER, FOREIGN, MALFORMED, NOT_FOR_US = (
     "not later than the sample before",
     "stamped with another time",
     "malformed",
-    "without the values wanted",
+    "without the requested values",
 )
-NOT_YET = "not heard yet"
+NOT_YET = "no message yet"
 """Reason of a source without messages during startup: no failure."""
 REFUSALS = (OUT_OF_ORDER, FOREIGN, MALFORMED)
 """Reasons for which refused samples are losses; messages for others on the same topic are none."""
@@ -59,15 +59,17 @@ class Intake:
             return None
         waiting = [self._waiting.popleft() for _ in range(count)]
         arrived = waiting[-1][0]
-        if all(isinstance(one, Samples) for _, one in waiting):
-            chunks = [one for _, one in waiting if isinstance(one, Samples)]
+        if all(isinstance(sample, Samples) for _, sample in waiting):
+            chunks = [sample for _, sample in waiting if isinstance(sample, Samples)]
             if count == 1:
                 return arrived, chunks[0]
             return arrived, Samples(
-                np.concatenate([one.stamps for one in chunks]), np.concatenate([one.values for one in chunks])
+                np.concatenate([sample.stamps for sample in chunks]),
+                np.concatenate([sample.values for sample in chunks]),
             )
         return arrived, Samples(
-            np.array([one[0] for _, one in waiting], np.int64), np.array([one[1] for _, one in waiting], np.float64)
+            np.array([sample[0] for _, sample in waiting], np.int64),
+            np.array([sample[1] for _, sample in waiting], np.float64),
         )
 
     def take(

@@ -123,22 +123,22 @@ class SourceSettings(Settings):
             BATCHES[kind._type]([column.leaf for column in columns], self.prefix.rstrip("./"))
         return Source(self.topic, kind, tuple(columns), self.max_gap, self.timeout, self.capacity)
 
-    def _columns(self, index: int, given: str | SignalSettings, kind: Any, policy: str) -> list[Column]:
+    def _columns(self, index: int, section: str | SignalSettings, kind: Any, policy: str) -> list[Column]:
         where = f"{self.prefix}signals[{index}]"
-        signal = given if isinstance(given, SignalSettings) else SignalSettings(field=given)
-        found = leaves(kind, signal.field, f"{where}.field")
+        signal = section if isinstance(section, SignalSettings) else SignalSettings(field=section)
+        signal_leaves = leaves(kind, signal.field, f"{where}.field")
         if policy != RESAMPLE:
             if signal.interpolation is not None:
                 raise ParameterError(
                     f"{where}.interpolation is given, but policy {policy} takes samples as they are; valid: policy "
                     f"{RESAMPLE}"
                 )
-            interpolations = [EXACT if policy == EXACT else NEAREST] * len(found)
+            interpolations = [EXACT if policy == EXACT else NEAREST] * len(signal_leaves)
         else:
-            interpolations = _interpolations(signal.interpolation, found, where)
+            interpolations = _interpolations(signal.interpolation, signal_leaves, where)
         return [
             Column(leaf, interpolation, signal.unit or leaf.unit)
-            for leaf, interpolation in zip(found, interpolations, strict=True)
+            for leaf, interpolation in zip(signal_leaves, interpolations, strict=True)
         ]
 
 
@@ -181,18 +181,18 @@ def read_plan(where: str, content: Any) -> Plan:
     Raises:
         HricError: a key, value, type or field that is not valid; the message names it and the valid ones.
     """
-    given = PlanSettings.of(content, where)
-    resampled = given.policy == RESAMPLE
+    settings = PlanSettings.of(content, where)
+    resampled = settings.policy == RESAMPLE
     plan = Plan(
-        policy=given.policy,
-        sources=tuple(source.source(given.policy) for source in given.sources),
-        reference=None if resampled else [source.topic for source in given.sources].index(given.reference),
-        rate=RATE if given.rate is None else given.rate,
-        tolerance=given.tolerance,
-        delay=given.delay,
-        mark=(given.incomplete or ("mark" if resampled else "drop")) == "mark",
+        policy=settings.policy,
+        sources=tuple(source.source(settings.policy) for source in settings.sources),
+        reference=None if resampled else [source.topic for source in settings.sources].index(settings.reference),
+        rate=RATE if settings.rate is None else settings.rate,
+        tolerance=settings.tolerance,
+        delay=settings.delay,
+        mark=(settings.incomplete or ("mark" if resampled else "drop")) == "mark",
     )
-    _once(plan.names, f"{given.prefix}sources", "each value once")
+    _once(plan.names, f"{settings.prefix}sources", "each value once")
     return plan
 
 
@@ -201,12 +201,14 @@ def _once(names: list[str], where: str, valid: str) -> None:
         raise ParameterError(f"{where} names {', '.join(doubles)} more than once; valid: {valid}")
 
 
-def _interpolations(given: str | None, found: list[Leaf], where: str) -> list[str]:
+def _interpolations(method: str | None, signal_leaves: list[Leaf], where: str) -> list[str]:
     """Return the methods: slerp for quaternions, hold for partial ones and integers, else linear."""
-    if given is None:
-        return [SLERP if leaf.quaternion else HOLD if leaf.part or leaf.kind in WHOLES else LINEAR for leaf in found]
-    if given == SLERP and not all(leaf.quaternion for leaf in found):
+    if method is None:
+        return [
+            SLERP if leaf.quaternion else HOLD if leaf.part or leaf.kind in WHOLES else LINEAR for leaf in signal_leaves
+        ]
+    if method == SLERP and not all(leaf.quaternion for leaf in signal_leaves):
         raise ParameterError(
             f"{where}.interpolation is {SLERP} for what is no whole quaternion; valid: {LINEAR}, {HOLD}"
         )
-    return [given] * len(found)
+    return [method] * len(signal_leaves)

@@ -112,56 +112,56 @@ def status(synchroniser: Synchroniser, now: float, topics: list[str]) -> Any:
     return message
 
 
-def diagnostics(found: Any, synchroniser: Synchroniser, before: Any, standing: bool) -> Any:
+def diagnostics(current: Any, synchroniser: Synchroniser, before: Any, standing: bool) -> Any:
     """Return a DiagnosticStatus without name.
 
     Args:
-        found: current SyncStatus.
+        current: current SyncStatus.
         synchroniser: synchroniser of the status.
         before: the SyncStatus of the last diagnostics; None: these are the first.
         standing: True if the run is paused or has not begun.
     """
-    starving = [f"{topic}: {reason}" for topic, reason in zip(found.sources, found.reasons, strict=True) if reason]
-    losses = [f"{topic}: {what}" for topic, what in _losses(found, synchroniser.window.valid(), before)]
-    if standing and len(starving) == len(found.sources):
+    starving = [f"{topic}: {reason}" for topic, reason in zip(current.sources, current.reasons, strict=True) if reason]
+    losses = [f"{topic}: {what}" for topic, what in _losses(current, synchroniser.window.valid(), before)]
+    if standing and len(starving) == len(current.sources):
         level, text = DiagnosticStatus.WARN, "the run is paused or has not begun"
-    elif starving and {*found.reasons} <= {"", NOT_YET}:
+    elif starving and {*current.reasons} <= {"", NOT_YET}:
         level, text = DiagnosticStatus.WARN, "waiting for sources: " + "; ".join(starving)
     elif starving:
         level, text = DiagnosticStatus.ERROR, "starving: " + "; ".join(starving)
     elif losses:
         level, text = DiagnosticStatus.WARN, "; ".join(losses)
     else:
-        level, text = DiagnosticStatus.OK, f"{len(found.sources)} sources"
+        level, text = DiagnosticStatus.OK, f"{len(current.sources)} sources"
     return DiagnosticStatus(
-        level=level, message=text, values=[KeyValue(key, str(value)) for key, value in _figures(found, synchroniser)]
+        level=level, message=text, values=[KeyValue(key, str(value)) for key, value in _figures(current, synchroniser)]
     )
 
 
-def _losses(found: Any, shares: list[float], before: Any) -> Iterator[tuple[str, str]]:
+def _losses(current: Any, shares: list[float], before: Any) -> Iterator[tuple[str, str]]:
     """Yield (topic, text about its losses since `before`)."""
-    for index, (topic, share) in enumerate(zip(found.sources, shares, strict=True)):
+    for index, (topic, share) in enumerate(zip(current.sources, shares, strict=True)):
         if share < 1.0:
             yield topic, f"valid {100 * share:.0f} % of the time"
         for word, now, was in (
-            ("refused", found.refused, before and before.refused),
-            ("late", found.late, before and before.late),
+            ("refused", current.refused, before and before.refused),
+            ("late", current.late, before and before.late),
         ):
             if grown := now[index] - (was[index] if was else 0):
                 yield topic, f"{grown} {word}"
 
 
-def _figures(found: Any, synchroniser: Synchroniser) -> Iterator[tuple[str, object]]:
-    yield "sent", found.sent
-    yield "incomplete", found.incomplete
-    yield "dropped", found.dropped
-    yield "longest delay [ms]", f"{1e3 * found.delay:.1f}"
+def _figures(current: Any, synchroniser: Synchroniser) -> Iterator[tuple[str, object]]:
+    yield "sent", current.sent
+    yield "incomplete", current.incomplete
+    yield "dropped", current.dropped
+    yield "longest delay [ms]", f"{1e3 * current.delay:.1f}"
     yield "times begun again", synchroniser.restarts
-    for index, (topic, intake) in enumerate(zip(found.sources, synchroniser.intakes, strict=True)):
-        yield f"{topic} rate [Hz]", f"{found.rate[index]:.1f}"
-        yield f"{topic} samples", found.samples[index]
-        yield f"{topic} skew, largest [ms]", f"{1e3 * found.skew_max[index]:.3f}"
-        yield f"{topic} late", found.late[index]
+    for index, (topic, intake) in enumerate(zip(current.sources, synchroniser.intakes, strict=True)):
+        yield f"{topic} rate [Hz]", f"{current.rate[index]:.1f}"
+        yield f"{topic} samples", current.samples[index]
+        yield f"{topic} skew, largest [ms]", f"{1e3 * current.skew_max[index]:.3f}"
+        yield f"{topic} late", current.late[index]
         for reason, count in intake.refused.copy().items():
             yield f"{topic} {reason}", count
 

@@ -90,20 +90,20 @@ class SyncStream:
             self._report(now)
 
     def _report(self, now: float) -> None:
-        found = messages.status(self.synchroniser, now, self._topics)
-        self._statuses.publish(found)
+        status = messages.status(self.synchroniser, now, self._topics)
+        self._statuses.publish(status)
         starving = "; ".join(
             f"{topic}: {reason.split(' for ')[0]}"
-            for topic, reason in zip(found.sources, found.reasons, strict=True)
+            for topic, reason in zip(status.sources, status.reasons, strict=True)
             if reason
         )
         if starving == self._starving and self._count % STATUSES:
             self._count += 1
             return
-        state = messages.diagnostics(found, self.synchroniser, self._before, self._robot_time.standing)
+        state = messages.diagnostics(status, self.synchroniser, self._before, self._robot_time.standing)
         if starving != self._starving:
             self._log(state, starving)
-        self._count, self._before = 1, found
+        self._count, self._before = 1, status
         state.name, state.hardware_id = self._name, ""
         message = DiagnosticArray(status=[state])
         message.header.stamp = self._node.now()
@@ -129,7 +129,7 @@ in batches of that length.
 class SyncSettings(Settings):
     """Parameters of the node."""
 
-    plan: Mapping[str, Any] = mapping(text='what is synchronised, and how: see "Synchroniser"')
+    plan: Mapping[str, object] = mapping(text='what is synchronised, and how: see "Synchroniser"')
     rates: tuple[float, ...] | None = listing(
         number(above=0.0, maximum=10_000.0),
         range(1, 100),
@@ -167,9 +167,9 @@ class SynchronizerNode(NodeApp):
         outputs = outputs_of(plan, topic, checked_rates(node.resolve("rates"), settings.rates or (), plan))
         self._streams = [
             SyncStream(
-                node, one, name, topics, self._robot_time, self._period, f" at {one.rate:g} Hz" * (name != topic)
+                node, output, name, topics, self._robot_time, self._period, f" at {output.rate:g} Hz" * (name != topic)
             )
-            for one, name in outputs
+            for output, name in outputs
         ]
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._work, name="synchronizer", daemon=True)
@@ -183,8 +183,8 @@ class SynchronizerNode(NodeApp):
 
     def close(self) -> None:
         """Stop the thread."""
-        for one in self._subscriptions:
-            one.unregister()
+        for subscription in self._subscriptions:
+            subscription.unregister()
         self._stop.set()
         self._thread.join(2.0)
         self._robot_time.close()

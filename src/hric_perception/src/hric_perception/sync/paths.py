@@ -73,18 +73,18 @@ def message_class(name: str, where: str) -> Any:
         PathError: there is no such type, or it has no time of measurement.
     """
     try:
-        found = _class_of(name)
+        message_type = _class_of(name)
     except Exception as error:
         raise PathError(
             f"{where} is {name!r}: {error}; valid: a message type that is built, such as sensor_msgs/JointState"
         ) from None
-    if found is None:
+    if message_type is None:
         raise PathError(f"{where} is {name!r}; valid: a message type that is built, such as sensor_msgs/JointState")
-    if "header" not in found.__slots__:
+    if "header" not in message_type.__slots__:
         raise PathError(
             f"{where} is {name!r}, which has no header and so no time of measurement; valid: a type with a header"
         )
-    return found
+    return message_type
 
 
 def _class_of(name: str) -> Any:
@@ -116,10 +116,10 @@ def leaves(message_type: Any, path: str, where: str) -> list[Leaf]:
         chosen = part["chosen"]
         names = [None] if chosen is None else [name.strip() for name in chosen.split(",")]
         alternatives.append([(part["field"], name) for name in names])
-    found: list[Leaf] = []
+    numbers: list[Leaf] = []
     for choice in itertools.product(*alternatives):
-        found += _walk(message_type, list(choice), (), f"{where}, {path!r}", "")
-    return found
+        numbers += _walk(message_type, list(choice), (), f"{where}, {path!r}", "")
+    return numbers
 
 
 def _walk(

@@ -53,9 +53,9 @@ class Encoder:
         if self._time_code:
             block[:, data.shape[1] - 1] = data[:, -1] % CODE_PERIOD
         block = np.concatenate([self._rest, block])
-        whole = len(block) - len(block) % self._frame
-        self._rest = block[whole:]
-        return block[:whole].tobytes()
+        complete = len(block) - len(block) % self._frame
+        self._rest = block[complete:]
+        return block[:complete].tobytes()
 
     def clear(self) -> None:
         """Discard the waiting samples."""
@@ -75,9 +75,9 @@ class Decoder:
     def decode(self, received: bytes) -> FloatArray:
         """Return the complete samples [V], shape (n, columns); bytes of an incomplete one are stored."""
         received = self._rest + received
-        whole = len(received) - len(received) % SAMPLE_SIZE
-        self._rest = received[whole:]
-        return np.frombuffer(received[:whole], SAMPLE).reshape(-1, CHANNELS)[:, : self._columns].astype(float)
+        complete = len(received) - len(received) % SAMPLE_SIZE
+        self._rest = received[complete:]
+        return np.frombuffer(received[:complete], SAMPLE).reshape(-1, CHANNELS)[:, : self._columns].astype(float)
 
 
 def trigno_name(host: str, data_port: int) -> str:

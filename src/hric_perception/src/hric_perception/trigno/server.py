@@ -41,20 +41,20 @@ class TrignoServer:
         self._threads: list[threading.Thread] = []
         for port in (command_port, data_port):
             try:
-                one = socket.create_server((ip, port))
+                sock = socket.create_server((ip, port))
             except OSError as error:
                 self.close()
                 reason = os.strerror(error.errno) if error.errno else str(error)
                 raise FailureError(f"cannot listen on {ip}, TCP port {port}: {reason}") from error
-            one.settimeout(IDLE)
-            self._sockets.append(one)
-        self.command_port, self.data_port = (one.getsockname()[1] for one in self._sockets)
+            sock.settimeout(IDLE)
+            self._sockets.append(sock)
+        self.command_port, self.data_port = (sock.getsockname()[1] for sock in self._sockets)
 
     def start(self) -> None:
         """Listen, in threads."""
-        for work, one in zip((self._talk, self._listen), self._sockets, strict=True):
+        for work, listening in zip((self._talk, self._listen), self._sockets, strict=True):
             self._threads.append(
-                threading.Thread(target=self._accept, args=(one, work), name="trigno server", daemon=True)
+                threading.Thread(target=self._accept, args=(listening, work), name="trigno server", daemon=True)
             )
             self._threads[-1].start()
 
@@ -72,46 +72,46 @@ class TrignoServer:
         for thread in self._threads:  # a socket that is waited on keeps its port
             thread.join(1.0)
         with self._lock:
-            for one in [*self._sockets, *self._listeners]:
+            for sock in [*self._sockets, *self._listeners]:
                 with contextlib.suppress(OSError):
-                    one.close()
+                    sock.close()
             self._listeners = []
 
     def _send(self, data: bytes) -> None:
-        for one in self._listeners[:]:
+        for listener in self._listeners[:]:
             try:
-                one.sendall(data)
+                listener.sendall(data)
             except OSError:
-                self._listeners.remove(one)
-                one.close()
+                self._listeners.remove(listener)
+                listener.close()
 
     def _accept(self, listening: socket.socket, work: Callable[[socket.socket], None]) -> None:
         while not self._stop.is_set():
             try:
-                one, _ = listening.accept()
+                connection, _ = listening.accept()
             except TimeoutError:
                 continue
             except OSError:
                 return
-            one.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            work(one)
+            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            work(connection)
 
-    def _listen(self, one: socket.socket) -> None:
-        one.settimeout(1.0)
+    def _listen(self, connection: socket.socket) -> None:
+        connection.settimeout(1.0)
         with self._lock:
-            self._listeners.append(one)
+            self._listeners.append(connection)
 
-    def _talk(self, one: socket.socket) -> None:
-        threading.Thread(target=self._converse, args=(one,), name="trigno commands", daemon=True).start()
+    def _talk(self, connection: socket.socket) -> None:
+        threading.Thread(target=self._converse, args=(connection,), name="trigno commands", daemon=True).start()
 
-    def _converse(self, one: socket.socket) -> None:
-        one.settimeout(IDLE)
+    def _converse(self, connection: socket.socket) -> None:
+        connection.settimeout(IDLE)
         received = b""
-        with contextlib.suppress(OSError), one:
-            one.sendall(protocol.GREETING)
+        with contextlib.suppress(OSError), connection:
+            connection.sendall(protocol.GREETING)
             while not self._stop.is_set():
                 try:
-                    data = one.recv(4096)
+                    data = connection.recv(4096)
                 except TimeoutError:
                     continue
                 if not data:
@@ -119,7 +119,7 @@ class TrignoServer:
                 received += data
                 while protocol.END in received:
                     word, received = received.split(protocol.END, 1)
-                    one.sendall(self._response(word.decode(errors="replace").strip()).encode() + protocol.END)
+                    connection.sendall(self._response(word.decode(errors="replace").strip()).encode() + protocol.END)
         with self._lock:
             self._started = False
 

@@ -72,16 +72,18 @@ class History(RecentRows[Sample]):
         """Return names and unit of the newest sample, and times (n,) [s] and values (n, names) of those alike."""
         rows = self.rows()
         names, _, unit = rows[-1][1] if rows else ((), (), "")
-        alike = [(time, values) for time, (own, values, _) in rows if own == names and len(values) == len(names)]
+        alike = [
+            (time, values) for time, (row_names, values, _) in rows if row_names == names and len(values) == len(names)
+        ]
         values = np.array([row for _, row in alike]).reshape(len(alike), len(names))
         return names, unit, np.array([time for time, _ in alike]), values
 
 
 def draw(all_axes: Sequence[Any], shown: Sequence[Panel], histories: Sequence[History]) -> None:
     """Draw the curves of panels, from top to bottom."""
-    found = [history.read() for history in histories]
-    newest = max((times[-1] for *_, times, _ in found if len(times)), default=0.0)
-    for axes, panel, (names, unit, times, values) in zip(all_axes, shown, found, strict=True):
+    curves = [history.read() for history in histories]
+    newest = max((times[-1] for *_, times, _ in curves if len(times)), default=0.0)
+    for axes, panel, (names, unit, times, values) in zip(all_axes, shown, curves, strict=True):
         axes.clear()
         axes.grid(alpha=0.3)
         nothing = "" if len(times) else f": nothing on {panel.topic} yet"

@@ -9,6 +9,7 @@ from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from hric_core.robot_time import stamps
+from hric_msgs.msg import HumanGrip
 
 PER_NEWTON_GRIP, PER_NEWTON_CONTACT = 0.02, 0.002
 """Length of an arrow of grips, as that of the force on the arm, and of contacts, of hundreds of newtons [m/N]."""
@@ -29,7 +30,7 @@ class HumanMarkers:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._grips: dict[str, Any] = {}
+        self._grips: dict[str, HumanGrip] = {}
         self._contacts: dict[str, tuple[float, str, Any]] = {}
         self._numbers: dict[str, int] = {}
 
@@ -59,7 +60,7 @@ class HumanMarkers:
             grips, self._grips = self._grips, {}
             contacts, self._contacts = self._contacts, {}
         markers = [marker for grip in grips.values() if grip.closed for marker in self._grip(grip)]
-        markers += [marker for link, found in contacts.items() for marker in self._contact(link, *found)]
+        markers += [marker for link, contact in contacts.items() for marker in self._contact(link, *contact)]
         return MarkerArray(markers) if markers else None
 
     def _grip(self, grip: Any) -> list[Any]:

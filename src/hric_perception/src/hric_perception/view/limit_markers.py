@@ -69,10 +69,10 @@ def of_joint(limits: JointLimits, q: float, dq: float, tau: float) -> Nearness:
         dq: velocity [rad/s]; NaN: not known.
         tau: measured effort [N m]; NaN: not known.
     """
-    found: list[tuple[Level, str]] = []
+    levels: list[tuple[Level, str]] = []
     for distance, end in ((q - limits.lower, "lower"), (limits.upper - q, "upper")):
         level = of_distance(distance, NEAR_POSITION, AT_POSITION)
-        found.append(
+        levels.append(
             (
                 level,
                 f"{distance:.2f} rad from its {end} end"
@@ -82,10 +82,10 @@ def of_joint(limits: JointLimits, q: float, dq: float, tau: float) -> Nearness:
         )
     for value, limit, what in ((dq, limits.velocity, "velocity"), (tau, limits.effort, "effort")):
         ratio = abs(value) / limit if limit > 0.0 else 0.0
-        found.append(
+        levels.append(
             (of_distance(1.0 - ratio, 1.0 - NEAR_RATIO, 1.0 - AT_RATIO), f"{100.0 * ratio:.0f} % of its {what}")
         )
-    near = [(level, text) for level, text in found if level]
+    near = [(level, text) for level, text in levels if level]
     return Nearness(max((level for level, _ in near), default=Level.FAR), ", ".join(text for _, text in near))
 
 
@@ -211,17 +211,17 @@ def hand(joint_ring: JointRing, number: int, q: float, near: Nearness) -> list[A
     return [line, words]
 
 
-def wall(found: Wall, lower: Sequence[float], upper: Sequence[float], frame: str) -> Any:
+def wall(face: Wall, lower: Sequence[float], upper: Sequence[float], frame: str) -> Any:
     """Return a side of the workspace as a thin plate in the frame of the box."""
-    marker = _marker("limits/workspace", 2 * found.axis + found.side, Marker.CUBE, frame, LIFETIME, 0.0)
+    marker = _marker("limits/workspace", 2 * face.axis + face.side, Marker.CUBE, frame, LIFETIME, 0.0)
     centre, size = (
         [0.5 * (low + high) for low, high in zip(lower, upper, strict=True)],
         [high - low for low, high in zip(lower, upper, strict=True)],
     )
-    centre[found.axis], size[found.axis] = (upper if found.side else lower)[found.axis], LINE
+    centre[face.axis], size[face.axis] = (upper if face.side else lower)[face.axis], LINE
     marker.pose.position = Point(*centre)
     marker.scale.x, marker.scale.y, marker.scale.z = size
-    marker.color = ColorRGBA(*COLOURS[found.level][:3], 0.25)
+    marker.color = ColorRGBA(*COLOURS[face.level][:3], 0.25)
     return marker
 
 

@@ -63,22 +63,22 @@ class MuscleMarkers:
         marker.frame_locked, marker.pose.orientation.w, marker.scale.x = True, 1.0, WIDTH
         marker.color, marker.lifetime = ColorRGBA(1.0, 1.0, 1.0, 1.0), stamps.to_duration(LIFETIME)
         poses = self._poses(angles)
-        for points, own in zip(self._points, colours, strict=True):
+        for points, rgba in zip(self._points, colours, strict=True):
             at = [Point(*(poses[link][:3, :3] @ position + poses[link][:3, 3]).tolist()) for link, position in points]
             for ends in itertools.pairwise(at):
                 marker.points += ends
-                marker.colors += [own, own]
+                marker.colors += [rgba, rgba]
         return MarkerArray([marker])
 
     def _poses(self, angles: Mapping[str, float]) -> dict[str, FloatArray]:
         """Return the poses of all links in the root, shape (4, 4) each."""
-        found, waiting = {self._root: np.eye(4)}, self._joints
+        poses, waiting = {self._root: np.eye(4)}, self._joints
         while waiting:
-            ready = [joint for joint in waiting if joint.parent in found]
+            ready = [joint for joint in waiting if joint.parent in poses]
             for joint in ready:
                 T_turned = np.eye(4)
                 if joint.name in angles:
                     T_turned[:3, :3] = rotation_about(joint.axis, angles[joint.name])
-                found[joint.child] = found[joint.parent] @ joint.T_parent_joint @ T_turned
-            waiting = [joint for joint in waiting if joint.child not in found]
-        return found
+                poses[joint.child] = poses[joint.parent] @ joint.T_parent_joint @ T_turned
+            waiting = [joint for joint in waiting if joint.child not in poses]
+        return poses

@@ -127,7 +127,7 @@ class _Limits:
     """Limits of the arm as markers."""
 
     def __init__(self, root: RosNode, description: str, names: list[str]) -> None:
-        limits: dict[str, JointLimits] = {one.name: one for one in load_limits(description, root, names)}
+        limits: dict[str, JointLimits] = {joint.name: joint for joint in load_limits(description, root, names)}
         self._rings = limit_markers.rings(description, limits)
         self._base = read(description).root
         self._joints, self._state = NewestJoints(names), Newest()

@@ -60,24 +60,24 @@ class LivePlotCommand(Command):
             ),
         ]
 
-    def run(self, given: argparse.Namespace) -> int:
+    def run(self, arguments: argparse.Namespace) -> int:
         """Show until the window is closed or Ctrl-C."""
         check_private("live_plot")
-        return run_command("hric live_plot", lambda: _show(given), interrupted=0)
+        return run_command("hric live_plot", lambda: _show(arguments), interrupted=0)
 
 
-def _show(given: argparse.Namespace) -> None:
-    known = curves.panels(given.plate)
-    for name in given.panels:
+def _show(arguments: argparse.Namespace) -> None:
+    known = curves.panels(arguments.plate)
+    for name in arguments.panels:
         if name not in known:
             raise UnknownNameError("panel", name, known)
-    if given.screenshot and given.screenshot.suffix not in (".png", ".svg", ".pdf"):
-        raise PlotError(f"--screenshot {given.screenshot}: no kind of picture; valid: .png, .svg, .pdf")
-    shown = [known[name] for name in given.panels or DEFAULT]
+    if arguments.screenshot and arguments.screenshot.suffix not in (".png", ".svg", ".pdf"):
+        raise PlotError(f"--screenshot {arguments.screenshot}: not a format of pictures; valid: .png, .svg, .pdf")
+    shown = [known[name] for name in arguments.panels or DEFAULT]
     shutdown = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: shutdown.set())
-    root = _window() if given.screenshot is None else None
+    root = _window() if arguments.screenshot is None else None
     rospy.init_node("live_plot", anonymous=True, disable_signals=True)
     rospy.on_shutdown(shutdown.set)
     histories = [_listen(panel) for panel in shown]
@@ -89,11 +89,11 @@ def _show(given: argparse.Namespace) -> None:
         if root is not None:
             _run_window(root, figure, picture, shutdown)
         else:
-            shutdown.wait(given.after)
+            shutdown.wait(arguments.after)
             picture()
-            figure.savefig(given.screenshot, dpi=100)
+            figure.savefig(arguments.screenshot, dpi=100)
     except (OSError, ValueError) as error:
-        raise PlotError(f"cannot save {given.screenshot}: {error}") from error
+        raise PlotError(f"cannot save {arguments.screenshot}: {error}") from error
     finally:
         shut_down("shutdown requested")
 

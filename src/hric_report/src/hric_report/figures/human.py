@@ -88,7 +88,7 @@ def _contact_figures(impacts: Sequence[ExpectedContact]) -> list[Figure]:
         pair, form = (impact.contact.link, impact.contact.other), impact.impact
         if (
             form is not None
-            and len(impact.contact.course.time)
+            and len(impact.contact.series.time)
             and (pair not in hardest or form.peak > hardest[pair][1].peak)
         ):
             hardest[pair] = impact, form
@@ -111,9 +111,9 @@ def _contact_figures(impacts: Sequence[ExpectedContact]) -> list[Figure]:
 
 
 def _blow_panel(impact: ExpectedContact, form: ClosedFormImpact) -> Panel:
-    course, met = impact.contact.course, impact.contact
-    shown = course.time <= met.begin + SHOWN * form.duration
-    time, force = course.time[shown] - course.time[0] + impact.late(), course.force[shown]
+    series, begin = impact.contact.series, impact.contact.begin
+    shown = series.time <= begin + SHOWN * form.duration
+    time, force = series.time[shown] - series.time[0] + impact.late(), series.force[shown]
     instants = np.linspace(0.0, form.duration, 101)
     curves = (
         Curve("half sine", "desired", 1e3 * instants, form.force(instants)),

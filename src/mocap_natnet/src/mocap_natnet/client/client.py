@@ -172,8 +172,8 @@ class NatNetClient:
         with contextlib.suppress(OSError):
             if self._server:
                 self._command.sendto(packet(Message.DISCONNECT), (self._server, self.settings.command_port))
-        for one in (self._command, *self._data):
-            one.close()
+        for sock in (self._command, *self._data):
+            sock.close()
 
     def __enter__(self) -> "NatNetClient":
         self.start()
@@ -199,26 +199,26 @@ class NatNetClient:
                 self._send(now)
                 self._listen()
             ready, _, _ = select.select([self._command, *self._data], [], [], 0.0 if left else POLL)
-            for one in ready:
-                self._drain(one)
+            for sock in ready:
+                self._drain(sock)
             left = self._work()
 
-    def _drain(self, one: socket.socket) -> None:
+    def _drain(self, sock: socket.socket) -> None:
         """Process the arrived datagrams, at most as many as fit between two polls."""
         for _ in range(200):
             try:
-                datagram, sender = one.recvfrom(MAX_PAYLOAD + 5, socket.MSG_DONTWAIT)
+                datagram, sender = sock.recvfrom(MAX_PAYLOAD + 5, socket.MSG_DONTWAIT)
             except BlockingIOError:
                 return
             except OSError:  # the network reports a port that nobody listens on
                 continue
             now = time.monotonic_ns()
-            if refusal := self._refusal(one, datagram, sender, now):
+            if refusal := self._refusal(sock, datagram, sender, now):
                 self.session.statistics.refused[refusal] += 1
             else:
                 self.session.receive(datagram, now)
 
-    def _refusal(self, one: socket.socket, datagram: bytes, sender: tuple[str, int], now: int) -> str:
+    def _refusal(self, sock: socket.socket, datagram: bytes, sender: tuple[str, int], now: int) -> str:
         """Return the reason why a datagram is refused, or "".
 
         Without a server, the sender of server information becomes the server. Frames come from one of its ports, until
@@ -234,13 +234,13 @@ class NatNetClient:
             believed = not self._frames_from or self.session.silent(now)[1]
             self._frames_from = port if believed else self._frames_from
         elif not frame:
-            believed = believed and (one is not self._command or port == self.settings.command_port)
+            believed = believed and (sock is not self._command or port == self.settings.command_port)
         if believed:
-            return "" if frame or one is self._command else "no frame on the data channel"
+            return "" if frame or sock is self._command else "no frame on the data channel"
         if address not in self._strangers and len(self._strangers) < STRANGERS:
             self._strangers.add(address)
             server = f"{self._server}:{self.settings.command_port}" if self._server else "a server that responds"
-            LOG.warning("packets of %s:%d are refused: only %s is believed (reported once)", address, port, server)
+            LOG.warning("packets of %s:%d are refused: only %s is accepted (reported once)", address, port, server)
         return STRANGER
 
     def _send(self, now: int) -> None:
@@ -267,8 +267,8 @@ class NatNetClient:
         now = time.monotonic_ns()
         if route is None or (route == self._route and (not self._trouble or now < self._next_route)):
             return
-        for one in self._data:
-            one.close()
+        for sock in self._data:
+            sock.close()
         self._data, self._route, self._trouble, self._next_route = [], route, "", now + CONNECT_PERIOD
         if route.multicast:
             self._open(route.group, route.port, route.group)
@@ -276,26 +276,26 @@ class NatNetClient:
             self._open(self._facing(self._server), route.port, "")
 
     def _open(self, address: str, port: int, group: str) -> None:
-        one = datagram_socket()
+        sock = datagram_socket()
         try:
-            one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            one.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
-            one.bind((address, port))
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+            sock.bind((address, port))
             if group:
-                one.setsockopt(
+                sock.setsockopt(
                     socket.IPPROTO_IP,
                     socket.IP_ADD_MEMBERSHIP,
                     socket.inet_aton(group) + socket.inet_aton(self._local()),
                 )
         except OSError as error:
-            one.close()
+            sock.close()
             if group:  # unicast frames may come to the command socket all the same
                 self._trouble = (
                     f"data channel: cannot join group {group}:{port} on {self._local()}: "
                     f"{error.strerror or error}; set `local`"
                 )
             return
-        self._data.append(one)
+        self._data.append(sock)
 
     def _local(self) -> str:
         """Return the address of the network card that faces the server, as set or as found."""

@@ -13,38 +13,38 @@ BROADCAST = "255.255.255.255"
 TRANSPORTS = ("auto", "unicast", "multicast")
 
 
-def _address(given: str) -> str:
-    return str(ipaddress.IPv4Address(given)) if given else given
+def _address(value: str) -> str:
+    return str(ipaddress.IPv4Address(value)) if value else value
 
 
-def _group(given: str) -> str:
-    if given and not ipaddress.IPv4Address(given).is_multicast:
+def _group(value: str) -> str:
+    if value and not ipaddress.IPv4Address(value).is_multicast:
         raise ValueError
-    return given
+    return value
 
 
-def _version(given: str | Version) -> Version | None:
-    found = parse(given) if isinstance(given, str) and given else given or None
-    if found is not None:
-        layout(found)
-    return found
+def _version(value: str | Version) -> Version | None:
+    version = parse(value) if isinstance(value, str) and value else value or None
+    if version is not None:
+        layout(version)
+    return version
 
 
-def address(default: str, said: str, empty: bool = True) -> Any:
+def address(default: str, description: str, empty: bool = True) -> Any:
     """Return a parameter with an address."""
     valid = "an IPv4 address" + ", or nothing" * empty
-    return text(default, valid=valid, empty=empty, made=_address, text=said)
+    return text(default, valid=valid, empty=empty, made=_address, text=description)
 
 
-def group(default: str, said: str, empty: bool = True) -> Any:
+def group(default: str, description: str, empty: bool = True) -> Any:
     """Return a parameter with a multicast group."""
     valid = "a multicast address, 224.0.0.0 to 239.255.255.255" + ", or nothing" * empty
-    return text(default, valid=valid, empty=empty, made=_group, text=said)
+    return text(default, valid=valid, empty=empty, made=_group, text=description)
 
 
-def bitstream(default: Version | None, said: str, name: str) -> Any:
+def bitstream(default: Version | None, description: str, name: str) -> Any:
     """Return a parameter with a version of the protocol, as text such as 4.1, or as numbers."""
-    kinds = either(text(figures=True), listing(whole(), 2), default=default, made=_version, name=name, text=said)
+    kinds = either(text(figures=True), listing(whole(), 2), default=default, made=_version, name=name, text=description)
     kinds.kind, kinds.accepts = "string", "major.minor, e.g. 4.1"
     return kinds
 

@@ -4,15 +4,28 @@
 bytes are.
 """
 
-from mocap_natnet.codec.descriptions import Model
+from mocap_natnet.codec.descriptions import ForcePlateDescription, Model
 from mocap_natnet.codec.frame import FrameDecoder, FrameEncoder
 from mocap_natnet.codec.layout import FIRST, LAST, Version, layout, parse, text
 from mocap_natnet.codec.model import decode_model, encode_model
-from mocap_natnet.codec.packets import HEADER, Message, packet
+from mocap_natnet.codec.packets import COMMAND_PORT, DATA_PORT, HEADER, Message, packet
 from mocap_natnet.codec.reader import REASONS, CodecError
 from mocap_natnet.codec.types import Frame
 
-__all__ = ["FIRST", "LAST", "REASONS", "Codec", "CodecError", "Version", "parse", "text"]
+__all__ = [
+    "COMMAND_PORT",
+    "DATA_PORT",
+    "FIRST",
+    "LAST",
+    "REASONS",
+    "Codec",
+    "CodecError",
+    "ForcePlateDescription",
+    "Model",
+    "Version",
+    "parse",
+    "text",
+]
 
 
 class Codec:

@@ -118,7 +118,7 @@ def text(version: Version) -> str:
 
 def parse(words: str) -> Version:
     """Return the bitstream of a text such as "4.1" or "4.1.0.0". Raises CodecError."""
-    found = re.fullmatch(r"(\d{1,3})\.(\d{1,3})(\.\d{1,3}){0,2}", words.strip())
-    if not found:
+    match = re.fullmatch(r"(\d{1,3})\.(\d{1,3})(\.\d{1,3}){0,2}", words.strip())
+    if not match:
         raise CodecError("version", f"bitstream {words!r}; valid: major.minor, e.g. 4.1")
-    return int(found[1]), int(found[2])
+    return int(match[1]), int(match[2])

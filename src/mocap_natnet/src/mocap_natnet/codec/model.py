@@ -20,8 +20,10 @@ class _Field(NamedTuple):
 
 def _number(form: str) -> _Field:
     """Return a number of a struct format."""
-    one = struct.Struct(f"<{form}")
-    return _Field(lambda reader, layout: reader.unpack(one)[0], lambda value, layout: one.pack(value))
+    number_format = struct.Struct(f"<{form}")
+    return _Field(
+        lambda reader, layout: reader.unpack(number_format)[0], lambda value, layout: number_format.pack(value)
+    )
 
 
 def _floats(count: int) -> _Field:
@@ -128,8 +130,10 @@ def decode_model(layout: Layout, data: bytes, offset: int = 0, end: int | None =
         CodecError: it cannot be read.
     """
     reader = Reader(data, offset, len(data) if end is None else end)
-    found = [_read_description(reader, layout) for _ in range(reader.count(8))]
-    return d.Model(tuple(description for description in found if description is not None), reader.skipped + reader.left)
+    descriptions = [_read_description(reader, layout) for _ in range(reader.count(8))]
+    return d.Model(
+        tuple(description for description in descriptions if description is not None), reader.skipped + reader.left
+    )
 
 
 def _read_description(reader: Reader, layout: Layout) -> d.Description | None:
@@ -148,8 +152,8 @@ def _read_description(reader: Reader, layout: Layout) -> d.Description | None:
 
 
 def _description(reader: Reader, layout: Layout, kind: int) -> d.Description:
-    found: d.Description = _KINDS[kind].fields.read(reader, layout)
-    return found
+    description: d.Description = _KINDS[kind].fields.read(reader, layout)
+    return description
 
 
 def encode_model(layout: Layout, model: d.Model) -> bytes:

@@ -93,7 +93,7 @@ class Reader:
         """Limit reading to `size` bytes from here; returns the argument for `end_sized`."""
         stop, end = self.offset + size, self.end
         if size < 0 or stop > end:
-            raise CodecError("size", f"{size} bytes said at {self.offset}, {end - self.offset} are left")
+            raise CodecError("size", f"{size} bytes stated at {self.offset}, {end - self.offset} are left")
         self.end = stop
         return end
 

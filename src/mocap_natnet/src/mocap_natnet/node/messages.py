@@ -70,12 +70,12 @@ _BALL = Marker(ns="mocap", type=Marker.SPHERE, action=Marker.ADD, color=ColorRGB
 
 def marker_array(head: Any, markers: Sequence[TrackedMarker]) -> Any:
     """Return visualization_msgs/MarkerArray: a ball per labelled marker; those of the last message are deleted."""
-    found = MarkerArray([Marker(header=head, ns="mocap", action=Marker.DELETEALL)])
+    message = MarkerArray([Marker(header=head, ns="mocap", action=Marker.DELETEALL)])
     for index, marker in enumerate(markers):
         ball = _new(Marker)
         for field in Marker.__slots__:
             setattr(ball, field, getattr(_BALL, field))
         ball.header, ball.id, ball.pose = head, index, pose_message(Pose(marker.position))
         ball.scale = Vector3(marker.size, marker.size, marker.size)
-        found.markers.append(ball)
-    return found
+        message.markers.append(ball)
+    return message

@@ -81,11 +81,11 @@ class EmulatedMotiveCommand(Command):
             *_fault_arguments(),
         ]
 
-    def run(self, given: argparse.Namespace) -> int:
+    def run(self, arguments: argparse.Namespace) -> int:
         """Serve without ROS, by the wall clock."""
         logging.basicConfig(format="[%(levelname)s] %(message)s")
         logging.getLogger("hric").setLevel(logging.INFO)  # rospy's own, where it is loaded, is of no interest
-        return run_server("hric emulated_motive", lambda: serve(given))
+        return run_server("hric emulated_motive", lambda: serve(arguments))
 
 
 def _stream_arguments() -> list[Argument]:
@@ -106,7 +106,7 @@ def _fault_arguments() -> list[Argument]:
         action="append",
         default=[],
         metavar="BEGIN:DURATION[:BODY]",
-        help="nothing of BODY (default: of all) is seen; may be repeated",
+        help="BODY (default: every body) is not visible; may be repeated",
     )
     delays = _declared_arguments("faults", Settings(), FAULTS[:-1])
     return [*delays, *_declared_arguments("faults", Faults(), SCENE_FAULTS), occlude]
@@ -144,10 +144,10 @@ def occlusion(words: str) -> tuple[float, float, str]:
 
 def make_motive(options: argparse.Namespace, live: Live | None = None) -> Motive:
     """Return the Motive of the arguments; `live` makes sources of the running system. Raises HricError."""
-    given = vars(options)
-    settings = Settings(version=parse(options.bitstream), **{name: given[name] for name in (*STREAM, *FAULTS)})
+    values = vars(options)
+    settings = Settings(version=parse(options.bitstream), **{name: values[name] for name in (*STREAM, *FAULTS)})
     occlusions = tuple(map(occlusion, options.occlude))
-    faults = Faults(occlusions=occlusions, **{name: given[name] for name in SCENE_FAULTS})
+    faults = Faults(occlusions=occlusions, **{name: values[name] for name in SCENE_FAULTS})
     described = not options.hide_plates
     scene = (
         load(options.scene, faults, options.up, described, live)
@@ -198,6 +198,6 @@ def serve(
         while time.monotonic() < end and not stop.wait(min(TICK, max(0.0, end - time.monotonic()))):
             tick()
             if not server.running:
-                raise FailureError("the stream has broken off")
+                raise FailureError("the stream has stopped")
     finally:
         server.close()

@@ -31,17 +31,17 @@ def from_bag(path: Path, topic: str, body: str = "", up: str = "z") -> Track:
         raise ParameterError(f"there is no bag {path}")
     try:
         with AnyReader([path]) as reader:
-            found = [(stamp, pose) for stamp, pose in _poses(reader, path, topic, body) if pose is not None]
+            poses = [(stamp, pose) for stamp, pose in _poses(reader, path, topic, body) if pose is not None]
     except HricError:
         raise
     except Exception as error:  # of bytes that a damaged file has in any place
         reason = " ".join(str(error).split()) or type(error).__name__
         hint = f"try: hric health --salvage {path}"
         raise ParameterError(f"bag {path} cannot be read: {reason}; {hint}") from error
-    if not found:
+    if not poses:
         raise ParameterError(f"{topic} of bag {path} has no pose of {body or 'a body'}")
-    rising = found[:1] + [after for before, after in pairwise(found) if after[0] > before[0]]
-    return Track([stamp - found[0][0] for stamp, _ in rising], [pose_z_up(up, pose) for _, pose in rising])
+    rising = poses[:1] + [after for before, after in pairwise(poses) if after[0] > before[0]]
+    return Track([stamp - poses[0][0] for stamp, _ in rising], [pose_z_up(up, pose) for _, pose in rising])
 
 
 def _poses(reader: Any, path: Path, topic: str, body: str) -> Iterator[tuple[float, Pose | None]]:

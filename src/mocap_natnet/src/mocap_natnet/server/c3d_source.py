@@ -39,12 +39,12 @@ class RecordedBody:
         self._positions, self._rate = trial.markers(labels), trial.rate
         self.duration = trial.duration
         there = np.asarray(np.isfinite(self._positions).all(axis=2))
-        whole = np.flatnonzero(there.all(axis=1))
-        if not len(whole):
+        complete = np.flatnonzero(there.all(axis=1))
+        if not len(complete):
             raise ParameterError(
                 f"no frame of {trial.name} shows all of {', '.join(labels)}; valid: markers that are seen together"
             )
-        first = self._positions[whole[0]]
+        first = self._positions[complete[0]]
         in_body = first - first.mean(axis=0)
         if len(labels) > 2 and on_one_line(in_body):
             raise ParameterError(
@@ -97,14 +97,16 @@ def labels_of(trial: Trial, name: str) -> list[str]:
     Raises:
         HricError: there are none; lists the labels.
     """
-    found = [label for label in trial.labels if label.startswith((f"{name}_", f"{name}:", f"{name}/")) or label == name]
-    if not found and not trial.labels:
+    labels = [
+        label for label in trial.labels if label.startswith((f"{name}_", f"{name}:", f"{name}/")) or label == name
+    ]
+    if not labels and not trial.labels:
         raise ParameterError(f"{trial.name} has no markers")
-    if not found:
+    if not labels:
         raise ParameterError(
             f"no marker of {trial.name} begins with {name!r}; give labels; valid: {', '.join(trial.labels)}"
         )
-    return found
+    return labels
 
 
 def _fit(

@@ -151,13 +151,13 @@ class Motive:
         made = {client.version: b"" for client in self._clients.values()}
         for version in made:
             made[version] = self.datagram(frame, version)
-        found: Outgoing = []
+        datagrams: Outgoing = []
         for address, client in self._clients.items():
             if settings.unicast_to in ("endpoint", "both"):
-                found.append((made[client.version], address))
+                datagrams.append((made[client.version], address))
             if settings.unicast_to in ("data_port", "both") and address[1] != settings.data_port:
-                found.append((made[client.version], (address[0], settings.data_port)))
-        return found
+                datagrams.append((made[client.version], (address[0], settings.data_port)))
+        return datagrams
 
     def respond(self, datagram: bytes, sender: Address, time: float, latest: int | None = None) -> Outgoing:
         """Return the responses to a datagram; empty if it is not a request.

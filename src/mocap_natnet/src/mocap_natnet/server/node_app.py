@@ -111,11 +111,11 @@ class LiveSources:
 
     def _transformed(self, link: "_Link") -> bool:
         try:
-            found = self._buffer.lookup_transform(link.frame, link.name, rospy.Time(0))
+            transform = self._buffer.lookup_transform(link.frame, link.name, rospy.Time(0))
         except tf2_ros.TransformException:
             return False
-        t, r = found.transform.translation, found.transform.rotation
-        stamp = found.header.stamp.to_sec() or self._robot_time.now()  # 0: a static transform
+        t, r = transform.transform.translation, transform.transform.rotation
+        stamp = transform.header.stamp.to_sec() or self._robot_time.now()  # 0: a static transform
         if stamp is not None and stamp > link.history.last:
             link.history.add(stamp, Pose((t.x, t.y, t.z), normalized((r.x, r.y, r.z, r.w))))
         return True
@@ -135,16 +135,16 @@ class _Link:
 class EmulatedMotiveNode(app.EmulatedMotiveCommand):
     """Emulate a Motive that streams by NatNet to any client, in the time of the run where a ROS master runs."""
 
-    def run(self, given: argparse.Namespace) -> int:
+    def run(self, arguments: argparse.Namespace) -> int:
         """Serve until the shutdown request; without a master, or with --clock wall, without ROS."""
         check_private(NAME)
         end_with_roslaunch()
-        if given.clock == "wall" or not rosgraph.is_master_online():
-            return super().run(given)
-        return run_server(NAME, lambda: _serve(given), LOG.critical)
+        if arguments.clock == "wall" or not rosgraph.is_master_online():
+            return super().run(arguments)
+        return run_server(NAME, lambda: _serve(arguments), LOG.critical)
 
 
-def _serve(given: argparse.Namespace) -> None:
+def _serve(arguments: argparse.Namespace) -> None:
     rospy.init_node(NAME, argv=sys.argv, disable_signals=True)
     forward_to_ros(logging.getLogger("hric"))
     node, serving = RosNode("~"), threading.Event()
@@ -153,7 +153,7 @@ def _serve(given: argparse.Namespace) -> None:
     rospy.on_shutdown(lambda: os.kill(os.getpid(), signal.SIGTERM) if serving.is_set() else None)  # `rosnode kill`
     try:
         serving.set()
-        app.serve(given, robot_time, robot_time.tick, live, progress.reached)
+        app.serve(arguments, robot_time, robot_time.tick, live, progress.reached)
     finally:
         serving.clear()
         live.close()

@@ -71,10 +71,10 @@ class Plate:
     samples: int = 5
 
 
-def _occlusion(given: Any, where: str, joints: Sequence[str]) -> tuple[float, float, str]:
+def _occlusion(value: Any, where: str, joints: Sequence[str]) -> tuple[float, float, str]:
     """Return an occlusion from [begin [s], duration [s]], optionally with the name of a body."""
-    named = isinstance(given, list | tuple) and len(given) == 3
-    span, body = (given[:2], given[2]) if named else (given, "")
+    named = isinstance(value, list | tuple) and len(value) == 3
+    span, body = (value[:2], value[2]) if named else (value, "")
     if not isinstance(body, str):
         raise ValueError
     begin, duration = numbers(2, unit="s").checked(span, where)
@@ -183,20 +183,22 @@ class Scene:
         """Return the description."""
         named = {body.name: [f"Marker{index}" for index, _ in enumerate(body.markers, 1)] for body in self.bodies}
         named |= {skeleton.name: list(skeleton.markers) for skeleton in self.skeletons}
-        found: list[d.Description] = [d.MarkerSetDescription(name, tuple(names)) for name, names in named.items()]
+        descriptions: list[d.Description] = [
+            d.MarkerSetDescription(name, tuple(names)) for name, names in named.items()
+        ]
         labels = [f"{body.name}_{index}" for body in self.bodies for index in range(1, len(body.markers) + 1)]
         labels += [f"{skeleton.name}_{name}" for skeleton in self.skeletons for name in skeleton.markers]
-        found.append(d.MarkerSetDescription("all", tuple(labels)))
+        descriptions.append(d.MarkerSetDescription("all", tuple(labels)))
         for body in self.bodies:
             markers = [
                 d.DescribedMarker(from_z_up(self.up, marker), 0, f"Marker{index}")
                 for index, marker in enumerate(body.markers, 1)
             ]
-            found.append(d.RigidBodyDescription(body.name, body.id, markers=tuple(markers)))
-        found += [skeleton.described(self.up) for skeleton in self.skeletons]
+            descriptions.append(d.RigidBodyDescription(body.name, body.id, markers=tuple(markers)))
+        descriptions += [skeleton.described(self.up) for skeleton in self.skeletons]
         if self.describe_plates:
-            found += [self._described(plate) for plate in self.plates]
-        return d.Model(tuple(found))
+            descriptions += [self._described(plate) for plate in self.plates]
+        return d.Model(tuple(descriptions))
 
     def _hidden(self, name: str, time: float) -> bool:
         for begin, duration, who in self.faults.occlusions:
@@ -218,14 +220,14 @@ class Scene:
 
     def _labelled(self, asset: int, positions: Sequence[Vector | None], noise: Sequence[float]) -> list[Marker]:
         """Return the visible markers of a body or skeleton."""
-        size, up, found = self.faults.marker_noise, self.up, list[Marker]()
+        size, up, markers = self.faults.marker_noise, self.up, list[Marker]()
         for index, exact in enumerate(positions, 1):
             if exact is None:
                 continue
             (x, y, z), (dx, dy, dz) = exact, noise[3 * index - 3 : 3 * index]
             position = from_z_up(up, (x + size * dx, y + size * dy, z + size * dz))
-            found.append(Marker(asset << 16 | index, position, MARKER_SIZE, MARKER_FLAGS, size))
-        return found
+            markers.append(Marker(asset << 16 | index, position, MARKER_SIZE, MARKER_FLAGS, size))
+        return markers
 
     def _skeleton(
         self, skeleton: Skeleton, noise: Sequence[float], time: float

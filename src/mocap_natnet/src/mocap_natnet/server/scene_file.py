@@ -41,9 +41,9 @@ def load(path: Path, faults: Faults, up: str, describe_plates: bool = True, live
     Raises:
         ParameterError, UnknownNameError: the file cannot be used.
     """
-    given = _Scene.of(read_yaml(path), f"{path}:")
-    bodies = tuple(body.built(path.parent, number, live) for number, body in enumerate(given.bodies, 1))
-    plates = tuple(plate.built(path.parent, number) for number, plate in enumerate(given.plates, 1))
+    scene = _Scene.of(read_yaml(path), f"{path}:")
+    bodies = tuple(body.built(path.parent, number, live) for number, body in enumerate(scene.bodies, 1))
+    plates = tuple(plate.built(path.parent, number) for number, plate in enumerate(scene.plates, 1))
     return Scene(bodies, plates, faults, up, describe_plates)
 
 
@@ -219,9 +219,9 @@ class _Plate(Settings):
         id_, serial = number if self.id is None else self.id, self.serial or f"emulated-{number}"
         if self.recorded is None:
             return Plate(lambda time: wrench, id_, serial, centre, self.samples)
-        found = self.recorded.trial(folder).plate(self.recorded.plate)
-        x, y, z = found.T_lab_plate[:3, 3].tolist()
-        return Plate(found.at, id_, serial, (x, y, z), self.samples)
+        recorded_plate = self.recorded.trial(folder).plate(self.recorded.plate)
+        x, y, z = recorded_plate.T_lab_plate[:3, 3].tolist()
+        return Plate(recorded_plate.at, id_, serial, (x, y, z), self.samples)
 
 
 @dataclass(frozen=True)

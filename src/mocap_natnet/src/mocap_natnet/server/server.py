@@ -176,7 +176,7 @@ class _Pending:
         period, latency = settings.period, settings.latency
         late = now - latency - self._number * period
         if late > LATE:
-            LOG.warning("the stream is %.1f s late; it goes on from now", late)
+            LOG.warning("the stream is %.1f s late; it continues from now", late)
             self._number = int(now / period)
         while self._number * period + latency <= min(self.next, now + IDLE):
             delay = self._motive.delay(self._number)

@@ -70,9 +70,15 @@ class Tracker:
         """Store the names of the bodies."""
         self._described = model.bodies
         self._marker_names = {}
-        skeletons = [one for one in model.descriptions if isinstance(one, SkeletonDescription)]
-        sets = {one.name: one.markers for one in model.descriptions if isinstance(one, MarkerSetDescription)}
-        self._skeleton_markers = {one.id: (one.name, sets.get(one.name, ())) for one in skeletons}
+        skeletons = [description for description in model.descriptions if isinstance(description, SkeletonDescription)]
+        sets = {
+            description.name: description.markers
+            for description in model.descriptions
+            if isinstance(description, MarkerSetDescription)
+        }
+        self._skeleton_markers = {
+            description.id: (description.name, sets.get(description.name, ())) for description in skeletons
+        }
         self._bones = {
             (skeleton.id, bone.id & 0xFFFF): f"{skeleton.name}/{bone.name}"
             for skeleton in skeletons
@@ -130,7 +136,7 @@ class Tracker:
 
     def bones(self, frame: Frame) -> list[tuple[str, Pose]]:
         """Return ("skeleton/bone", pose) of each tracked bone with a pose; Motive must stream global coordinates."""
-        found = []
+        poses = []
         for skeleton in frame.skeletons:
             for bone in skeleton.bodies:
                 pose = pose_z_up(self.up, Pose(bone.position, bone.orientation))
@@ -139,8 +145,8 @@ class Tracker:
                 if bone.flags & TRACKED and self._known(number, self._bones, name) and self.validator.possible(pose):
                     exact = Pose(pose.position, normalized(pose.orientation))
                     base = self.base_from_mocap
-                    found.append((name, pose_from_z_up(self.up, exact) if base is None else compose(base, exact)))
-        return found
+                    poses.append((name, pose_from_z_up(self.up, exact) if base is None else compose(base, exact)))
+        return poses
 
     def _body(self, body: RigidBody, name: str, exposed: float, received: float) -> TrackedBody:
         pose = None

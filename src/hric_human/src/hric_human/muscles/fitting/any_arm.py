@@ -14,7 +14,7 @@ import numpy as np
 
 from hric_core.errors import HricError
 from hric_core.geometry import FloatArray
-from hric_human.muscles.anatomy import CENTRES, Anatomy, Course, FitError, Muscle
+from hric_human.muscles.anatomy import CENTRES, Anatomy, FitError, Muscle, MusclePath
 from hric_human.muscles.fitting.delft import RANGE, SAMPLES, UNSEEN
 from hric_human.muscles.fitting.fit import NO_ARM, arm_errors, fit_error, fit_muscle, rounded
 from hric_human.muscles.fitting.model import ArmModel
@@ -56,18 +56,18 @@ def fit(model: ArmModel, source: str, terms: str = "") -> Anatomy:
     lower, upper = _range(placing)
     count = min(SAMPLES, FEWEST_SAMPLES * 2 ** (len(lower) - 1))
     samples = _sampled(placing, model, poses(lower, upper, count + count // SHARE))
-    strengths, courses = model.strengths(), placing.courses()
+    strengths, paths = model.strengths(), placing.muscle_paths()
     credits = f"Fitted from {source}, whose terms hold for it, too. Its credits: {model.credits or 'none in the file'}"
     muscles, errors = dict[str, Muscle](), dict[str, FitError]()
     for k, name in enumerate(model.muscles):
         numbers = [rounded(float(values[k])) for values in strengths]
-        made = _fitted(samples, k, placing.joints, name, numbers, courses[k])
+        made = _fitted(samples, k, placing.joints, name, numbers, paths[k])
         if isinstance(made, str):
             LOG.warning("%s: %s is left out: %s", model.name, name, made)
         else:
             muscles[name], errors[name] = made
             _report_fibres(model.name, made[0], samples, placing.joints)
-    acting = [joint for joint in placing.joints if any(joint in one.length.joints for one in muscles.values())]
+    acting = [joint for joint in placing.joints if any(joint in muscle.length.joints for muscle in muscles.values())]
     if not acting:
         raise HricError(f"{model.name} has no muscle that can be used: {len(model.muscles)} are left out")
     where = [placing.joints.index(joint) for joint in acting]
@@ -128,26 +128,26 @@ def _sampled(placing: Placing, model: ArmModel, requested: FloatArray) -> Sample
 
 
 def _fitted(
-    samples: Samples, k: int, joints: tuple[str, ...], name: str, numbers: list[float], course: Course
+    samples: Samples, k: int, joints: tuple[str, ...], name: str, numbers: list[float], path: MusclePath
 ) -> tuple[Muscle, FitError] | str:
     """Return a muscle and its errors, or the reason why it cannot be used."""
     force, optimal, slack = numbers
     if not (force > 0.0 and optimal > 0.0 and slack >= 0.0):
         return f"{force:g} N, {optimal:g} m of fibres, {slack:g} m of tendon"
-    whole = np.isfinite(samples.length[:, k]) & np.isfinite(samples.arms[:, k]).all(axis=1)
-    whole &= np.abs(np.nan_to_num(samples.arms[:, k])).max(axis=1) < LONGEST_ARM
-    if 1.0 - whole.mean() > MAX_JUMPS:
-        return f"its path jumps in {100 * (1.0 - whole.mean()):.0f} % of the poses"
-    seen = np.arange(len(whole)) < len(whole) * SHARE // (SHARE + 1)
-    if not np.abs(samples.arms[whole & seen, k]).max() > NO_ARM:
+    usable = np.isfinite(samples.length[:, k]) & np.isfinite(samples.arms[:, k]).all(axis=1)
+    usable &= np.abs(np.nan_to_num(samples.arms[:, k])).max(axis=1) < LONGEST_ARM
+    if 1.0 - usable.mean() > MAX_JUMPS:
+        return f"its path jumps in {100 * (1.0 - usable.mean()):.0f} % of the poses"
+    seen = np.arange(len(usable)) < len(usable) * SHARE // (SHARE + 1)
+    if not np.abs(samples.arms[usable & seen, k]).max() > NO_ARM:
         return "it acts on none of these joints"
-    made = fit_muscle(samples.part(whole & seen), k, joints, name, force, optimal, slack, course)
+    made = fit_muscle(samples.part(usable & seen), k, joints, name, force, optimal, slack, path)
     near = np.abs(arm_errors(samples, k, joints, made)).max(axis=1) < FAR_OFF
-    if not near[whole & seen].all():
-        made = fit_muscle(samples.part(whole & seen & near), k, joints, name, force, optimal, slack, course)
+    if not near[usable & seen].all():
+        made = fit_muscle(samples.part(usable & seen & near), k, joints, name, force, optimal, slack, path)
         near = np.abs(arm_errors(samples, k, joints, made)).max(axis=1) < FAR_OFF
-    error = fit_error(samples.part(whole & near & ~seen), k, joints, made)
-    jumps = 1.0 - float((whole & near).mean())
+    error = fit_error(samples.part(usable & near & ~seen), k, joints, made)
+    jumps = 1.0 - float((usable & near).mean())
     if jumps > MAX_JUMPS or error.arm_rms > WORST_FIT:
         return f"its path jumps in {100 * jumps:.0f} % of the poses, beside moment arms missed by {_mm(error)}"
     if jumps > 0.0:

@@ -13,12 +13,12 @@ import numpy as np
 
 from hric_core.geometry import FloatArray
 from hric_core.geometry.transforms import rotation_about
-from hric_human.muscles.anatomy import CENTRES, SEGMENTS, Anatomy, Course, FitError, Muscle
-from hric_human.muscles.fitting.course import course, frames_of, resting
+from hric_human.muscles.anatomy import CENTRES, SEGMENTS, Anatomy, FitError, Muscle, MusclePath
 from hric_human.muscles.fitting.fit import fit_error, fit_muscle, rounded
 from hric_human.muscles.fitting.girdle import Girdle, angles_yzx, angles_yzy
 from hric_human.muscles.fitting.groups import GROUPS, Group
 from hric_human.muscles.fitting.mend import mended
+from hric_human.muscles.fitting.muscle_paths import frames_of, muscle_path, resting
 from hric_human.muscles.fitting.sample import R_LINK_OPENSIM, Paths, Samples, poses
 from hric_human.muscles.polynomial import Polynomial
 
@@ -111,14 +111,14 @@ class DelftArm:
         elbow = lines.pull(self._forearm) @ R_ground_humerus @ R_LINK_OPENSIM.T
         return self.paths.lengths(), -np.array(slopes).T, shoulder, elbow
 
-    def courses(self) -> list[Course]:
+    def muscle_paths(self) -> list[MusclePath]:
         """Return the drawn lines of the elements, in the resting posture."""
         q = resting(JOINTS)
         self.put(q)
         R_ground_thorax, _ = self.paths.frame("thorax")
         R_ground_humerus = R_ground_thorax @ _humerus(q)
         frames = frames_of(R_ground_thorax, R_ground_humerus @ _X, *self.paths.centres(("gh1", "hu", "radiocarpal")))
-        return [course(points, _segment, frames) for points in self.paths.courses()]
+        return [muscle_path(points, _segment, frames) for points in self.paths.muscle_paths()]
 
     def reference(self) -> dict[str, float]:
         """Return the lengths of the segments, with the names of a subject's lengths [m]."""
@@ -150,10 +150,10 @@ def fit(path: Path) -> Anatomy:
     weights = shares / summed[:, None]
     lines = elements.joined(weights)
     seen, unseen = lines.part(slice(None, SAMPLES)), lines.part(slice(SAMPLES, None))
-    muscles, errors, courses = dict[str, Muscle](), dict[str, FitError](), arm.courses()
+    muscles, errors, paths = dict[str, Muscle](), dict[str, FitError](), arm.muscle_paths()
     for k, group in enumerate(GROUPS):
         numbers = float(summed[k]), float(weights[k] @ optimal), float(weights[k] @ slack)
-        drawn = courses[int(shares[k].argmax())]  # line of the strongest element
+        drawn = paths[int(shares[k].argmax())]  # line of the strongest element
         if group.arm:
             muscles[group.name], errors[group.name] = _constant(group, *numbers, drawn), FitError(0.0, 0.0, 0.0, {})
         else:
@@ -162,7 +162,7 @@ def fit(path: Path) -> Anatomy:
     return Anatomy("delft", JOINTS, LOWER, UPPER, muscles, arm.reference(), NOTICE, errors)
 
 
-def _constant(group: Group, force: float, optimal: float, slack: float, drawn: Course) -> Muscle:
+def _constant(group: Group, force: float, optimal: float, slack: float, drawn: MusclePath) -> Muscle:
     """Return a line about pro_sup alone."""
     length = Polynomial(("pro_sup",), 1, (rounded(slack + MEAN_FIBRE * optimal), -group.arm))
     return Muscle(group.name, rounded(force), rounded(optimal), rounded(slack), length, {}, drawn)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from hric_core.geometry import FloatArray
-from hric_human.muscles.anatomy import Course, FitError, Muscle
+from hric_human.muscles.anatomy import FitError, Muscle, MusclePath
 from hric_human.muscles.fitting.sample import Samples
 from hric_human.muscles.polynomial import Polynomial, monomials, slopes
 
@@ -26,7 +26,7 @@ def fit_muscle(
     force: float,
     optimal: float,
     slack: float,
-    course: Course,
+    path: MusclePath,
 ) -> Muscle:
     """Return muscle k of the samples.
 
@@ -38,12 +38,12 @@ def fit_muscle(
         force: see `Muscle`.
         optimal: see `Muscle`.
         slack: see `Muscle`.
-        course: see `Muscle`.
+        path: see `Muscle`.
     """
     length = _length(samples, k, joints)
     crossed = [centre for centre, pull in samples.pulls.items() if np.abs(pull[:, k]).max() > NO_PULL]
     pulls = {centre: _pull(samples, k, centre, joints, length.joints) for centre in crossed}
-    return Muscle(name, rounded(force), rounded(optimal), rounded(slack), length, pulls, course)
+    return Muscle(name, rounded(force), rounded(optimal), rounded(slack), length, pulls, path)
 
 
 def arm_errors(samples: Samples, k: int, joints: tuple[str, ...], muscle: Muscle) -> FloatArray:

@@ -86,8 +86,8 @@ class Matching:
         """Return the thorax axes: up is against gravity, right from the body's origin towards the shoulder."""
         R_ground_body, origin = self.posture.frame(self.posture.bones.thorax)
         up = self.posture.model.up
-        beside = self.posture.shoulder - origin
-        right = unit(beside - up * (up @ beside))
+        to_shoulder = self.posture.shoulder - origin
+        right = unit(to_shoulder - up * (up @ to_shoulder))
         axes = np.array([right, up, np.cross(right, up)]).T
         return nearest_axes(R_ground_body.T @ axes, f"{self._name}, thorax")
 
@@ -96,12 +96,12 @@ class Matching:
         posture, bones = self.posture, self.posture.bones
         forearm = unit(posture.wrist - posture.elbow)
         across = {
-            one: float(np.linalg.norm(np.cross(posture.axis(one, bones.ulna), forearm)))
-            for one in posture.between(bones.humerus, bones.ulna)
+            coordinate: float(np.linalg.norm(np.cross(posture.axis(coordinate, bones.ulna), forearm)))
+            for coordinate in posture.between(bones.humerus, bones.ulna)
         }
         if not across:
             raise HricError(f"{self._name} has no coordinate that bends the elbow")
-        elbow = max(across, key=lambda one: across[one])
+        elbow = max(across, key=lambda coordinate: across[coordinate])
         bent = []
         for end in (elbow.lower, elbow.upper):
             posture.put({elbow.name: max(-math.pi, min(math.pi, end))})
@@ -127,10 +127,15 @@ class Matching:
     def _match_pronation(self) -> None:
         """Match the coordinate about the forearm, with a straight elbow."""
         posture, bones = self.posture, self.posture.bones
-        for one in reversed(posture.between(bones.humerus, bones.radius)):
-            along = float((self.R_ground_humerus().T @ posture.axis(one, bones.radius))[1])
+        for coordinate in reversed(posture.between(bones.humerus, bones.radius)):
+            along = float((self.R_ground_humerus().T @ posture.axis(coordinate, bones.radius))[1])
             if abs(along) > math.cos(FAR):
-                self._add("pro_sup", one, math.copysign(1.0, along), self._pronated(one, math.copysign(1.0, along)))
+                self._add(
+                    "pro_sup",
+                    coordinate,
+                    math.copysign(1.0, along),
+                    self._pronated(coordinate, math.copysign(1.0, along)),
+                )
                 posture.put(self.hinges["pro_sup"].at(0.0))
                 return
 
@@ -156,45 +161,48 @@ class Matching:
         if not bones.hand:
             return
         R = self.R_ground_humerus().T
-        axes = {one: R @ posture.axis(one, bones.hand) for one in posture.between(bones.radius, bones.hand)}
+        axes = {
+            coordinate: R @ posture.axis(coordinate, bones.hand)
+            for coordinate in posture.between(bones.radius, bones.hand)
+        }
         for joint in WRIST:
-            along = {one: float(axis @ AXES[joint]) for one, axis in axes.items()}
+            along = {coordinate: float(axis @ AXES[joint]) for coordinate, axis in axes.items()}
             if not along:
                 return
-            one = max(along, key=lambda one: abs(along[one]))
-            if abs(along[one]) > math.cos(FAR):
-                sign = math.copysign(1.0, along[one])
-                self._add(joint, one, sign, sign * posture.angles[one.name])
-                del axes[one]
+            coordinate = max(along, key=lambda coordinate: abs(along[coordinate]))
+            if abs(along[coordinate]) > math.cos(FAR):
+                sign = math.copysign(1.0, along[coordinate])
+                self._add(joint, coordinate, sign, sign * posture.angles[coordinate.name])
+                del axes[coordinate]
             else:
-                off = math.degrees(math.acos(abs(along[one])))
+                off = math.degrees(math.acos(abs(along[coordinate])))
                 LOG.warning(
                     "%s: %s has no muscles: of the coordinates of the hand %s is nearest to its axis, %.0f deg off",
                     self._name,
                     joint,
-                    one.name,
+                    coordinate.name,
                     off,
                 )
 
     def _match_shoulder(self) -> tuple[Coordinate, ...]:
         """Return the three coordinates nearest to the humerus, or match a hinge."""
         bones = self.posture.bones
-        found = self.posture.between(bones.thorax, bones.humerus)
-        if len(found) == 1:
-            self._match_shoulder_hinge(found[0])
+        coordinates = self.posture.between(bones.thorax, bones.humerus)
+        if len(coordinates) == 1:
+            self._match_shoulder_hinge(coordinates[0])
             return ()
-        if len(found) < len(SHOULDER):
+        if len(coordinates) < len(SHOULDER):
             raise HricError(
-                f"{self._name} has {len(found)} coordinates at the shoulder; valid: one, or three that turn the "
+                f"{self._name} has {len(coordinates)} coordinates at the shoulder; valid: one, or three that turn the "
                 "humerus to any orientation, beside those that couplers give"
             )
-        if resting := [one.name for one in found[: -len(SHOULDER)]]:
+        if resting := [coordinate.name for coordinate in coordinates[: -len(SHOULDER)]]:
             LOG.warning(
                 "%s: %s stay where they are by default, since no coupler lets them follow the arm",
                 self._name,
                 ", ".join(resting),
             )
-        return tuple(found[-len(SHOULDER) :])
+        return tuple(coordinates[-len(SHOULDER) :])
 
     def _match_shoulder_hinge(self, coordinate: Coordinate) -> None:
         axis = self.R_ground_thorax().T @ self.posture.axis(coordinate, self.posture.bones.humerus)

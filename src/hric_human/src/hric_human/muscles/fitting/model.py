@@ -77,7 +77,7 @@ class ArmModel(ABC):
         """Return the lengths of muscles with their tendons, shape (K,) [m]."""
 
     @abstractmethod
-    def courses(self) -> list[list[tuple[str, FloatArray]]]:
+    def muscle_paths(self) -> list[list[tuple[str, FloatArray]]]:
         """Return the points of each muscle's line from end to end: body ("": ground), position in the ground [m]."""
 
     @abstractmethod

@@ -33,11 +33,11 @@ def content(path: Path, folder: Path | None = None) -> bytes:
     """
     folder = path.parent if folder is None else folder
     try:
-        own = path.read_bytes()
-        included = [str(one.get("file")) for one in ElementTree.fromstring(own).iter("include")]
+        xml = path.read_bytes()
+        included = [str(element.get("file")) for element in ElementTree.fromstring(xml).iter("include")]
     except (OSError, ElementTree.ParseError) as error:
         raise HricError(f"{path} is no model of an arm: {error}") from error
-    return b"|".join([own, *(content(folder / name, folder) for name in included)])
+    return b"|".join([xml, *(content(folder / name, folder) for name in included)])
 
 
 def fit(path: Path) -> Anatomy:
@@ -57,7 +57,7 @@ def fit(path: Path) -> Anatomy:
         return delft.fit(path)
     from hric_human.muscles.fitting.opensim_model import OpenSimArm
 
-    LOG.warning("%s is used as it is: no mends", path)
+    LOG.warning("%s is used without repairs", path)
     return any_arm.fit(OpenSimArm(path), path.name, terms(path))
 
 
@@ -67,8 +67,8 @@ def run(model: Path, output: Path) -> None:
     LOG.setLevel(logging.INFO)
     if not model.is_file():
         raise HricError(f"no file {model}")
-    if said := terms(model):
-        LOG.warning("%s", said)
+    if notice := terms(model):
+        LOG.warning("%s", notice)
     anatomy = fit(model)
     anatomy.save(output)
     print(anatomy.notice)

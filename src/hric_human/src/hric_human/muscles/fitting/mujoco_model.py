@@ -47,11 +47,11 @@ class MujocoArm(ArmModel):
         self._equal = [
             e for e in range(model.neq) if model.eq_type[e] == mujoco.mjtEq.mjEQ_JOINT and model.eq_active0[e]
         ]
-        given = {int(model.eq_obj1id[e]) for e in self._equal}
+        dependent = {int(model.eq_obj1id[e]) for e in self._equal}
         self.coordinates = [
             self._coordinate(j, names[model.jnt_bodyid[j]])
             for j in range(model.njnt)
-            if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE and j not in given and model.joint(j).name
+            if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE and j not in dependent and model.joint(j).name
         ]
         down = model.opt.gravity
         self.up = -down / np.linalg.norm(down) if np.any(down) else np.array([0.0, 0.0, 1.0])
@@ -102,11 +102,11 @@ class MujocoArm(ArmModel):
         """Return the lengths of muscles with their tendons [m]."""
         return np.array(self._data.ten_length[self._tendons])
 
-    def courses(self) -> list[list[tuple[str, FloatArray]]]:
+    def muscle_paths(self) -> list[list[tuple[str, FloatArray]]]:
         """Return the points of each muscle's line; where a tendon wraps, both ends of the wrapped part."""
         model, data = self._model, self._data
         names, positions = list(self._bodies), data.wrap_xpos.reshape(-1, 3)
-        found = []
+        paths = []
         for tendon in self._tendons:
             of = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
             sites = iter(model.wrap_objid[of][model.wrap_type[of] == mujoco.mjtWrap.mjWRAP_SITE])
@@ -116,8 +116,8 @@ class MujocoArm(ArmModel):
                 if geom != _PULLEY:
                     body = model.site_bodyid[next(sites)] if geom == _SITE else model.geom_bodyid[geom]
                     points.append((names[body], positions[k].copy()))
-            found.append(points)
-        return found
+            paths.append(points)
+        return paths
 
     def pulls(self, body: str) -> FloatArray:
         """Return the pulls by virtual work: change of lengths as the body moves away from its parent."""

@@ -31,10 +31,10 @@ class _Coupler:
         self._scale = float(constraint.getPropertyByName("scale_factor").toString())
 
     def value(self, angles: Mapping[str, float]) -> float:
-        given = opensim.Vector(len(self.of), 0.0)
+        arguments = opensim.Vector(len(self.of), 0.0)
         for i, name in enumerate(self.of):
-            given.set(i, angles[name])
-        return float(self._scale * self._function.calcValue(given))
+            arguments.set(i, angles[name])
+        return float(self._scale * self._function.calcValue(arguments))
 
 
 class OpenSimArm(Paths, ArmModel):
@@ -49,8 +49,8 @@ class OpenSimArm(Paths, ArmModel):
         opensim.Logger.setLevelString("error")
         try:
             model = opensim.Model(str(path))
-            for one in members(model.getCoordinateSet()):
-                one.set_clamped(False)
+            for coordinate in members(model.getCoordinateSet()):
+                coordinate.set_clamped(False)
             super().__init__(model)
         except RuntimeError as error:
             raise HricError(f"{path} is no OpenSim model: {str(error).strip().splitlines()[0]}") from error
@@ -71,21 +71,25 @@ class OpenSimArm(Paths, ArmModel):
         bodies = [body.getName() for body in members(model.getBodySet())]
         self.parents = _sorted({body: self._parent(body) for body in bodies})
         self._couplers = list(_couplers(model, self.state))
-        given = {coupler.name for coupler in self._couplers}
+        dependent = {coupler.name for coupler in self._couplers}
         self.coordinates = [
             Coordinate(
-                one.getName(),
-                _body(one.getJoint().getChildFrame()),
-                one.getRangeMin(),
-                one.getRangeMax(),
-                one.getDefaultValue(),
+                coordinate.getName(),
+                _body(coordinate.getJoint().getChildFrame()),
+                coordinate.getRangeMin(),
+                coordinate.getRangeMax(),
+                coordinate.getDefaultValue(),
             )
-            for one in members(model.getCoordinateSet())
-            if one.getName() not in given and one.getMotionType() != _TRANSLATION and not one.getLocked(self.state)
+            for coordinate in members(model.getCoordinateSet())
+            if coordinate.getName() not in dependent
+            and coordinate.getMotionType() != _TRANSLATION
+            and not coordinate.getLocked(self.state)
         ]
         down = model.getGravity().to_numpy()
         self.up = -down / np.linalg.norm(down) if np.any(down) else np.array([0.0, 1.0, 0.0])
-        self._angles = {one.getName(): one.getDefaultValue() for one in members(model.getCoordinateSet())}
+        self._angles = {
+            coordinate.getName(): coordinate.getDefaultValue() for coordinate in members(model.getCoordinateSet())
+        }
         self.put({})
 
     def _parent(self, body: str) -> str:
@@ -106,8 +110,8 @@ class OpenSimArm(Paths, ArmModel):
 
     def mass_centre(self, body: str) -> FloatArray:
         """Return the centre of mass of a body in the ground [m]."""
-        one = self.model.getBodySet().get(body)
-        return np.asarray(one.findStationLocationInGround(self.state, one.getMassCenter()).to_numpy())
+        rigid_body = self.model.getBodySet().get(body)
+        return np.asarray(rigid_body.findStationLocationInGround(self.state, rigid_body.getMassCenter()).to_numpy())
 
     def pulls(self, body: str) -> FloatArray:
         """Return the force on a body and all distal ones per force of each muscle, in the ground [1]."""

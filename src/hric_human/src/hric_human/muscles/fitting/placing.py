@@ -5,11 +5,11 @@ import numpy as np
 from hric_core.geometry import FloatArray
 from hric_core.geometry.transforms import rotation_about
 from hric_human.body.joints import ARM
-from hric_human.muscles.anatomy import CENTRES, SEGMENTS, Course
+from hric_human.muscles.anatomy import CENTRES, SEGMENTS, MusclePath
 from hric_human.muscles.fitting.bones import chain
-from hric_human.muscles.fitting.course import course, frames_of, resting
 from hric_human.muscles.fitting.matching import SHOULDER, Hinge, Matching
 from hric_human.muscles.fitting.model import ArmModel, Coordinate
+from hric_human.muscles.fitting.muscle_paths import frames_of, muscle_path, resting
 from hric_human.muscles.fitting.posture import AXES, STEP, Posture, rotation_vector, small_rotation
 from hric_human.muscles.fitting.sample import R_LINK_OPENSIM
 
@@ -37,8 +37,8 @@ class Placing:
         self._matching = Matching(self._posture)
         self.hinges: dict[str, Hinge] = self._matching.hinges
         self._shoulder = self._matching.shoulder
-        found = {*self.hinges, *(SHOULDER if self._shoulder else ())}
-        self.joints = tuple(row.name for row in ARM if row.name in found)
+        matched = {*self.hinges, *(SHOULDER if self._shoulder else ())}
+        self.joints = tuple(row.name for row in ARM if row.name in matched)
         self._solved: list[tuple[FloatArray, FloatArray]] = []
 
     def put(self, q: FloatArray) -> bool:
@@ -80,7 +80,7 @@ class Placing:
             ends["forearm"] = posture.wrist - posture.elbow
         return {name: float(np.linalg.norm(vector)) for name, vector in ends.items()}
 
-    def courses(self) -> list[Course]:
+    def muscle_paths(self) -> list[MusclePath]:
         """Return the drawn muscle lines in the resting posture, or as near to it as the model's ranges allow."""
         q = resting(self.joints)
         for k, name in enumerate(self.joints):
@@ -90,7 +90,7 @@ class Placing:
         posture, right = self._posture, self._matching.R_ground_humerus() @ AXES["el_flex"]
         R_thorax = self._matching.R_ground_thorax()
         frames = frames_of(R_thorax, right, posture.shoulder, posture.elbow, posture.wrist)
-        return [course(points, self._segment, frames) for points in self._model.courses()]
+        return [muscle_path(points, self._segment, frames) for points in self._model.muscle_paths()]
 
     def _segment(self, body: str) -> str:
         """Return the body's entry of SEGMENTS; girdle and hand are drawn with trunk and forearm."""
@@ -114,9 +114,9 @@ class Placing:
         for name, angle in zip(SHOULDER, angles, strict=True):
             R_target = R_target @ rotation_about(AXES[name], angle)
         for start in self._starts(angles):
-            found = self._search(R_target, start)
-            if found is not None:
-                self._solved.append((angles, found))
+            coordinates = self._search(R_target, start)
+            if coordinates is not None:
+                self._solved.append((angles, coordinates))
                 return True
         return False
 
@@ -125,15 +125,16 @@ class Placing:
         lower, upper = self._ranges()
         drawn = lower + (upper - lower) * np.random.default_rng(0).random((_STARTS, len(lower)))
         near = [min(self._solved, key=lambda pose: float(np.linalg.norm(pose[0] - angles)))[1]] if self._solved else []
-        return np.array([*near, [one.default for one in self._shoulder], *drawn])
+        return np.array([*near, [coordinate.default for coordinate in self._shoulder], *drawn])
 
     def _ranges(self) -> tuple[FloatArray, FloatArray]:
         """Return lower and upper ends of the shoulder's coordinates, shape (3,) each [rad]."""
-        return np.array([one.lower for one in self._shoulder]), np.array([one.upper for one in self._shoulder])
+        lower = [coordinate.lower for coordinate in self._shoulder]
+        return np.array(lower), np.array([coordinate.upper for coordinate in self._shoulder])
 
     def _search(self, R_target: FloatArray, start: FloatArray) -> FloatArray | None:
         """Return the coordinates of an orientation by Newton's method; None if it fails or leaves the ranges."""
-        c, names = start.copy(), [one.name for one in self._shoulder]
+        c, names = start.copy(), [coordinate.name for coordinate in self._shoulder]
         for _ in range(_STEPS):
             self._posture.put(dict(zip(names, c.tolist(), strict=True)))
             missing = rotation_vector(R_target @ self._matching.R_thorax_humerus().T)
@@ -151,9 +152,9 @@ class Placing:
     def _rates(self) -> FloatArray:
         """Return the rates of the humerus in the thorax by each coordinate of the shoulder, shape (3, 3)."""
         columns, R = [], self._matching.R_thorax_humerus()
-        for one in self._shoulder:
-            at = self._posture.angles[one.name]
-            self._posture.put({one.name: at + STEP})
+        for coordinate in self._shoulder:
+            at = self._posture.angles[coordinate.name]
+            self._posture.put({coordinate.name: at + STEP})
             columns.append(small_rotation(self._matching.R_thorax_humerus() @ R.T) / STEP)
-            self._posture.put({one.name: at})
+            self._posture.put({coordinate.name: at})
         return np.array(columns).T

@@ -40,7 +40,7 @@ class Posture:
 
     def __init__(self, model: ArmModel) -> None:
         self.model, self.bones = model, find_bones(model)
-        self.angles = {one.name: one.default for one in model.coordinates}
+        self.angles = {coordinate.name: coordinate.default for coordinate in model.coordinates}
         self.model.put(self.angles)
 
     def put(self, angles: Mapping[str, float]) -> None:
@@ -71,8 +71,12 @@ class Posture:
     def between(self, proximal: str, distal: str) -> list[Coordinate]:
         """Return the coordinates of joints behind one body, up to another, that rotate the latter."""
         bodies = chain(self.model, proximal, distal)
-        found = [one for one in self.model.coordinates if one.body in bodies and self.axis(one, distal).any()]
-        return sorted(found, key=lambda one: bodies.index(one.body))
+        coordinates = [
+            coordinate
+            for coordinate in self.model.coordinates
+            if coordinate.body in bodies and self.axis(coordinate, distal).any()
+        ]
+        return sorted(coordinates, key=lambda coordinate: bodies.index(coordinate.body))
 
     def axis(self, coordinate: Coordinate, body: str) -> FloatArray:
         """Return the unit axis about which a coordinate rotates a body in the ground, 0 if it does not, shape (3,)."""

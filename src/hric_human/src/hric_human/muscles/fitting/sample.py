@@ -63,7 +63,7 @@ class Paths:
         self.names = [muscle.getName() for muscle in members(model.getMuscles())]
         self._paths = [opensim.GeometryPath.safeDownCast(muscle.getPath()) for muscle in members(model.getMuscles())]
         self._bodies = {body.getName(): (i, body) for i, body in enumerate(members(model.getBodySet()))}
-        self.by_name = {str(one.getName()): one for one in members(model.getCoordinateSet())}
+        self.by_name = {str(coordinate.getName()): coordinate for coordinate in members(model.getCoordinateSet())}
 
     def put(self, angles: Mapping[str, float]) -> None:
         """Set coordinates by name [rad]."""
@@ -75,16 +75,16 @@ class Paths:
         """Return the lengths of the paths, shape (K,) [m]."""
         return np.array([path.getLength(self.state) for path in self._paths])
 
-    def courses(self) -> list[list[tuple[str, FloatArray]]]:
+    def muscle_paths(self) -> list[list[tuple[str, FloatArray]]]:
         """Return the points of each line: body ("": ground), position in the ground [m]; both ends of wrapped parts."""
-        found = []
+        paths = []
         for path in self._paths:
             of = members(path.getCurrentPath(self.state))
             names = [point.getParentFrame().findBaseFrame().getName() for point in of]
             positions = [np.array(point.getLocationInGround(self.state).to_numpy()) for point in of]
             bodies = [name if name in self._bodies else "" for name in names]
-            found.append(list(zip(bodies, positions, strict=True)))
-        return found
+            paths.append(list(zip(bodies, positions, strict=True)))
+        return paths
 
     def frame(self, body: str) -> tuple[FloatArray, FloatArray]:
         """Return rotation of shape (3, 3) and origin [m] of a body in the ground."""
@@ -102,13 +102,13 @@ class Paths:
         """Return the forces of the paths on bodies."""
         muscle, body, forces = [], [], []
         for k, path in enumerate(self._paths):
-            given = opensim.ArrayPointForceDirection()
-            path.getPointForceDirections(self.state, given)
-            for one in members(given):
-                name = one.frame().findBaseFrame().getName()
+            directions = opensim.ArrayPointForceDirection()
+            path.getPointForceDirections(self.state, directions)
+            for direction in members(directions):
+                name = direction.frame().findBaseFrame().getName()
                 muscle.append(k)
                 body.append(self._bodies[name][0] if name in self._bodies else -1)
-                forces.append(one.direction().to_numpy())
+                forces.append(direction.direction().to_numpy())
         return Lines(len(self._paths), np.array(muscle), np.array(body), np.array(forces))
 
     def numbers(self, bodies: Sequence[str]) -> IntArray:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from hric_core.geometry import FloatArray
-from hric_human.muscles.anatomy import SEGMENTS, Course
+from hric_human.muscles.anatomy import SEGMENTS, MusclePath
 from hric_human.muscles.fitting.fit import rounded
 from hric_human.muscles.fitting.sample import R_LINK_OPENSIM
 
@@ -23,7 +23,9 @@ def resting(joints: Sequence[str]) -> FloatArray:
     return np.array([REST.get(name, 0.0) for name in joints])
 
 
-def course(points: Sequence[tuple[str, FloatArray]], segment_of: Callable[[str], str], frames: Frames) -> Course:
+def muscle_path(
+    points: Sequence[tuple[str, FloatArray]], segment_of: Callable[[str], str], frames: Frames
+) -> MusclePath:
     """Return the drawn line of a muscle.
 
     Args:
@@ -31,16 +33,16 @@ def course(points: Sequence[tuple[str, FloatArray]], segment_of: Callable[[str],
         segment_of: function from a body to one of SEGMENTS.
         frames: frames of the segments.
     """
-    found, last = list[tuple[str, tuple[float, float, float]]](), None
+    path, last = list[tuple[str, tuple[float, float, float]]](), None
     for body, position in points:
         segment = segment_of(body)
         if last is not None and last[0] == segment and np.linalg.norm(position - last[1]) < NEAR:
             continue
         R, origin = frames[segment]
         x, y, z = (R_LINK_OPENSIM @ R.T @ (position - origin)).tolist()
-        found.append((segment, (rounded(x), rounded(y), rounded(z))))
+        path.append((segment, (rounded(x), rounded(y), rounded(z))))
         last = segment, position
-    return tuple(found)
+    return tuple(path)
 
 
 def frames_of(
