@@ -72,7 +72,7 @@ static void push(Links *self, const Link pair[2], const double force[3], const d
 
 static int take_link(const Links *self, PyObject *row, Link *out)
 {
-    double numbers[1 + NUMBERS];
+    double numbers[1 + NUMBERS] = {0};
     if (!take(row, 1 + NUMBERS, numbers))
         return 0;
     if (!(numbers[0] >= 0.0 && numbers[0] < (double)self->model->nbody)) {
