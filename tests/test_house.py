@@ -9,7 +9,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
-from house import counts, imports, limits, sources, words  # noqa: E402
+from house import counts, imports, limits, prose, sources  # noqa: E402
 from house.__main__ import main  # noqa: E402
 from house.sources import HouseError, Source  # noqa: E402
 from house.twins import twins  # noqa: E402
@@ -45,8 +45,8 @@ def test_imports_keep_their_contracts(capfd: pytest.CaptureFixture[str]) -> None
     assert imports.main(ROOT) == 0, capfd.readouterr().out
 
 
-def test_no_more_replaced_words_are_used_than_allowed(workspace: list[Source], today: limits.Limits) -> None:
-    assert limits.over_words(workspace, today, limits.glossary(ROOT)) == []
+def test_pages_and_code_keep_the_style(workspace: list[Source]) -> None:
+    assert prose.findings([*prose.pages(ROOT), *prose.in_code(workspace)], *prose.style(ROOT)) == []
 
 
 @pytest.mark.slow
@@ -206,48 +206,72 @@ def test_a_package_or_node_without_a_layer_is_refused(two_layers: Callable[..., 
         two_layers(path, "#!/usr/bin/env python3\n")
 
 
-PAGE = """
-| say | instead of | exceptions |
-|---|---|---|
-| setpoint | `set point` | |
-| publish | `told` | `told_*`, `a.m.told` |
-| pose offset | `way` | in sentences |
-"""
-
-
-def used(text: str, name: str = "a.m") -> list[tuple[str, str, str]]:
-    """Word, kind and line of each use."""
-    found = words.uses([module(name, text)], words.read_glossary(PAGE, "page"))
-    return [(use.word, use.kind, use.location.rpartition(":")[2]) for use in found]
-
-
-def test_words_are_parts_of_names_of_all_kinds_once_per_file() -> None:
-    text = "class SetPoint:\n    def f(self, way):\n        self.theWay = way\n        way = 1\n\n\n"
-    text += "WAY = setpoint = always = 1\n"
-    assert used(text) == [
-        ("set point", "names", "1"),
-        ("way", "names", "2"),
-        ("way", "names", "3"),
-        ("way", "names", "7"),
+def refused(path: str, text: str) -> list[str]:
+    """Names of the rules that refuse a text, with its line."""
+    return [
+        line.partition(":")[2].partition(":")[0]
+        for line in prose.findings([prose.Text(path, "f:1", text)], *prose.style(ROOT))
     ]
-    assert used("", "a.set_point") == [("set point", "names", "1")]
 
 
-def test_words_in_docstrings_and_comments_have_their_line_also_across_lines() -> None:
-    text = '"""Way.\n\nThe set\npoint, TOLD.\n"""\n# untold, told\nx = "told"\n'
-    assert used(text) == [("set point", "docstrings", "3"), ("told", "docstrings", "4"), ("told", "comments", "6")]
+@pytest.mark.parametrize(
+    ("rule", "text"),
+    [
+        ("1 HRIC.Opening", "Of the command."),
+        ("1 HRIC.Opening", "Whether it runs."),
+        ("1 HRIC.Person", "Pose of his hand."),
+        ("2 HRIC.Reported", "A lost scheduler\nis\ntold."),
+        ("1 HRIC.Ordinals", "saturated for the 3. time"),
+        ("1 HRIC.Ordinals", "saturated for the .... time"),
+        ("1 HRIC.Riddles", "Take what is so and give it."),
+        ("1 HRIC.Replaced", "Wanted pose."),
+    ],
+)
+def test_a_docstring_against_the_style_is_refused(rule: str, text: str) -> None:
+    assert refused("build/texts/docstrings/a.txt", text) == [rule]
 
 
-def test_a_name_that_the_page_lists_is_an_exception() -> None:
-    assert used("told = told_you = 1\n") == []
-    assert used("told = 1\n", "a.other") == [("told", "names", "1")]
+@pytest.mark.parametrize(
+    ("path", "text", "rules"),
+    [
+        ("build/texts/docstrings/a.txt", "Return what is whole; two persons are told apart.", []),
+        ("build/texts/names/a.txt", "told_pose", ["1 HRIC.Names"]),
+        ("build/texts/names/a.txt", "rotatum_limit", []),
+        ("build/texts/printed/a.txt", "Of three, the largest.", []),
+        ("docs/a.md", "Of three. He is told.", ["1 HRIC.Person", "1 HRIC.Reported"]),
+        ("src/a/CHANGELOG.rst", "wanted", []),
+    ],
+)
+def test_rules_apply_where_the_configuration_has_them(path: str, text: str, rules: list[str]) -> None:
+    assert refused(path, text) == rules
 
 
-def test_a_page_without_the_table_and_a_row_without_words_are_refused() -> None:
-    with pytest.raises(HouseError, match="no table"):
-        words.read_glossary("# Words", "page")
-    with pytest.raises(HouseError, match="page:5"):
-        words.read_glossary(PAGE.replace("`told`", "told"), "page")
+def test_texts_of_code_have_their_kind_and_line() -> None:
+    text = '"""Doc of m."""\nmaxEffort = f"{1} is large"  # why\nraise ValueError("too large")\nx = "key"\n'
+    texts = [(item.path.split("/")[2], item.location[-1], item.text) for item in prose.in_code([module("a.m", text)])]
+    assert texts == [
+        ("docstrings", "1", "Doc of m."),
+        ("comments", "2", "# why"),
+        ("printed", "2", "... is large"),
+        ("printed", "3", "too large"),
+        ("names", "4", "x"),
+        ("names", "2", "max_effort"),
+        ("names", "1", "m"),
+    ]
+
+
+def test_code_and_addresses_of_a_page_are_no_prose(tmp_path: Path) -> None:
+    page = "`he` and [page](he.md)\n```bash\nhe\n```\n<!-- he -->\nhim\n"
+    (tmp_path / "README.md").write_text(page)
+    (line,) = prose.findings(prose.pages(tmp_path), *prose.style(ROOT))
+    assert line.startswith("README.md:6 HRIC.Person: 'him'")
+
+
+def test_a_rule_that_only_vale_knows_is_refused(small: Make, capsys: Captured) -> None:
+    root = small()
+    (root / "styles/HRIC/Other.yml").write_text("extends: metric\nmessage: m\n")
+    assert main(["--prose"], root) == 2
+    assert "existence and substitution" in capsys.readouterr().err
 
 
 CONFIG = """
@@ -260,7 +284,6 @@ function_lines = 4
 short_modules = 1
 short_module_lines = 40
 twins = { lines = 8, likeness = 0.5, pairs = 0, exceptions = [] }
-words = { names = 0, docstrings = 0, comments = 0 }
 """
 
 
@@ -271,8 +294,8 @@ def small(tmp_path: Path) -> Make:
     def make(replaced: str = "") -> Path:
         (tmp_path / "src/hric_control/src/hric_control").mkdir(parents=True)
         (tmp_path / "src/hric_control/src/hric_control/m.py").write_text("x = 1\ny = 2\n")
-        (tmp_path / "docs").mkdir()
-        (tmp_path / "docs/glossary.md").write_text(PAGE)
+        (tmp_path / "styles/HRIC").mkdir(parents=True)
+        (tmp_path / ".vale.ini").write_text("StylesPath = styles\n")
         before, _, after = replaced.partition(" -> ")
         (tmp_path / "pyproject.toml").write_text(CONFIG.replace(before, after) if before else CONFIG)
         return tmp_path

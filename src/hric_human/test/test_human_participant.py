@@ -360,7 +360,7 @@ def test_a_muscle_that_gives_all_it_can_is_an_event_and_the_run_goes_on(lab: Any
     heard = heard_of_muscles(there)
     there.app.run(0.3)
     events, last = there.events("muscle"), heard["activation"][-1]
-    assert events and "gives all that it can, for the 1. time" in events[0].text
+    assert events and "saturated at full excitation (number 1)" in events[0].text
     assert last.limited[last.name.index(events[0].name)] >= 1
 
 

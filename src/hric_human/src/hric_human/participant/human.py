@@ -213,7 +213,7 @@ class Human(Participant):
         before, now, control = self._strained, self._control.at_strength, self._control
         for joint, was, is_now in zip(control.person.joints, before, now, strict=True):
             if is_now and not was:
-                text = f"{joint} is at its strength, for the {control.clipped[joint]}. time"
+                text = f"{joint} saturated at maximum strength (number {control.clipped[joint]})"
                 self._happened("strength", joint, float(control.clipped[joint]), text)
         self._strained = now
 

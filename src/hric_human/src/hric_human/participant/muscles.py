@@ -138,7 +138,7 @@ class Muscles:
             drive.muscles.names, drive.limited, self._exhausted, drive.at_limit, strict=True
         ):
             if there and not was:
-                self._happened("muscle", name, float(count), f"{name} gives all that it can, for the {count}. time")
+                self._happened("muscle", name, float(count), f"{name} saturated at full excitation (number {count})")
         self._exhausted = drive.at_limit
 
     def _joint_reactions(self, before: Snapshot, dq: Sequence[float]) -> Any:

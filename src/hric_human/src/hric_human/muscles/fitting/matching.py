@@ -169,7 +169,7 @@ class Matching:
             else:
                 off = math.degrees(math.acos(abs(along[one])))
                 LOG.warning(
-                    "%s: %s has no muscles: of the coordinates of the hand %s is nearest to its axis, %.0f deg off",
+                    "%s: no muscle crosses %s; instead the hand's coordinate %s is used, whose axis is %.0f deg off",
                     self._name,
                     joint,
                     one.name,
