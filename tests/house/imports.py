@@ -34,7 +34,7 @@ def main(root: Path = WORKSPACE) -> int:
         for names, listed in ((packages, config["root_packages"]), (packages - {EXECUTABLES} | executables, layers)):
             if wrong := sorted(names ^ set(listed)):
                 raise HouseError(f"{CONFIG}, [tool.importlinter]: {', '.join(wrong)} is not listed, or not there")
-        return lint_imports(str(root / CONFIG), no_cache=True, no_logo=True)
+        return int(lint_imports(str(root / CONFIG), no_cache=True, no_logo=True))
 
 
 def graph(root: Path = WORKSPACE) -> Mapping[str, frozenset[str]]:

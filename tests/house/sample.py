@@ -61,6 +61,8 @@ def _logs(root: Path) -> list[str]:
     for source in in_folder(root):
         for node in source.nodes:
             called = getattr(node, "func", None)
+            if not isinstance(node, ast.Raise | ast.Call):
+                continue
             if isinstance(node, ast.Raise) or getattr(called, "attr", getattr(called, "id", "")) in LOGS:
                 texts = " ".join(text for _, text in printed(list(ast.walk(node))))
                 logs += [f"{source.path}:{node.lineno}\n  {texts}"] if texts else []

@@ -169,7 +169,7 @@ class Matching:
             else:
                 off = math.degrees(math.acos(abs(along[one])))
                 LOG.warning(
-                    "%s: no muscle crosses %s; instead the hand's coordinate %s is used, whose axis is %.0f deg off",
+                    "%s: no muscle acts on %s: the axis of the nearest coordinate of the hand, %s, is %.0f deg off",
                     self._name,
                     joint,
                     one.name,
