@@ -15,7 +15,7 @@ import headless_hashes
 import package_picture
 import pytest
 
-from hric_assessment.verdict import command as assess
+from hric_core.command import perform
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = (ROOT / "docs" / "architecture.md").read_text()
@@ -103,7 +103,7 @@ def test_the_cycle_after_a_setpoint_takes_the_hops_of_the_page_in_order(calls: l
 def test_a_contact_becomes_a_finding_by_the_hops_of_the_page(tmp_path: Path) -> None:
     with noted() as made:
         run(str(tmp_path), *TOUCH)
-        assess.main([str(tmp_path / "latest")])
+        perform(["assess", str(tmp_path / "latest")])
     first = {hop: made.index(hop) for hop in hops("finding") if hop in made}
     assert sorted(first, key=first.__getitem__) == hops("finding")
 
