@@ -50,7 +50,7 @@ def test_pages_and_code_keep_the_style(workspace: list[Source]) -> None:
 
 
 @pytest.mark.slow
-def test_the_statements_at_the_start_are_those_of_that_revision(today: limits.Limits) -> None:
+def test_start_statements_match_their_revision(today: limits.Limits) -> None:
     try:
         start = sources.at_revision(today.start["revision"], ROOT)
     except HouseError:
@@ -58,26 +58,26 @@ def test_the_statements_at_the_start_are_those_of_that_revision(today: limits.Li
     assert sum(size.statements for size in counts.by_package(start).values()) == today.start["statements"]
 
 
-def test_statements_are_counted_nested_ones_too_and_docstrings_are_not() -> None:
+def test_statements_count_nested_without_docstrings() -> None:
     text = '"""Doc."""\nimport os\nA = 1\n"""Of A."""\n\n\ndef f():\n    """Doc."""\n'
     text += "    if A:\n        return os\n    elif f:\n        pass\n"
     assert counts.sizes(module("a.m", text)).statements == len(["import", "A", "def", "if", "return", "elif", "pass"])
 
 
-def test_the_share_of_imports_is_of_lines_with_code() -> None:
+def test_the_import_share_counts_code_lines() -> None:
     text = '"""Doc\n\nof the module."""\n\n# comment\nfrom a import (\n    b,  # why\n)\n\nx = """1\n\n2"""\ny = b\n'
     size = counts.sizes(module("a.m", text))
     assert (size.import_lines, size.code_lines) == (3, 3 + 2 + 1)
     assert size.import_share == 50.0
 
 
-def test_modules_are_counted_per_folder_without_init_and_executables() -> None:
+def test_modules_are_counted_per_folder() -> None:
     files = [module(name, "") for name in ("a.__init__", "a.x", "a.y", "a.sub.__init__", "a.sub.z")]
     files.append(Source("src/a/nodes/run", "#!/usr/bin/env python3\n"))
     assert counts.levels(files) == {"src/a/src/a": 2, "src/a/src/a/sub": 1}
 
 
-def test_a_function_is_long_from_one_line_beyond_the_limit() -> None:
+def test_a_function_beyond_the_limit_is_long() -> None:
     source = module("a.m", "class C:\n    def f(self):\n" + "        x = 1\n" * 4)
     assert counts.long_functions([source], 5) == []
     assert counts.long_functions([source], 4) == ["src/a/src/a/m.py:2 C.f (5 lines)"]
@@ -111,7 +111,7 @@ def test_a_revision_is_counted_as_it_was(tmp_path: Path) -> None:
         sources.at_revision("no_such", tmp_path)
 
 
-def test_a_file_that_is_not_python_is_named_with_its_line() -> None:
+def test_a_syntax_error_has_its_line() -> None:
     with pytest.raises(HouseError, match=r"src/a/src/a/m\.py:2"):
         counts.sizes(module("a.m", "x = 1\nx = = 2\n"))
 
@@ -138,14 +138,14 @@ def test_functions_are_alike_though_their_local_names_differ() -> None:
     assert str(pair) == "1.00  src/a/src/a/m.py:2 norm  |  src/b/src/b/n.py:3 size"
 
 
-def test_functions_that_call_others_or_are_short_are_not_alike() -> None:
+def test_short_or_different_functions_are_not_alike() -> None:
     first = module("a.m", BODY.format(name="norm", item="value", factor=2))
     short = "def f(x):\n    return x\n"
     other = "def g(rows, out):\n" + "".join(f"    out.write_{word}(rows.{word})\n" for word in "abcdefgh")
     assert twins([first, module("b.n", other), module("a.s", short), module("b.s", short)], 8, 0.5) == []
 
 
-def test_a_nested_function_is_not_alike_to_the_one_around_it() -> None:
+def test_a_nested_function_is_no_twin() -> None:
     inner = "".join(f"    {line}\n" for line in BODY.format(name="inner", item="v", factor=2).splitlines())
     assert twins([module("a.m", f"def outer():\n{inner}    return inner\n")], 8, 0.1) == []
 
@@ -155,7 +155,7 @@ def listed_pair(*functions: str) -> dict[str, object]:
     return {"lines": 8, "likeness": 0.5, "pairs": 0, "exceptions": [entry]}
 
 
-def test_a_listed_pair_is_allowed_and_an_entry_that_is_no_pair_is_a_finding(today: limits.Limits) -> None:
+def test_a_stale_exception_is_a_finding(today: limits.Limits) -> None:
     pair = [module(f"{name}.m", BODY.format(name=name, item=name, factor=2)) for name in ("a", "b")]
     changed = limits.Limits(**{**vars(today), "twins": listed_pair("b.m:b", "a.m:a")})
     assert limits.over_twins(pair, changed) == []
@@ -201,7 +201,7 @@ def test_an_import_upwards_fails_wherever_it_is(two_layers: Callable[..., int], 
 
 
 @pytest.mark.parametrize("path", ["src/base/nodes/run", "src/lost/src/lost/__init__.py"])
-def test_a_package_or_node_without_a_layer_is_refused(two_layers: Callable[..., int], path: str) -> None:
+def test_what_has_no_layer_is_refused(two_layers: Callable[..., int], path: str) -> None:
     with pytest.raises(HouseError, match="is not listed"):
         two_layers(path, "#!/usr/bin/env python3\n")
 
@@ -260,7 +260,7 @@ def test_texts_of_code_have_their_kind_and_line() -> None:
     ]
 
 
-def test_code_and_addresses_of_a_page_are_no_prose(tmp_path: Path) -> None:
+def test_code_and_addresses_are_no_prose(tmp_path: Path) -> None:
     page = "`he` and [page](he.md)\n```bash\nhe\n```\n<!-- he -->\nhim\n"
     (tmp_path / "README.md").write_text(page)
     (line,) = prose.findings(prose.pages(tmp_path), *prose.style(ROOT))
@@ -324,7 +324,7 @@ def test_the_check_says_what_is_beyond_which_limit(small: Make, capsys: Captured
     assert capsys.readouterr().out.startswith(message)
 
 
-def test_a_misspelt_limit_is_refused_with_the_valid_keys(small: Make, capsys: Captured) -> None:
+def test_a_misspelt_limit_is_refused(small: Make, capsys: Captured) -> None:
     assert main([], small("function_lines -> function_line")) == 2
     message = capsys.readouterr().err
     assert "function_line, function_lines" in message and "import_share" in message
