@@ -9,7 +9,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
-from house import counts, imports, limits, prose, sources  # noqa: E402
+from house import counts, imports, limits, prose, sample, sources  # noqa: E402
 from house.__main__ import main  # noqa: E402
 from house.sources import HouseError, Source  # noqa: E402
 from house.twins import twins  # noqa: E402
@@ -335,3 +335,19 @@ def test_the_command_runs_without_the_workspace_environment() -> None:
     result = subprocess.run(command, env={"PATH": "/usr/bin:/bin"}, capture_output=True, text=True)
     assert result.returncode == 2
     assert "no_such" in result.stderr
+
+
+def test_a_sample_is_drawn_by_its_seed(small: Make, capsys: Captured) -> None:
+    root = small()
+    text = "".join(f'def f{k}():\n    """Return {k}."""\n    raise ValueError("no {k}")\n' for k in range(9))
+    (root / "src/hric_control/src/hric_control/m.py").write_text(text)
+    drawn = []
+    for words in (["docstrings", "3", "--seed", "1"], ["docstrings", "3", "--seed", "1"], ["docstrings", "3"]):
+        assert sample.main(words, root) == 0
+        drawn.append(capsys.readouterr().out)
+    assert drawn[0] == drawn[1] != drawn[2] and drawn[0].count("def f") == 3 and "  Return " in drawn[0]
+    assert sample.main(["logs", "9"], root) == 0
+    assert "m.py:3\n  no 0\n" in capsys.readouterr().out
+    with pytest.raises(SystemExit):
+        sample.main(["pages", "1"], root)
+    assert "there are no pages" in capsys.readouterr().err

@@ -28,7 +28,9 @@ def main(arguments: Sequence[str] | None = None, root: Path = WORKSPACE) -> int:
         print(f"scripts/sample: {error}", file=sys.stderr)
         return 2
     if not 0 < options.number <= len(texts):
-        parser.error(f"number is {options.number}; valid: 1 to {len(texts)}")
+        parser.error(
+            f"number is {options.number}; valid: 1 to {len(texts)}" if texts else f"there are no {options.kind}"
+        )
     print(*sorted(random.Random(options.seed).sample(texts, options.number)), sep="\n\n")
     return 0
 
