@@ -128,7 +128,7 @@ def test_an_unpaced_run_has_no_motion_capture(given: tuple[str, ...]) -> None:
     checked(*given, "real_time_factor:=0.5")
 
 
-def test_an_experiment_with_a_motion_capture_brings_the_emulated_one_and_one_argument_the_real_one(
+def test_mocap_is_emulated_unless_requested(
     tmp_path: Path,
 ) -> None:
     own, other = tmp_path / "own.yaml", tmp_path / "other.yaml"
@@ -147,7 +147,7 @@ def test_an_experiment_with_a_motion_capture_brings_the_emulated_one_and_one_arg
     assert not has_section(tmp_path / "nowhere.yaml", "mocap")
 
 
-def test_sensors_of_an_experiment_are_emulated_unless_the_real_ones_are_requested(tmp_path: Path) -> None:
+def test_sensors_are_emulated_unless_requested(tmp_path: Path) -> None:
     own = tmp_path / "own.yaml"
     own.write_text("emg: {channels: 4}\nforce_plate: {id: 1}\n")
     for given, wanted in (
@@ -194,7 +194,7 @@ def test_an_argument_given_twice_is_refused() -> None:
         checked("env:=sim", "env:=real")
 
 
-def test_good_values_pass_and_are_brought_into_one_form(tmp_path: Path) -> None:
+def test_good_values_are_normalised(tmp_path: Path) -> None:
     world = tmp_path / "w.yaml"
     world.write_text("{}")
     assert checked("rviz:=False", "ns:=left", "xyz:=0, 0, 1", "experiment:=pd_step", f"world:={world}") == {
@@ -222,7 +222,7 @@ def bringup(*arguments: str, **environment: str) -> subprocess.CompletedProcess[
     )
 
 
-def test_the_arm_itself_is_asked_for_by_address_and_kind() -> None:
+def test_the_arm_is_probed_by_address() -> None:
     given = ("env:=real", "robot_ip:=172.16.0.2", "robot:=fr3", "kp:=50")
     assert checked(*given) == {"env": "real", "robot_ip": "172.16.0.2", "robot": "fr3", "kp": "50"}
     for wrong, texts in (
@@ -237,7 +237,7 @@ def test_the_arm_itself_is_asked_for_by_address_and_kind() -> None:
             check({"env": "real", "robot_ip": address}, NAMES, CHOICES)
 
 
-def test_the_emulated_arm_takes_the_arguments_of_the_simulation_but_its_pace() -> None:
+def test_the_emulated_arm_takes_no_pace() -> None:
     given = ("env:=real", "robot_ip:=emulated", "robot:=fr3", "simulator:=mujoco", "rotor_inertia:=0.2", "gui:=true")
     assert checked(*given)["simulator"] == "mujoco"
     with pytest.raises(ArgumentError, match="real_time_factor can be given with env:=sim only"):
@@ -246,7 +246,7 @@ def test_the_emulated_arm_takes_the_arguments_of_the_simulation_but_its_pace() -
         checked("robot_ip:=emulated")
 
 
-def test_a_simulated_human_is_beside_an_arm_that_is_simulated_or_emulated_only(tmp_path: Path) -> None:
+def test_a_simulated_human_needs_no_real_arm(tmp_path: Path) -> None:
     own = tmp_path / "own.yaml"
     own.write_text("human: {subject: P50_male}\n")
     for experiment in ("thesis_step", str(own)):
@@ -264,7 +264,7 @@ def test_what_stands_at_an_address_is_said() -> None:
     assert arm({**shown, "robot_ip": "emulated"}) == "emulated fr3 (mujoco)"
 
 
-def test_an_address_where_no_arm_is_is_told_before_anything_starts() -> None:
+def test_an_address_without_arm_is_refused() -> None:
     port = free_port()
     # Nobody listens there; on loopback that is told at once.
     result = bringup("env:=real", "robot_ip:=127.0.9.9", ROS_MASTER_URI=f"http://localhost:{port}")
@@ -284,9 +284,7 @@ def test_an_address_where_no_arm_is_is_told_before_anything_starts() -> None:
         ("lint", ("scripts/lint --fix",)),
     ],
 )
-def test_help_of_scripts_needs_no_set_up_and_next_to_no_computing(
-    tmp_path: Path, script: str, texts: tuple[str, ...]
-) -> None:
+def test_help_needs_no_set_up(tmp_path: Path, script: str, texts: tuple[str, ...]) -> None:
     """In a copy that was never set up, with a Python that has nothing but itself; tests/test_wrong_inputs.py has the
     mistakes."""
     sources = ("src/hric_bags/src", "src/hric_core/src")  # in which scripts/replay looks for a run
@@ -324,7 +322,7 @@ def test_controllers_of_other_packages_are_found(tmp_path: Path, monkeypatch: py
     assert instances(text) == ["a", "b", "e"]
 
 
-def test_a_remote_master_that_does_not_respond_is_an_error() -> None:
+def test_a_silent_remote_master_is_an_error() -> None:
     with pytest.raises(MasterError, match="no ROS master responds at"):
         choose("http://no-such-host.invalid:11311", "/robot")
 
@@ -343,7 +341,7 @@ def test_a_free_port_is_taken_as_requested() -> None:
     assert choose(uri, "/robot") == (uri, False)
 
 
-def test_friction_is_a_name_or_the_file_of_a_fit(tmp_path: Path) -> None:
+def test_friction_is_a_name_or_file(tmp_path: Path) -> None:
     file = tmp_path / "friction.yaml"
     file.touch()
     names = ("env", "friction")

@@ -50,13 +50,13 @@ def changed(index: int, by: float) -> Topic:
 
 
 @pytest.mark.parametrize("exact", [True, False])
-def test_what_is_equal_has_no_difference_also_with_topics_and_fields_that_came_later(exact: bool) -> None:
+def test_equal_runs_have_no_difference(exact: bool) -> None:
     more = {"/a": topic(POSITION, effort=np.zeros(4)), "/b": topic(POSITION)}
     assert told({"/a": topic(POSITION)}, more, exact=exact) == []
 
 
 @pytest.mark.parametrize("exact", [True, False])
-def test_a_missing_topic_and_a_missing_field_are_told(exact: bool) -> None:
+def test_missing_topics_and_fields_are_differences(exact: bool) -> None:
     both = {"/a": topic(POSITION), "/b": topic(POSITION, effort=np.zeros(4))}
     assert told(both, {"/b": topic(POSITION)}, exact=exact) == [
         "topic /a is missing; listed: 4 messages of a/msg/B",
@@ -64,13 +64,13 @@ def test_a_missing_topic_and_a_missing_field_are_told(exact: bool) -> None:
     ]
 
 
-def test_the_last_bit_is_a_difference_and_told_with_its_place() -> None:
+def test_the_last_bit_is_a_difference() -> None:
     (text,) = told({"/a": topic(POSITION)}, {"/a": changed(2, 2.0**-55)})
     assert text.startswith("topic /a, field position: first differs between values 2 and 2 of 8; ")
     assert text.endswith("value 2 was 0.2, is 0.20000000000000004")
 
 
-def test_a_difference_between_the_values_listed_is_found_in_its_block() -> None:
+def test_an_unlisted_difference_is_in_its_block() -> None:
     many = np.repeat(np.linspace(0.0, 1.0, 100), 4)
     other = many.copy()
     other[61] += 1e-9
@@ -80,11 +80,11 @@ def test_a_difference_between_the_values_listed_is_found_in_its_block() -> None:
 
 @pytest.mark.parametrize("index", [2, 7])
 @pytest.mark.parametrize(("by", "alike"), [(0.9e-9, True), (1.1e-9, False), (-0.9e-9, True), (-1.1e-9, False)])
-def test_on_another_processor_values_are_alike_within_1e12_of_the_largest(index: int, by: float, alike: bool) -> None:
+def test_another_processor_may_differ_by_1e12(index: int, by: float, alike: bool) -> None:
     assert (told({"/a": topic(POSITION)}, {"/a": changed(index, by)}, exact=False) == []) is alike
 
 
-def test_integers_and_texts_have_to_be_equal_on_any_processor() -> None:
+def test_integers_and_texts_are_always_equal() -> None:
     before = topic(POSITION, count=[1, 2, 3, 4], phase=["rest", "rest", "moving", "moving"])
     after = topic(POSITION, count=[1, 2, 4, 4], phase=["rest", "rest", "rest", "moving"])
     assert told({"/a": before}, {"/a": after}, exact=False) == [
@@ -99,7 +99,7 @@ def test_the_earliest_difference_comes_first() -> None:
     assert [text[:8] for text in told(before, after)] == ["topic /b", "topic /a"]
 
 
-def test_values_that_moved_to_another_message_are_a_difference() -> None:
+def test_moved_values_are_a_difference() -> None:
     before, after = topic(POSITION), topic(POSITION)
     after = Topic(after.type, {**after.fields, "position": Field(POSITION, np.array([1, 4, 6, 8]))})
     (text,) = told({"/a": before}, {"/a": after})

@@ -9,7 +9,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
-from house import counts, imports, limits, sources, words  # noqa: E402
+from house import counts, imports, limits, prose, sample, sources  # noqa: E402
 from house.__main__ import main  # noqa: E402
 from house.sources import HouseError, Source  # noqa: E402
 from house.twins import twins  # noqa: E402
@@ -45,12 +45,12 @@ def test_imports_keep_their_contracts(capfd: pytest.CaptureFixture[str]) -> None
     assert imports.main(ROOT) == 0, capfd.readouterr().out
 
 
-def test_no_more_replaced_words_are_used_than_allowed(workspace: list[Source], today: limits.Limits) -> None:
-    assert limits.over_words(workspace, today, limits.glossary(ROOT)) == []
+def test_pages_and_code_keep_the_style(workspace: list[Source]) -> None:
+    assert prose.findings([*prose.pages(ROOT), *prose.in_code(workspace)], *prose.style(ROOT)) == []
 
 
 @pytest.mark.slow
-def test_the_statements_at_the_start_are_those_of_that_revision(today: limits.Limits) -> None:
+def test_start_statements_match_their_revision(today: limits.Limits) -> None:
     try:
         start = sources.at_revision(today.start["revision"], ROOT)
     except HouseError:
@@ -58,26 +58,26 @@ def test_the_statements_at_the_start_are_those_of_that_revision(today: limits.Li
     assert sum(size.statements for size in counts.by_package(start).values()) == today.start["statements"]
 
 
-def test_statements_are_counted_nested_ones_too_and_docstrings_are_not() -> None:
+def test_statements_count_nested_without_docstrings() -> None:
     text = '"""Doc."""\nimport os\nA = 1\n"""Of A."""\n\n\ndef f():\n    """Doc."""\n'
     text += "    if A:\n        return os\n    elif f:\n        pass\n"
     assert counts.sizes(module("a.m", text)).statements == len(["import", "A", "def", "if", "return", "elif", "pass"])
 
 
-def test_the_share_of_imports_is_of_lines_with_code() -> None:
+def test_the_import_share_counts_code_lines() -> None:
     text = '"""Doc\n\nof the module."""\n\n# comment\nfrom a import (\n    b,  # why\n)\n\nx = """1\n\n2"""\ny = b\n'
     size = counts.sizes(module("a.m", text))
     assert (size.import_lines, size.code_lines) == (3, 3 + 2 + 1)
     assert size.import_share == 50.0
 
 
-def test_modules_are_counted_per_folder_without_init_and_executables() -> None:
+def test_modules_are_counted_per_folder() -> None:
     files = [module(name, "") for name in ("a.__init__", "a.x", "a.y", "a.sub.__init__", "a.sub.z")]
     files.append(Source("src/a/nodes/run", "#!/usr/bin/env python3\n"))
     assert counts.levels(files) == {"src/a/src/a": 2, "src/a/src/a/sub": 1}
 
 
-def test_a_function_is_long_from_one_line_beyond_the_limit() -> None:
+def test_a_function_beyond_the_limit_is_long() -> None:
     source = module("a.m", "class C:\n    def f(self):\n" + "        x = 1\n" * 4)
     assert counts.long_functions([source], 5) == []
     assert counts.long_functions([source], 4) == ["src/a/src/a/m.py:2 C.f (5 lines)"]
@@ -111,7 +111,7 @@ def test_a_revision_is_counted_as_it_was(tmp_path: Path) -> None:
         sources.at_revision("no_such", tmp_path)
 
 
-def test_a_file_that_is_not_python_is_named_with_its_line() -> None:
+def test_a_syntax_error_has_its_line() -> None:
     with pytest.raises(HouseError, match=r"src/a/src/a/m\.py:2"):
         counts.sizes(module("a.m", "x = 1\nx = = 2\n"))
 
@@ -138,14 +138,14 @@ def test_functions_are_alike_though_their_local_names_differ() -> None:
     assert str(pair) == "1.00  src/a/src/a/m.py:2 norm  |  src/b/src/b/n.py:3 size"
 
 
-def test_functions_that_call_others_or_are_short_are_not_alike() -> None:
+def test_short_or_different_functions_are_not_alike() -> None:
     first = module("a.m", BODY.format(name="norm", item="value", factor=2))
     short = "def f(x):\n    return x\n"
     other = "def g(rows, out):\n" + "".join(f"    out.write_{word}(rows.{word})\n" for word in "abcdefgh")
     assert twins([first, module("b.n", other), module("a.s", short), module("b.s", short)], 8, 0.5) == []
 
 
-def test_a_nested_function_is_not_alike_to_the_one_around_it() -> None:
+def test_a_nested_function_is_no_twin() -> None:
     inner = "".join(f"    {line}\n" for line in BODY.format(name="inner", item="v", factor=2).splitlines())
     assert twins([module("a.m", f"def outer():\n{inner}    return inner\n")], 8, 0.1) == []
 
@@ -155,7 +155,7 @@ def listed_pair(*functions: str) -> dict[str, object]:
     return {"lines": 8, "likeness": 0.5, "pairs": 0, "exceptions": [entry]}
 
 
-def test_a_listed_pair_is_allowed_and_an_entry_that_is_no_pair_is_a_finding(today: limits.Limits) -> None:
+def test_a_stale_exception_is_a_finding(today: limits.Limits) -> None:
     pair = [module(f"{name}.m", BODY.format(name=name, item=name, factor=2)) for name in ("a", "b")]
     changed = limits.Limits(**{**vars(today), "twins": listed_pair("b.m:b", "a.m:a")})
     assert limits.over_twins(pair, changed) == []
@@ -201,53 +201,77 @@ def test_an_import_upwards_fails_wherever_it_is(two_layers: Callable[..., int], 
 
 
 @pytest.mark.parametrize("path", ["src/base/nodes/run", "src/lost/src/lost/__init__.py"])
-def test_a_package_or_node_without_a_layer_is_refused(two_layers: Callable[..., int], path: str) -> None:
+def test_what_has_no_layer_is_refused(two_layers: Callable[..., int], path: str) -> None:
     with pytest.raises(HouseError, match="is not listed"):
         two_layers(path, "#!/usr/bin/env python3\n")
 
 
-PAGE = """
-| say | instead of | exceptions |
-|---|---|---|
-| setpoint | `set point` | |
-| publish | `told` | `told_*`, `a.m.told` |
-| pose offset | `way` | in sentences |
-"""
-
-
-def used(text: str, name: str = "a.m") -> list[tuple[str, str, str]]:
-    """Word, kind and line of each use."""
-    found = words.uses([module(name, text)], words.read_glossary(PAGE, "page"))
-    return [(use.word, use.kind, use.location.rpartition(":")[2]) for use in found]
-
-
-def test_words_are_parts_of_names_of_all_kinds_once_per_file() -> None:
-    text = "class SetPoint:\n    def f(self, way):\n        self.theWay = way\n        way = 1\n\n\n"
-    text += "WAY = setpoint = always = 1\n"
-    assert used(text) == [
-        ("set point", "names", "1"),
-        ("way", "names", "2"),
-        ("way", "names", "3"),
-        ("way", "names", "7"),
+def refused(path: str, text: str) -> list[str]:
+    """Names of the rules that refuse a text, with its line."""
+    return [
+        line.partition(":")[2].partition(":")[0]
+        for line in prose.findings([prose.Text(path, "f:1", text)], *prose.style(ROOT))
     ]
-    assert used("", "a.set_point") == [("set point", "names", "1")]
 
 
-def test_words_in_docstrings_and_comments_have_their_line_also_across_lines() -> None:
-    text = '"""Way.\n\nThe set\npoint, TOLD.\n"""\n# untold, told\nx = "told"\n'
-    assert used(text) == [("set point", "docstrings", "3"), ("told", "docstrings", "4"), ("told", "comments", "6")]
+@pytest.mark.parametrize(
+    ("rule", "text"),
+    [
+        ("1 HRIC.Opening", "Of the command."),
+        ("1 HRIC.Opening", "Whether it runs."),
+        ("1 HRIC.Person", "Pose of his hand."),
+        ("2 HRIC.Reported", "A lost scheduler\nis\nsaid."),
+        ("1 HRIC.Ordinals", "saturated for the 3. time"),
+        ("1 HRIC.Ordinals", "saturated for the .... time"),
+        ("1 HRIC.Riddles", "Take what is so and give it."),
+        ("1 HRIC.Replaced", "Wanted pose."),
+    ],
+)
+def test_a_docstring_against_the_style_is_refused(rule: str, text: str) -> None:
+    assert refused("build/texts/docstrings/a.txt", text) == [rule]
 
 
-def test_a_name_that_the_page_lists_is_an_exception() -> None:
-    assert used("told = told_you = 1\n") == []
-    assert used("told = 1\n", "a.other") == [("told", "names", "1")]
+@pytest.mark.parametrize(
+    ("path", "text", "rules"),
+    [
+        ("docs/a.md", "Two persons are told apart.", []),
+        ("build/texts/names/a.txt", "told_pose", ["1 HRIC.Names"]),
+        ("build/texts/names/a.txt", "rotatum_limit", []),
+        ("build/texts/printed/a.txt", "Of three, the largest.", []),
+        ("docs/a.md", "Of three. He is told.", ["1 HRIC.Person", "1 HRIC.Reported"]),
+        ("src/a/CHANGELOG.rst", "wanted", []),
+    ],
+)
+def test_rules_apply_where_the_configuration_has_them(path: str, text: str, rules: list[str]) -> None:
+    assert refused(path, text) == rules
 
 
-def test_a_page_without_the_table_and_a_row_without_words_are_refused() -> None:
-    with pytest.raises(HouseError, match="no table"):
-        words.read_glossary("# Words", "page")
-    with pytest.raises(HouseError, match="page:5"):
-        words.read_glossary(PAGE.replace("`told`", "told"), "page")
+def test_texts_of_code_have_their_kind_and_line() -> None:
+    text = '"""Doc of m."""\nmaxEffort = f"{1} is large"  # why\nraise ValueError("too large")\nx = "key"\n'
+    texts = [(item.path.split("/")[2], item.location[-1], item.text) for item in prose.in_code([module("a.m", text)])]
+    assert texts == [
+        ("docstrings", "1", "Doc of m."),
+        ("comments", "2", "# why"),
+        ("printed", "2", "... is large"),
+        ("printed", "3", "too large"),
+        ("names", "4", "x"),
+        ("names", "2", "max_effort"),
+        ("names", "1", "m"),
+    ]
+
+
+def test_code_and_addresses_are_no_prose(tmp_path: Path) -> None:
+    page = "`he` and [page](he.md)\n```bash\nhe\n```\n<!-- he -->\nhim\n"
+    (tmp_path / "README.md").write_text(page)
+    (line,) = prose.findings(prose.pages(tmp_path), *prose.style(ROOT))
+    assert line.startswith("README.md:6 HRIC.Person: 'him'")
+
+
+def test_a_rule_that_only_vale_knows_is_refused(small: Make, capsys: Captured) -> None:
+    root = small()
+    (root / "styles/HRIC/Other.yml").write_text("extends: metric\nmessage: m\n")
+    assert main(["--prose"], root) == 2
+    assert "existence and substitution" in capsys.readouterr().err
 
 
 CONFIG = """
@@ -260,7 +284,6 @@ function_lines = 4
 short_modules = 1
 short_module_lines = 40
 twins = { lines = 8, likeness = 0.5, pairs = 0, exceptions = [] }
-words = { names = 0, docstrings = 0, comments = 0 }
 """
 
 
@@ -271,8 +294,8 @@ def small(tmp_path: Path) -> Make:
     def make(replaced: str = "") -> Path:
         (tmp_path / "src/hric_control/src/hric_control").mkdir(parents=True)
         (tmp_path / "src/hric_control/src/hric_control/m.py").write_text("x = 1\ny = 2\n")
-        (tmp_path / "docs").mkdir()
-        (tmp_path / "docs/glossary.md").write_text(PAGE)
+        (tmp_path / "styles/HRIC").mkdir(parents=True)
+        (tmp_path / ".vale.ini").write_text("StylesPath = styles\n")
         before, _, after = replaced.partition(" -> ")
         (tmp_path / "pyproject.toml").write_text(CONFIG.replace(before, after) if before else CONFIG)
         return tmp_path
@@ -301,7 +324,7 @@ def test_the_check_says_what_is_beyond_which_limit(small: Make, capsys: Captured
     assert capsys.readouterr().out.startswith(message)
 
 
-def test_a_misspelt_limit_is_refused_with_the_valid_keys(small: Make, capsys: Captured) -> None:
+def test_a_misspelt_limit_is_refused(small: Make, capsys: Captured) -> None:
     assert main([], small("function_lines -> function_line")) == 2
     message = capsys.readouterr().err
     assert "function_line, function_lines" in message and "import_share" in message
@@ -312,3 +335,19 @@ def test_the_command_runs_without_the_workspace_environment() -> None:
     result = subprocess.run(command, env={"PATH": "/usr/bin:/bin"}, capture_output=True, text=True)
     assert result.returncode == 2
     assert "no_such" in result.stderr
+
+
+def test_a_sample_is_drawn_by_its_seed(small: Make, capsys: Captured) -> None:
+    root = small()
+    text = "".join(f'def f{k}():\n    """Return {k}."""\n    raise ValueError("no {k}")\n' for k in range(9))
+    (root / "src/hric_control/src/hric_control/m.py").write_text(text)
+    drawn = []
+    for words in (["docstrings", "3", "--seed", "1"], ["docstrings", "3", "--seed", "1"], ["docstrings", "3"]):
+        assert sample.main(words, root) == 0
+        drawn.append(capsys.readouterr().out)
+    assert drawn[0] == drawn[1] != drawn[2] and drawn[0].count("def f") == 3 and "  Return " in drawn[0]
+    assert sample.main(["logs", "9"], root) == 0
+    assert "m.py:3\n  no 0\n" in capsys.readouterr().out
+    with pytest.raises(SystemExit):
+        sample.main(["pages", "1"], root)
+    assert "there are no pages" in capsys.readouterr().err

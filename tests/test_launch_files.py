@@ -78,7 +78,7 @@ def no_display(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("DISPLAY", raising=False)
 
 
-def test_the_default_brings_up_the_robot_its_controllers_a_recorder_and_no_experiment() -> None:
+def test_default_nodes() -> None:
     config = loaded()
     assert nodes(config) == {
         "/robot": "hric_control/robot",
@@ -105,7 +105,7 @@ STEP = ("experiment:=pd_step", "kp:=200")
 
 
 @EVERYWHERE
-def test_an_armed_recorder_is_told_who_takes_part_and_the_experiment_waits_for_it(environment: tuple[str, ...]) -> None:
+def test_an_experiment_waits_for_its_armed_recorder(environment: tuple[str, ...]) -> None:
     values = parameters(
         loaded(
             "experiment:=pd_step",
@@ -130,12 +130,12 @@ def test_an_armed_recorder_is_told_who_takes_part_and_the_experiment_waits_for_i
 
 
 @pytest.mark.parametrize("given", [(*STEP, "record:=True"), STEP, (*REAL, *STEP)], ids=["asked for", "auto", "real"])
-def test_beside_an_experiment_a_recorder_begins_at_once_when_asked_to_or_not_told(given: tuple[str, ...]) -> None:
+def test_a_recorder_starts_at_once_by_default(given: tuple[str, ...]) -> None:
     values = parameters(loaded(*given))
     assert (values["/recorder/start"], values["/experiment/armed"]) == ("now", False)
 
 
-def test_an_experiment_adds_its_node_and_brings_its_own_start() -> None:
+def test_an_experiment_adds_node_and_start() -> None:
     config = loaded(*STEP)
     assert nodes(config)["/experiment"] == "hric_experiments/experiment"
     values = parameters(config)
@@ -147,7 +147,7 @@ def test_an_experiment_adds_its_node_and_brings_its_own_start() -> None:
 CAPTURE = {"/natnet_client": "mocap_natnet/natnet_client", "/emulated_human": "hric_perception/emulated_human"}
 
 
-def test_an_experiment_with_a_motion_capture_brings_the_emulated_human_and_the_client() -> None:
+def test_mocap_starts_emulated_human_and_client() -> None:
     config = loaded("experiment:=marker_tracking", "mocap_server:=127.0.0.3")
     assert nodes(config).items() >= CAPTURE.items()
     values = parameters(config)
@@ -160,7 +160,7 @@ def test_an_experiment_with_a_motion_capture_brings_the_emulated_human_and_the_c
     }
 
 
-def test_the_real_motive_takes_the_place_of_the_emulated_one_by_one_argument(tmp_path: Path) -> None:
+def test_one_argument_selects_the_real_motive(tmp_path: Path) -> None:
     saved = tmp_path / "base_from_mocap.yaml"
     saved.write_text("base_frame: panda_link0\nbase_from_mocap: {xyz: [1, 2, 3], xyzw: [0, 0, 0, 1]}\n")
     config = loaded(
@@ -181,7 +181,7 @@ def test_the_real_motive_takes_the_place_of_the_emulated_one_by_one_argument(tmp
     assert client["base_from_mocap"]["xyz"] == [1, 2, 3]
 
 
-def test_without_an_experiment_the_emulated_motive_has_a_body_of_its_own() -> None:
+def test_the_emulated_motive_has_a_default_body() -> None:
     config = loaded("mocap:=emulated")
     assert (
         nodes(config).items()
@@ -193,7 +193,7 @@ def test_without_an_experiment_the_emulated_motive_has_a_body_of_its_own() -> No
     ("given", "text"),
     [("mocap:=optitrack", "auto, none, emulated, motive"), ("real_time_factor:=0", "needs a run that is paced")],
 )
-def test_a_motion_capture_that_cannot_be_stops_the_launch_with_the_reason(given: str, text: str) -> None:
+def test_an_impossible_mocap_stops_the_launch(given: str, text: str) -> None:
     with pytest.raises(RLException, match=text):
         loaded("experiment:=marker_tracking", given)
 
@@ -208,7 +208,7 @@ SENSORS = {
 
 
 @EVERYWHERE
-def test_a_data_collection_brings_every_sensor_and_the_synchroniser(environment: tuple[str, ...]) -> None:
+def test_a_data_collection_starts_every_sensor(environment: tuple[str, ...]) -> None:
     config = loaded("experiment:=data_collection", "mocap_server:=127.0.0.3", *environment)
     assert nodes(config).items() >= (SENSORS | CAPTURE).items()
     assert set(SENSORS) <= {node.namespace + node.name for node in config.nodes if node.required}
@@ -222,7 +222,7 @@ def test_a_data_collection_brings_every_sensor_and_the_synchroniser(environment:
     assert "emg.device:=emulated" in str(values["/experiment/overrides"])
 
 
-def test_real_sensors_leave_the_emulated_ones_out_by_one_argument_each() -> None:
+def test_one_argument_selects_each_real_sensor() -> None:
     config = loaded("experiment:=data_collection", "emg:=real", "force_plate:=real", "mocap:=motive")
     emulated = {"/emulated_emg", "/emulated_plate", "/emulated_human"}
     assert not emulated & set(nodes(config)) and {"/emg", "/force_plate", "/synchronizer", "/natnet_client"} <= set(
@@ -268,7 +268,7 @@ def test_every_argument_reaches_the_robot() -> None:
         (("load_gripper:=false",), False),
     ],
 )
-def test_the_gripper_comes_with_the_hand_or_as_asked(given: tuple[str, ...], started: bool) -> None:
+def test_the_gripper_follows_hand_or_argument(given: tuple[str, ...], started: bool) -> None:
     assert ("/franka_gripper" in nodes(loaded(*given))) == started
 
 
@@ -283,14 +283,14 @@ def test_the_gripper_is_the_arms_own() -> None:
     assert 'type="prismatic"' not in str(values["/left/robot_description"]), "what the arm is reckoned with stays"
 
 
-def test_rviz_starts_when_asked_for_and_by_default_where_a_display_is(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rviz_starts_by_argument_or_display(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "/rviz" in nodes(loaded("rviz:=true")) and "/rviz" not in nodes(loaded())
     monkeypatch.setenv("DISPLAY", ":9")
     assert "/rviz" in nodes(loaded("rviz:=auto")) and "/rviz" not in nodes(loaded("rviz:=false"))
 
 
 @pytest.mark.parametrize("space", ["/lab/", "/lab/left/"])
-def test_included_in_a_group_all_is_below_its_namespace(tmp_path: Path, space: str) -> None:
+def test_a_group_gives_its_namespace(tmp_path: Path, space: str) -> None:
     own = tmp_path / "own.launch"
     argument = '<arg name="ns" value="left"/>' * ("left" in space)
     own.write_text(
@@ -308,7 +308,7 @@ def test_included_in_a_group_all_is_below_its_namespace(tmp_path: Path, space: s
     assert all(["/tf", "tf"] in node.remap_args for node in config.nodes)
 
 
-def test_those_who_look_on_get_limits_with_rviz_and_curves_when_asked_for_and_neither_is_recorded() -> None:
+def test_viewers_start_and_are_not_recorded() -> None:
     config = loaded("rviz:=true")
     assert nodes(config)["/live_view"] == "hric_perception/live_view" and "/live_plot" not in nodes(config)
     assert re.fullmatch(parameters(config)["/recorder/exclude"], "/left/hric/view/limits")
@@ -317,7 +317,7 @@ def test_those_who_look_on_get_limits_with_rviz_and_curves_when_asked_for_and_ne
     )
 
 
-def test_who_is_beside_the_arm_gets_a_description_and_frames_of_his_own_and_is_in_rviz() -> None:
+def test_a_human_has_description_and_frames() -> None:
     config = loaded("experiment:=hand_guidance", "rviz:=true")
     values = parameters(config)
     body = urdf.read(str(values["/hric/human/robot_description"]))
@@ -330,7 +330,7 @@ def test_who_is_beside_the_arm_gets_a_description_and_frames_of_his_own_and_is_i
     assert rviz.args.endswith("panda_and_human.rviz")
 
 
-def test_without_somebody_beside_the_arm_nothing_of_him_runs() -> None:
+def test_no_human_starts_no_human_nodes() -> None:
     config = loaded("rviz:=true")
     assert "/human_state_publisher" not in nodes(config)
     assert not [name for name in parameters(config) if "hric/human" in name]
@@ -339,12 +339,12 @@ def test_without_somebody_beside_the_arm_nothing_of_him_runs() -> None:
 
 
 @pytest.mark.parametrize("arguments", [["env:=gazebo"], ["env:=real"]], ids=["no such environment", "no address"])
-def test_an_environment_that_cannot_be_brought_up_fails_loudly(arguments: list[str]) -> None:
+def test_an_impossible_environment_fails(arguments: list[str]) -> None:
     with pytest.raises(RLException):
         loaded(*arguments)
 
 
-def test_the_real_arm_gets_the_same_nodes_and_controllers_and_real_time() -> None:
+def test_the_real_arm_has_the_same_nodes() -> None:
     config, simulated = (
         loaded(*REAL, *STEP),
         loaded(*STEP),
@@ -360,7 +360,7 @@ def test_the_real_arm_gets_the_same_nodes_and_controllers_and_real_time() -> Non
     assert "hw:=franka_real/FrankaHW" in str(values["/recorder/overrides"])
 
 
-def test_the_emulated_arm_gets_the_plant_of_the_simulated_one_and_the_others_wait_for_it() -> None:
+def test_others_wait_for_the_emulated_arm() -> None:
     given = ("experiment:=hand_guidance", "simulator:=mujoco", "rotor_inertia:=0.2", "hand:=true", "ns:=left")
     config, simulated = loaded("env:=real", "robot_ip:=emulated", "robot:=fr3", *given), loaded(*given)
     assert nodes(config).items() >= {"/left/emulated_arm": "franka_sim/emulated_arm"}.items()
@@ -377,7 +377,7 @@ def test_the_emulated_arm_gets_the_plant_of_the_simulated_one_and_the_others_wai
     assert values["/left/robot_description"] == description
 
 
-def test_a_wrong_value_stops_the_launch_with_the_reason() -> None:
+def test_a_wrong_value_stops_the_launch() -> None:
     done = subprocess.run(
         ["roslaunch", "--nodes", PACKAGE, FILE, "inertials:=heavy"], capture_output=True, text=True, timeout=60
     )
@@ -385,7 +385,7 @@ def test_a_wrong_value_stops_the_launch_with_the_reason() -> None:
     assert "barycentric" in done.stdout + done.stderr
 
 
-def test_every_argument_is_explained_and_numbers_have_a_unit() -> None:
+def test_every_argument_has_doc_and_unit() -> None:
     documented = roslaunch.arg_dump.get_args([launch_file()])
     for name, (doc, default) in documented.items():
         assert doc and len(doc) > 15, name
@@ -403,7 +403,7 @@ def test_the_controllers_yaml_configures_every_named_instance() -> None:
 
 
 @EVERYWHERE
-def test_a_section_person_starts_the_node_that_tracks_him(environment: tuple[str, ...], tmp_path: Path) -> None:
+def test_a_person_section_starts_its_tracker(environment: tuple[str, ...], tmp_path: Path) -> None:
     path = tmp_path / "seen.yaml"
     packaged = Path(launch_file()).parents[2] / "hric_experiments" / "config" / "experiments" / "marker_tracking.yaml"
     path.write_text(packaged.read_text() + "person: {asset: body, force: {source: robot, hand: left}}\n")

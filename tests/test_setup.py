@@ -23,7 +23,7 @@ def setup(*arguments: str, **environment: str) -> subprocess.CompletedProcess[st
     )
 
 
-def test_with_everything_there_a_setup_takes_less_than_two_seconds_of_computing_and_says_nothing() -> None:
+def test_a_complete_setup_is_quick_and_silent() -> None:
     before = os.times()
     result = setup()
     after = os.times()
@@ -44,7 +44,7 @@ def test_check_says_that_nothing_is_missing() -> None:
         "ID=arch\n",
     ],
 )
-def test_another_system_is_refused_with_the_way_through_docker(tmp_path: Path, system: str) -> None:
+def test_another_system_is_sent_to_docker(tmp_path: Path, system: str) -> None:
     release = tmp_path / "os-release"
     release.write_text(system)
     result = setup(HRIC_OS_RELEASE=str(release))
@@ -59,13 +59,13 @@ def test_a_derivative_of_debian_12_is_accepted(tmp_path: Path) -> None:
     assert setup("--check", HRIC_OS_RELEASE=str(release)).returncode == 0
 
 
-def test_an_unknown_option_is_refused_with_the_valid_ones() -> None:
+def test_an_unknown_option_is_refused() -> None:
     result = setup("--fast")
     assert result.returncode == 2
     assert "--fast" in result.stderr and "--no-gui" in result.stderr
 
 
-def test_ctrl_c_ends_a_step_with_all_that_it_started(tmp_path: Path) -> None:
+def test_ctrl_c_ends_a_step(tmp_path: Path) -> None:
     lines = (
         f"ws={tmp_path}; cd $ws; . {ROOT}/scripts/lib/setup_steps.bash",
         "begun() { bash -c 'echo $$ > worker; exec sleep 60'; }",
@@ -83,7 +83,7 @@ def test_ctrl_c_ends_a_step_with_all_that_it_started(tmp_path: Path) -> None:
     assert not Path(f"/proc/{worker.read_text().strip()}").exists()
 
 
-def test_a_python_environment_that_is_made_anew_has_none_of_the_packages_of_the_one_before(tmp_path: Path) -> None:
+def test_a_new_environment_has_no_old_packages(tmp_path: Path) -> None:
     lines = (
         f"ws={tmp_path}; cd $ws; . {ROOT}/scripts/lib/setup_steps.bash",
         "stamp python-run 1; stamp python-checks 2; stamp build 3",
@@ -95,7 +95,7 @@ def test_a_python_environment_that_is_made_anew_has_none_of_the_packages_of_the_
     assert (tmp_path / ".setup-stamp").read_text().split() == ["build", "3"]
 
 
-def test_a_package_of_python_alone_comes_and_goes_without_a_build(tmp_path: Path) -> None:
+def test_a_python_package_needs_no_build(tmp_path: Path) -> None:
     own = ROOT / "src" / "test_setup_own_package"
     shutil.copytree(ROOT / "src/hric_controllers/templates/my_controller", own)
     try:
@@ -106,7 +106,7 @@ def test_a_package_of_python_alone_comes_and_goes_without_a_build(tmp_path: Path
     assert setup("--check").stdout == "nothing is missing\n"
 
 
-def test_what_was_cut_off_while_it_was_installed_is_forgotten_and_what_is_whole_stays(tmp_path: Path) -> None:
+def test_an_interrupted_installation_is_repeated(tmp_path: Path) -> None:
     sys.path.insert(0, str(ROOT / "scripts/lib"))
     import mend_venv
 
@@ -122,14 +122,14 @@ def test_what_was_cut_off_while_it_was_installed_is_forgotten_and_what_is_whole_
     assert sorted(path.name for path in tmp_path.glob("*.dist-info")) == ["whole-1.0.dist-info"]
 
 
-def test_another_python_first_in_path_and_an_odd_home_change_nothing(tmp_path: Path) -> None:
+def test_another_python_and_home_change_nothing(tmp_path: Path) -> None:
     (tmp_path / "python3").write_text("#!/bin/sh\nexit 99\n")
     (tmp_path / "python3").chmod(0o755)
     result = setup("--check", PATH=f"{tmp_path}:{os.environ['PATH']}", HOME="/nonexistent")
     assert (result.returncode, result.stdout) == (0, "nothing is missing\n")
 
 
-def test_the_environment_has_the_pinned_numpy_and_the_empy_of_the_generators() -> None:
+def test_the_environment_has_pinned_packages() -> None:
     pins = dict(line.split("==") for line in (ROOT / "scripts/requirements.txt").read_text().split() if "==" in line)
     code = "import sys, numpy, em; print(numpy.__version__, em.__version__, sys.base_prefix)"
     found = subprocess.run(
@@ -162,7 +162,7 @@ def test_every_requirement_is_pinned_exactly() -> None:
     ],
     ids=["scripts/bringup", "hric"],
 )
-def test_a_shell_has_roscd_and_hric_and_completes_arguments(typed: str, offered: str) -> None:
+def test_shell_has_commands_and_completion(typed: str, offered: str) -> None:
     done = subprocess.run(
         ["bash", "--norc", "-ic", f"source scripts/env; {typed}; echo ${{COMPREPLY[@]}}"],
         cwd=ROOT,

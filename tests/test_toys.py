@@ -262,7 +262,7 @@ class Lab:
         for module, text in MODULES.items():
             (self.toys / module).mkdir()
             (self.toys / module / f"{module}.py").write_text(text)
-        self.path = f"{self.toys}:{os.environ['ROS_PACKAGE_PATH']}"
+        self.path = f"{os.environ['ROS_PACKAGE_PATH']}:{self.toys}"
         (folder / "toy.yaml").write_text(yaml.safe_dump(EXPERIMENT))
         overrides = ("gauge.rate:=400", "knock.at:=0.2", "simulator:=toy")
         code, printed = self("run", "toy.yaml", *overrides, "--runs", str(folder / "runs"), "--quiet", "--no-figures")

@@ -2,7 +2,7 @@
 
 import signal
 
-# Until processes start, Ctrl-C ends this at once and without a word.
+# Until processes start, Ctrl-C ends this at once and silently.
 signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 import os

@@ -29,7 +29,7 @@ def distance(a: list[float], b: list[float]) -> float:
 # -- interfaces --------------------------------------------------------------------------------------------------------
 
 
-def test_it_offers_joint_states_the_three_joint_commands_the_state_and_the_model(robot) -> None:
+def test_it_offers_every_interface(robot) -> None:
     for interface in (JointStateInterface, EffortJointInterface, VelocityJointInterface, PositionJointInterface):
         assert robot.hw.get(interface).names == JOINTS
     assert robot.hw.get(FrankaStateInterface).names == ("panda_robot",)
@@ -37,7 +37,7 @@ def test_it_offers_joint_states_the_three_joint_commands_the_state_and_the_model
     assert robot.hw.compensates_gravity
 
 
-def test_the_state_belongs_to_the_joints_and_its_pose_to_the_model(robot) -> None:
+def test_state_joints_and_model_agree(robot) -> None:
     robot.run(0.05)
     state = robot.hw.get(FrankaStateInterface).handle("panda_robot").robot_state
     model = robot.hw.get(FrankaModelInterface).handle("panda_model")
@@ -51,7 +51,7 @@ def test_the_state_belongs_to_the_joints_and_its_pose_to_the_model(robot) -> Non
 # -- time --------------------------------------------------------------------------------------------------------------
 
 
-def test_robot_time_begins_at_zero_and_never_goes_back_over_switches_and_runs(robot) -> None:
+def test_robot_time_never_goes_back(robot) -> None:
     robot.load("push", interface="effort", command=ZERO)
     robot.load("hold", interface="position", command="stay")
     robot.run(0.02)
@@ -64,7 +64,7 @@ def test_robot_time_begins_at_zero_and_never_goes_back_over_switches_and_runs(ro
     assert np.median(steps) == pytest.approx(1e-3)
 
 
-def test_while_a_motion_runs_no_millisecond_is_left_out(robot) -> None:
+def test_a_motion_skips_no_millisecond(robot) -> None:
     robot.load("push", interface="effort", command=ZERO)
     robot.switch(["push"], [])
     robot.run(0.5)
@@ -76,7 +76,7 @@ def test_while_a_motion_runs_no_millisecond_is_left_out(robot) -> None:
 # -- life cycle --------------------------------------------------------------------------------------------------------
 
 
-def test_a_controller_lives_from_load_to_unload_and_is_updated_each_cycle_between(robot) -> None:
+def test_a_controller_is_updated_each_cycle(robot) -> None:
     law = robot.load("law", interface="effort", command=ZERO)
     robot.switch(["law"], [])
     robot.run(0.1)
@@ -91,7 +91,7 @@ def test_a_controller_lives_from_load_to_unload_and_is_updated_each_cycle_betwee
     assert names.count("starting") == names.count("stopping")
 
 
-def test_who_claims_nothing_is_updated_whether_the_arm_is_commanded_or_not(robot) -> None:
+def test_a_claimless_controller_is_always_updated(robot) -> None:
     robot.node.set_param("ears", {"type": "test/Broadcaster"})
     robot.manager.load("ears")
     ears: Broadcaster = robot.manager._loaded["ears"].controller
@@ -105,7 +105,7 @@ def test_who_claims_nothing_is_updated_whether_the_arm_is_commanded_or_not(robot
     assert ears.times == robot.times
 
 
-def test_a_stop_that_came_before_the_run_counts_and_the_next_run_goes_on(robot) -> None:
+def test_an_early_stop_ends_one_run(robot) -> None:
     robot.hw.stop()
     robot.run(0.05)
     assert robot.times == []
@@ -139,7 +139,7 @@ def test_a_command_of_nothing_moves_nothing(robot, interface, command) -> None:
     assert distance(robot.positions, before) < 1e-4
 
 
-def test_after_a_controller_fails_the_arm_holds_and_the_others_go_on(robot) -> None:
+def test_a_failed_controller_leaves_the_arm_holding(robot) -> None:
     robot.node.set_param("ears", {"type": "test/Broadcaster"})
     robot.manager.load("ears")
     robot.load("law", interface="velocity", command=[0.05] + [0.0] * 6, fail_at=0.1)
@@ -155,7 +155,7 @@ def test_after_a_controller_fails_the_arm_holds_and_the_others_go_on(robot) -> N
 # -- switching ---------------------------------------------------------------------------------------------------------
 
 
-def test_controllers_of_all_kinds_follow_each_other_while_the_arm_runs(robot) -> None:
+def test_all_kinds_of_controllers_switch(robot) -> None:
     robot.load("push", interface="effort", command=ZERO)
     robot.load("turn", interface="velocity", command=ZERO)
     robot.load("hold", interface="position", command="stay")
@@ -181,7 +181,7 @@ def test_controllers_of_all_kinds_follow_each_other_while_the_arm_runs(robot) ->
     assert np.diff(robot.times).min() > 0.0
 
 
-def test_a_velocity_turns_a_joint_by_its_integral_and_the_others_stay(robot) -> None:
+def test_a_velocity_moves_its_joint_only(robot) -> None:
     robot.run(0.01)
     before = robot.positions
     steps = 400
@@ -198,7 +198,7 @@ def test_a_velocity_turns_a_joint_by_its_integral_and_the_others_stay(robot) -> 
     assert distance(robot.positions[:6], before[:6]) < 1e-3
 
 
-def test_a_second_commander_is_refused_with_both_names_and_changes_nothing(robot) -> None:
+def test_a_second_commander_is_refused(robot) -> None:
     law = robot.load("a", interface="effort", command=ZERO)
     for name, interface in (("b", "effort"), ("c", "position")):
         robot.load(name, interface=interface, command=None)
@@ -210,7 +210,7 @@ def test_a_second_commander_is_refused_with_both_names_and_changes_nothing(robot
     assert law.updates > 40
 
 
-def test_a_claim_of_some_joints_only_is_refused_with_the_missing_ones(robot) -> None:
+def test_a_partial_claim_is_refused(robot) -> None:
     robot.load("part", interface="effort", joints=list(JOINTS[:2]))
     with pytest.raises(HricError, match=r"part claims 2 of the arm's 7 joints; .*missing panda_joint3"):
         robot.manager.switch(["part"], [])
@@ -239,7 +239,7 @@ def test_a_pd_move_ends_at_its_setpoint(robot) -> None:
     assert distance(robot.positions, goal) < 1e-3
 
 
-def test_the_log_row_says_what_was_asked_for_and_what_was_sent(robot) -> None:
+def test_the_log_has_requested_and_sent_commands(robot) -> None:
     robot.run(0.005)
     kinds, raw, sent = robot.hw.log_row()
     assert (list(kinds), list(raw), list(sent)) == (["none"] * 7, ZERO, ZERO)
@@ -256,7 +256,7 @@ def test_the_log_row_says_what_was_asked_for_and_what_was_sent(robot) -> None:
 # -- what the arm is told ----------------------------------------------------------------------------------------------
 
 
-def test_a_load_that_is_told_stands_in_the_state_and_counts_in_the_model(robot) -> None:
+def test_a_set_load_reaches_state_and_model(robot) -> None:
     model = robot.hw.get(FrankaModelInterface).handle("panda_model")
     robot.run(0.01)
     before = model.gravity()[3]

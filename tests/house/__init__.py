@@ -1,1 +1,1 @@
-"""Sizes, limits, imports and words of the workspace's Python; run by scripts/count and scripts/lint."""
+"""Sizes, limits, imports and prose of the workspace's Python; run by scripts/count and scripts/lint."""

@@ -8,14 +8,11 @@ from functools import reduce
 from operator import add
 from pathlib import Path
 
-from house import counts, limits
+from house import counts, limits, prose
 from house.limits import Limits
 from house.sources import WORKSPACE, HouseError, Source, at_revision, in_folder
-from house.words import COMMENTS, DOCSTRINGS, NAMES, Use, Word, uses
 
 PURPOSE = "Sizes of product Python: src/*/src, src/*/nodes, scripts; limits: [tool.hric.house] in pyproject.toml."
-ALL = "all"
-"""No word in particular."""
 
 
 def main(arguments: Sequence[str] | None = None, root: Path = WORKSPACE) -> int:
@@ -28,9 +25,10 @@ def main(arguments: Sequence[str] | None = None, root: Path = WORKSPACE) -> int:
             return _check(sources, rules, root)
         if options.twins:
             print(*limits.unlisted_twins(sources, rules)[0], sep="\n")
-        elif options.words:
-            words = limits.glossary(root)
-            _print_words(uses(sources, words), words, options.words)
+        elif options.prose:
+            return _print_or_pass(_prose(sources, root), "nothing that the style refuses")
+        elif options.texts:
+            prose.write(prose.in_code(sources), options.texts)
         else:
             _print_sizes(sources, rules)
     except (HouseError, OSError) as error:
@@ -45,18 +43,24 @@ def _parser() -> argparse.ArgumentParser:
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--check", action="store_true", help="hold all against the limits; code 1 if anything is beyond")
     what.add_argument("--twins", action="store_true", help="list pairs of functions that are alike")
-    replaced = f"count uses of the words that {limits.GLOSSARY} replaces; with WORD: list each of its uses"
-    what.add_argument("--words", nargs="?", const=ALL, metavar="WORD", help=replaced)
+    what.add_argument(
+        "--prose", action="store_true", help="list what the style (styles/HRIC) refuses in pages and code"
+    )
+    what.add_argument("--texts", type=Path, metavar="FOLDER", help="write the texts of the code for vale (build/texts)")
     return parser
 
 
 def _check(sources: Sequence[Source], rules: Limits, root: Path) -> int:
-    findings = [
-        *limits.over_sizes(sources, rules),
-        *limits.over_twins(sources, rules),
-        *limits.over_words(sources, rules, limits.glossary(root)),
-    ]
-    print(*findings or ["all within the limits"], sep="\n")
+    over = [*limits.over_sizes(sources, rules), *limits.over_twins(sources, rules)]
+    return _print_or_pass([*over, *_prose(sources, root)], "all within the limits")
+
+
+def _prose(sources: Sequence[Source], root: Path) -> list[str]:
+    return prose.findings([*prose.pages(root), *prose.in_code(sources)], *prose.style(root))
+
+
+def _print_or_pass(findings: Sequence[str], passed: str) -> int:
+    print(*findings or [passed], sep="\n")
     return 1 if findings else 0
 
 
@@ -80,24 +84,6 @@ def _print_sizes(sources: Sequence[Source], rules: Limits) -> None:
     before = rules.start["statements"]
     change = 100.0 * (sizes["total"].statements / before - 1.0)
     print(f"\n{change:+.2f} % statements against {before} at {rules.start['revision']}")
-
-
-def _print_words(used: Sequence[Use], words: Sequence[Word], word: str) -> None:
-    if word != ALL:
-        print(*(f"{use.location} {use.kind}: {use.text}" for use in used if use.word == word), sep="\n")
-        return
-    packages = sorted({use.package for use in used})
-    rows = [["word", NAMES, DOCSTRINGS, COMMENTS, *packages]]
-    for text in [*(entry.text for entry in words), "total"]:
-        those = [use for use in used if text in (use.word, "total")]
-        kinds, per_package = Counter(use.kind for use in those), Counter(use.package for use in those)
-        figures = [kinds[kind] for kind in (NAMES, DOCSTRINGS, COMMENTS)] + [per_package[name] for name in packages]
-        rows.append([text, *map(str, figures)])
-    _print_columns(rows)
-    for package in packages:
-        names = Counter(use.text for use in used if use.package == package and use.kind == NAMES)
-        listed = (name if count == 1 else f"{name} ({count})" for name, count in sorted(names.items()))
-        print(f"\n{package}: " + ", ".join(listed))
 
 
 def _print_columns(rows: Sequence[Sequence[str]]) -> None:

@@ -63,7 +63,9 @@ def _packages(root: Path) -> set[str]:
 @contextmanager
 def _on_the_path(root: Path) -> Iterator[set[str]]:
     """Put sources and copies of executables first on the path of imports; yield the packages of the copies."""
-    before = sys.path[:]
+    before, packages = sys.path[:], _packages(root)
+    # A package that this process has imported would be looked for where it came from, such as catkin's folder devel.
+    loaded = {name: sys.modules.pop(name) for name in [*sys.modules] if name.partition(".")[0] in packages}
     executables: set[str] = set()
     with tempfile.TemporaryDirectory() as folder:
         for source in in_folder(root):
@@ -79,6 +81,7 @@ def _on_the_path(root: Path) -> Iterator[set[str]]:
             yield executables
         finally:
             sys.path[:] = before
+            sys.modules.update(loaded)
 
 
 if __name__ == "__main__":

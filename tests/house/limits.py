@@ -1,7 +1,6 @@
 """The limits of the code, from `[tool.hric.house]` in pyproject.toml, and what exceeds them."""
 
 import tomllib
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import reduce
@@ -12,10 +11,8 @@ from typing import Any
 from house import counts
 from house.sources import WORKSPACE, HouseError, Source
 from house.twins import Twins, twins
-from house.words import COMMENTS, DOCSTRINGS, NAMES, Word, read_glossary, uses
 
 SECTION = "[tool.hric.house]"
-GLOSSARY = "docs/glossary.md"
 
 
 @dataclass(frozen=True)
@@ -32,7 +29,6 @@ class Limits:
         short_module_lines: see above.
         twins: `lines` of code from which functions are compared, `likeness` from which they count as alike, `pairs`
             allowed, and `exceptions`, each with the two `functions` and the `reason`.
-        words: uses of replaced words in `names`, `docstrings` and `comments`.
     """
 
     start: dict[str, Any]
@@ -43,7 +39,6 @@ class Limits:
     short_modules: int
     short_module_lines: int
     twins: dict[str, Any]
-    words: dict[str, int]
 
 
 def read_limits(root: Path = WORKSPACE) -> Limits:
@@ -55,11 +50,6 @@ def read_limits(root: Path = WORKSPACE) -> Limits:
         valid = ", ".join(sorted(names))
         raise HouseError(f"pyproject.toml, {SECTION}: unknown or missing {', '.join(wrong)}; the keys are {valid}")
     return Limits(**section)
-
-
-def glossary(root: Path = WORKSPACE) -> list[Word]:
-    """The replaced words of a workspace. Raises HouseError."""
-    return read_glossary((root / GLOSSARY).read_text(), GLOSSARY)
 
 
 def over_sizes(sources: Sequence[Source], limits: Limits) -> list[str]:
@@ -92,14 +82,6 @@ def over_twins(sources: Sequence[Source], limits: Limits) -> list[str]:
     pairs, findings = unlisted_twins(sources, limits)
     message = _over("twins.pairs", len(pairs), limits.twins["pairs"])
     return findings + ([message, *(f"  alike: {pair}" for pair in pairs)] if message else [])
-
-
-def over_words(sources: Sequence[Source], limits: Limits, words: Sequence[Word]) -> list[str]:
-    """More replaced words in use than allowed."""
-    kinds = Counter(use.kind for use in uses(sources, words))
-    hint = f"; replaced words of {GLOSSARY}: scripts/count --words [WORD] lists them"
-    exceeded = [_over(f"words.{kind}", kinds[kind], limits.words[kind], hint) for kind in (NAMES, DOCSTRINGS, COMMENTS)]
-    return [message for message in exceeded if message]
 
 
 def _over(name: str, value: float, limit: float, where: str = "") -> str:

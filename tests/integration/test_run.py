@@ -22,7 +22,7 @@ ANY = 30.0
 """How long an end may take on any machine: as long as LiveSystem waits for one [s]."""
 
 
-def test_pd_step_runs_reports_and_leaves_a_run_that_everybody_can_read(pd_step: Any) -> None:
+def test_pd_step_leaves_a_readable_run(pd_step: Any) -> None:
     system = pd_step.system
     assert system.wait(timeout=0.0) == 0, system.output
     assert system.processes() == {}
@@ -83,7 +83,7 @@ def check_bag(system: LiveSystem) -> None:
     assert "killed" not in system.output and "SIG" not in system.output, system.output
 
 
-def test_ctrl_c_ends_everything_and_the_recorder_closes_its_bag(interrupted: Interrupted) -> None:
+def test_ctrl_c_closes_the_bag(interrupted: Interrupted) -> None:
     system = interrupted.system
     assert system.process.returncode == 0, system.output
     assert system.processes() == {}
@@ -91,7 +91,7 @@ def test_ctrl_c_ends_everything_and_the_recorder_closes_its_bag(interrupted: Int
     check_bag(system)
 
 
-def test_when_it_is_ready_one_block_says_what_runs_how_to_move_it_where_it_records_and_how_to_end_it(
+def test_one_block_explains_a_ready_robot(
     interrupted: Interrupted,
 ) -> None:
     output = interrupted.system.output
@@ -103,15 +103,13 @@ def test_when_it_is_ready_one_block_says_what_runs_how_to_move_it_where_it_recor
 
 
 @pytest.mark.live
-def test_ctrl_c_ends_everything_within_three_seconds_and_nothing_by_force(
-    interrupted: Interrupted, figure: Figure
-) -> None:
+def test_ctrl_c_ends_everything_in_three_seconds(interrupted: Interrupted, figure: Figure) -> None:
     figure("bring-up: end after Ctrl-C", interrupted.ending, "s")
     assert interrupted.ending < 3.0
 
 
 @pytest.mark.parametrize("limit", [ANY, pytest.param(3.0, marks=pytest.mark.live)])
-def test_ctrl_c_during_an_experiment_ends_it_with_the_code_of_an_interrupt(start: Start, limit: float) -> None:
+def test_ctrl_c_gives_the_interrupt_code(start: Start, limit: float) -> None:
     system = start("env:=sim", "rviz:=false", "experiment:=pd_step")
     system.wait_output("setpoints")
     assert system.interrupt() < limit
@@ -120,7 +118,7 @@ def test_ctrl_c_during_an_experiment_ends_it_with_the_code_of_an_interrupt(start
     check_bag(system)
 
 
-def test_ctrl_c_while_it_reads_what_to_start_leaves_nothing_behind(start: Start) -> None:
+def test_ctrl_c_while_reading_leaves_nothing(start: Start) -> None:
     system = start("env:=sim", "rviz:=false")
     wait_for(lambda: any("/describe " in command for command in system.processes().values()), 30.0, "describe")
     system.interrupt()
@@ -129,7 +127,7 @@ def test_ctrl_c_while_it_reads_what_to_start_leaves_nothing_behind(start: Start)
 
 
 @pytest.mark.parametrize("limit", [ANY, pytest.param(4.0, marks=pytest.mark.live)])
-def test_ctrl_c_while_it_still_starts_leaves_nothing_behind(start: Start, limit: float) -> None:
+def test_ctrl_c_while_starting_leaves_nothing(start: Start, limit: float) -> None:
     system = start("env:=sim", "rviz:=false")
     system.wait_output("started core service")
     assert system.interrupt() < limit
@@ -137,7 +135,7 @@ def test_ctrl_c_while_it_still_starts_leaves_nothing_behind(start: Start, limit:
     assert "Traceback" not in system.output
 
 
-def test_a_namespace_holds_all_of_the_robot_and_a_second_bring_up_there_is_refused(start: Start) -> None:
+def test_a_second_robot_in_a_namespace_is_refused(start: Start) -> None:
     system = start(
         "env:=sim",
         "rviz:=false",
@@ -162,7 +160,7 @@ def test_a_namespace_holds_all_of_the_robot_and_a_second_bring_up_there_is_refus
     assert not (system.runs / "latest").exists()
 
 
-def test_a_world_that_cannot_be_used_is_told_in_one_error_and_ends_the_run(start: Start, tmp_path: Path) -> None:
+def test_an_unusable_world_ends_the_run(start: Start, tmp_path: Path) -> None:
     world = tmp_path / "bad.yaml"
     world.write_text("objects: [{name: box, shape: pyramid}]\n")
     system = start("env:=sim", "rviz:=false", f"world:={world}")
@@ -171,9 +169,7 @@ def test_a_world_that_cannot_be_used_is_told_in_one_error_and_ends_the_run(start
     assert system.processes() == {}
 
 
-def test_a_simulation_that_diverges_is_told_in_one_line_and_leaves_a_failed_run_with_a_whole_bag(
-    start: Start, tmp_path: Path
-) -> None:
+def test_a_diverged_simulation_leaves_a_whole_bag(start: Start, tmp_path: Path) -> None:
     raw: dict[str, Any] = yaml.safe_load(
         (ROOT / "src/hric_experiments/config/experiments/thesis_step.yaml").read_text()
     )
@@ -191,7 +187,7 @@ def test_a_simulation_that_diverges_is_told_in_one_line_and_leaves_a_failed_run_
     assert bag.suffix == ".bag" and len(control_log(bag)[0]) > 0
 
 
-def test_the_template_copied_beside_a_running_arm_commands_it_without_a_build(start: Start, tmp_path: Path) -> None:
+def test_a_copied_template_needs_no_build(start: Start, tmp_path: Path) -> None:
     packages = f"{tmp_path / 'own'}:{os.environ['ROS_PACKAGE_PATH']}"
     system = start("env:=sim", "rviz:=false", "controller:=none", ROS_PACKAGE_PATH=packages)
     system.wait_running("joint_state_controller")
@@ -212,16 +208,14 @@ def real_time_factor(system: LiveSystem, seconds: float) -> float:
     return float(done.stdout)
 
 
-def test_every_cycle_that_ran_is_logged_once_and_none_is_missing(interrupted: Interrupted) -> None:
+def test_every_cycle_is_logged_once(interrupted: Interrupted) -> None:
     cycles, _ = control_log(next(interrupted.system.run_folder.glob("*.bag")))
     assert len(cycles) > 0.9e3 * interrupted.pace * interrupted.listened
     assert gaps_and_repeats(cycles) == (0, 0)
 
 
 @pytest.mark.live
-def test_a_minute_at_real_time_is_logged_cycle_by_cycle_and_paced_within_one_percent(
-    start: Start, figure: Figure
-) -> None:
+def test_a_real_time_minute_is_paced_and_logged(start: Start, figure: Figure) -> None:
     ended = listened_to_and_interrupted(start("env:=sim", "rviz:=false", "record:=true"), 60.0)
     figure("bring-up at real time for a minute: robot time per wall time", ended.pace, "1")
     assert ended.pace == pytest.approx(1.0, abs=0.01)
@@ -245,7 +239,7 @@ ROUNDS = 5
     ],
     ids=["RobotHWSim", "MuJoCo", "control box"],
 )
-def test_unpaced_with_ros_and_recording_a_run_is_many_times_faster_than_real_time(
+def test_an_unpaced_run_beats_real_time(
     start: Start, what: str, least: float, arguments: list[str], figure: Figure
 ) -> None:
     system = start("env:=sim", "rviz:=false", "record:=true", "real_time_factor:=0", *arguments)

@@ -134,7 +134,7 @@ def hands(make_plant, panda_urdf):
 # -- joints of a model -------------------------------------------------------------------------------------------------
 
 
-def test_the_joints_of_a_model_are_named_from_its_root_outwards(beside):
+def test_joint_names_run_from_the_root(beside):
     expected = tuple(pinocchio.buildModelFromXML(ARM).names)[1:]
     assert beside(ARM).model_joints("model") == expected
 
@@ -143,7 +143,7 @@ def test_a_model_without_joints_has_no_names(beside):
     assert beside(block()).model_joints("model") == ()
 
 
-def test_joints_of_a_model_that_is_not_there_are_refused_with_those_that_are(beside):
+def test_an_unknown_model_is_refused(beside):
     with pytest.raises(UnknownNameError, match=r"no model 'human'.*valid: model"):
         beside(ARM).model_joints("human")
 
@@ -158,7 +158,7 @@ def test_joints_are_read_where_they_were_put(beside, integrator):
     assert dq == pytest.approx(speeds, abs=1e-12)
 
 
-def test_links_are_where_the_joints_that_were_put_have_them(beside):
+def test_put_joints_place_the_links(beside):
     plant = beside(ARM)
     plant.set_joints("model", BENT)
     expected = at(3, 0, 2) @ Oracle(ARM).frame(np.array(BENT), "r_wrist")
@@ -166,7 +166,7 @@ def test_links_are_where_the_joints_that_were_put_have_them(beside):
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.3])
-def test_a_driven_arm_moves_as_the_forward_dynamics_of_a_second_library(beside, damping):
+def test_a_driven_arm_moves_as_in_pinocchio(beside, damping):
     urdf = re.sub(r"(<limit [^>]*/>)", rf'\1<dynamics damping="{damping}"/>', wide(ARM))
     plant, oracle = beside(urdf, integrator="accurate"), Oracle(urdf, damping=damping)
     q, dq = np.array(BENT), np.full(7, 0.1)
@@ -191,7 +191,7 @@ def test_a_drive_stays_until_it_is_given_again(beside):
 
 
 @pytest.mark.parametrize("friction", ["none", "coulomb"])
-def test_coulomb_friction_holds_a_model_where_the_plant_has_it(beside, friction):
+def test_coulomb_friction_holds_a_model(beside, friction):
     plant = beside(bar(friction=1.0), friction=friction, **WEIGHTLESS)
     plant.drive_joints("model", [0.8])
     run(plant, 200)
@@ -206,12 +206,12 @@ def test_coulomb_friction_holds_a_model_where_the_plant_has_it(beside, friction)
         ([math.nan, *BENT[1:]], None, "must be finite"),
     ],
 )
-def test_joints_are_not_put_at_what_is_no_configuration(beside, q, dq, message):
+def test_an_invalid_configuration_is_refused(beside, q, dq, message):
     with pytest.raises(CommandError, match=message):
         beside(ARM).set_joints("model", q, dq)
 
 
-def test_a_drive_of_other_length_is_refused_with_the_joints(beside):
+def test_a_drive_of_other_length_is_refused(beside):
     with pytest.raises(CommandError, match=r"got 2 values for 7 joints \(right_sh_flex, "):
         beside(ARM).drive_joints("model", [0.0, 0.0])
 
@@ -219,7 +219,7 @@ def test_a_drive_of_other_length_is_refused_with_the_joints(beside):
 # -- stops -------------------------------------------------------------------------------------------------------------
 
 
-def test_a_joint_that_is_pressed_against_its_stop_rests_as_deep_as_its_spring_gives(beside):
+def test_a_pressed_stop_yields_as_its_spring(beside):
     plant = beside(bar(), **WEIGHTLESS)
     plant.drive_joints("model", [3.0])
     run(plant, 1500)
@@ -227,7 +227,7 @@ def test_a_joint_that_is_pressed_against_its_stop_rests_as_deep_as_its_spring_gi
     assert depth == pytest.approx(3.0 / (STOP_RATE**2 * INERTIA), rel=0.05)
 
 
-def test_a_joint_that_hits_its_stop_does_not_bounce(beside):
+def test_a_stop_does_not_bounce(beside):
     plant = beside(bar(), **WEIGHTLESS)
     plant.set_joints("model", [0.3], [3.0])
     speeds = []
@@ -237,7 +237,7 @@ def test_a_joint_that_hits_its_stop_does_not_bounce(beside):
     assert min(speeds) > -0.2 * 3.0
 
 
-def test_a_stop_is_open_for_a_start_outside_until_the_joint_has_been_inside(beside):
+def test_a_start_outside_opens_the_stop(beside):
     plant = beside(bar(), **WEIGHTLESS)
     plant.set_joints("model", [0.7])
     run(plant, 100)
@@ -250,7 +250,7 @@ def test_a_stop_is_open_for_a_start_outside_until_the_joint_has_been_inside(besi
 
 
 @pytest.mark.parametrize("abduction", [0.3, math.pi / 2])
-def test_a_limp_arm_that_falls_into_its_stops_gains_no_energy(beside, abduction):
+def test_stops_add_no_energy(beside, abduction):
     """Also from the shoulder's singular pose, in which two of its joints have next to no inertia."""
     plant, oracle = beside(ARM, integrator="accurate"), Oracle(ARM)
     start = [2.5, abduction, 0.5, 0.4, -1.2, 0.2, 0.1]
@@ -268,7 +268,7 @@ def test_a_limp_arm_that_falls_into_its_stops_gains_no_energy(beside, abduction)
 # -- bushings ----------------------------------------------------------------------------------------------------------
 
 
-def test_a_weight_hangs_on_a_bushing_as_on_a_spring(beside):
+def test_a_weight_stretches_a_bushing_as_a_spring(beside):
     plant = beside(bar("prismatic", damping=100.0), name="weight")
     plant.spawn("hook", block(), at(3, 0, 2), fixed=True)
     plant.connect("string", Bushing("hook::body", "weight::bar", np.eye(4), np.eye(4), 5000.0))
@@ -299,7 +299,7 @@ def test_a_torque_twists_a_bushing_as_a_spring(beside):
     assert joints(plant, "wheel")[0][0] == pytest.approx(1.0 / 50.0, rel=1e-4)
 
 
-def test_a_stretched_bushing_keeps_momentum_and_angular_momentum_of_two_free_bodies(beside):
+def test_a_bushing_conserves_both_momenta(beside):
     plant = beside(bar(), **WEIGHTLESS)
     parts = {"one": (1.0, 0.01), "two": (3.0, 0.02)}
     for (name, numbers), x in zip(parts.items(), (5.0, 5.5), strict=True):
@@ -321,7 +321,7 @@ def test_a_stretched_bushing_keeps_momentum_and_angular_momentum_of_two_free_bod
 
 @pytest.mark.parametrize("integrator", ["accurate", "semi_implicit"])
 @pytest.mark.parametrize("stiffness", [2e3, 1e4, 5e4])
-def test_a_grip_follows_the_robot_and_comes_to_rest(hands, integrator, stiffness):
+def test_a_grip_follows_the_robot(hands, integrator, stiffness):
     held = hands(integrator=integrator, stiffness=stiffness)
     pull = max(math.hypot(*held.plant.bushing_load("grip").force) for _ in held.guide(1500))
     assert pull < 100.0
@@ -359,7 +359,7 @@ def test_robot_arm_and_grip_keep_their_energy(hands):
     assert abs(residual) < 0.01 * passed
 
 
-def test_a_grip_slips_at_its_limit_and_counts_how_far(beside):
+def test_a_grip_slips_at_its_limit(beside):
     plant = beside(bar("prismatic"), name="rod", **WEIGHTLESS)
     grip = Bushing("rod::post", "rod::bar", np.eye(4), np.eye(4), damping=0.0, force_limit=10.0)
     plant.connect("grip", grip)
@@ -372,7 +372,7 @@ def test_a_grip_slips_at_its_limit_and_counts_how_far(beside):
 
 
 @pytest.mark.parametrize("contact", ["rigid", "penalty"])
-def test_links_that_are_connected_do_not_touch_until_they_are_let_go(beside, contact):
+def test_connected_links_do_not_touch(beside, contact):
     rules = [{"link": "two::*", "contact": contact}]
     plant = beside(block(), name="one", surfaces=rules, **WEIGHTLESS)
     plant.spawn("two", block(), at(3.05, 0, 2))
@@ -385,7 +385,7 @@ def test_links_that_are_connected_do_not_touch_until_they_are_let_go(beside, con
 
 
 @pytest.mark.parametrize("contact", ["rigid", "penalty"])
-def test_what_is_around_the_robots_hand_and_connected_to_it_touches_nothing(make_plant, panda_urdf, contact):
+def test_a_held_sleeve_touches_nothing(make_plant, panda_urdf, contact):
     """Hulls overlap by centimetres then."""
     plant = make_plant(panda_urdf, q=READY, surfaces=[{"link": "glove::*", "contact": contact}], **WEIGHTLESS)
     plant.set_brakes([True] * 7)
@@ -397,7 +397,7 @@ def test_what_is_around_the_robots_hand_and_connected_to_it_touches_nothing(make
     assert {"glove::body", "panda::panda_hand"} in touched and plant.contacts() == []
 
 
-def test_what_hangs_on_a_connected_link_by_one_joint_does_not_touch_either(beside):
+def test_neighbours_of_connected_links_do_not_touch(beside):
     plant = beside(PADDLE, name="one", surfaces=[{"link": "two::*", "contact": "penalty"}], **WEIGHTLESS)
     plant.spawn("two", block(), at(3.25, 0, 2))
     run(plant, 1)
@@ -410,7 +410,7 @@ def test_what_hangs_on_a_connected_link_by_one_joint_does_not_touch_either(besid
 # -- names and numbers of connections ----------------------------------------------------------------------------------
 
 
-def test_a_bushing_has_no_load_before_its_first_step(hands):
+def test_a_new_bushing_has_no_load(hands):
     load = hands().plant.bushing_load("grip")
     assert (load.force, load.torque, load.stretch, load.slipped) == ((0.0,) * 3, (0.0,) * 3, 0.0, 0.0)
 
@@ -427,7 +427,7 @@ def test_a_bushing_has_no_load_before_its_first_step(hands):
         ("new", Bushing("link1", "model::bar", np.eye(4), np.eye(4), -1.0), ParameterError, "stiffness must be a"),
     ],
 )
-def test_what_is_no_connection_is_refused_and_leaves_those_that_are(beside, name, bushing, error, message):
+def test_an_invalid_connection_changes_nothing(beside, name, bushing, error, message):
     plant = beside(bar())
     plant.connect("grip", Bushing("link2", "model::bar", np.eye(4), np.eye(4)))
     with pytest.raises(error, match=message):
@@ -435,7 +435,7 @@ def test_what_is_no_connection_is_refused_and_leaves_those_that_are(beside, name
     assert plant.connections() == ["grip"]
 
 
-def test_connections_that_are_not_there_are_refused_with_those_that_are(beside):
+def test_an_unknown_connection_is_refused(beside):
     plant = beside(bar())
     plant.connect("grip", Bushing("link2", "model::bar", np.eye(4), np.eye(4)))
     for request in (plant.disconnect, plant.bushing_load):
@@ -460,7 +460,7 @@ def set_load(plant):
 
 
 @pytest.mark.parametrize("change", [spawn, spawn_and_delete, set_load])
-def test_arm_drive_and_grip_go_on_as_if_nothing_were_when_the_scene_changes(hands, change):
+def test_a_scene_change_disturbs_no_arm(hands, change):
     ends = []
     for how in (lambda plant: None, change):
         held = hands()
@@ -473,7 +473,7 @@ def test_arm_drive_and_grip_go_on_as_if_nothing_were_when_the_scene_changes(hand
     assert np.abs(ends[1] - ends[0]).max() < 1e-6
 
 
-def test_a_reset_puts_a_model_where_its_joints_were_put_last(beside):
+def test_a_reset_returns_to_the_put_joints(beside):
     plant = beside(ARM)
     plant.set_joints("model", BENT, [0.1] * 7)
     run(plant, 50)
@@ -491,7 +491,7 @@ def test_a_reset_ends_the_drive(beside):
     assert joints(plant, "model")[0][0] == 0.0
 
 
-def test_a_reset_keeps_a_grip_and_forgets_that_it_slipped(beside):
+def test_a_reset_keeps_a_grip_unslipped(beside):
     plant = beside(bar("prismatic"), name="rod", **WEIGHTLESS)
     plant.connect("grip", Bushing("rod::post", "rod::bar", np.eye(4), np.eye(4), force_limit=10.0))
     plant.drive_joints("rod", [30.0])
@@ -503,7 +503,7 @@ def test_a_reset_keeps_a_grip_and_forgets_that_it_slipped(beside):
     assert plant.bushing_load("grip").slipped == 0.0
 
 
-def test_what_a_deleted_model_was_connected_to_is_free(beside):
+def test_a_deleted_model_frees_its_connections(beside):
     plant = beside(bar())
     plant.spawn("other", bar(), at(5, 0, 2), fixed=True)
     plant.connect("grip", Bushing("link2", "model::bar", np.eye(4), np.eye(4), 0.0, 0.0))
@@ -513,7 +513,7 @@ def test_what_a_deleted_model_was_connected_to_is_free(beside):
     assert plant.connections() == ["kept"]
 
 
-def test_a_run_with_an_arm_and_a_grip_repeats_to_the_last_bit_after_a_reset(hands):
+def test_a_reset_run_repeats_bit_for_bit(hands):
     held, ends = hands(), []
     for _ in range(2):
         held.plant.reset(READY)

@@ -49,9 +49,7 @@ def peak_force(plant, steps):
 
 
 @pytest.mark.parametrize("gap", [0.001, 0.00113])
-def test_a_sphere_on_a_stiff_wall_gives_the_analytic_peak_within_two_percent_at_one_millisecond(
-    make_plant, panda_urdf, tmp_path, gap
-):
+def test_a_sphere_has_the_analytic_peak(make_plant, panda_urdf, tmp_path, gap):
     world = sphere_against_wall(tmp_path, gap, contact="penalty", stiffness=STIFFNESS)
     plant = make_plant(panda_urdf, world=world, gravity=[0.0, 0.0, 0.0], q=PRESS_POSE)
     peak = peak_force(plant, 60)
@@ -63,7 +61,7 @@ def test_a_sphere_on_a_stiff_wall_gives_the_analytic_peak_within_two_percent_at_
     assert leaving[0] == pytest.approx(-SPEED, rel=0.02)
 
 
-def test_damping_of_a_penalty_contact_takes_energy_and_never_pulls(make_plant, panda_urdf, tmp_path):
+def test_contact_damping_never_pulls(make_plant, panda_urdf, tmp_path):
     world = sphere_against_wall(tmp_path, 0.001, contact="penalty", stiffness=STIFFNESS, damping=300.0)
     plant = make_plant(panda_urdf, world=world, gravity=[0.0, 0.0, 0.0], q=PRESS_POSE)
     for _ in range(60):
@@ -114,7 +112,7 @@ def error(oracle, q):
 
 @pytest.mark.parametrize("contact", [{"contact": "rigid"}, {"contact": "penalty", "stiffness": 20000.0}])
 @pytest.mark.parametrize("rotor", [0.0, 0.1])
-def test_a_static_press_of_ten_newtons_reads_ten_newtons(make_plant, panda_urdf, tmp_path, contact, rotor):
+def test_a_static_press_reads_its_force(make_plant, panda_urdf, tmp_path, contact, rotor):
     oracle = Oracle(panda_urdf)
     T = oracle.frame(np.array(PRESS_POSE), "panda_hand_tcp")
     top = T[2, 3] - 0.02
@@ -141,7 +139,7 @@ def test_resting_weight_is_read_exactly(make_plant, panda_urdf, tmp_path):
 
 
 @pytest.mark.parametrize("rotor", [0.0, 0.1])
-def test_an_impact_on_the_arm_passes_on_the_momentum_of_links_and_rotors(make_plant, panda_urdf, tmp_path, rotor):
+def test_an_impact_conserves_link_and_rotor_momentum(make_plant, panda_urdf, tmp_path, rotor):
     """A ball hits the hand; the joint momentum (M + B) dq after it equals the time integral of J'F, with F from the
     contact itself."""
     oracle = Oracle(panda_urdf)
@@ -181,7 +179,7 @@ def test_an_impact_on_the_arm_passes_on_the_momentum_of_links_and_rotors(make_pl
 
 
 @pytest.mark.parametrize("rotor", [0.0, 0.1])
-def test_the_arm_on_a_stiff_wall_gives_the_peak_of_its_effective_mass(make_plant, panda_urdf, tmp_path, rotor):
+def test_the_arm_hits_with_its_effective_mass(make_plant, panda_urdf, tmp_path, rotor):
     """F = v sqrt(m k) with m = 1 / (n' J (M + B)^-1 J' n), ISO/TS 15066 with the reflected mass of the pose in place of
     its rule of thumb."""
     oracle, n, speed = Oracle(panda_urdf), np.array([1.0, 0.0, 0.0]), 0.25
@@ -204,7 +202,7 @@ def test_the_arm_on_a_stiff_wall_gives_the_peak_of_its_effective_mass(make_plant
 
 
 @pytest.mark.parametrize("angle", [0.2, 0.4])
-def test_a_block_on_a_slope_sticks_or_slides_as_friction_says(make_plant, panda_urdf, tmp_path, angle):
+def test_a_block_slides_by_coulomb_friction(make_plant, panda_urdf, tmp_path, angle):
     """Friction 0.6 * 0.5 = 0.3 holds up to 0.291 rad; beyond it the acceleration is g (sin - 0.3 cos)."""
     along, up = np.array([math.cos(angle), 0.0, -math.sin(angle)]), np.array([math.sin(angle), 0.0, math.cos(angle)])
     start = np.array([1.5, 0.0, 0.5]) + 0.05 * up
@@ -240,7 +238,7 @@ def gripper_urdf():
 
 
 @pytest.mark.parametrize(("force", "holds"), [(15.0, True), (5.0, False)])
-def test_two_fingers_hold_by_friction_what_they_press_enough(make_plant, tmp_path, force, holds):
+def test_fingers_hold_by_friction(make_plant, tmp_path, force, holds):
     """0.5 kg between two fingers with friction 0.5 * 0.9: 2 * 0.45 * F carries 4.9 N from 5.45 N on."""
     block = {
         "name": "block",

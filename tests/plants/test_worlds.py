@@ -46,7 +46,7 @@ def test_the_worlds_of_the_package_load(make_plant, panda_urdf, name):
         assert pairs == {frozenset(("table::link", "cube::link"))}
 
 
-def test_an_unknown_joint_is_refused_with_those_that_exist(make_plant):
+def test_an_unknown_joint_is_refused(make_plant):
     with pytest.raises(UnknownNameError, match="valid: joint1, joint2"):
         make_plant(two_link_urdf(), ["joint1", "elbow"])
 
@@ -100,7 +100,7 @@ def test_models_are_spawned_fall_and_are_deleted(make_plant):
     assert plant.link_state("one::body")[0][2, 3] == pytest.approx(2.0)
 
 
-def test_a_model_with_the_joints_of_a_pendulum_swings(make_plant):
+def test_a_spawned_pendulum_swings(make_plant):
     plant = make_plant(two_link_urdf(), JOINTS)
     plant.set_brakes([True, True])
     plant.spawn("pendulum", two_link_urdf(name="pendulum"), at(3, 0, 2), fixed=True)
@@ -118,7 +118,7 @@ def test_unknown_bodies_are_refused_with_those_that_exist(make_plant):
         plant.apply_wrench("link1", [1, 0], [0, 0, 0], [0, 0, 0], 1.0)
 
 
-def test_a_new_load_leaves_the_world_where_it_is(make_plant, panda_urdf):
+def test_a_new_load_keeps_the_world(make_plant, panda_urdf):
     plant = make_plant(panda_urdf, world="package://pybullet_ros_control/worlds/table.yaml", q=POSE)
     plant.spawn("block", BLOCK, at(3, 0, 5))
     plant.delete("table")
@@ -135,7 +135,7 @@ def test_a_new_load_leaves_the_world_where_it_is(make_plant, panda_urdf):
     assert plant.model_names() == ["table", "cube", "block"]
 
 
-def test_legal_poses_of_the_panda_show_no_self_collision_that_the_arm_does_not_have(make_plant, panda_urdf, rng):
+def test_legal_poses_have_no_self_collision(make_plant, panda_urdf, rng):
     """Capsules of neighbours overlap; the masks take that out. What remains is a folded arm, and is reported by the
     links' names."""
     plant = make_plant(panda_urdf)
@@ -174,7 +174,7 @@ def kinds(plant, steps):
     return found
 
 
-def test_surfaces_are_given_per_link_of_objects_and_of_models_to_come(make_plant, tmp_path):
+def test_surfaces_are_set_per_link(make_plant, tmp_path):
     world = tmp_path / "world.yaml"
     floor = "{name: floor, shape: box, size: [20, 20, 1], pose: {xyz: [0, 0, -0.5]}}"
     cube = "{name: cube, shape: box, size: [0.1, 0.1, 0.1], mass: 1, pose: {xyz: [3, 0, 0.051]}}"
@@ -204,7 +204,7 @@ def resting(plant, model):
     return contact.kind, contact.force / contact.depth if contact.kind == "penalty" else None
 
 
-def test_a_model_brings_surfaces_of_its_links_which_rules_go_over_and_nothing_takes_away(make_plant, tmp_path):
+def test_rules_override_surfaces_of_a_model(make_plant, tmp_path):
     world = tmp_path / "world.yaml"
     world.write_text("objects: [{name: floor, shape: box, size: [20, 20, 1], pose: {xyz: [0, 0, -0.5]}}]")
     rules = [{"link": "ruled::shell", "contact": "rigid"}]
@@ -226,7 +226,7 @@ def test_a_model_brings_surfaces_of_its_links_which_rules_go_over_and_nothing_ta
         assert resting(plant, "ruled") == ("rigid", None)
 
 
-def test_a_surface_of_a_link_that_a_model_does_not_have_is_refused_and_the_world_is_as_before(make_plant):
+def test_a_surface_of_an_unknown_link_is_refused(make_plant):
     plant = make_plant(two_link_urdf(), JOINTS)
     with pytest.raises(UnknownNameError, match=r"no link 'core' in surfaces of model ball; valid: shell"):
         plant.spawn("ball", BALL, at(3, 0, 1), surfaces={"core": Surface(20000.0)})
@@ -235,13 +235,13 @@ def test_a_surface_of_a_link_that_a_model_does_not_have_is_refused_and_the_world
 
 
 @pytest.mark.parametrize("pose", [np.eye(3), np.full((4, 4), np.nan)])
-def test_a_model_is_not_spawned_at_what_is_no_pose(make_plant, pose):
+def test_an_invalid_pose_spawns_nothing(make_plant, pose):
     plant = make_plant(two_link_urdf(), JOINTS)
     with pytest.raises(HricError, match="model ball: its pose must be a finite 4 x 4 transform"):
         plant.spawn("ball", BALL, pose)
 
 
-def test_a_link_of_the_robot_with_a_spring_meets_a_rigid_object_by_it(make_plant, panda_urdf, tmp_path):
+def test_a_sprung_link_meets_rigid_objects_softly(make_plant, panda_urdf, tmp_path):
     hand = make_plant(panda_urdf, q=POSE).link_state("panda_hand")[0]
     at_hand = (hand[:3, 3] + 0.03 * hand[:3, 2] + 0.054 * hand[:3, 0]).tolist()
     world = tmp_path / "world.yaml"
@@ -254,7 +254,7 @@ def test_a_link_of_the_robot_with_a_spring_meets_a_rigid_object_by_it(make_plant
     assert found == {False: {"rigid"}, True: {"penalty"}}
 
 
-def test_a_rule_for_a_link_that_is_not_there_is_refused_at_the_start_or_when_the_model_comes(make_plant):
+def test_a_rule_for_an_unknown_link_is_refused(make_plant):
     with pytest.raises(
         UnknownNameError, match=r"no link 'hand' in surfaces, of planar::hand; valid: base, link1, link2"
     ):
@@ -288,7 +288,7 @@ def scene(plant_type, rotor, steps):
 
 
 @pytest.mark.parametrize("rotor", [0.0, 0.1])
-def test_runs_are_bit_identical_after_a_reset_and_in_another_process(plant_type, rotor):
+def test_runs_repeat_bit_for_bit(plant_type, rotor):
     steps = 400 if "PyBullet" in plant_type else 120
     here = scene(plant_type, rotor, steps)
     assert here[0] == here[1]

@@ -137,7 +137,7 @@ class DriverSettings(Settings):
         """Return the outlet of a device in this process, and begin the stream. Raises ParameterError."""
         transport = device.settings.transport
         if self.source != transport:
-            raise refused(f"{self.prefix}source", self.source, f"that of the device, {transport}")
+            raise refused(f"{self.prefix}source", self.source, f"{transport}, the transport of the emulated device")
         if self.source != "lsl":
             raise refused(f"{self.prefix}source", self.source, "lsl, without a network")
         stream.begin(publisher.choose(replace(device.layout, source=device.settings.source)))

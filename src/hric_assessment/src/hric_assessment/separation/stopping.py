@@ -144,7 +144,7 @@ def as_yaml(table: StopTable) -> str:
     stops = content.pop("stops")
     head = yaml.safe_dump(content, sort_keys=False, width=10_000, allow_unicode=True)
     rows = "".join(f"  - {{{_written(row)}}}\n" for row in stops)
-    about = f"# Of an arm that is told to stop: {NOT_A_BRAKE}.\n" if table.kind == SIMULATION else ""
+    about = f"# Arm that receives the command to stop: {NOT_A_BRAKE}.\n" if table.kind == SIMULATION else ""
     units = "# speed [m/s], load [kg], time of braking until it is at rest [s], distance [m]; reaction_time [s]\n"
     return f"{about}{units}{head}stops:\n{rows}"
 

@@ -28,7 +28,7 @@ class PairForce:
 
     Attributes:
         body_a, body_b: "model::link" names, in alphabetical order.
-        kind: "penalty", "rigid", or "unknown" (bags of before it was published); of several kinds, one that may not be
+        kind: "penalty", "rigid", or "unknown" (bags older than this field); of several kinds, one that may not be
             assessed.
         peak_force: largest force; for penalty contact of all steps, else of the recorded instants [N].
         time: robot time of the message with the largest force [s].
@@ -84,7 +84,7 @@ def assessable(pairs: Iterable[PairForce]) -> list[PairForce]:
     for pair in found:
         if pair.kind != PENALTY:
             why = (
-                "nothing is said of its kind"
+                "its kind is not known"
                 if pair.kind == contact_info.UNKNOWN
                 else "it reads two to six times the elastic transient"
             )

@@ -149,7 +149,7 @@ class HumanControl:
         person: data of the body for the controller.
         posture: posture at the start, n floats [rad].
         end: time at which the motion has come to rest, after its start [s]; infinite: unknown.
-        clipped: how often each joint saturated at its strength, by joint; one stay at the limit counts once.
+        clipped: how often each joint saturated at maximum strength, by joint; one stay at the limit counts once.
         at_strength: True for each joint that is saturated in this cycle.
 
     Raises:

@@ -53,7 +53,7 @@ class Grip:
         self._due, self._slipped, self._slips, self._cycles = math.inf, 0.0, False, 0
 
     def distance(self) -> float:
-        """Return the current distance between palm and handle [m]. Raises UnknownNameError."""
+        """Return the current distance between palm and handle [m]. Raises UnknownNameError: no such body."""
         palm, handle = self._frames()
         return float(np.linalg.norm(palm[:3, 3] - handle[:3, 3]))
 

@@ -34,7 +34,7 @@ RECENT = 1.0
 WAIT = 0.1
 """Time between checks if the node ends [s]."""
 FULL = 1.0 - 1e-9
-"""Activation of a saturated muscle, and share of a joint at its strength [1]."""
+"""Activation of a saturated muscle, and torque of a saturated joint over its strength [1]."""
 
 
 class Frame(NamedTuple):

@@ -195,9 +195,9 @@ _INTERPOLATIONS: dict[str, Callable[[Values, Bracket, float], Values]] = {LINEAR
 
 
 def _finite(values: Values) -> Mask:
-    """Return True for rows with only finite values: what is not finite stays so times 0.
+    """Return a mask of the rows whose values are all finite, shape (n,).
 
-    It needs few calls of numpy, whose number determines the cost.
+    The sum of a row times 0 is NaN if a value is not finite: one call of numpy, because the calls are the cost.
     """
     return np.asarray(~np.isnan(values @ np.zeros(values.shape[1])))
 

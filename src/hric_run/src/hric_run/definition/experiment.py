@@ -312,7 +312,7 @@ class Experiment(_Sensed):
             raise ParameterError(f"supervisor.source is person, whom nobody tracks; valid: {valid}")
         if sources != ["human"] and (self.mocap is None or self.mocap.base_from_mocap is None):
             raise ParameterError(
-                f"supervisor.source is {', '.join(sources)}, and nobody says where it is in the robot's base; valid: a "
+                f"supervisor.source is {', '.join(sources)}, whose pose in the robot's base is not known; valid: a "
                 "section mocap with base_from_mocap, or human"
             )
 

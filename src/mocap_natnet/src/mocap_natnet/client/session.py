@@ -183,7 +183,7 @@ class Session:
         return refusal
 
     def _server_info(self, info: ServerInfo) -> str:
-        """Use server information that was requested; new information without a request is requested."""
+        """Use the reply to a connect request; if changed information comes without one, send a connect request."""
         requested, self._connecting = self._connecting, False
         if info == self.info and self._codec is not None:
             self.complaint = ""

@@ -152,7 +152,7 @@ def _fitted(
         return f"its path jumps in {100 * jumps:.0f} % of the poses, beside moment arms missed by {_mm(error)}"
     if jumps > 0.0:
         LOG.warning(
-            "%s: its path jumps in %.1f %% of the poses, which do not count; moment arms are missed by %s",
+            "%s: its path jumps in %.1f %% of the poses, which are left out; error of the moment arms: %s",
             name,
             100 * jumps,
             _mm(error),

@@ -177,7 +177,7 @@ class Matching:
             else:
                 off = math.degrees(math.acos(abs(along[coordinate])))
                 LOG.warning(
-                    "%s: %s has no muscles: of the coordinates of the hand %s is nearest to its axis, %.0f deg off",
+                    "%s: no muscle acts on %s: the axis of the nearest coordinate of the hand, %s, is %.0f deg off",
                     self._name,
                     joint,
                     coordinate.name,

@@ -1,0 +1,81 @@
+"""Command line of scripts/sample."""
+
+import argparse
+import ast
+import random
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from house.prose import printed
+from house.sources import WORKSPACE, Function, HouseError, Source, in_folder
+
+PAGES = ("README.md", "CONTRIBUTING.md", "docs/**/*.md", "src/*/INTERFACE.md")
+LOGS = {"print", "debug", "info", "warn", "warning", "error", "exception", "critical", "fatal"}
+"""Functions that print or log; exceptions are known by being raised."""
+
+
+def main(arguments: Sequence[str] | None = None, root: Path = WORKSPACE) -> int:
+    """Print a sample; return the exit code."""
+    parser = argparse.ArgumentParser(prog="scripts/sample", description="Draw texts at random, to read as a newcomer.")
+    parser.add_argument("kind", choices=KINDS, help="what to draw; logs: logged, printed and raised texts")
+    parser.add_argument("number", type=int, help="how many")
+    parser.add_argument("--seed", type=int, default=0, help="another seed draws others (default: 0)")
+    options = parser.parse_args(arguments)
+    try:
+        texts = KINDS[options.kind](root)
+    except (HouseError, OSError) as error:
+        print(f"scripts/sample: {error}", file=sys.stderr)
+        return 2
+    if not 0 < options.number <= len(texts):
+        parser.error(
+            f"number is {options.number}; valid: 1 to {len(texts)}" if texts else f"there are no {options.kind}"
+        )
+    print(*sorted(random.Random(options.seed).sample(texts, options.number)), sep="\n\n")
+    return 0
+
+
+def _docstrings(root: Path) -> list[str]:
+    return [text for source in in_folder(root) for text in _described(source)]
+
+
+def _described(source: Source) -> list[str]:
+    described = []
+    for node in source.nodes:
+        if isinstance(node, Function | ast.ClassDef | ast.Module) and (text := ast.get_docstring(node)):
+            line = 1 if isinstance(node, ast.Module) else node.lineno
+            described.append(f"{source.path}:{line} {_signature(node)}\n  " + text.replace("\n", "\n  "))
+    return described
+
+
+def _signature(node: ast.AST) -> str:
+    match node:
+        case ast.FunctionDef() | ast.AsyncFunctionDef():
+            returned = f" -> {ast.unparse(node.returns)}" if node.returns else ""
+            return f"def {node.name}({ast.unparse(node.args)}){returned}"
+        case ast.ClassDef():
+            return f"class {node.name}({', '.join(map(ast.unparse, node.bases))})"
+    return "(module)"
+
+
+def _logs(root: Path) -> list[str]:
+    logs = []
+    for source in in_folder(root):
+        for node in source.nodes:
+            called = getattr(node, "func", None)
+            if not isinstance(node, ast.Raise | ast.Call):
+                continue
+            if isinstance(node, ast.Raise) or getattr(called, "attr", getattr(called, "id", "")) in LOGS:
+                texts = " ".join(text for _, text in printed(list(ast.walk(node))))
+                logs += [f"{source.path}:{node.lineno}\n  {texts}"] if texts else []
+    return logs
+
+
+def _pages(root: Path) -> list[str]:
+    return [path.relative_to(root).as_posix() for glob in PAGES for path in root.glob(glob)]
+
+
+KINDS: dict[str, Callable[[Path], list[str]]] = {"docstrings": _docstrings, "logs": _logs, "pages": _pages}
+
+if __name__ == "__main__":
+    sys.exit(main())
