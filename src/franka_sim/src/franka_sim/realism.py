@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 from xml.etree import ElementTree
 
 import numpy as np
@@ -103,9 +103,9 @@ class Realism(Settings):
         """
         if plant.get("friction") != "identified" or not any(self.friction_known):
             return None
-        parameters: Any = plant["friction_parameters"]
+        parameters = cast(Mapping[str, Mapping[str, float]], plant["friction_parameters"])
         if all(share == 1.0 for share in self.friction_known):
-            return dict(parameters)
+            return parameters
         acting = sigmoid_parameters(parameters, joint_names)
         return {
             name: dict(zip(PHI, (share * phi[0], *phi[1:]), strict=True))

@@ -93,8 +93,7 @@ def physics_arguments() -> list[Argument]:
             type=yaml_value,
             default=IDEAL,
             metavar="PRESET",
-            help="differences between the arm and its model in the control box: ideal, measured, or {preset: "
-            "measured, dq_noise: 0}",
+            help="difference of the arm from its model in the box: ideal, measured, or {preset: measured, dq_noise: 0}",
         ),
         Argument(
             "--no-collision", group=PHYSICS, action="store_true", help="no contact of the arm with itself or the world"
