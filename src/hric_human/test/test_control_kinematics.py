@@ -12,9 +12,9 @@ from hric_core.geometry import Pose
 from hric_core.geometry.poses import difference
 from hric_core.urdf import read
 from hric_human.body import Body
+from hric_human.control.human_control import resting_posture
 from hric_human.control.inverse_kinematics import HandSolver, OutOfReachError
 from hric_human.control.kinematics import HandChain, own_weight
-from hric_human.control.surroundings import resting_posture
 
 
 class Oracle:
