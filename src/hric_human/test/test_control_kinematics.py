@@ -12,9 +12,9 @@ from hric_core.geometry import Pose
 from hric_core.geometry.poses import difference
 from hric_core.urdf import read
 from hric_human.body import Body
+from hric_human.control.human_control import resting_posture
 from hric_human.control.inverse_kinematics import HandSolver, OutOfReachError
 from hric_human.control.kinematics import HandChain, own_weight
-from hric_human.control.surroundings import resting_posture
 
 
 class Oracle:
@@ -125,5 +125,5 @@ def test_what_is_out_of_reach_is_refused_with_its_distance_and_the_reach() -> No
     assert math.dist(chain.pose(straight).position, (x, y, z)) == pytest.approx(chain.reach, abs=1e-12)
     with pytest.raises(OutOfReachError, match=rf"1.000 m from the right shoulder; valid: up to {chain.reach:.3f} m"):
         solve.first(Pose((x + 0.6, y, z + 0.8)))
-    with pytest.raises(OutOfReachError, match=r"0.050 m from the right shoulder, where the ranges of the joints"):
+    with pytest.raises(OutOfReachError, match=r"0.050 m from the right shoulder, is outside the ranges of the joints"):
         solve.first(Pose((x, y - 0.05, z)))

@@ -15,7 +15,7 @@ from hric_core.errors import CommandError, ParameterError
 from hric_core.geometry import Pose, transformed
 from hric_human.body import Body, describe
 from hric_human.control.kinematics import HandChain
-from hric_human.control.marked_body import ROOT_MOTIONS, MarkedBody
+from hric_human.control.marker_model import ROOT_MOTIONS, MarkerModel
 from hric_human.tracking import BRIDGED, LOST, MEASURED, Calibration, Estimate, PersonTracker, StillPose, calibrate
 from hric_human.tracking.tracker import BRIDGE, moved
 
@@ -89,7 +89,7 @@ def all_of(hides: list[Hide]) -> Hide:
 
 
 def test_markers_move_with_root_and_joints_as_their_jacobian_says() -> None:
-    marked, random = MarkedBody(BODY, NAMES), np.random.default_rng(0)
+    marked, random = MarkerModel(BODY, NAMES), np.random.default_rng(0)
     q, root = random.uniform(-0.5, 0.5, len(BODY.joints)), Pose((0.3, -0.2, 0.9), (0.1, 0.2, 0.3, 0.86**0.5))
     _, J = marked.at(q.tolist(), root)
     for column in range(J.shape[2]):
@@ -201,7 +201,7 @@ def test_a_marker_that_is_somewhere_else_does_not_count() -> None:
 def test_arms_spread_at_the_singularity_of_the_shoulder_stay_seen_and_do_not_drift() -> None:
     q = np.zeros(len(BODY.joints))
     q[[list(BODY.joints).index(f"{side}_sh_abd") for side in ("right", "left")]] = np.pi / 2
-    p, random = MarkedBody(BODY, NAMES).at(q.tolist(), Pose())[0], np.random.default_rng(1)
+    p, random = MarkerModel(BODY, NAMES).at(q.tolist(), Pose())[0], np.random.default_rng(1)
     tracker = PersonTracker(BODY, NAMES)
     for frame in range(600):
         one = tracker.update(frame / 60.0, p + random.normal(0.0, 5e-4, p.shape))
@@ -215,7 +215,7 @@ def test_arms_spread_at_the_singularity_of_the_shoulder_stay_seen_and_do_not_dri
 
 def test_any_posture_is_found_from_its_markers_alone() -> None:
     low, high = np.array([joint.range for joint in BODY.joints.values()]).T
-    marked, random = MarkedBody(BODY, NAMES), np.random.default_rng(5)
+    marked, random = MarkerModel(BODY, NAMES), np.random.default_rng(5)
     residuals = []
     for _ in range(15):
         turn = random.normal(size=4)
@@ -226,7 +226,7 @@ def test_any_posture_is_found_from_its_markers_alone() -> None:
 
 
 def test_a_time_that_does_not_rise_begins_anew() -> None:
-    tracker, p = PersonTracker(BODY, NAMES), MarkedBody(BODY, NAMES).at([0.1] * len(BODY.joints), Pose())[0]
+    tracker, p = PersonTracker(BODY, NAMES), MarkerModel(BODY, NAMES).at([0.1] * len(BODY.joints), Pose())[0]
     assert tracker.update(5.0, p) is not None
     one = tracker.update(1.0, p + np.array([3.0, 0.0, 0.0]))
     assert one is not None and one.root.position == pytest.approx((3.0, 0.0, 0.0), abs=1e-4)
@@ -246,7 +246,7 @@ def test_a_body_whose_trunk_has_no_markers_is_refused() -> None:
 
 
 def frames_of_a_still_pose() -> np.ndarray:
-    p = MarkedBody(BODY, NAMES).at([0.0] * len(BODY.joints), Pose())[0]
+    p = MarkerModel(BODY, NAMES).at([0.0] * len(BODY.joints), Pose())[0]
     return p + np.random.default_rng(1).normal(0.0, 5e-4, (121, *p.shape))
 
 

@@ -13,7 +13,7 @@ from hric_assessment.verdict.person import Person
 from hric_bags.records.human_record import HumanRecord
 from hric_core.geometry import FloatArray, Pose
 from hric_human.control.kinematics import GRAVITY
-from hric_human.control.marked_body import MarkedBody
+from hric_human.control.marker_model import MarkerModel
 from hric_human.participant.settings import HAND
 
 COVERAGE = 3.0
@@ -81,7 +81,7 @@ def spread_of(person: Person, side: str) -> dict[str, float]:
         return {}
     columns = {name: angle for name, angle in zip(person.names, person.q.T, strict=True) if np.isfinite(angle).any()}
     q = [float(np.nanmedian(columns[name])) if name in columns else 0.0 for name in person.body.joints]
-    J = MarkedBody(person.body, tuple(person.body.markers)).at(q, Pose())[1]
+    J = MarkerModel(person.body, tuple(person.body.markers)).at(q, Pose())[1]
     variance = person.uncertainty**2 * len(J) / (3.0 * len(J) - J.shape[2])
     J = J.reshape(-1, J.shape[2])
     deviations = np.sqrt(variance * np.diag(np.linalg.pinv(J.T @ J)))[-len(q) :]

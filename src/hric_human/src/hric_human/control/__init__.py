@@ -8,8 +8,8 @@ A controller is a class found by name, like those of robots: see `controller`.
 """
 
 from hric_human.control.controller import HumanController, Person, Senses
+from hric_human.control.human_control import ControlSettings, HumanControl, SenseSettings
 from hric_human.control.inverse_kinematics import OutOfReachError
-from hric_human.control.surroundings import ControlSettings, HumanControl, SenseSettings
 
 __all__ = [
     "ControlSettings",

@@ -19,7 +19,7 @@ from hric_core.trial.c3d import TrialSettings, resolve
 from hric_core.trial.opensim_text import rate_of, read_markers, read_storage
 from hric_human.control.controller import Person
 from hric_human.control.inverse_kinematics import Solver, Task
-from hric_human.control.marked_body import ROOT_MOTIONS, MarkedBody
+from hric_human.control.marker_model import ROOT_MOTIONS, MarkerModel
 from hric_human.control.references import Reference, ReferenceSettings, Rows
 
 ROOT = Pose()
@@ -35,7 +35,7 @@ class MarkerSolver:
     """
 
     def __init__(self, person: Person, names: list[str]) -> None:
-        self._marked = MarkedBody(person.body, names)
+        self._marked = MarkerModel(person.body, names)
         self._solver = Solver(*(np.array(values) for values in (person.lower, person.upper, person.rest)))
 
     def solve(self, positions: FloatArray) -> tuple[list[list[float]], FloatArray]:

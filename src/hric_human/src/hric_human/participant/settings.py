@@ -26,7 +26,7 @@ from hric_core.parameters import (
 from hric_human.body import Body, Subject, load
 from hric_human.body.joints import joints
 from hric_human.body.subject import PARTS
-from hric_human.control.surroundings import checked
+from hric_human.control.human_control import checked
 from hric_human.participant.walk import WalkSettings
 
 SUBJECTS = Path(__file__).resolve().parents[3] / "config" / "subjects"

@@ -19,7 +19,7 @@ from hric_core.parameters import Settings, mapping, number, numbers, read_yaml, 
 from hric_human.body import Body, Subject, describe
 from hric_human.body.segments import Builder
 from hric_human.control.inverse_kinematics import Solver
-from hric_human.control.marked_body import ROOT_MOTIONS, MarkedBody
+from hric_human.control.marker_model import ROOT_MOTIONS, MarkerModel
 from hric_human.control.whole_body import WholeBody
 from hric_human.tracking.tracker import PersonTracker, moved
 
@@ -223,8 +223,8 @@ class _Fit:
         """Return the current positions of the markers, shape (m, 3) [m]."""
         return self._marked(changes).at(self.q.tolist(), self.root)[0]
 
-    def _marked(self, changes: FloatArray) -> MarkedBody:
-        return MarkedBody(describe(self._with(changes)), self._names)
+    def _marked(self, changes: FloatArray) -> MarkerModel:
+        return MarkerModel(describe(self._with(changes)), self._names)
 
     def _with(self, changes: FloatArray) -> Subject:
         """Return the subject with lengths multiplied by exp(change)."""

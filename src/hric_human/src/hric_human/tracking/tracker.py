@@ -18,9 +18,9 @@ from hric_core.geometry.poses import difference
 from hric_core.geometry.quaternions import product
 from hric_human.body import Body
 from hric_human.body.segments import ROOT, SIDES, side_of
+from hric_human.control.human_control import resting_posture
 from hric_human.control.inverse_kinematics import Solver, Task
-from hric_human.control.marked_body import ROOT_MOTIONS, MarkedBody
-from hric_human.control.surroundings import resting_posture
+from hric_human.control.marker_model import ROOT_MOTIONS, MarkerModel
 
 Mask = npt.NDArray[np.bool_]
 MEASURED, BRIDGED, LOST = "measured", "bridged", "lost"
@@ -118,7 +118,7 @@ class PersonTracker:
                 "to show; valid: three or more, on a subject with parts upper_body or whole_body"
             )
         self.body, self.names = body, tuple(names)
-        self._marked = MarkedBody(body, names)
+        self._marked = MarkerModel(body, names)
         low, high = np.array([joint.range for joint in body.joints.values()]).T
         free = np.full(ROOT_MOTIONS, np.inf)
         self._rest = np.array(resting_posture(body))

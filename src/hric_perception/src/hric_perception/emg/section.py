@@ -6,7 +6,7 @@ from typing import Any
 
 from hric_core.parameters import Settings, choice, number, section
 from hric_human.body import describe
-from hric_human.control.surroundings import ControlSettings, hand_side
+from hric_human.control.human_control import ControlSettings, hand_side
 from hric_human.participant.settings import HumanSettings
 from hric_perception.emg.envelope import Settings as EnvelopeSettings
 from hric_perception.emg.muscles import AMPLITUDE, PROGRAM, Program, TopicActivation, muscle_names

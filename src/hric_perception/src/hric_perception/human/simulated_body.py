@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from hric_core.geometry import Pose, Vector, compose
 from hric_human.body import describe
 from hric_human.body.segments import ROOT
+from hric_human.control.human_control import ControlSettings, hand_side
 from hric_human.control.kinematics import HandChain
-from hric_human.control.surroundings import ControlSettings, hand_side
 from hric_human.control.whole_body import WholeBody
 from hric_human.hand import Program
 from hric_human.hand.program import DONE, MOVING, REST

@@ -20,9 +20,9 @@ class _Field(NamedTuple):
 
 def _number(form: str) -> _Field:
     """Return a number of a struct format."""
-    number_format = struct.Struct(f"<{form}")
+    binary_format = struct.Struct(f"<{form}")
     return _Field(
-        lambda reader, layout: reader.unpack(number_format)[0], lambda value, layout: number_format.pack(value)
+        lambda reader, layout: reader.unpack(binary_format)[0], lambda value, layout: binary_format.pack(value)
     )
 
 

@@ -17,8 +17,8 @@ from hric_human.muscles.anatomy import CENTRES, SEGMENTS, Anatomy, FitError, Mus
 from hric_human.muscles.fitting.fit import fit_error, fit_muscle, rounded
 from hric_human.muscles.fitting.girdle import Girdle, angles_yzx, angles_yzy
 from hric_human.muscles.fitting.groups import GROUPS, Group
-from hric_human.muscles.fitting.mend import mended
 from hric_human.muscles.fitting.muscle_paths import frames_of, muscle_path, resting
+from hric_human.muscles.fitting.repair import repaired
 from hric_human.muscles.fitting.sample import R_LINK_OPENSIM, Paths, Samples, poses
 from hric_human.muscles.polynomial import Polynomial
 
@@ -73,7 +73,7 @@ class DelftArm:
     """
 
     def __init__(self, path: Path) -> None:
-        self.paths = Paths(mended(path))
+        self.paths = Paths(repaired(path))
         self._girdle = Girdle()
         self._humerus, self._forearm = self.paths.numbers(_ARM), self.paths.numbers(_FOREARM)
 

@@ -14,7 +14,7 @@ NON_COMMERCIAL = (
 )
 """Licence notice of a model of an installed myo-sim."""
 DELFT_MENDS = (
-    "das4_v4.osim and is mended as the built-in anatomy is: insertion of 12 elements of the triceps, lines of "
+    "das4_v4.osim and is repaired as the built-in anatomy is: insertion of 12 elements of the triceps, lines of "
     "supinator and pronator quadratus, lengths of fibres and tendons, a girdle that follows the arm; its muscles of "
     "hand and wrist are left out"
 )
@@ -46,13 +46,13 @@ def fit(path: Path) -> Anatomy:
     Raises:
         HricError: the file cannot be read, or has no arm with muscles.
     """
-    from hric_human.muscles.fitting import any_arm, delft, mend  # an engine takes a second
+    from hric_human.muscles.fitting import any_arm, delft, repair  # an engine takes a second
 
     if path.suffix.lower() == ".xml":
         from hric_human.muscles.fitting.mujoco_model import MujocoArm
 
         return any_arm.fit(MujocoArm(path), path.name, terms(path))
-    if mend.is_das4(path):
+    if repair.is_das4(path):
         LOG.warning("%s is %s", path, DELFT_MENDS)
         return delft.fit(path)
     from hric_human.muscles.fitting.opensim_model import OpenSimArm

@@ -73,13 +73,7 @@ class OpenSimArm(Paths, ArmModel):
         self._couplers = list(_couplers(model, self.state))
         dependent = {coupler.name for coupler in self._couplers}
         self.coordinates = [
-            Coordinate(
-                coordinate.getName(),
-                _body(coordinate.getJoint().getChildFrame()),
-                coordinate.getRangeMin(),
-                coordinate.getRangeMax(),
-                coordinate.getDefaultValue(),
-            )
+            _coordinate(coordinate)
             for coordinate in members(model.getCoordinateSet())
             if coordinate.getName() not in dependent
             and coordinate.getMotionType() != _TRANSLATION
@@ -143,6 +137,11 @@ def _couplers(model: Any, state: Any) -> Iterator[_Coupler]:
             )
         else:
             yield _Coupler(coupler)
+
+
+def _coordinate(coordinate: Any) -> Coordinate:
+    name, body = coordinate.getName(), _body(coordinate.getJoint().getChildFrame())
+    return Coordinate(name, body, coordinate.getRangeMin(), coordinate.getRangeMax(), coordinate.getDefaultValue())
 
 
 def _body(frame: Any) -> str:

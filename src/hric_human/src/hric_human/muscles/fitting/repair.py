@@ -20,7 +20,7 @@ TRICEPS_INSERTION = (-0.0127, -0.0422, 0.0027)
 The published insertions lie inside the cylinder, where OpenSim's paths do not wrap. It gives moment arms of 18 to 20
 mm, as published.
 """
-KEPT = {element for group in GROUPS for element in group.elements}
+USED = {element for group in GROUPS for element in group.elements}
 """Elements of the file that are used."""
 MOVED = ("tric_long_1", "tric_long_2", *(f"tric_{head}_{k}" for head in ("med", "lat") for k in range(1, 6)))
 """Elements whose insertion lies in the cylinder."""
@@ -35,7 +35,7 @@ def is_das4(path: Path) -> bool:
     return not _read(path)[1]
 
 
-def mended(path: Path) -> Any:
+def repaired(path: Path) -> Any:
     """Return the model, an opensim.Model with the elements of GROUPS only.
 
     Raises:
@@ -46,26 +46,26 @@ def mended(path: Path) -> Any:
         raise HricError(f"{path} is not das4_v4.osim: it has no {', '.join(missing)}")
     forces = next(tree.iterfind(".//ForceSet/objects"))
     for force in list(forces):
-        if force.get("name") not in KEPT:
+        if force.get("name") not in USED:
             forces.remove(force)
         elif force.get("name") in MOVED:
             _insert(force)
     for probes in tree.iter("ProbeSet"):
         probes.clear()
     with TemporaryDirectory() as folder:
-        changed = Path(folder) / "mended.osim"
+        changed = Path(folder) / "repaired.osim"
         tree.write(changed)
         opensim.Logger.setLevelString("error")
         return opensim.Model(str(changed))
 
 
 def _read(path: Path) -> tuple[Any, list[str]]:
-    """Return the parsed file, and the elements of KEPT that it does not have."""
+    """Return the parsed file, and the elements of USED that it does not have."""
     try:
         tree = ElementTree.parse(path)
     except (OSError, ElementTree.ParseError) as error:
         raise HricError(f"no OpenSim model in {path}: {error}") from error
-    return tree, sorted(KEPT - {force.get("name", "") for force in tree.iterfind(".//ForceSet/objects/*")})
+    return tree, sorted(USED - {force.get("name", "") for force in tree.iterfind(".//ForceSet/objects/*")})
 
 
 def _insert(force: ElementTree.Element) -> None:

@@ -13,7 +13,7 @@ ROOT_MOTIONS = 6
 """Columns of a Jacobian before those of the joints: translation and rotation of the root link."""
 
 
-class MarkedBody:
+class MarkerModel:
     """Kinematics of markers.
 
     Args:
