@@ -197,25 +197,25 @@ class RegionMessages:
         known.area = math.nan if math.isnan(contact.area + known.area) else min(contact.area, known.area)
         return known
 
-    def _strongest(self, one: Any, index: int, stamp: float, force: float) -> None:
+    def _strongest(self, contact: Any, index: int, stamp: float, force: float) -> None:
         if force > 0.0:  # the force of a rigid contact is NaN
-            _, rows = self._links.setdefault(one.link, (tuple(one.regions), array("d")))
-            rows.extend((index, stamp, force, *xyz(one.point), *xyz(one.normal)))
+            _, rows = self._links.setdefault(contact.link, (tuple(contact.regions), array("d")))
+            rows.extend((index, stamp, force, *xyz(contact.point), *xyz(contact.normal)))
 
     def by_link(self, robot_time: Callable[[float], float]) -> dict[str, ContactRecord]:
         """Return forces at the times of the messages; a peak between two messages counts at the later one."""
         time = times(self._stamps, robot_time)
-        found, n = dict[str, ContactRecord](), len(time)
+        records, n = dict[str, ContactRecord](), len(time)
         for link, (regions, values) in self._links.items():
-            kept = ContactRecord(link, regions, time, np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3)))
+            record = ContactRecord(link, regions, time, np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3)))
             for index, stamp, force, *where in np.array(values).reshape(-1, 9).tolist():
                 at = int(index)
                 if not math.isnan(stamp):
                     at = min(int(np.searchsorted(time, robot_time(stamp))), at)
-                if force > kept.force[at]:
-                    kept.force[at], kept.point[at], kept.normal[at] = force, where[:3], where[3:]
-            found[link] = kept
-        return found
+                if force > record.force[at]:
+                    record.force[at], record.point[at], record.normal[at] = force, where[:3], where[3:]
+            records[link] = record
+        return records
 
     def meetings(self, robot_time: Callable[[float], float]) -> list[RegionForce]:
         """Return all contacts in the order in which they ended; those that did not end come last."""
@@ -226,7 +226,7 @@ class RegionMessages:
         last, rows = contact.last, np.array(contact.rows).reshape(-1, 11)
         kind = last.kind if len(contact.kinds) == 1 else " and ".join(sorted(contact.kinds))
         known = kind == "penalty"
-        course = Course(
+        profile = Course(
             times(rows[:, 0], robot_time),
             rows[:, 1],
             rows[:, 2],
@@ -241,7 +241,7 @@ class RegionMessages:
             last.link,
             last.other,
             kind,
-            robot_time(last.begin) if stated else float(course.time[0]),
+            robot_time(last.begin) if stated else float(profile.time[0]),
             float(last.duration) if stated else math.nan,
             float(last.peak) if known else None,
             robot_time(last.peak_time) if known else None,
@@ -249,7 +249,7 @@ class RegionMessages:
             _known(last.begin_point),
             _known(last.begin_normal),
             None if math.isnan(last.begin_speed) else float(last.begin_speed),
-            course,
+            profile,
             contact.sides.copy().pop() if len(contact.sides) == 1 else None,
             None if math.isnan(contact.area) or contact.area == math.inf else float(contact.area),
             contact.ended,
