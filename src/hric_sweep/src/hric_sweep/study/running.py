@@ -15,13 +15,13 @@ from hric_bags import files
 from hric_bags import reader as bag_reader
 from hric_bags import text as text_table
 from hric_bags.reader import ControlRecord, FloatArray
+from hric_bags.run_file import RunFile
 from hric_bags.run_folder import COMPLETED, INTERRUPTED, RUNNING, RunFolder, iso_now
 from hric_core.errors import NOT_GOOD, FailureError, HricError
 from hric_core.parameters import read_yaml
 from hric_core.processes import INTERRUPTED_CODE
 from hric_core.urdf import read
 from hric_report.compare import compare
-from hric_report.run import bag_of
 from hric_run import simulation
 from hric_run.definition.experiment import Experiment
 from hric_run.simulation import Simulation
@@ -124,7 +124,7 @@ def run(
     folder = RunFolder.create(root, study.name)
     names = [form.name for form in forms]
     settings = StudySettings(study.name, study.content, names, list(arguments), seed, figures)
-    head = {"study": study.name, "description": study.description, "experiment": study.name}
+    head: RunFile = {"study": study.name, "description": study.description, "experiment": study.name}
     folder.write({**head, "arguments": list(arguments), "seed": seed, "status": RUNNING, "started": iso_now()})
     files.write_yaml(folder.path / FILE, vars(settings))
     return _run(settings, folder, progress=progress)
@@ -154,7 +154,7 @@ def _run(settings: StudySettings, folder: RunFolder, *, progress: bool) -> Study
 def _form(form: Form, settings: StudySettings, folder: Path, progress: bool) -> PlainData:
     """Return the results of a form. Raises KeyboardInterrupt; HricError: a run fails, or runs cannot be compared."""
     runs = _runs(form, settings, folder, progress)
-    logs = {name: bag_reader.read(bag_of(run, run.read())).log for name, run in runs.items()}
+    logs = {name: bag_reader.read(run.bag_of(run.read())).log for name, run in runs.items()}
     metrics = {name: json.loads(run.metrics_path.read_text()) for name, run in runs.items()}
     results = {name: _result(run, metrics[name], logs[name]) for name, run in runs.items()}
     result = {
