@@ -24,7 +24,7 @@ from hric_core import urdf
 from hric_core.geometry import FloatArray, homogeneous
 from hric_core.meshes.files import read_coloured
 from hric_report import drawing, headless, style
-from hric_report.html import beside, moving, run_data
+from hric_report.html import human_and_objects, moving, run_data
 from hric_report.html.meshes import decimate
 from hric_report.html.scene import GREY, Robot, mesh_path
 from hric_run.definition import experiment
@@ -82,7 +82,7 @@ def pictures(data: run_data.RunData, folder: Path) -> Iterator[Image.Image]:
     from urdf_to_osim.drawing.drawing import draw
 
     assert data.person is not None
-    robots = [moving.robot(data, 1e3, []), *beside.human(data, 1e3), *beside.objects(data)]
+    robots = [moving.robot(data, 1e3, []), *human_and_objects.human(data, 1e3), *human_and_objects.objects(data)]
     contact = data.person.record.contacts[LINK]
     look = Look(WIDTHS[0], HEIGHT, centres=False, **VIEW)
     for time in np.arange(BEGIN, END, 1.0 / RATE):

@@ -169,7 +169,7 @@ def test_sensors_are_emulated_unless_requested(tmp_path: Path) -> None:
 def test_a_calibration_belongs_to_a_real_motive(tmp_path: Path) -> None:
     saved = tmp_path / "base_from_mocap.yaml"
     saved.write_text("{}")
-    with pytest.raises(ArgumentError, match="mocap:=motive only"):
+    with pytest.raises(ArgumentError, match="needs mocap:=motive"):
         checked("experiment:=marker_tracking", f"mocap_calibration:={saved}")
     assert checked("mocap:=motive", f"mocap_calibration:={saved}")["mocap_calibration"] == str(saved)
 
@@ -251,7 +251,7 @@ def test_a_simulated_human_needs_no_real_arm(tmp_path: Path) -> None:
     own.write_text("human: {subject: P50_male}\n")
     for experiment in ("thesis_step", str(own)):
         given = ("env:=real", f"experiment:={experiment}")
-        with pytest.raises(ArgumentError, match="cannot be beside a real arm; valid: robot_ip:=emulated, or env:=sim"):
+        with pytest.raises(ArgumentError, match="cannot act on a real arm; valid: robot_ip:=emulated, or env:=sim"):
             checked(*given, "robot_ip:=172.16.0.2")
         checked(*given, "robot_ip:=emulated")
         checked(f"experiment:={experiment}")

@@ -70,7 +70,7 @@ TOOLS = [
     ("hric_experiments run pd_step kp:=stiff", r"joint_pd_controller/kp is 'stiff'; valid: .*\[N m/rad\]"),
     ("hric_experiments run pd_step simulator:=gazebo", r"'gazebo' .*valid: mujoco\w+/MujocoPlant, opensim"),
     ("hric_experiments run pd_step --seed -1", r"--seed is -1; valid: a whole number of 0 or more"),
-    ("hric_experiments run pd_step --form soft", r"pd_step is no study.*studies: .*engines"),
+    ("hric_experiments run pd_step --form soft", r"pd_step is not a study.*studies: .*engines"),
     (
         "hric_experiments run contact human.subject:=body.yaml",
         r"3 mistakes\n.*'sexx' in body\.yaml.*\n.*30 to 200 \[kg\]",
@@ -120,7 +120,7 @@ TOOLS = [
     ),
     ("hric_experiments speed_map --region face", r"no contact with face is permitted .* valid: neck; "),
     ("hric_experiments inverse_dynamics nowhere", r"no run folder 'nowhere'"),
-    ("hric_experiments muscle_load nowhere.c3d", r"nowhere\.c3d does not say .* add --person RUN\|EXPERIMENT\.yaml"),
+    ("hric_experiments muscle_load nowhere.c3d", r"person of nowhere\.c3d is not known; add --person RUN\|EXP"),
     ("hric_experiments spawn pd_step", r"usage: .*\[_PARAMETER:=VALUE \.\.\.\]\n.*unrecognized arguments: pd_step"),
     ("hric_control robot here", r"\[_robot_hw:=TYPE\].*\n.*unrecognized arguments: here"),
     ("controller_manager controller_manager lod", r"invalid choice: 'lod' \(choose from 'list', .*'load'"),

@@ -75,8 +75,8 @@ def choices() -> Choices:
     """Return the names of controllers and experiments in this workspace."""
     # Packages that no set-up has put on the path yet, and those of the shell.
     packages = os.pathsep.join([str(WORKSPACE / "src"), os.environ.get("ROS_PACKAGE_PATH", "")])
-    own = dict.fromkeys(info.source.parent for info in plugins.names(plugins.CONTROLLER, packages).values())
-    files = [CONTROLLERS, *(path for folder in own for path in sorted(folder.glob("config/*.yaml")))]
+    folders = dict.fromkeys(info.source.parent for info in plugins.names(plugins.CONTROLLER, packages).values())
+    files = [CONTROLLERS, *(path for folder in folders for path in sorted(folder.glob("config/*.yaml")))]
     controllers = dict.fromkeys(name for path in files for name in instances(path.read_text()))
     experiments = sorted(EXPERIMENTS.glob("*.yaml"))
     having = {name: tuple(path.stem for path in experiments if has_section(path, name)) for name in (*DEVICES, HUMAN)}
@@ -133,11 +133,11 @@ def split(arguments: Iterable[str]) -> dict[str, str]:
     return result
 
 
-def check(given: Mapping[str, str], valid_names: Iterable[str], known: Choices) -> dict[str, str]:
+def check(arguments: Mapping[str, str], valid_names: Iterable[str], known: Choices) -> dict[str, str]:
     """Return the arguments for roslaunch: known names, valid values, absolute paths.
 
     Args:
-        given: name -> value from the command line.
+        arguments: name -> value from the command line.
         valid_names: arguments of bringup.launch.
         known: names that exist in this workspace.
 
@@ -145,7 +145,7 @@ def check(given: Mapping[str, str], valid_names: Iterable[str], known: Choices) 
         ArgumentError: lists the valid names or values.
     """
     names = sorted(valid_names)
-    for name in given:
+    for name in arguments:
         if name not in names:
             close = get_close_matches(name, names, n=1)
             hint = f" (did you mean {close[0]}?)" if close else ""
@@ -153,8 +153,8 @@ def check(given: Mapping[str, str], valid_names: Iterable[str], known: Choices) 
                 f"no argument {name!r}{hint}; valid: {', '.join(names)}.  scripts/bringup --help explains them"
             )
     checks = _checks(known)
-    _check_environment(given)
-    checked = {name: checks[name](name, value) if name in checks else value for name, value in given.items()}
+    _check_environment(arguments)
+    checked = {name: checks[name](name, value) if name in checks else value for name, value in arguments.items()}
     _check_human(checked, known)
     _check_mocap(checked, known)
     _check_sensors(checked, known)
@@ -183,21 +183,22 @@ ONLY_RECORDED = ("subject", "notes", "split_size", "split_duration")
 """Arguments for the recording only."""
 
 
-def _check_environment(given: Mapping[str, str]) -> None:
+def _check_environment(arguments: Mapping[str, str]) -> None:
     """Refuse arguments that do not belong to the environment, as they would have no effect."""
-    real = given.get("env") == "real"
-    emulated = given.get("robot_ip") == EMULATED
-    foreign = [name for name in given if name in (ONLY_SIMULATED if real else ONLY_REAL)]
+    real = arguments.get("env") == "real"
+    emulated = arguments.get("robot_ip") == EMULATED
+    foreign = [name for name in arguments if name in (ONLY_SIMULATED if real else ONLY_REAL)]
     if real and emulated:
         foreign = [name for name in foreign if name in ONLY_PACED]
     if foreign:
         raise ArgumentError(f"{', '.join(foreign)} can be given with env:={'sim' if real else 'real'} only")
-    if real and "robot_ip" not in given:
+    if real and "robot_ip" not in arguments:
         raise ArgumentError(
             "env:=real needs the address of the arm's control box, for example robot_ip:=172.16.0.2, or "
             "robot_ip:=emulated"
         )
-    if given.get("record", "").lower() == "false" and (unrecorded := [name for name in given if name in ONLY_RECORDED]):
+    unrecorded = [name for name in arguments if name in ONLY_RECORDED]
+    if unrecorded and arguments.get("record", "").lower() == "false":
         raise ArgumentError(
             f"{', '.join(unrecorded)} can be given with a recording only; valid: record:=true or record:=on_trigger"
         )
@@ -213,60 +214,59 @@ def has_section(path: Path, name: str) -> bool:
         return False
 
 
-def device(name: str, given: Mapping[str, str], known: Choices) -> str:
+def device(name: str, arguments: Mapping[str, str], known: Choices) -> str:
     """Return none, emulated or the real device; auto means emulated if the experiment has the section.
 
     Args:
         name: one of `DEVICES`.
-        given: checked arguments.
+        arguments: checked arguments.
         known: names that exist in this workspace.
     """
-    value = given.get(name, "auto")
+    value = arguments.get(name, "auto")
     if value != "auto":
         return value
-    return "emulated" if _has(name, given, known) else "none"
+    return "emulated" if _has(name, arguments, known) else "none"
 
 
-def _has(name: str, given: Mapping[str, str], known: Choices) -> bool:
+def _has(name: str, arguments: Mapping[str, str], known: Choices) -> bool:
     """Return True if the experiment has a section."""
-    experiment = given.get("experiment", "none")
+    experiment = arguments.get("experiment", "none")
     own_file = experiment.endswith((".yaml", ".yml")) and has_section(Path(experiment), name)
     return own_file or experiment in known.having.get(name, ())
 
 
-def _check_human(given: Mapping[str, str], known: Choices) -> None:
-    if given.get("env") == "real" and given["robot_ip"] != EMULATED and _has(HUMAN, given, known):
+def _check_human(arguments: Mapping[str, str], known: Choices) -> None:
+    if arguments.get("env") == "real" and arguments["robot_ip"] != EMULATED and _has(HUMAN, arguments, known):
         raise ArgumentError(
-            f"experiment:={given['experiment']} has a simulated human, who cannot be beside a real arm; valid: "
+            f"experiment:={arguments['experiment']} has a simulated human, who cannot act on a real arm; valid: "
             "robot_ip:=emulated, or env:=sim"
         )
 
 
-def _unpaced(given: Mapping[str, str]) -> bool:
-    return _numbers("real_time_factor", _loaded("real_time_factor", given.get("real_time_factor", "1")), "1")[0] == 0.0
+def _unpaced(arguments: Mapping[str, str]) -> bool:
+    factor = _loaded("real_time_factor", arguments.get("real_time_factor", "1"))
+    return _numbers("real_time_factor", factor, "1")[0] == 0.0
 
 
-def _check_sensors(given: Mapping[str, str], known: Choices) -> None:
-    chosen = {name: device(name, given, known) for name in SENSORS}
+def _check_sensors(arguments: Mapping[str, str], known: Choices) -> None:
+    chosen = {name: device(name, arguments, known) for name in SENSORS}
     used = ", ".join(f"{name}:={value}" for name, value in chosen.items() if value != "none")
-    if used and _unpaced(given):
+    if used and _unpaced(arguments):
         raise ArgumentError(
             f"real_time_factor:=0 is not possible with sensors ({used}), which come by wire and need a run that "
             "is paced; valid: a factor above 0"
         )
 
 
-def _check_mocap(given: Mapping[str, str], known: Choices) -> None:
-    chosen = device("mocap", given, known)
-    if chosen == "none" and given.get("mocap_server", "auto") != "auto":
+def _check_mocap(arguments: Mapping[str, str], known: Choices) -> None:
+    chosen = device("mocap", arguments, known)
+    if chosen == "none" and arguments.get("mocap_server", "auto") != "auto":
+        raise ArgumentError("mocap_server needs a motion capture; valid: with mocap:=motive or mocap:=emulated")
+    if chosen != "motive" and arguments.get("mocap_calibration", "none") != "none":
         raise ArgumentError(
-            "mocap_server can be given with a motion capture only; valid: mocap:=motive or mocap:=emulated beside it"
+            "mocap_calibration needs mocap:=motive: the experiment defines the pose of the emulated motion capture"
         )
-    if chosen != "motive" and given.get("mocap_calibration", "none") != "none":
-        raise ArgumentError(
-            "mocap_calibration can be given with mocap:=motive only: the emulated one is where the experiment says"
-        )
-    if chosen != "none" and _unpaced(given):
+    if chosen != "none" and _unpaced(arguments):
         raise ArgumentError(
             f"real_time_factor:=0 is not possible with a motion capture (mocap:={chosen}), which comes by wire "
             "and needs a run that is paced; "
@@ -419,10 +419,10 @@ def _numbers(name: str, value: object, example: str) -> list[float]:
 def _loaded(name: str, value: str) -> object:
     """Return a number or a list of numbers; anything else unchanged."""
     try:
-        found: object = ast.literal_eval(value)
+        literal: object = ast.literal_eval(value)
     except (ValueError, SyntaxError):
         return value
-    return found
+    return literal
 
 
 def _not_negative(name: str, value: str) -> str:
@@ -477,18 +477,18 @@ def completed(word: str) -> list[str]:
     name, separator, begun = word.partition(":=")
     arguments = documented()
     if not separator:
-        return [f"{one}:=" for one in arguments if f"{one}:=".startswith(word)]
+        return [f"{argument}:=" for argument in arguments if f"{argument}:=".startswith(word)]
     return [f"{name}:={value}" for value in valid_words(name, choices()) if value.startswith(begun)]
 
 
 def valid_words(name: str, known: Choices) -> tuple[str, ...]:
     """Return the words that an argument accepts; empty: numbers, paths, or anything else."""
-    own = {
+    words = {
         "controller": (*(word for word in known.controllers if word not in BROADCASTERS), "none"),
         "experiment": (*known.experiments, "none"),
         "simulator": known.engines,
     }
-    return own.get(name) or WORDS.get(name, ())
+    return words.get(name) or WORDS.get(name, ())
 
 
 def main(argv: list[str]) -> int:

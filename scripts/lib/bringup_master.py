@@ -53,8 +53,8 @@ def free_port() -> int:
 
 def node_is_alive(master: str, node: str) -> bool:
     """Return True if the master knows the node and the node itself responds (a killed one stays registered)."""
-    found = call(master, "lookupNode", node)
-    return found is not None and found[0] == 1 and call(str(found[2]), "getPid") is not None
+    reply = call(master, "lookupNode", node)
+    return reply is not None and reply[0] == 1 and call(str(reply[2]), "getPid") is not None
 
 
 def choose(uri: str, robot_node: str) -> tuple[str, bool]:

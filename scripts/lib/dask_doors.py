@@ -43,26 +43,27 @@ def check(program: str, words: list[str]) -> tuple[bool, list[str]]:
             f"{peer or 'nothing'} is no address of a scheduler; valid: tcp://HOST:PORT, tls://HOST:PORT, as "
             "scripts/scheduler prints it"
         )
-    given, others = parser.parse_known_args(words[bool(peer) :])
-    options = vars(given)
-    if not re.fullmatch("[1-9][0-9]*", given.workers):
-        raise DoorError(f"--workers {given.workers}; valid: 1 or more")
+    parsed, others = parser.parse_known_args(words[bool(peer) :])
+    options = vars(parsed)
+    if not re.fullmatch("[1-9][0-9]*", parsed.workers):
+        raise DoorError(f"--workers {parsed.workers}; valid: 1 or more")
     binds = {option: value for option in LISTENING if (value := options[option[2:].replace("-", "_")]) is not None}
-    pages = given.dashboard_address or f"{LOOPBACK}:0"
+    pages = parsed.dashboard_address or f"{LOOPBACK}:0"
     reached = [f"{option} {value}" for option, value in binds.items() if is_open(option, value)]
     if peer and not is_local(host_of(peer)):
         reached.insert(0, peer)
-    encrypted = bool(reached) and not given.insecure
-    if encrypted and not (peer.startswith("tls://") or (not peer and any(one.startswith("--tls-") for one in others))):
+    encrypted = bool(reached) and not parsed.insecure
+    has_keys = not peer and any(word.startswith("--tls-") for word in others)
+    if encrypted and not (peer.startswith("tls://") or has_keys):
         where = "tls://HOST:PORT with " * bool(peer) + "--tls-ca-file, --tls-cert, --tls-key"
         raise DoorError(reached_by_others(reached[0], where))
-    if not given.insecure and is_open("--dashboard-address", pages):
+    if not parsed.insecure and is_open("--dashboard-address", pages):
         raise DoorError(f"--dashboard-address {pages} is open to all; valid: {LOOPBACK}:PORT, or --insecure")
     if not binds and not reached:
         binds["--host"] = host_of(peer) if peer and host_of(peer) != "localhost" else LOOPBACK
     arguments = [peer] * bool(peer) + [word for option, value in binds.items() for word in (option, value)]
     if program == "worker":  # runs have processes and a bound of memory of their own below these
-        arguments += ["--nworkers", given.workers, "--nthreads", "1", "--memory-limit", "0"]
+        arguments += ["--nworkers", parsed.workers, "--nthreads", "1", "--memory-limit", "0"]
     return encrypted, [*arguments, "--dashboard-address", pages, *others]
 
 

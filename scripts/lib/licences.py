@@ -15,6 +15,8 @@ from typing import Any
 
 WORKSPACE = Path(__file__).resolve().parents[2]
 BILL = WORKSPACE / "build/sbom.cdx.json"
+Content = Mapping[str, Any]
+"""Bill of materials (CycloneDX) or a component of it, or the table [tool.hric.licences] of pyproject.toml."""
 _PINNED = re.compile(r"^([\w.-]+)==([\w.]+)", re.MULTILINE)
 
 
@@ -29,23 +31,23 @@ def pinned() -> set[tuple[str, str]]:
     return {(normal(name), version) for path in files for name, version in _PINNED.findall(path.read_text())}
 
 
-def bill() -> dict[str, Any]:
+def bill() -> Content:
     """Write the bill of materials of the environment and return it."""
     BILL.parent.mkdir(exist_ok=True)
     tool = [sys.executable, "-m", "cyclonedx_py", "environment", "--no-validate", "--output-reproducible"]
     command = [*tool, "--of", "JSON", "-o", str(BILL), sys.executable]
     subprocess.run(command, check=True, stderr=subprocess.DEVNULL)
-    content: dict[str, Any] = json.loads(BILL.read_text())
+    content: Content = json.loads(BILL.read_text())
     return content
 
 
-def licences(component: Mapping[str, Any]) -> list[str]:
+def licences(component: Content) -> list[str]:
     """Return the licences of a component of the bill: SPDX expressions, ids, and names of classifiers."""
     entries = component.get("licenses", [])
     return [entry.get("expression") or entry["license"].get("id") or entry["license"]["name"] for entry in entries]
 
 
-def refusals(content: Mapping[str, Any], installed: set[tuple[str, str]], rules: Mapping[str, Any]) -> Iterator[str]:
+def refusals(content: Content, installed: set[tuple[str, str]], rules: Content) -> Iterator[str]:
     """Yield a message for each installed package whose licence the rules do not allow.
 
     Args:
@@ -55,12 +57,12 @@ def refusals(content: Mapping[str, Any], installed: set[tuple[str, str]], rules:
     """
     allowed, exceptions = set(rules["allowed"]), rules["exceptions"]
     for component in content["components"]:
-        name, found = normal(component["name"]), licences(component)
+        name, names = normal(component["name"]), licences(component)
         if (name, component["version"]) not in installed or name in exceptions:
             continue
-        if not found or not all(_permits(licence, allowed) for licence in found):
-            said = ", ".join(found) or "no licence in its metadata"
-            yield f"{component['name']} {component['version']}: {said}; valid: an allowed licence, or an exception"
+        if not names or not all(_permits(licence, allowed) for licence in names):
+            listed = ", ".join(names) or "no licence in its metadata"
+            yield f"{component['name']} {component['version']}: {listed}; valid: an allowed licence, or an exception"
 
 
 def _permits(expression: str, allowed: set[str]) -> bool:

@@ -13,14 +13,14 @@ PRUNED = {"pybullet_data"}, {"cmeel.prefix", "include"}
 
 def mend(folder: Path) -> None:
     """Remove each package below a folder if one of its files is missing or truncated."""
-    for found in metadata.distributions(path=[str(folder)]):
-        kept = Path(str(found._path))  # type: ignore[attr-defined]
-        if not found.files or not all(whole(file) for file in found.files):
-            print(f"    incomplete, installed again: {kept.name.partition('-')[0]}")
-            shutil.rmtree(kept, ignore_errors=True)
+    for package in metadata.distributions(path=[str(folder)]):
+        record = Path(str(package._path))  # type: ignore[attr-defined]
+        if not package.files or not all(is_complete(file) for file in package.files):
+            print(f"    incomplete, installed again: {record.name.partition('-')[0]}")
+            shutil.rmtree(record, ignore_errors=True)
 
 
-def whole(file: metadata.PackagePath) -> bool:
+def is_complete(file: metadata.PackagePath) -> bool:
     """Return True if a file has the size that its package says; compiled Python is not checked."""
     path = Path(str(file.locate()))
     if path.suffix == ".pyc" or any(parts <= set(path.parts) for parts in PRUNED):

@@ -133,9 +133,9 @@ def _interrupt(*_: object) -> None:
 
 def main(argv: Sequence[str]) -> int:
     """Run the command and return its exit code."""
-    given = parsed(argv)
+    arguments = parsed(argv)
     try:
-        run = find(given.run, given.runs)
+        run = find(arguments.run, arguments.runs)
         master, running = choose(os.environ.get("ROS_MASTER_URI") or DEFAULT, f"{run.namespace}/robot")
         if running and (reason := blocked(call(master, "getSystemState"), run)):
             other = "ROS_MASTER_URI=http://localhost:11322 scripts/replay ..."
@@ -145,7 +145,7 @@ def main(argv: Sequence[str]) -> int:
             )
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, _interrupt)
-        return play(run, master, running, given.rate, not given.no_rviz and bool(os.environ.get("DISPLAY")))
+        return play(run, master, running, arguments.rate, not arguments.no_rviz and bool(os.environ.get("DISPLAY")))
     except (HricError, MasterError) as error:
         print(f"scripts/replay: {error}", file=sys.stderr)
         return getattr(error, "exit_code", FAILURE)

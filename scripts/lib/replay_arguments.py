@@ -25,12 +25,12 @@ def parsed(argv: Sequence[str]) -> argparse.Namespace:
     )
     parser.add_argument("--no-rviz", action="store_true", help="without rviz; by itself where there is no display")
     parser.add_argument("--runs", metavar="DIR", help="folder of all runs")
-    given = parser.parse_args(argv)
+    arguments = parser.parse_args(argv)
     try:
-        RunFolder.open(given.run, runs_root(given.runs))
+        RunFolder.open(arguments.run, runs_root(arguments.runs))
     except HricError as error:
         parser.error(str(error))
-    return given
+    return arguments
 
 
 def _rate(text: str) -> float:

@@ -7,7 +7,6 @@ from typing import Any
 from hric_bags.parts import PartsReader, parts
 from hric_bags.run_folder import RunFolder, runs_root
 from hric_core.errors import HricError
-from hric_report.run import bag_of
 
 NOT_PLAYED = ("/clock", "/rosout", "/rosout_agg")
 """Topics that are not played: the player creates the clock, and the old log would mix with the present one."""
@@ -38,14 +37,14 @@ class Run:
     duration: float
 
 
-def find(given: str, root: str | None) -> Run:
+def find(name: str, root: str | None) -> Run:
     """Return the requested run.
 
     Raises:
         HricError: it does not exist, its bag was not closed or is damaged, or it is empty.
     """
-    folder = RunFolder.open(given, runs_root(root))
-    bag = bag_of(folder, folder.read())
+    folder = RunFolder.open(name, runs_root(root))
+    bag = folder.bag_of(folder.read())
     if not bag.is_file():
         unfinished = bag.with_name(bag.name + ".active").is_file()
         hint = (

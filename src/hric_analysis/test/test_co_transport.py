@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from hric_analysis import carrying, human
-from hric_analysis.carrying import Carried
+from hric_analysis.carrying import Transport
 from hric_bags.records import human_record
 from hric_bags.records.human_record import GripRecord
 from hric_core.errors import HricError
@@ -37,11 +37,11 @@ def grip(name: str, force: Any, point: Any, closed: tuple[float, float] = (0.0, 
     return GripRecord(name, "board::link", f"{name}::palm", TIME, held, rows - force, rows, rows + point, rows[:, 0])
 
 
-def carried(forces: Sequence[Any], centre: Any = (0.0, 0.0, 0.5), tilt: float = 0.0) -> Carried:
+def carried(forces: Sequence[Any], centre: Any = (0.0, 0.0, 0.5), tilt: float = 0.0) -> Transport:
     """The board about a centre, by the forces of both."""
     half = HALF * np.array([np.cos(tilt), 0.0, np.sin(tilt)])
     ends = [grip(name, force, centre + side * half) for name, force, side in zip(GRIPS, forces, (-1, 1), strict=True)]
-    (found,) = carrying.carried(ends, {"grips": GRIPS}, {"world": BOARD})
+    (found,) = carrying.transports(ends, {"grips": GRIPS}, {"world": BOARD})
     return found
 
 
@@ -82,18 +82,18 @@ def test_stamps_that_wander_by_milliseconds_are_no_acceleration() -> None:
     ends = [
         grip(name, lift, moving + np.array([side * HALF, 0.0, 0.0])) for name, side in zip(GRIPS, (-1, 1), strict=True)
     ]
-    (found,) = carrying.carried([replace(end, time=late) for end in ends], {"grips": GRIPS}, {"world": BOARD})
+    (found,) = carrying.transports([replace(end, time=late) for end in ends], {"grips": GRIPS}, {"world": BOARD})
     assert found.excess is not None and np.nanmax(np.abs(found.excess)) < 1e-3 * MASS * G
 
 
 def test_who_lets_go_while_the_other_holds_has_handed_over_and_not_carried() -> None:
     ends = [grip("robot", 0.0, 0.1, (0.0, 2.0)), grip("hand", 0.0, 0.9, (1.0, 9.0))]
-    assert carrying.hands_over(*ends) and carrying.carried(ends, {"grips": GRIPS}, {"world": BOARD}) == []
+    assert carrying.hands_over(*ends) and carrying.transports(ends, {"grips": GRIPS}, {"world": BOARD}) == []
 
 
 def test_a_world_that_is_not_there_any_more_leaves_the_squeeze() -> None:
     ends = [grip("robot", (5.0, 0.0, 0.0), 0.1), grip("hand", (-5.0, 0.0, 0.0), (0.9, 0.1, 0.1))]
-    (found,) = carrying.carried(ends, {"grips": GRIPS}, {"world": "/nowhere/board.yaml"})
+    (found,) = carrying.transports(ends, {"grips": GRIPS}, {"world": "/nowhere/board.yaml"})
     values = carrying.metrics(found, 0.0, 4.0)
     assert values is not None and values.load_share is None and values.squeeze_max > 4.9
     assert "weight unknown" in human_text._transport(values)
@@ -122,7 +122,7 @@ def test_at_rest_each_end_carries_what_the_levers_say(tmp_path: Path) -> None:
     path = runner.run(definition, changes, root=tmp_path, progress=False, figures=False).folder.bag_path
     record = human_record.read(path, float)
     assert record is not None
-    (found,) = human.carried_in(record, {"human": definition.human, "robot": {"plant": definition.robot.plant}})
+    (found,) = human.transports_in(record, {"human": definition.human, "robot": {"plant": definition.robot.plant}})
     assert found.share is not None
     shares = found.share[:, found.time > 3.5].mean(axis=1)
     np.testing.assert_allclose(shares.sum(), 1.0, rtol=1e-6)
@@ -155,7 +155,7 @@ def test_the_replay_has_the_board_where_both_ends_of_it_are(led: runner.Result) 
     data = run_data.load(led.folder, led.metrics)
     (board,) = data.objects
     assert data.person is not None
-    (found,) = data.person.carried
+    (found,) = data.person.transports
     later = board.time > found.time[0]
     for axis in range(3):
         middle = np.interp(board.time[later], found.time, found.centre[:, axis])

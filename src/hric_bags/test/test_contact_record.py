@@ -66,7 +66,7 @@ def test_a_force_of_which_nothing_is_said_is_refused_too(tmp_path):
     message.states.append(state)
     (pair,) = contact_record.read(bag(tmp_path / "a.bag", message), float)
     assert (pair.kind, pair.peak_force) == ("unknown", 5.0)
-    with pytest.raises(RigidForceError, match="its kind is not known"):
+    with pytest.raises(RigidForceError, match="the kind of contact is not known"):
         contact_record.assessable([pair])
 
 

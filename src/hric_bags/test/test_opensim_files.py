@@ -14,7 +14,6 @@ from hric_bags.export import opensim_files
 from hric_bags.reader import ControlRecord
 from hric_bags.run_folder import RunFolder
 from hric_report import headless
-from hric_report.run import bag_of
 from hric_run.definition import experiment
 
 R_GROUND_BASE = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
@@ -32,7 +31,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
 
 @pytest.fixture(scope="module")
 def log(folder: RunFolder) -> ControlRecord:
-    return bag_reader.read(bag_of(folder, folder.read())).log
+    return bag_reader.read(folder.bag_of(folder.read())).log
 
 
 def test_opensim_replays_the_states_of_the_run_on_its_model(folder: RunFolder, log: ControlRecord) -> None:

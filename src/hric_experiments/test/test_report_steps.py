@@ -13,6 +13,7 @@ from hric_bags.text import Steps
 from hric_experiments.live import experiment as live
 from hric_experiments.live.node import Interrupted
 from hric_report import run as analysis
+from hric_report import run_figures
 
 
 class Terminal(io.StringIO):
@@ -66,9 +67,9 @@ def test_ctrl_c_during_the_report_leaves_the_bag_whole_and_says_how_to_make_it_l
     def interrupted(*_: Any, **__: Any) -> None:
         raise Interrupted
 
-    monkeypatch.setattr(analysis, "_draw", interrupted)
+    monkeypatch.setattr(run_figures, "draw", interrupted)
     folder = report_run.write_run(tmp_path)
     with pytest.raises(Interrupted):
         live_experiment()._report(folder)
-    assert said == [f"interrupted: the bag is whole, the report is not made; to make it: hric report {folder.path}"]
+    assert said == [f"interrupted: the bag is complete, but there is no report; to make it: hric report {folder.path}"]
     assert bag_reader.read(folder.bag_path).log.cycles == report_run.CYCLES

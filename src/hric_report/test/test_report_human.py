@@ -23,7 +23,7 @@ from hric_human.muscles.lines import ACTIVATION_COLOURS
 from hric_human.participant.settings import HumanSettings
 from hric_msgs.msg import RegionContact, RegionContacts
 from hric_report import html as report_html
-from hric_report.html import beside, run_data
+from hric_report.html import human_and_objects, run_data
 
 in_a_browser = [
     pytest.mark.slow,
@@ -95,7 +95,7 @@ def test_the_force_on_a_link_is_the_largest_of_an_instant_or_the_peak_of_what_ha
 
 
 def test_a_blow_between_two_instants_of_the_replay_is_not_left_out(data: run_data.RunData) -> None:
-    (person,) = beside.human(data, 10.0)
+    (person,) = human_and_objects.human(data, 10.0)
     (contact,) = [arrow for arrow in person.arrows if arrow.ends]
     assert len(contact.time) < 15
     largest = np.linalg.norm(contact.force, axis=1).argmax()
@@ -104,7 +104,7 @@ def test_a_blow_between_two_instants_of_the_replay_is_not_left_out(data: run_dat
 
 
 def test_muscles_are_coloured_by_their_activation_and_actuators_have_no_line(data: run_data.RunData) -> None:
-    (person,) = beside.human(data, 60.0)
+    (person,) = human_and_objects.human(data, 60.0)
     assert data.person is not None and data.person.record.muscles is not None and person.lines is not None
     record, lines = data.person.record.muscles, person.lines
     assert list(lines.points) == list(record.muscles) and len(lines.points) == 34
@@ -117,13 +117,13 @@ def test_muscles_are_coloured_by_their_activation_and_actuators_have_no_line(dat
 def test_a_run_without_muscles_has_no_lines(data: run_data.RunData) -> None:
     assert data.person is not None
     without = replace(data.person, record=replace(data.person.record, muscles=None))
-    (person,) = beside.human(replace(data, person=without), 60.0)
+    (person,) = human_and_objects.human(replace(data, person=without), 60.0)
     assert person.lines is None
 
 
 def test_nobody_is_drawn_where_nobody_was(data: run_data.RunData) -> None:
     alone = replace(data, person=None)
-    assert beside.human(alone, 60.0) == [] and beside.width(alone) == 0
+    assert human_and_objects.human(alone, 60.0) == [] and human_and_objects.width(alone) == 0
 
 
 class TestInABrowser:
@@ -152,7 +152,7 @@ class TestInABrowser:
     def test_a_muscle_is_drawn_from_end_to_end_where_its_links_are(
         self, page: Browser, data: run_data.RunData, name: str
     ) -> None:
-        (person,) = beside.human(data, 60.0)
+        (person,) = human_and_objects.human(data, 60.0)
         assert person.lines is not None
         index, points = list(person.lines.points).index(name), person.lines.points[name]
         page.evaluate("report.setTime(0.9); report.replay.scene.updateMatrixWorld(true)")

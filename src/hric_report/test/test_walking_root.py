@@ -10,7 +10,7 @@ import yaml
 from hric_assessment.findings import Finding
 from hric_assessment.verdict import assess, opened
 from hric_report import headless as runner
-from hric_report.html import beside, metrics_of, run_data
+from hric_report.html import human_and_objects, metrics_of, run_data
 from hric_run.definition import experiment
 
 WALKED = (-0.3, -0.2)
@@ -57,7 +57,7 @@ def test_the_distance_is_measured_from_where_he_was(runs: list[Any]) -> None:
 
 
 def test_the_page_moves_his_body_by_the_recorded_root(runs: list[Any]) -> None:
-    stood, walked = (beside.human(run_data.load(run, metrics_of(run)), 50.0)[0] for run in runs)
+    stood, walked = (human_and_objects.human(run_data.load(run, metrics_of(run)), 50.0)[0] for run in runs)
     assert stood.motion is None and walked.motion is not None
     place = np.array(stood.pose.position)
     assert np.allclose(walked.motion.values[:, :3], place, atol=5e-3)

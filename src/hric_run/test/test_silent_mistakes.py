@@ -61,7 +61,7 @@ MISTAKES = [
         "run pd_step friction:=none 'robot.plant.friction_parameters:={phi1: [1]}'",
         r"has no effect; valid: with .*friction: identified",
     ),
-    ("run pd_step kp=200", r"'kp=200' is no override; write kp:=200"),
+    ("run pd_step kp=200", r"'kp=200' is not an override; write kp:=200"),
     ("run pd_step kp:=100 kp:=200", r"kp is given more than once"),
     (f"run pd_step kp:=100 {PD}.kp:=200", r"kp has no effect beside parameters\.joint_pd_controller\.kp"),
     ("run pd_step robot.load.mass:=1 'robot.load:={mass: 2}'", r"robot\.load\.mass has no effect beside robot\.load"),
@@ -124,7 +124,7 @@ MISTAKES = [
     (
         "run pd_step 'setpoints:=[{time: 1, controller: joint_pd_controller, positions: [0,-1,0,-2,0,1,0]}, "
         "{time: 1, controller: joint_pd_controller, positions: [0,-1,0,-2,0,1,1]}]'",
-        r"setpoints\[1\]\.time is that of the one before",
+        r"setpoints\[1\]\.time is that of an earlier setpoint",
     ),
     (f"run pd_step {PD}.rotatum_limit:=1e9", r"at most 1e\+06 in size \[N m/s\]"),
     (f"run pd_step {PD}.gain_ramp:=1000", r"1000 ms would be 1 s"),

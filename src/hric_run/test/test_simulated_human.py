@@ -75,9 +75,9 @@ def test_the_same_seed_gives_the_same_frames() -> None:
     [
         (
             ("human", "force_plate"),
-            r"mocap\.human\.program is body, and nobody is in the robot's plant; valid: a section",
+            r"mocap\.human\.program is body, but there is no human in the robot's plant; valid: a section",
         ),
-        (("human", "mocap"), r"force_plate\.emulated\.load\.program is body, and nobody is in the robot's plant"),
+        (("human", "mocap"), r"force_plate\.emulated\.load\.program is body, but there is no human in the robot"),
     ],
 )
 def test_a_device_that_measures_nobody_is_refused(without: tuple[str, ...], said: str) -> None:

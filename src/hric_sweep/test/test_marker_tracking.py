@@ -12,7 +12,6 @@ import pytest
 from hric_bags import reader as bag_reader
 from hric_bags.run_folder import RunFolder
 from hric_report import headless
-from hric_report.run import bag_of
 from hric_run.definition import experiment
 from hric_sweep.study import definition as study
 from hric_sweep.study import running as study_run
@@ -65,7 +64,7 @@ def test_the_arm_follows_the_marker_within_lag_error_and_acceleration(
 
 def test_the_bag_has_what_the_laboratory_has_and_the_truth(half_a_swing: tuple[RunFolder, dict[str, Any]]) -> None:
     folder, _ = half_a_swing
-    topics = bag_reader.read(bag_of(folder, folder.read())).topics
+    topics = bag_reader.read(folder.bag_of(folder.read())).topics
     assert topics["/hric/perception/mocap"] == topics["/mocap/marker"] == topics["/mocap/hand/pose"] > 880
     assert topics["/hric/human/hand"] in (369, 370) and topics["/hric/human/phase"] == 3
     assert topics["/cartesian_pose_controller/state"] > 360
@@ -84,7 +83,7 @@ def test_axes_and_place_of_the_mocap_frame_do_not_change_the_motion(tmp_path: Pa
     base = "mocap.base_from_mocap:={xyz: [1.0, -0.5, 0.2], xyzw: [0, 0, 0.6, 0.8]}"
     short = ("noise:=0", "mocap.human.begin:=0.1", "duration:=0.8")
     paths = [
-        bag_reader.read(bag_of(folder, folder.read())).log.position
+        bag_reader.read(folder.bag_of(folder.read())).log.position
         for folder, _ in (run(tmp_path, *short, *more) for more in ([], [base], [base, "mocap.stream.up_axis:=z"]))
     ]
     assert abs(paths[0][-1] - paths[0][0]).max() > 1e-2

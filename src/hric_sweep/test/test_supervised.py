@@ -147,7 +147,7 @@ def test_a_mistake_in_the_section_is_one_error_with_what_is_valid(changes, said)
 def test_a_supervisor_who_sees_nobody_is_refused():
     raw = experiment.read(NAME)
     del raw["human"]
-    with pytest.raises(HricError, match="nobody is in the robot's plant"):
+    with pytest.raises(HricError, match="there is no human in the robot's plant"):
         experiment.parse(NAME, raw)
 
 

@@ -7,10 +7,9 @@ inertia do not count. This is the one-dimensional interactive force of two partn
 (recalled, unconfirmed), along the line between the hands.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +18,7 @@ from hric_assessment.ergonomics.effort import log_dimensionless_jerk
 from hric_bags.reader import FloatArray
 from hric_bags.records.human_record import GripRecord
 from hric_bags.records.object_record import models
+from hric_bags.run_file import NodeParameters
 from hric_control.plants import WindowlessConfig
 from hric_core.geometry import MassProperties
 from hric_human.participant.settings import HumanSettings
@@ -38,7 +38,7 @@ falls a little first [s] (project default, unconfirmed)."""
 
 
 @dataclass(frozen=True)
-class Carried:
+class Transport:
     """Time series of a body while two grips carry it.
 
     Attributes:
@@ -72,7 +72,7 @@ class Carried:
         return np.asarray(self.point.mean(axis=0))
 
 
-def masses(plant: Mapping[str, Any]) -> dict[str, MassProperties]:
+def masses(plant: NodeParameters) -> dict[str, MassProperties]:
     """Return the mass properties of the free single-link bodies in a plant's world, by "model::link".
 
     The result is empty if the world file no longer exists.
@@ -89,7 +89,7 @@ def masses(plant: Mapping[str, Any]) -> dict[str, MassProperties]:
     }
 
 
-def carried(grips: Iterable[GripRecord], human: Mapping[str, Any], plant: Mapping[str, Any]) -> list[Carried]:
+def transports(grips: Iterable[GripRecord], human: NodeParameters, plant: NodeParameters) -> list[Transport]:
     """Return each body that two grips carried: both held it at the same time, and it was not handed over.
 
     Args:
@@ -97,7 +97,7 @@ def carried(grips: Iterable[GripRecord], human: Mapping[str, Any], plant: Mappin
         human: section `human` of the experiment, for the handles.
         plant: parameters of the plant, for the mass of the body and gravity.
     """
-    known, found = None, []
+    known, result = None, []
     for a, b in combinations(grips, 2):
         both = a.closed[: len(b.time)] & b.closed[: len(a.time)]
         if a.held != b.held or not both.any() or hands_over(a, b) or hands_over(b, a):
@@ -105,18 +105,20 @@ def carried(grips: Iterable[GripRecord], human: Mapping[str, Any], plant: Mappin
         known = masses(plant) if known is None else known
         gravity = np.array(plant.get("gravity") or WindowlessConfig().gravity, dtype=float)
         settings = HumanSettings.of(human, "human").grips
-        handles = [settings[one.name].handle for one in (a, b) if one.name in settings]
+        handles = [settings[grip.name].handle for grip in (a, b) if grip.name in settings]
         if (during := _first_run(a.time, both)) is not None:
-            found.append(_carried(a, b, during, known.get(a.held), handles, gravity))
-    return found
+            result.append(_transport(a, b, during, known.get(a.held), handles, gravity))
+    return result
 
 
 def hands_over(giver: GripRecord, taker: GripRecord) -> bool:
     """Return True if the giver closed its grip first and opened it before the taker did."""
     if not (giver.closed.any() and taker.closed.any()):
         return False
-    (given, taken), (left, over) = ([float(grip.time[grip.closed][k]) for grip in (giver, taker)] for k in (0, -1))
-    return given < taken and left < over
+    (giver_from, taker_from), (giver_until, taker_until) = (
+        [float(grip.time[grip.closed][k]) for grip in (giver, taker)] for k in (0, -1)
+    )
+    return giver_from < taker_from and giver_until < taker_until
 
 
 def _first_run(time: FloatArray, both: npt.NDArray[np.bool_]) -> slice | None:
@@ -128,14 +130,14 @@ def _first_run(time: FloatArray, both: npt.NDArray[np.bool_]) -> slice | None:
     return slice(begin, end) if end - begin >= MIN_SAMPLES else None
 
 
-def _carried(
+def _transport(
     a: GripRecord,
     b: GripRecord,
     during: slice,
     mass: MassProperties | None,
     handles: Sequence[Sequence[float]],
     gravity: FloatArray,
-) -> Carried:
+) -> Transport:
     time, force = _even(a.time[during]), -np.stack([a.force[during], b.force[during]])
     point = np.stack([a.point[during], b.point[during]])
     line = point[1] - point[0]
@@ -145,11 +147,11 @@ def _carried(
     squeeze = np.clip(press.min(axis=0), 0.0, None) + np.clip(press.max(axis=0), None, 0.0)
     up = -gravity / np.linalg.norm(gravity)
     tilt = np.arcsin(np.clip(along @ up, -1.0, 1.0))
-    found = a.held, (a.name, b.name), time, force, point, squeeze, tilt
+    common = a.held, (a.name, b.name), time, force, point, squeeze, tilt
     if mass is None:
-        return Carried(*found)
+        return Transport(*common)
     weight = mass.mass * float(np.linalg.norm(gravity))
-    return Carried(*found, weight, force @ up / weight, _excess(time, force, point, mass, handles, gravity))
+    return Transport(*common, weight, force @ up / weight, _excess(time, force, point, mass, handles, gravity))
 
 
 def _even(time: FloatArray) -> FloatArray:
@@ -224,7 +226,7 @@ class TransportMetrics:
     excess_max: float | None
 
 
-def metrics(transport: Carried, begin: float, end: float) -> TransportMetrics | None:
+def metrics(transport: Transport, begin: float, end: float) -> TransportMetrics | None:
     """Return the metrics of a transport; None: the body was not carried during the person's motion.
 
     Args:

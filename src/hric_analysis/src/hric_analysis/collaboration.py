@@ -5,8 +5,6 @@ The hand error is the distance of the person's hand from its reference. All valu
 """
 
 import math
-from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
@@ -17,6 +15,7 @@ from hric_assessment.verdict.choices import Choices
 from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.person import people_of
 from hric_assessment.verdict.separating import TOUCHING, PersonSeparation, separated, separation_finding
+from hric_bags.run_file import RunFile, robot_parameters
 from hric_core.geometry import FloatArray, compose
 from hric_human.body import describe
 from hric_human.control.kinematics import HandChain
@@ -27,11 +26,11 @@ AT_REST = 5e-3
 """Distance from its final position within which a hand is at rest [m] (project default, unconfirmed)."""
 
 
-def values(given: AssessmentInput, person: Person | None) -> dict[str, dict[str, float] | None] | None:
+def values(source: AssessmentInput, person: Person | None) -> dict[str, dict[str, float] | None] | None:
     """Return the metrics of a run; None: there was no person.
 
     Args:
-        given: run, read for the verdict.
+        source: run, read for the verdict.
         person: result of `human.analyse`.
 
     Returns:
@@ -43,11 +42,11 @@ def values(given: AssessmentInput, person: Person | None) -> dict[str, dict[str,
     """
     if person is None:
         return None
-    return {"contact": _contact(given), "separation": _separation(given), "hand": _hand(given.run, person)}
+    return {"contact": _contact(source), "separation": _separation(source), "hand": _hand(source.run, person)}
 
 
-def _contact(given: AssessmentInput) -> dict[str, float]:
-    findings = contacts.findings(given)
+def _contact(source: AssessmentInput) -> dict[str, float]:
+    findings = contacts.findings(source)
     outcomes = [finding.outcome for finding in findings]
     return {
         "share": max(map(contacts.counted_share, findings), default=math.inf),
@@ -56,11 +55,11 @@ def _contact(given: AssessmentInput) -> dict[str, float]:
     }
 
 
-def _separation(given: AssessmentInput) -> dict[str, float] | None:
+def _separation(source: AssessmentInput) -> dict[str, float] | None:
     distances = []
-    for person in people_of(given):
+    for person in people_of(source):
         try:
-            apart = separated(given, person, Choices())
+            apart = separated(source, person, Choices())
         except NotAssessableError:
             return None
         if apart is None or separation_finding(apart).outcome == Outcome.NOT_ASSESSABLE:
@@ -76,10 +75,10 @@ def _share(apart: PersonSeparation) -> float:
 
 def below(apart: PersonSeparation) -> float:
     """Return the time for which the moving arm was closer than S_p [s]."""
-    return float(sum(one.end - one.begin for one in apart.distances.violations(apart.protective)))
+    return float(sum(violation.end - violation.begin for violation in apart.distances.violations(apart.protective)))
 
 
-def _hand(run: Mapping[str, Any], person: Person) -> dict[str, float] | None:
+def _hand(run: RunFile, person: Person) -> dict[str, float] | None:
     meant = _reference(run, person)
     if meant is None:
         return None
@@ -95,13 +94,13 @@ def _hand(run: Mapping[str, Any], person: Person) -> dict[str, float] | None:
     }
 
 
-def _reference(run: Mapping[str, Any], person: Person) -> tuple[FloatArray, FloatArray, FloatArray, float] | None:
+def _reference(run: RunFile, person: Person) -> tuple[FloatArray, FloatArray, FloatArray, float] | None:
     """Return times, actual and reference hand positions, and the end of the reference; None: reference not known.
 
     Times start with the motion, shape (n,) [s]; positions are in the world frame, shape (n, 3) [m].
     """
-    acting = ((run["parameters"].get("robot") or {}).get("participants") or {}).get("human") or {}
-    section = run["definition"]["human"]
+    acting = (robot_parameters(run).get("participants") or {}).get("human") or {}
+    section = run["definition"]["human"] or {}
     reference = ((section.get("control") or {}).get("parameters") or {}).get("reference") or {}
     if reference.get("program") != "minimum_jerk" or section.get("walk"):
         return None

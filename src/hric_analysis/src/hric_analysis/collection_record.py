@@ -116,7 +116,7 @@ def read(bag: Path | Bag) -> Collection | None:
         counted = [c for c in reader.connections if c.msgtype in TYPES or c.topic.endswith(TRUTH_TOPIC)]
         if not any(c.msgtype in (CHUNK, FRAMES, SAMPLE) for c in counted):
             return None
-        layouts: dict[str, Any] = {}
+        layouts: dict[str, object] = {}
         for connection, _, raw in reader.chosen(lambda c: c.msgtype == LAYOUT):
             layouts[connection.topic.removesuffix("_layout")] = reader.deserialize(raw, connection.msgtype)
         sources: dict[str, _Chunks | _Frames] = {}
@@ -144,11 +144,11 @@ def read(bag: Path | Bag) -> Collection | None:
                 ticks[topic.removesuffix("_status")].add_status(message)
         for samples in ticks.values():
             samples.decode()
-    frames = [one.frame for one in sources.values() if isinstance(one, _Frames)]
+    frames = [source.frame for source in sources.values() if isinstance(source, _Frames)]
     return Collection(
-        {topic: one.numbered() for topic, one in sources.items()},
+        {topic: source.numbered() for topic, source in sources.items()},
         _counts(counts),
-        {topic: one.stream() for topic, one in ticks.items() if len(one)},
+        {topic: source.stream() for topic, source in ticks.items() if len(source)},
         truth.path(),
         frames[0] if frames else "",
     )
@@ -305,10 +305,10 @@ def _counts(messages: list[Any]) -> dict[str, Counts]:
 
 def missed_deadlines(bag: Bag) -> int | None:
     """Return the missed deadlines of all control loops up to the last diagnostics; None: not published (headless)."""
-    found: dict[str, int] = {}
-    for connection, _, raw in bag.chosen(lambda one: one.msgtype == DIAGNOSTICS):
+    missed: dict[str, int] = {}
+    for connection, _, raw in bag.chosen(lambda connection: connection.msgtype == DIAGNOSTICS):
         for status in bag.deserialize(raw, connection.msgtype).status:
             for pair in status.values:
                 if pair.key == MISSED:
-                    found[status.name] = int(pair.value)
-    return sum(found.values()) if found else None
+                    missed[status.name] = int(pair.value)
+    return sum(missed.values()) if missed else None

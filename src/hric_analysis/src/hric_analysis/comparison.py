@@ -127,14 +127,14 @@ def _pairs(
         raise ComparisonError(f"the runs have other setpoints: {len(moves_a)} and {len(moves_b)} of them")
     if not moves_a:
         return [_Pair(float(a.time[0]), float(a.time[-1]), float(b.time[0]), float(b.time[-1]), None)]
-    found = []
-    for k, (one, other) in enumerate(zip(moves_a, moves_b, strict=True)):
-        difference = float(np.abs(one.target - other.target[columns]).max())
+    pairs = []
+    for k, (move, other) in enumerate(zip(moves_a, moves_b, strict=True)):
+        difference = float(np.abs(move.target - other.target[columns]).max())
         if difference > SAME_TARGET:
             raise ComparisonError(f"the runs have other setpoints: number {k + 1} differs by {difference:.3g} rad")
-        ends = [float(log.time[move.last - 1]) for log, move in ((a, one), (b, other))]
-        found.append(_Pair(one.setpoint.time, ends[0], other.setpoint.time, ends[1], one.target))
-    return found
+        ends = [float(log.time[last - 1]) for log, last in ((a, move.last), (b, other.last))]
+        pairs.append(_Pair(move.setpoint.time, ends[0], other.setpoint.time, ends[1], move.target))
+    return pairs
 
 
 def _steps(a: ControlRecord, pair: _Pair, shift: float) -> FloatArray:
@@ -155,9 +155,9 @@ def _lay(a: ControlRecord, b: ControlRecord, columns: list[int], pair: _Pair, sh
     if since.size < 2:
         raise ComparisonError(f"the runs have no common time after the setpoint at {pair.start_a:.3f} s")
     here, there = pair.start_a + since, pair.start_b + shift + since
-    own = [_at(here, a.time, values) for values in (a.position, a.command)]
+    overlaid = [_at(here, a.time, values) for values in (a.position, a.command)]
     other = [_at(there, b.time, values[:, columns]) for values in (b.position, b.command)]
-    return Overlay(pair.start_a, pair.start_b + shift, pair.target, since, own[0], other[0], own[1], other[1])
+    return Overlay(pair.start_a, pair.start_b + shift, pair.target, since, overlaid[0], other[0], overlaid[1], other[1])
 
 
 def _fitted_shift(a: ControlRecord, b: ControlRecord, columns: list[int], pairs: list[_Pair]) -> float:
@@ -168,14 +168,14 @@ def _fitted_shift(a: ControlRecord, b: ControlRecord, columns: list[int], pairs:
     count = int(FIT_RANGE / period)
     shifts = sorted((k * period for k in range(-count, count + 1)), key=abs)  # prefer small shifts
     steps = [_steps(a, pair, FIT_RANGE) for pair in pairs]
-    own = [_at(pair.start_a + since, a.time, a.position) for pair, since in zip(pairs, steps, strict=True)]
+    reference = [_at(pair.start_a + since, a.time, a.position) for pair, since in zip(pairs, steps, strict=True)]
 
     def cost(shift: float) -> float:
-        laid = (
+        shifted = (
             _at(pair.start_b + shift + since, b.time, b.position[:, columns])
             for pair, since in zip(pairs, steps, strict=True)
         )
-        return sum(float(np.sum((one - other) ** 2)) for one, other in zip(own, laid, strict=True))
+        return sum(float(np.sum((expected - other) ** 2)) for expected, other in zip(reference, shifted, strict=True))
 
     return min(shifts, key=cost)
 

@@ -1,9 +1,7 @@
 """Contacts of a run as the verdict judges them, for sweeps, benchmark and approaches. No ROS."""
 
 import math
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from hric_assessment.findings import Finding, Outcome
 from hric_assessment.verdict.choices import Choices
@@ -11,13 +9,14 @@ from hric_assessment.verdict.contacts import contact_findings
 from hric_assessment.verdict.inputs import AssessmentInput
 from hric_bags.parts import Bag
 from hric_bags.records import recording
+from hric_bags.run_file import RunFile
 
 CONTACT_AREA = 1e-4
 """Contact area if neither the recording nor the user gives it: a square centimetre [m^2] (project default, unconfirmed;
 pressures of ISO/TS 15066 were measured with 1.96 cm^2, so it is on the strict side)."""
 
 
-def given_of(run: Mapping[str, Any], bag: Bag, description: str) -> AssessmentInput:
+def given_of(run: RunFile, bag: Bag, description: str) -> AssessmentInput:
     """Read a run for the verdict.
 
     Args:
@@ -28,9 +27,9 @@ def given_of(run: Mapping[str, Any], bag: Bag, description: str) -> AssessmentIn
     return AssessmentInput("a run", "run", Path(), recording.read(bag), run, description)
 
 
-def findings(given: AssessmentInput) -> list[Finding]:
+def findings(source: AssessmentInput) -> list[Finding]:
     """Return the verdict's findings of all contacts; CONTACT_AREA replaces an unknown area."""
-    return contact_findings(given, Choices(contact_area=CONTACT_AREA))
+    return contact_findings(source, Choices(contact_area=CONTACT_AREA))
 
 
 def counted_share(finding: Finding) -> float:

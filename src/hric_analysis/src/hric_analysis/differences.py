@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from hric_analysis.metrics import MotionMetrics
+from hric_assessment.typed_json import Content
+from hric_bags.run_file import NodeParameters, RobotDefinition
 from hric_core.parameters import read_yaml
 from hric_run.definition.experiment import config_path
 
@@ -40,9 +42,9 @@ class Setup:
         metrics: metrics of the run.
     """
 
-    reference: Mapping[str, Any]
-    robot: Mapping[str, Any]
-    controller: Mapping[str, Any]
+    reference: Content
+    robot: RobotDefinition
+    controller: NodeParameters
     metrics: MotionMetrics
 
     def description(self, key: str, default: Any) -> Any:
@@ -58,9 +60,9 @@ Check = Callable[[Setup], Difference | None]
 """Function that compares one aspect; returns None if it does not differ."""
 
 
-def reference(name: str) -> dict[str, Any]:
+def reference(name: str) -> Content:
     """Read a reference set-up from config/references."""
-    data: dict[str, Any] = read_yaml(config_path("references") / f"{name}.yaml")
+    data: Content = read_yaml(config_path("references") / f"{name}.yaml")
     return data
 
 

@@ -3,22 +3,22 @@
 All values are estimates of a model, never measurements of a person.
 """
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from hric_analysis import carrying, muscle_metrics
-from hric_analysis.carrying import Carried, TransportMetrics, hands_over
+from hric_analysis.carrying import Transport, TransportMetrics, hands_over
 from hric_analysis.muscle_metrics import MusclesMetrics
 from hric_assessment.contact.impact import ExpectedContact, expected_contacts
 from hric_assessment.ergonomics.effort import effort, log_dimensionless_jerk
 from hric_bags.parts import Bag
 from hric_bags.reader import FloatArray, RunRecord
 from hric_bags.records.human_record import Event, GripRecord, HumanRecord, read
+from hric_bags.run_file import Definition, NodeParameters, RunFile
 from hric_core.geometry import Vector
 from hric_core.json_values import from_json
 from hric_human.body import describe
@@ -38,12 +38,12 @@ class Person:
     Attributes:
         record: recording from the bag.
         impacts: contacts with their expected values.
-        carried: bodies that two grips carried together.
+        transports: bodies that two grips carried together.
     """
 
     record: HumanRecord
     impacts: tuple[ExpectedContact, ...] = ()
-    carried: Sequence[Carried] = ()
+    transports: Sequence[Transport] = ()
 
 
 @dataclass(frozen=True)
@@ -236,7 +236,7 @@ class HumanMetrics:
     events: tuple[Event, ...]
 
 
-def analyse(bag: Path | Bag, run: Mapping[str, Any], description: str, record: RunRecord) -> Person | None:
+def analyse(bag: Path | Bag, run: RunFile, description: str, record: RunRecord) -> Person | None:
     """Analyse the simulated human of a run; None: there was none.
 
     Args:
@@ -250,22 +250,22 @@ def analyse(bag: Path | Bag, run: Mapping[str, Any], description: str, record: R
     if recorded is None:
         return None
     contacts = tuple(expected_contacts(run, description, record, recorded))
-    return Person(recorded, contacts, carried_in(recorded, definition))
+    return Person(recorded, contacts, transports_in(recorded, definition))
 
 
-def carried_in(record: HumanRecord, definition: Mapping[str, Any]) -> list[Carried]:
+def transports_in(record: HumanRecord, definition: Definition) -> list[Transport]:
     """Return the bodies that two grips carried together; definition: contents of the experiment."""
     plant = (definition.get("robot") or {}).get("plant") or {}
-    return carrying.carried(record.grips.values(), definition.get("human") or {}, plant)
+    return carrying.transports(record.grips.values(), definition.get("human") or {}, plant)
 
 
-def metrics(person: Person, section: Mapping[str, Any]) -> HumanMetrics:
+def metrics(person: Person, section: NodeParameters) -> HumanMetrics:
     """Return the metrics of the person; section: `human` of the experiment, for the body."""
     record = person.record
     hand = hand_positions(record, section)
     velocity = np.gradient(hand, record.time, axis=0)
     begin, end = moved(record.events, record.time)
-    transports = (carrying.metrics(transport, begin, end) for transport in person.carried)
+    transports = (carrying.metrics(transport, begin, end) for transport in person.transports)
     return HumanMetrics(
         HumanSettings.of(section, "human").person.code,
         (begin, end),
@@ -277,13 +277,13 @@ def metrics(person: Person, section: Mapping[str, Any]) -> HumanMetrics:
         float(np.abs(record.share).max(axis=1).mean()),
         None if record.muscles is None else muscle_metrics.metrics(record.muscles),
         _hand(record.time, hand, velocity, begin, end),
-        _settling(record, velocity, begin, end, {end for transport in person.carried for end in transport.ends}),
+        _settling(record, velocity, begin, end, {end for transport in person.transports for end in transport.ends}),
         tuple(from_json(ContactMetrics, impact.values()) for impact in person.impacts),
         tuple(record.events),
     )
 
 
-def hand_positions(record: HumanRecord, section: Mapping[str, Any]) -> FloatArray:
+def hand_positions(record: HumanRecord, section: NodeParameters) -> FloatArray:
     """Return the positions of the dominant or only hand in axes of the root link, shape (n, 3) [m]."""
     body = describe(HumanSettings.of(section, "human").person)
     sides = (body.subject.dominant_hand, "right", "left")

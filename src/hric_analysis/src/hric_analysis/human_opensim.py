@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import SubElement
 
@@ -11,6 +10,7 @@ from hric_bags.export import loads
 from hric_bags.export.opensim_text import write_storage
 from hric_bags.files import atomic
 from hric_bags.records.human_record import HumanRecord
+from hric_bags.run_file import NodeParameters
 from hric_core.geometry import Pose, homogeneous
 from hric_core.geometry.transforms import rotation_from_quaternion
 from hric_core.urdf import write_origin
@@ -26,7 +26,7 @@ MODEL, MOTION = "human.osim", "human.mot"
 LOADS, LOADS_SETUP = "human_external_loads.mot", "human_external_loads.xml"
 
 
-def write(folder: Path, section: Mapping[str, Any], record: HumanRecord, gravity: tuple[float, ...]) -> None:
+def write(folder: Path, section: NodeParameters, record: HumanRecord, gravity: tuple[float, ...]) -> None:
     """Write human.osim, human.mot and, with a grip, human_external_loads, overwriting old files.
 
     OpenSim's inverse dynamics of these files gives the joint torques of the human. The model has muscles if they drove
@@ -56,10 +56,10 @@ def write(folder: Path, section: Mapping[str, Any], record: HumanRecord, gravity
     columns = {name: record.position[:, j] for j, name in enumerate(record.joints)}
     with atomic(folder / MOTION) as path:
         write_storage(path, record.time, columns, "Coordinates", about={"units": "s, rad"})
-    own = f"{HUMAN}::"
-    hands = {name: grip.holder for name, grip in record.grips.items() if grip.holder.startswith(own)}
+    prefix = f"{HUMAN}::"
+    hands = {name: grip.holder for name, grip in record.grips.items() if grip.holder.startswith(prefix)}
     if hands:
-        _write_loads(folder, record, {name: holder.removeprefix(own) for name, holder in hands.items()})
+        _write_loads(folder, record, {name: holder.removeprefix(prefix) for name, holder in hands.items()})
 
 
 def _standing(urdf: str, root: Pose) -> str:
@@ -76,11 +76,11 @@ def _standing(urdf: str, root: Pose) -> str:
 def _write_loads(folder: Path, record: HumanRecord, bodies: Mapping[str, str]) -> None:
     """Write the loads of the grips on the bodies of the holding hands, and their set-up file."""
     R, grips = base_pose("y")[:3, :3], [record.grips[name] for name in bodies]
-    found = [
+    grip_loads = [
         loads.load(grip.name, bodies[grip.name], grip.time, R, (grip.force, grip.point, grip.torque), "")
         for grip in grips
     ]
     with atomic(folder / LOADS) as path:
-        loads.write(found, path)
+        loads.write(grip_loads, path)
     with atomic(folder / LOADS_SETUP) as path:
         path.write_text(loads.setup(bodies, LOADS))

@@ -185,10 +185,10 @@ class _Reading:
             if stamp - self._last.get(topic, -np.inf) < REPLAY_SPACING:
                 return
             self._last[topic] = stamp
-        found = message()
-        header = getattr(found, "header", None)
+        content = message()
+        header = getattr(content, "header", None)
         measured = seconds(header.stamp) if header is not None else 0.0
-        self._takers[kind](topic, self._robot_time(measured or stamp), found)
+        self._takers[kind](topic, self._robot_time(measured or stamp), content)
 
     def finish(self) -> Recordings:
         """Return the collected data, sorted by time."""
@@ -240,10 +240,10 @@ class _Reading:
         if not len(values) or message.rate <= 0.0:
             return
         times = time + np.arange(len(values)) / message.rate
-        own = units if len(units) == len(channels) else [str(message.unit)] * len(channels)
+        channel_units = units if len(units) == len(channels) else [str(message.unit)] * len(channels)
         measured = [k for k, channel in enumerate(channels) if channel != TIME_CODE]
-        for unit in dict.fromkeys(own[k] for k in measured):
-            columns = [k for k in measured if own[k] == unit]
+        for unit in dict.fromkeys(channel_units[k] for k in measured):
+            columns = [k for k in measured if channel_units[k] == unit]
             stamps, rows = self._series[topic, f"[{unit.replace('.', ' ')}]", tuple(channels[k] for k in columns)]
             stamps.frombytes(times.tobytes())
             rows.frombytes(values[:, columns].tobytes())
@@ -275,10 +275,10 @@ class _Reading:
             self._condition[status.name] = level
 
     def _transforms(self, topic: str, time: float, message: Any) -> None:
-        for one in message.transforms:
-            pose, q = one.transform.translation, one.transform.rotation
-            self._result.statics[one.child_frame_id.lstrip("/")] = (
-                one.header.frame_id.lstrip("/"),
+        for transform in message.transforms:
+            pose, q = transform.transform.translation, transform.transform.rotation
+            self._result.statics[transform.child_frame_id.lstrip("/")] = (
+                transform.header.frame_id.lstrip("/"),
                 list(_xyz(pose)),
                 [q.x, q.y, q.z, q.w],
             )

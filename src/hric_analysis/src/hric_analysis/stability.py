@@ -17,13 +17,13 @@ A joint chatters if share >= CHATTER_SHARE and periodicity >= PERIODICITY, or if
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from numpy.lib.stride_tricks import sliding_window_view
 
 from hric_bags.reader import ControlRecord
+from hric_bags.run_file import RunFile
 from hric_control.plants import DivergedError
 
 FloatArray = npt.NDArray[np.float64]
@@ -175,7 +175,7 @@ def chatter(log: ControlRecord, limits: Mapping[str, Mapping[str, float]]) -> di
     return dict(sorted(result.items(), key=lambda item: -item[1].share))
 
 
-def judge(run: Mapping[str, Any], log: ControlRecord, limits: Mapping[str, Mapping[str, float]]) -> Stability:
+def judge(run: RunFile, log: ControlRecord, limits: Mapping[str, Mapping[str, float]]) -> Stability:
     """Return the stability verdict with its reasons, see INTERFACE.md.
 
     Args:

@@ -54,11 +54,11 @@ class Followed:
 
     def desired(self, lag: int) -> FloatArray:
         """Return the desired position, `lag` steps behind the marker, shape (n, 3) [m]; NaN outside the stretches."""
-        found = np.full_like(self.ee, np.nan)
+        path = np.full_like(self.ee, np.nan)
         for (begin, end), origin in zip(self.stretches, self.origins, strict=True):
             if begin + lag < end:
-                found[begin + lag : end] = origin + self.marker[begin : end - lag] - self.marker[begin]
-        return found
+                path[begin + lag : end] = origin + self.marker[begin : end - lag] - self.marker[begin]
+        return path
 
     def error(self, lag: int) -> FloatArray:
         """Return the error e(t) after `lag` steps, shape (n, 3) [m]; NaN outside the stretches."""
@@ -104,8 +104,8 @@ def _target(states: States, time: float) -> FloatArray:
     after = [
         k for k in range(int(np.searchsorted(states.time, time)), len(states.time)) if states.tracking[k] == "following"
     ]
-    found: FloatArray = states.target[after[0] if after else -1]
-    return found
+    target: FloatArray = states.target[after[0] if after else -1]
+    return target
 
 
 def _anchors(frames: Frames, states: States, catch_up: bool) -> list[tuple[float, float]]:
@@ -116,14 +116,14 @@ def _anchors(frames: Frames, states: States, catch_up: bool) -> list[tuple[float
     lost = [
         states.time[k] for k in range(1, len(states.tracking)) if states.tracking[k] == "lost" != states.tracking[k - 1]
     ]
-    found, begin = [], float(valid[0])
+    anchors, begin = [], float(valid[0])
     for time in [] if catch_up else lost:
-        found.append((begin, float(time)))
+        anchors.append((begin, float(time)))
         after = valid[valid > time]
         if after.size == 0:
-            return found
+            return anchors
         begin = float(after[0])
-    return [*found, (begin, np.inf)]
+    return [*anchors, (begin, np.inf)]
 
 
 def lag_of(data: Followed) -> tuple[float, float] | None:
@@ -171,9 +171,9 @@ def acceleration(time: FloatArray, path: FloatArray, cycles: int = 1) -> float:
     Differences across a gap of the log are skipped.
     """
     period = float(np.median(np.diff(time)))
-    whole = np.abs(time[2 * cycles :] - time[: -2 * cycles] - 2 * cycles * period) < 0.5 * period
+    regular = np.abs(time[2 * cycles :] - time[: -2 * cycles] - 2 * cycles * period) < 0.5 * period
     second = (path[2 * cycles :] - 2 * path[cycles:-cycles] + path[: -2 * cycles]) / (cycles * period) ** 2
-    return rms(second[whole])
+    return rms(second[regular])
 
 
 @dataclass(frozen=True)
@@ -303,11 +303,11 @@ def stamp_error(record: TrackingRecord, R_base_marker: FloatArray) -> StampError
     if time.size < 10 or rms(spline(time, 1)) < MIN_MOTION:
         return None
     speed, apart = spline(time, 1), seen - spline(time)
-    whole, sigma = late_by(speed, apart)
+    late, sigma = late_by(speed, apart)
     windows = [time // STAMP_WINDOW == k for k in np.unique(time // STAMP_WINDOW)]
     parts = [late_by(speed[w], apart[w]) for w in windows if rms(speed[w]) > 0.5 * rms(speed)]
     worst = max(parts, key=lambda part: abs(part[0]))
-    return StampError(whole, sigma, *worst, STAMP_WINDOW)
+    return StampError(late, sigma, *worst, STAMP_WINDOW)
 
 
 def late_by(speed: FloatArray, apart: FloatArray) -> tuple[float, float]:
@@ -353,10 +353,10 @@ def _ideal(data: Followed, record: TrackingRecord) -> float | None:
     """
     if record.truth is None or len(record.truth[0]) < 4:
         return None
-    own = record.truth[0] if record.own_time is None else record.own_time
-    begin, end = np.interp(data.time[[0, -1]], record.truth[0], own)
+    marker_time = record.truth[0] if record.own_time is None else record.own_time
+    begin, end = np.interp(data.time[[0, -1]], record.truth[0], marker_time)
     time = np.arange(begin, end, STEP)
-    return acceleration(time, scipy.interpolate.CubicSpline(own, record.truth[1])(time), SMOOTHED)
+    return acceleration(time, scipy.interpolate.CubicSpline(marker_time, record.truth[1])(time), SMOOTHED)
 
 
 def _accelerations(data: Followed, record: TrackingRecord, times: FloatArray, ee: FloatArray) -> Accelerations:

@@ -93,34 +93,34 @@ def read(bag: Path | Bag, robot_time: RobotTime, body: str) -> TrackingRecord | 
         robot_time: conversion from stamps to robot time.
         body: name of the body that is followed; "": the first body of each frame.
     """
-    found: dict[str, list[tuple[float, Any]]] = {FRAMES: [], TRUTH: [], PHASES: [], STATE_TYPE: [], ROBOT_TYPE: []}
+    messages: dict[str, list[tuple[float, Any]]] = {FRAMES: [], TRUTH: [], PHASES: [], STATE_TYPE: [], ROBOT_TYPE: []}
     controller = ""
     with opened(bag) as reader:
-        kept = {
-            c.id: key for c in reader.connections for key in found if key == c.msgtype or c.topic.endswith(f"/{key}")
+        keys = {
+            c.id: key for c in reader.connections for key in messages if key == c.msgtype or c.topic.endswith(f"/{key}")
         }
-        if not {FRAMES, STATE_TYPE} <= set(kept.values()):
+        if not {FRAMES, STATE_TYPE} <= set(keys.values()):
             return None
-        for connection, stamp, raw in reader.messages(connections=[c for c in reader.connections if c.id in kept]):
-            key = kept[connection.id]
-            if key == ROBOT_TYPE and found[key]:
+        for connection, stamp, raw in reader.messages(connections=[c for c in reader.connections if c.id in keys]):
+            key = keys[connection.id]
+            if key == ROBOT_TYPE and messages[key]:
                 continue
             if key == STATE_TYPE:
                 controller = controller or connection.topic
                 if connection.topic != controller:
                     continue
-            found[key].append((stamp * 1e-9, reader.deserialize(raw, connection.msgtype)))
-    states = [message for _, message in found[STATE_TYPE]]
-    if not states or not found[FRAMES]:
+            messages[key].append((stamp * 1e-9, reader.deserialize(raw, connection.msgtype)))
+    states = [message for _, message in messages[STATE_TYPE]]
+    if not states or not messages[FRAMES]:
         return None
-    hand = [message for _, message in found[TRUTH]]
-    robot = found[ROBOT_TYPE]
+    hand = [message for _, message in messages[TRUTH]]
+    robot = messages[ROBOT_TYPE]
     truth, own_time = _truth(hand, robot_time) if hand else (None, None)
     return TrackingRecord(
-        _frames([message for _, message in found[FRAMES]], robot_time, body),
+        _frames([message for _, message in messages[FRAMES]], robot_time, body),
         _states(controller.strip("/").split("/")[-2], states, robot_time),
         truth,
-        tuple((robot_time(stamp), message.data) for stamp, message in found[PHASES]),
+        tuple((robot_time(stamp), message.data) for stamp, message in messages[PHASES]),
         np.array(robot[0][1].F_T_EE[12:15], dtype=float) if robot else np.zeros(3),
         states[0].header.frame_id.lstrip("/"),
         own_time,
@@ -138,18 +138,21 @@ def _xyz(point: Any) -> tuple[float, float, float]:
 def _truth(hand: list[Any], robot_time: RobotTime) -> tuple[tuple[FloatArray, FloatArray], FloatArray]:
     """Return ((robot time, position), stamp since the first) of the hand in the order of time, without duplicates."""
     times, order = np.unique(_times(hand, robot_time), return_index=True)
-    own = np.array([seconds(message.header.stamp) for message in hand])[order]
-    return (times, np.array([_xyz(message.pose.position) for message in hand])[order]), own - own[0]
+    stamps = np.array([seconds(message.header.stamp) for message in hand])[order]
+    return (times, np.array([_xyz(message.pose.position) for message in hand])[order]), stamps - stamps[0]
 
 
 def _frames(messages: list[Any], robot_time: RobotTime, body: str) -> Frames:
-    bodies = [next((one for one in message.rigid_bodies if body in ("", one.name)), None) for message in messages]
-    name = body or next((one.name for one in bodies if one is not None), "")
+    bodies = [
+        next((marker_body for marker_body in message.rigid_bodies if body in ("", marker_body.name)), None)
+        for message in messages
+    ]
+    name = body or next((marker_body.name for marker_body in bodies if marker_body is not None), "")
     return Frames(
         _times(messages, robot_time),
         np.array([message.frame_number for message in messages], dtype=np.int64),
-        np.array([one is not None and bool(one.tracking_valid) for one in bodies]),
-        np.array([(np.nan,) * 3 if one is None else _xyz(one.pose.position) for one in bodies]),
+        np.array([b is not None and bool(b.tracking_valid) for b in bodies]),
+        np.array([(np.nan,) * 3 if b is None else _xyz(b.pose.position) for b in bodies]),
         np.array([message.latency for message in messages], dtype=float),
         name,
         messages[0].header.frame_id.lstrip("/"),

@@ -1,9 +1,7 @@
 """Analysis of marker tracking in a run, with the forward kinematics of its control log. No ROS."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +12,7 @@ from hric_analysis.tracking import Followed, TrackingMetrics
 from hric_analysis.tracking_record import TrackingRecord
 from hric_bags.parts import Bag
 from hric_bags.reader import BagError, ControlRecord, RunRecord
+from hric_bags.run_file import RunFile
 from hric_core.urdf import read
 
 FloatArray = npt.NDArray[np.float64]
@@ -34,7 +33,7 @@ class Tracking:
     values: TrackingMetrics
 
 
-def analyse(description: str, bag: Path | Bag, run: Mapping[str, Any], record: RunRecord) -> Tracking | None:
+def analyse(description: str, bag: Path | Bag, run: RunFile, record: RunRecord) -> Tracking | None:
     """Analyse the marker tracking of a run; None: no controller followed a marker.
 
     Args:
@@ -47,21 +46,21 @@ def analyse(description: str, bag: Path | Bag, run: Mapping[str, Any], record: R
         HricError: the description is missing or does not fit.
     """
     body = str((((run.get("definition") or {}).get("mocap")) or {}).get("body") or "")
-    found = tracking_record.read(bag, record.robot_time, body)
-    if found is None:
+    tracked = tracking_record.read(bag, record.robot_time, body)
+    if tracked is None:
         return None
-    own = (run.get("parameters") or {}).get(found.states.controller) or {}
+    parameters = (run.get("parameters") or {}).get(tracked.states.controller) or {}
     R = (
         np.eye(3)
-        if found.frames.frame == found.base
-        else np.array(own.get("frame_rotation", tracking.THESIS_ROTATION), dtype=float)
+        if tracked.frames.frame == tracked.base
+        else np.array(parameters.get("frame_rotation", tracking.THESIS_ROTATION), dtype=float)
     )
     if not description:
         raise BagError("a marker was followed, but the run folder has no robot description (robot.urdf)")
-    arm_id = str(own.get("arm_id") or "panda")
-    ee = tip_positions(description, record.log, f"{arm_id}_link0", f"{arm_id}_link8", found.p_flange_ee)
-    data = tracking.followed(found, record.log.time, ee, R, catch_up=own.get("on_return") == "catch_up")
-    return Tracking(found, data, tracking.metrics(data, found, record.log.time, ee, R))
+    arm_id = str(parameters.get("arm_id") or "panda")
+    ee = tip_positions(description, record.log, f"{arm_id}_link0", f"{arm_id}_link8", tracked.p_flange_ee)
+    data = tracking.followed(tracked, record.log.time, ee, R, catch_up=parameters.get("on_return") == "catch_up")
+    return Tracking(tracked, data, tracking.metrics(data, tracked, record.log.time, ee, R))
 
 
 def tip_positions(description: str, log: ControlRecord, base: str, tip: str, p_tip: FloatArray) -> FloatArray:

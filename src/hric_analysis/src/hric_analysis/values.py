@@ -20,6 +20,7 @@ from hric_bags.reader import RunRecord
 from hric_bags.records import contact_record, safety_record
 from hric_bags.records.contact_record import PairForce
 from hric_bags.records.safety_record import SafetyRecord
+from hric_bags.run_file import Definition, RunFile
 from hric_core.json_values import to_json
 from hric_run.definition.experiment import MetricsSpec
 
@@ -75,7 +76,7 @@ MOTION = tuple(item.name for item in fields(MotionMetrics) if item.name != "expe
 """Metrics that need only the control log, the setpoints, the controller states and the limit counts."""
 
 
-class Values(Mapping[str, Any]):
+class Values(Mapping[str, object]):
     """Metrics of a run as JSON values by name, each computed on first access.
 
     Args:
@@ -85,14 +86,14 @@ class Values(Mapping[str, Any]):
         description: URDF of the robot; "": there is none.
     """
 
-    def __init__(self, run: Mapping[str, Any], bag: Bag, record: RunRecord, description: str) -> None:
+    def __init__(self, run: RunFile, bag: Bag, record: RunRecord, description: str) -> None:
         self._run, self._bag, self._record, self._description = run, bag, record, description
-        self._definition: Mapping[str, Any] = run.get("definition") or {}
-        self._limits: Mapping[str, Mapping[str, float]] = run.get("limits") or {}
+        self._definition = run.get("definition") or Definition()
+        self._limits = run.get("limits") or {}
         settings = self._definition.get("metrics") or {}
         self.tolerances = tuple(settings.get("tolerances") or MetricsSpec().tolerances)
         self._reference = str(settings.get("reference") or "")
-        self._parts: dict[str, Any] = {}
+        self._parts: dict[str, object] = {}
         self._others: dict[str, Callable[[], object]] = {
             "real_time_factor": lambda: run.get("real_time_factor"),
             "missed_deadlines": lambda: collection_record.missed_deadlines(bag),
@@ -139,7 +140,7 @@ class Values(Mapping[str, Any]):
 
     @cached_property
     def _human(self) -> HumanMetrics | None:
-        return None if self.person is None else human.metrics(self.person, self._definition["human"])
+        return None if self.person is None else human.metrics(self.person, self._definition["human"] or {})
 
     @cached_property
     def _compared(self) -> tuple[Reference, tuple[Difference, ...]]:
@@ -168,7 +169,7 @@ class Values(Mapping[str, Any]):
         return len(list(iter(self)))
 
 
-def joint_orders(run: Mapping[str, Any]) -> dict[str, list[str]]:
+def joint_orders(run: RunFile) -> dict[str, list[str]]:
     """Return the joint order of each controller that has a parameter `joints`; run: contents of run.yaml."""
     orders = {}
     for name, values in (run.get("parameters") or {}).items():

@@ -44,8 +44,8 @@ def damaged(path: Path, reason: object) -> BagError:
     """Return the error for an unreadable bag, with the command that finds the cause; reason: error raised."""
     text = " ".join(str(reason).split()) or type(reason).__name__
     text = re.sub(r"\('(.*?)',\)", r"\1", text)  # arguments of a wrapped error
-    given = path.parent if (path.parent / "run.yaml").is_file() else path
-    hint = f"cannot read {path.name}: {text}; try: hric health --salvage {given}"
+    target = path.parent if (path.parent / "run.yaml").is_file() else path
+    hint = f"cannot read {path.name}: {text}; try: hric health --salvage {target}"
     return BagError(foreign.describe(path) or hint)
 
 
@@ -130,12 +130,12 @@ class IndexedReader(Reader):
             return
         rows = np.concatenate(parts)
         owner = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
-        kept = np.ones(len(rows), dtype=bool)
+        chosen_rows = np.ones(len(rows), dtype=bool)
         if start is not None:
-            kept &= rows["time"] >= start
+            chosen_rows &= rows["time"] >= start
         if stop is not None:
-            kept &= rows["time"] < stop
-        at = np.flatnonzero(kept)
+            chosen_rows &= rows["time"] < stop
+        at = np.flatnonzero(chosen_rows)
         at = at[np.argsort(rows["time"][at], kind="stable")]
         for begin in range(0, len(at), BLOCK):
             block = at[begin : begin + BLOCK]
@@ -155,9 +155,9 @@ class IndexedReader(Reader):
 
 
 def _sorted(stored: list[tuple[int, bytes]]) -> Index:
-    found = np.frombuffer(b"".join(raw for _, raw in stored), _STORED)
-    index = np.empty(len(found), _INDEX)
-    index["time"] = found["secs"] * np.int64(1_000_000_000) + found["nsecs"]
+    entries = np.frombuffer(b"".join(raw for _, raw in stored), _STORED)
+    index = np.empty(len(entries), _INDEX)
+    index["time"] = entries["secs"] * np.int64(1_000_000_000) + entries["nsecs"]
     index["chunk"] = np.repeat([at for at, _ in stored], [len(raw) // _STORED.itemsize for _, raw in stored])
-    index["offset"] = found["offset"]
+    index["offset"] = entries["offset"]
     return index[np.argsort(index["time"], kind="stable")]

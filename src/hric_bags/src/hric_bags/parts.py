@@ -81,15 +81,15 @@ def parts(bag: Path) -> list[Path]:
     stem = match[1] if match is not None else bag.stem
     names = [path.name.removesuffix(".active") for path in bag.parent.glob(f"{stem}_*.bag*")]
     numbers = [int(numbered[2]) for name in names if (numbered := _NUMBERED.fullmatch(name)) and numbered[1] == stem]
-    found = [bag]
+    paths = [bag]
     for number in range(1, max(numbers, default=0) + 1):
         part = bag.with_name(f"{stem}_{number}.bag")
         if not part.is_file():
             active = part.with_name(part.name + ".active")
             hint = f" was not closed, try: hric health --salvage {active}" if active.is_file() else " is missing"
             raise PartsError(f"part {part.name} of the recording in {bag.parent}{hint}")
-        found.append(part)
-    return found
+        paths.append(part)
+    return paths
 
 
 @lru_cache(maxsize=16)
@@ -98,14 +98,14 @@ def typestore_of(definitions: frozenset[tuple[str, str, str]]) -> Typestore:
 
     It is cached: making it takes longer than reading most messages of a bag, and a process reads many similar bags.
     """
-    types: dict[str, Any] = {}
+    types: dict[str, object] = {}
     for kind, text, _ in sorted(definitions):
         types.update(get_types_from_msg(text, kind))
     store = get_typestore(Stores.EMPTY)
     store.register(types)
     for kind, _, checksum in definitions:
-        if (found := store.generate_msgdef(kind)[1]) != checksum:
-            raise BagError(f"the definition of {kind} has checksum {found}, its messages {checksum}")
+        if (actual := store.generate_msgdef(kind)[1]) != checksum:
+            raise BagError(f"the definition of {kind} has checksum {actual}, its messages {checksum}")
     return store
 
 
@@ -127,14 +127,14 @@ class PartsReader(AnyReader):
 
     def __init__(self, bag: Path) -> None:
         self.bag = bag
-        found = parts(bag)
-        if kind := next(filter(None, map(foreign.describe, found)), ""):
+        paths = parts(bag)
+        if kind := next(filter(None, map(foreign.describe, paths)), ""):
             raise BagError(kind)
         try:
-            super().__init__(found)
+            super().__init__(paths)
         except AnyReaderError as error:  # the file name has no bag extension
             raise damaged(bag, error) from error
-        self.readers: list[Any] = [IndexedReader(path) for path in found]
+        self.readers: list[Any] = [IndexedReader(path) for path in paths]
         self._repeated: list[dict[Stream, int]] | None = None
 
     def _open(self) -> None:
@@ -236,10 +236,10 @@ def _seam(before: Any, after: Any) -> dict[Stream, int]:
 def _gather(
     reader: Any, connections: Sequence[Connection], start: int | None = None, stop: int | None = None
 ) -> Messages:
-    found: Messages = {}
+    messages: Messages = {}
     for connection, time, raw in reader.messages(connections=connections, start=start, stop=stop):
-        found.setdefault(_stream(connection), []).append((time, raw))
-    return found
+        messages.setdefault(_stream(connection), []).append((time, raw))
+    return messages
 
 
 def overlap(before: Sequence[tuple[int, bytes]], after: Sequence[tuple[int, bytes]], *, latched: bool = False) -> int:

@@ -274,12 +274,12 @@ class _JoinedLog:
         by_effort = np.tile([kind == "effort" for kind in message.command_interface], (count, 1))
         end = self._cycles + count - skip
         for name, values in {"time": time, **rows, "by_effort": by_effort}.items():
-            kept = self._arrays.setdefault(name, values[:0])
-            if end > len(kept):  # earlier records keep the old array
+            stored = self._arrays.setdefault(name, values[:0])
+            if end > len(stored):  # earlier records keep the old array
                 grown = np.empty((2 * end, *values.shape[1:]), values.dtype)
-                grown[: self._cycles] = kept[: self._cycles]
-                self._arrays[name] = kept = grown
-            kept[self._cycles : end] = values[skip:]
+                grown[: self._cycles] = stored[: self._cycles]
+                self._arrays[name] = stored = grown
+            stored[self._cycles : end] = values[skip:]
         if count:
             self.clock.append((seconds(message.header.stamp), float(time[0])))
         self._cycles, self._expected, self._last = end, max(self._expected, start + count), message

@@ -7,9 +7,10 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Unpack, cast
 
 from hric_bags import files, foreign
+from hric_bags.run_file import RunFile
 from hric_core.errors import HricError, failing
 
 RUNNING, COMPLETED, INTERRUPTED, FAILED = "running", "completed", "interrupted", "failed"
@@ -22,10 +23,10 @@ class RunFolderError(HricError):
     """Error for a run folder that does not exist, is not one, or cannot be written."""
 
 
-def runs_root(given: str | None = None) -> Path:
-    """Return the folder of all runs: `given`, else $HRIC_RUNS, else runs/ of the workspace."""
-    if given or os.environ.get("HRIC_RUNS"):
-        return Path(given or os.environ["HRIC_RUNS"]).expanduser().absolute()
+def runs_root(folder: str | None = None) -> Path:
+    """Return the folder of all runs: `folder`, else $HRIC_RUNS, else runs/ of the workspace."""
+    if folder or os.environ.get("HRIC_RUNS"):
+        return Path(folder or os.environ["HRIC_RUNS"]).expanduser().absolute()
     return workspace() / "runs"
 
 
@@ -111,6 +112,10 @@ class RunFolder:
         """Path of the bag, recorded or not yet."""
         return self.path / f"{self.path.name}.bag"
 
+    def bag_of(self, run: RunFile) -> Path:
+        """Return the path of the bag that the contents of run.yaml name."""
+        return self.path / str(run.get("bag", self.bag_path.name))
+
     @property
     def metrics_path(self) -> Path:
         """Path of the metrics, written or not yet."""
@@ -128,14 +133,14 @@ class RunFolder:
         except OSError as error:
             raise RunFolderError(f"cannot read {self.urdf_path.name} of {self.path.name}: {error.strerror}") from error
 
-    def write(self, data: dict[str, Any]) -> None:
+    def write(self, data: RunFile) -> None:
         """Write run.yaml; a status other than `running` ends the run. Raises FileError."""
         files.write_yaml(self.path / "run.yaml", data)
         if data.get("status") != RUNNING and self._release is not None:
             self._release()
             self._release = None
 
-    def read(self, gone: str = "") -> dict[str, Any]:
+    def read(self, gone: str = "") -> RunFile:
         """Return the contents of run.yaml. A `running` run whose process has died becomes `interrupted`.
 
         Args:
@@ -153,19 +158,19 @@ class RunFolder:
                 os.close(lock)
         return data
 
-    def _contents(self) -> dict[str, Any]:
+    def _contents(self) -> RunFile:
         from hric_core.parameters import read_yaml  # imported here: the search for a run needs only Python
 
         data = read_yaml(self.path / "run.yaml")
         if not isinstance(data, dict):
             raise RunFolderError(f"{self.path / 'run.yaml'} is not a mapping")
-        return data
+        return cast(RunFile, data)
 
     def _last_written(self) -> str:
         newest = max(path.lstat().st_mtime for path in (self.path, *self.path.iterdir()))
         return _iso(datetime.fromtimestamp(newest, UTC))
 
-    def update(self, **changes: Any) -> None:
+    def update(self, **changes: Unpack[RunFile]) -> None:
         """Change keys of run.yaml."""
         self.write({**self.read(), **changes})
 

@@ -35,7 +35,7 @@ def _folded(block: str, width: int) -> str:
     lines = block.split("\n")
     rule = next(i for i, line in enumerate(lines) if len(line) > width and not line.strip("-"))
     heads = [(_spans([*lines[rule - head : rule], *lines[rule + 1 :]], len(lines[rule])), head) for head in (1, 2)]
-    spans, head = max(heads[:rule], key=lambda found: (len(found[0]), found[1]))
+    spans, head = max(heads[:rule], key=lambda candidate: (len(candidate[0]), candidate[1]))
     first = rule - head
     parts: list[list[tuple[int, int]]] = []
     for span in spans[1:]:

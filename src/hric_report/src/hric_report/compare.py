@@ -3,22 +3,22 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from hric_analysis import comparison, human_difference
 from hric_analysis.comparison import Comparison, JointDifference, SetpointDifference, SettingDifference
 from hric_analysis.human_difference import HumanDifference
 from hric_analysis.values import joint_orders
+from hric_assessment.typed_json import JsonObject
 from hric_bags import files
 from hric_bags import reader as bag_reader
 from hric_bags import text as text_table
 from hric_bags.reader import RunRecord
 from hric_bags.records import human_record
+from hric_bags.run_file import RunFile
 from hric_bags.run_folder import RunFolder
 from hric_core.errors import UnknownNameError
 from hric_core.json_values import to_json
 from hric_report import human_text
-from hric_report.run import bag_of
 
 SHOWN_JOINT = 5
 """Column of the joint that is shown large: the sixth, as in figure 13 of the thesis."""
@@ -43,7 +43,7 @@ class ComparedRun:
     experiment: str | None
     mode: str | None
     status: str | None
-    arguments: list[str] | None
+    arguments: Sequence[str] | None
     seed: int | None
     state_sha256: str | None
 
@@ -78,7 +78,7 @@ def compare(
     joint: str | None = None,
     fit: bool = False,
     figures: bool = True,
-) -> dict[str, Any]:
+) -> JsonObject:
     """Compare two runs and write the result, overwriting an earlier one.
 
     Args:
@@ -97,7 +97,7 @@ def compare(
         HricError: a bag cannot be used, or the runs do not match.
     """
     runs = [a.read(), b.read()]
-    bags = [bag_of(run_folder, run) for run_folder, run in zip((a, b), runs, strict=True)]
+    bags = [run_folder.bag_of(run) for run_folder, run in zip((a, b), runs, strict=True)]
     records = [bag_reader.read(bag) for bag in bags]
     compared = comparison.overlay(records[0], records[1], joint_orders(runs[0]), joint_orders(runs[1]), fit=fit)
     shown = _shown(compared.joint_names, joint)
@@ -116,7 +116,7 @@ def compare(
     return _written(folder, metrics)
 
 
-def _written(folder: Path, metrics: ComparisonMetrics) -> dict[str, Any]:
+def _written(folder: Path, metrics: ComparisonMetrics) -> JsonObject:
     """Write metrics and text; return the JSON values of the metrics, and the text under "report"."""
     values, report = to_json(metrics), render(metrics)
     files.make_folder(folder)
@@ -146,15 +146,23 @@ def _shown(names: Sequence[str], joint: str | None) -> int:
     return list(names).index(joint)
 
 
-def _compared_run(folder: RunFolder, run: Mapping[str, Any], label: str) -> ComparedRun:
-    hw = ((run.get("definition") or {}).get("robot") or {}).get("hw")
-    keys = ("experiment", "mode", "status", "arguments", "seed", "state_sha256")
-    return ComparedRun(label, folder.path.name, hw, **{key: run.get(key) for key in keys})
+def _compared_run(folder: RunFolder, run: RunFile, label: str) -> ComparedRun:
+    return ComparedRun(
+        label,
+        folder.path.name,
+        ((run.get("definition") or {}).get("robot") or {}).get("hw"),
+        run.get("experiment"),
+        run.get("mode"),
+        run.get("status"),
+        run.get("arguments"),
+        run.get("seed"),
+        run.get("state_sha256"),
+    )
 
 
-def settings_of(run: Mapping[str, Any]) -> dict[str, Any]:
+def settings_of(run: RunFile) -> dict[str, object]:
     """Return the settings of a run's experiment that are compared; `run` is the contents of run.yaml."""
-    definition = run.get("definition") or {}
+    definition: Mapping[str, object] = run.get("definition") or {}
     return {key: definition[key] for key in SHOWN_SETTINGS if key in definition}
 
 

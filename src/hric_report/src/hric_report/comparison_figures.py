@@ -67,10 +67,10 @@ def differences(pairs: Sequence[tuple[str, str, Comparison]]) -> Figure:
 
 def _largest(compared: Comparison, joint: str, kind: str) -> str:
     """Return peak and steady difference per setpoint as text, as the thesis reads them from its figure 13."""
-    found = []
+    texts = []
     for move in difference_metrics(compared):
-        one = move.joints[joint]
+        difference = move.joints[joint]
         keys = ("peak_difference", "peak_time", "steady_difference")
-        peak, at, steady = (getattr(one, f"{kind}{key}") for key in keys)
-        found.append(f"largest difference {abs(peak):.4g} at {at:.3f} s, steady {steady:.2g}")
-    return "; ".join(found)
+        peak, at, steady = (getattr(difference, f"{kind}{key}") for key in keys)
+        texts.append(f"largest difference {abs(peak):.4g} at {at:.3f} s, steady {steady:.2g}")
+    return "; ".join(texts)

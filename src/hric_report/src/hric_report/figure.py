@@ -176,9 +176,9 @@ def per_joint(
     """
     panels = []
     for j, name in enumerate(joint_names):
-        own = [curve for curve in (matrix.column(j) for matrix in curves) if not np.isnan(curve.values).all()]
-        if own:
-            panels.append(Panel(name, tuple(own), bounds(name)))
+        shown = [curve for curve in (matrix.column(j) for matrix in curves) if not np.isnan(curve.values).all()]
+        if shown:
+            panels.append(Panel(name, tuple(shown), bounds(name)))
     return Figure(key, title, unit, tuple(panels), **options)
 
 

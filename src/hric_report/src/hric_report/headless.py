@@ -10,9 +10,11 @@ from typing import Any
 
 from std_msgs.msg import String
 
+from hric_assessment.typed_json import JsonObject
 from hric_bags import files
 from hric_bags.files import FileError
 from hric_bags.reader import Messages
+from hric_bags.run_file import RunFile, RunNotes
 from hric_bags.run_folder import COMPLETED, INTERRUPTED, RunFolder, iso_now
 from hric_bags.text import Steps
 from hric_core.errors import HricError, failing
@@ -34,7 +36,7 @@ class Result:
     """
 
     folder: RunFolder
-    metrics: dict[str, Any]
+    metrics: JsonObject
     interrupted: bool
 
 
@@ -64,7 +66,8 @@ def run(
     with Simulation(definition, seed=seed) as simulation:
         folder = RunFolder.create(root, definition.name)
         tree, limits = simulation.tree, simulation.limits
-        folder.write(provenance.head(folder, definition, arguments, tree, mode="headless", seed=seed, limits=limits))
+        entries: RunFile = {"mode": "headless", "seed": seed, "limits": limits}
+        folder.write(provenance.head(folder, definition, arguments, tree, entries))
         with folder.filled():
             files.write_text(folder.urdf_path, tree["robot_description"])
             messages, interrupted = _record(simulation, folder, progress)
@@ -112,7 +115,7 @@ def _record(simulation: Simulation, folder: RunFolder, progress: bool) -> tuple[
     if failure is not None:
         raise failure
     factor = round(app.cycles * app.hw.period / wall, 3)
-    arm_error = {"arm_error": app.hw.error} if app.hw.error else {}
+    arm_error: RunNotes = {"arm_error": app.hw.error} if app.hw.error else {}
     status = INTERRUPTED if interrupted else COMPLETED
     folder.update(status=status, finished=iso_now(), real_time_factor=factor, **arm_error)
     return messages, interrupted

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from hric_analysis import human, stability
 from hric_analysis.collection import SourceMetrics, StreamMetrics
@@ -14,7 +13,9 @@ from hric_analysis.supervised import SupervisorMetrics
 from hric_analysis.tracking import TrackingMetrics
 from hric_analysis.values import RunMetrics
 from hric_assessment.findings import Outcome
+from hric_bags.run_file import RunFile
 from hric_report import text
+from hric_report.html.verdict_file import VerdictFile
 
 GOOD, BAD, PLAIN = "good", "bad", "plain"
 PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
@@ -41,7 +42,7 @@ class KeyFigure:
     kind: str = PLAIN
 
 
-def of_run(run: Mapping[str, Any], metrics: RunMetrics, verdict: Mapping[str, Any] | None = None) -> list[KeyFigure]:
+def of_run(run: RunFile, metrics: RunMetrics, verdict: VerdictFile | None = None) -> list[KeyFigure]:
     """Return the key figures of a run: failures, contacts, marker tracking, setpoints, lost samples, stability.
 
     Args:
@@ -74,13 +75,14 @@ def _contact(metrics: RunMetrics) -> list[KeyFigure]:
     return [KeyFigure("Contact force", scaled(strongest.peak_force, "N"), meaning)]
 
 
-def _judged(verdict: Mapping[str, Any] | None) -> list[KeyFigure]:
+def _judged(verdict: VerdictFile | None) -> list[KeyFigure]:
     """Return the worst finding of the person's contacts; verdict.json lists the worst findings first."""
-    finding = next((one for one in (verdict or {}).get("findings", ()) if one["group"] == "contact"), None)
+    findings = [] if verdict is None else verdict["findings"]
+    finding = next((item for item in findings if item["group"] == "contact"), None)
     if finding is None:
         return []
     share = "" if finding["share"] is None else f", {100.0 * finding['share']:.0f} % of the limit"
-    kind = {Outcome.WITHIN: GOOD, Outcome.ABOVE: BAD}.get(finding["outcome"], PLAIN)
+    kind = {str(Outcome.WITHIN): GOOD, str(Outcome.ABOVE): BAD}.get(finding["outcome"], PLAIN)
     meaning = f"{finding['subject']}: {finding['reason']}, {OF_MODEL}"
     return [KeyFigure("Contact with the person", f"{finding['outcome']}{share}", meaning, kind)]
 
@@ -165,7 +167,7 @@ def _count(number: int, word: str) -> str:
     return f"{number} {word}{'s' if number != 1 else ''}"
 
 
-def _problems(run: Mapping[str, Any], metrics: RunMetrics) -> list[KeyFigure]:
+def _problems(run: RunFile, metrics: RunMetrics) -> list[KeyFigure]:
     figures, judged = [], metrics.stability
     if reason := run.get("error") or run.get("reason"):
         name = "The run failed" if run.get("error") else "The run did not end by itself"

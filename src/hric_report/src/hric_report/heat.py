@@ -75,7 +75,7 @@ def drawn(heat: HeatMap, abscissa: str) -> Drawing:
     ax.tick_params(axis="y", length=0.0)
     ax.grid(visible=False)
     ax.set_xlabel(abscissa)
-    beside = drawing.add_axes(((right[1] + 3.0) / width, BELOW / height, BAR / width, tall))
-    bar = drawing.colorbar(ScalarMappable(norm, colours), cax=beside, extend="max")
+    scale_axes = drawing.add_axes(((right[1] + 3.0) / width, BELOW / height, BAR / width, tall))
+    bar = drawing.colorbar(ScalarMappable(norm, colours), cax=scale_axes, extend="max")
     bar.set_label(heat.unit)
     return drawing

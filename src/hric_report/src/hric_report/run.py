@@ -1,18 +1,15 @@
 """Analysis of a run folder: writes its metrics, figures and report; needs no ROS."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
-from hric_analysis import metrics, recordings
 from hric_analysis.human import Person
-from hric_analysis.tracking_run import Tracking
-from hric_analysis.values import Values, joint_orders
+from hric_analysis.values import Values
+from hric_assessment.typed_json import JsonObject
 from hric_bags import files
 from hric_bags import reader as bag_reader
-from hric_bags.parts import Bag
 from hric_bags.reader import Messages, RunRecord
-from hric_bags.records.safety_record import SafetyRecord
+from hric_bags.run_file import RunFile, robot_parameters
 from hric_bags.run_folder import RunFolder
 from hric_control.plants import WindowlessConfig
 from hric_core.json_values import to_json
@@ -30,7 +27,7 @@ def analyse(
     figures: bool = True,
     step: Callable[[str], object] = str,
     known: Messages | None = None,
-) -> dict[str, Any]:
+) -> JsonObject:
     """Write metrics.json, summary.txt and the figures of a run, overwriting old files; return the metrics.
 
     A run on the OpenSim plant also gets files that OpenSim can replay.
@@ -49,13 +46,13 @@ def analyse(
     """
     folder = path if isinstance(path, RunFolder) else RunFolder.open(path)
     run = folder.read()
-    bag = bag_of(folder, run)
+    bag = folder.bag_of(run)
     step("reading the control log")
     with bag_reader.opened(bag) as reader:
         record = bag_reader.read(reader, known)
         values = Values(run, reader, record, folder.description())
         step("how a marker was followed")
-        followed = values.followed
+        _ = values.followed  # computed now, in the step with its name
         step("metrics of motion, contacts and samples")
         result = values.all()
         person = values.person
@@ -64,11 +61,13 @@ def analyse(
         files.write_text(folder.path / "summary.txt", report)
         _export(folder, run, record, person)
         if figures:
-            _draw(folder, run, reader, record, followed, person, values.safety, values.tolerances, step)
+            from hric_report import run_figures  # slow to import
+
+            run_figures.draw(folder, run, reader, record, values, step)
     return {**to_json(result), "report": report}
 
 
-def _export(folder: RunFolder, run: Mapping[str, Any], record: RunRecord, person: Person | None) -> None:
+def _export(folder: RunFolder, run: RunFile, record: RunRecord, person: Person | None) -> None:
     """Write the files that OpenSim's tools replay, for a run on the OpenSim plant."""
     definition = run.get("definition") or {}
     if (definition.get("robot") or {}).get("plant_type") != OPENSIM:
@@ -79,41 +78,6 @@ def _export(folder: RunFolder, run: Mapping[str, Any], record: RunRecord, person
     if person is not None:
         from hric_analysis import human_opensim
 
-        plant = ((run.get("parameters") or {}).get("robot") or {}).get("plant") or {}
+        plant = robot_parameters(run).get("plant") or {}
         gravity = tuple(plant.get("gravity") or WindowlessConfig().gravity)
-        human_opensim.write(folder.path, definition["human"], person.record, gravity)
-
-
-def _draw(
-    folder: RunFolder,
-    run: Mapping[str, Any],
-    bag: Bag,
-    record: RunRecord,
-    followed: Tracking | None,
-    person: Person | None,
-    safety: SafetyRecord | None,
-    tolerances: Sequence[float],
-    step: Callable[[str], object],
-) -> None:
-    """Draw the figures of a run and of its sensors into its folder `figures`."""
-    from hric_report import drawing, figures
-    from hric_report.thinning import limited
-
-    step("reading what sensors measured")
-    moves, signals = metrics.moves(record, joint_orders(run)), recordings.signals(bag, record.robot_time)
-    data = figures.FigureData(record, moves, run.get("limits") or {}, tolerances, person, safety, followed, signals)
-    shown = [limited(figure, drawing.POINTS) for figure in figures.of_run(data)]
-    del data, signals
-    step(f"drawing {len(shown)} figures")
-    drawing.draw(folder.path / drawing.FOLDER, shown, title(run))
-
-
-def bag_of(folder: RunFolder, run: Mapping[str, Any]) -> Path:
-    """Return the path of the bag of a run; `run` is the contents of its run.yaml."""
-    return folder.path / str(run.get("bag", folder.bag_path.name))
-
-
-def title(run: Mapping[str, Any]) -> str:
-    """Return the title of a run: its experiment and arguments; `run` is the contents of run.yaml."""
-    arguments = " ".join(run.get("arguments") or [])
-    return f"{run.get('experiment', 'run')} ({arguments})" if arguments else str(run.get("experiment", "run"))
+        human_opensim.write(folder.path, definition.get("human") or {}, person.record, gravity)

@@ -64,7 +64,7 @@ KNOWN = (
 def of_topic(topic: str) -> tuple[str, str, str]:
     """Return section, title and caption of a topic; an unknown topic has its name as title."""
     for pattern, section, title, caption in KNOWN:
-        found = re.search(pattern, topic)
-        if found:
-            return section, found.expand(title), caption
+        match = re.search(pattern, topic)
+        if match:
+            return section, match.expand(title), caption
     return OTHER, topic, "As it was recorded."

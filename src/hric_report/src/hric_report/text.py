@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Mapping
-from typing import Any
 
 from hric_analysis import stability
 from hric_analysis.metrics import JointMetrics, SetpointMetrics
@@ -11,16 +10,19 @@ from hric_analysis.values import RunMetrics
 from hric_assessment.findings import DISCLAIMER
 from hric_bags import text
 from hric_bags.records import contact_record
+from hric_bags.run_file import RunFile
 from hric_report import human_text, sensor_text
 
 SHOWN_EVENTS = 12
 """Maximum number of events of the supervisor in the text; metrics.json has all. Project default, unconfirmed."""
 
 
-def render(run: Mapping[str, Any], metrics: RunMetrics) -> str:
+def render(run: RunFile, metrics: RunMetrics) -> str:
     """Return the text of the complete report; run: contents of run.yaml."""
     parts = [_head(run, metrics)]
-    parts += [f"THE ARM PROTECTED ITSELF at {one.time:.3f} s: {', '.join(one.errors)}" for one in metrics.reflexes]
+    parts += [
+        f"THE ARM PROTECTED ITSELF at {reflex.time:.3f} s: {', '.join(reflex.errors)}" for reflex in metrics.reflexes
+    ]
     parts.append(_stability(metrics.stability))
     parts += [_setpoint(setpoint, metrics.joints) for setpoint in metrics.setpoints]
     if metrics.human:
@@ -45,7 +47,7 @@ def render(run: Mapping[str, Any], metrics: RunMetrics) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def _head(run: Mapping[str, Any], metrics: RunMetrics) -> str:
+def _head(run: RunFile, metrics: RunMetrics) -> str:
     arguments = " ".join(run.get("arguments") or []) or "none"
     rtf = run.get("real_time_factor")
     pace = f", {rtf:.2f} times real time" if isinstance(rtf, int | float) else ""

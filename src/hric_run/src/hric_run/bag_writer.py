@@ -62,11 +62,11 @@ class BagWriter:
         )
         return made
 
-    def close(self, *, whole: bool = True) -> None:
-        """Write the index; `whole` gives the bag its final name. Raises FileError if the disk refuses."""
+    def close(self, *, complete: bool = True) -> None:
+        """Write the index; `complete` gives the bag its final name. Raises FileError if the disk refuses."""
         with self._errors():
             self._writer.close()
-            if whole and self._active.exists():
+            if complete and self._active.exists():
                 self._active.replace(self.path)
 
     @contextlib.contextmanager
@@ -83,4 +83,4 @@ class BagWriter:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         with contextlib.suppress(files.FileError) if isinstance(error, files.FileError) else contextlib.nullcontext():
-            self.close(whole=kind is None or issubclass(kind, KeyboardInterrupt))
+            self.close(complete=kind is None or issubclass(kind, KeyboardInterrupt))

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from hric_bags import run_folder
+from hric_bags.run_file import RunFile
 from hric_control.limits import load_limits
 from hric_core import plugins
 from hric_core.node import Node
@@ -49,8 +50,12 @@ NOT_RECORDED = ("robot_description", "roslaunch", "run_id", "rosdistro", "rosver
 
 
 def head(
-    folder: run_folder.RunFolder, definition: Experiment, overrides: Sequence[str], tree: Mapping[str, Any], **own: Any
-) -> dict[str, Any]:
+    folder: run_folder.RunFolder,
+    definition: Experiment,
+    overrides: Sequence[str],
+    tree: Mapping[str, object],
+    entries: RunFile,
+) -> RunFile:
     """Return the contents of run.yaml at the start of a run.
 
     Args:
@@ -58,12 +63,13 @@ def head(
         definition: experiment of the run.
         overrides: its overrides.
         tree: all parameters.
-        own: further keys of live or of headless runs.
+        entries: further keys of live or of headless runs.
     """
+    code_versions, code_revision = _code()
     return {
         "experiment": definition.name,
         "description": definition.description,
-        **own,
+        **entries,
         "status": run_folder.RUNNING,
         "started": run_folder.iso_now(),
         "finished": None,
@@ -71,15 +77,16 @@ def head(
         "bag": folder.bag_path.name,
         "definition": neutral(to_dict(definition)),
         "parameters": parameters(tree),
-        **_code(),
+        "versions": code_versions,
+        "revision": code_revision,
         "platform": platform_info(),
     }
 
 
 @cache
-def _code() -> dict[str, Any]:
+def _code() -> tuple[dict[str, str], dict[str, str | bool] | None]:
     """Return versions and revision at the first run of this process: those of the code that was loaded."""
-    return {"versions": versions(), "revision": revision()}
+    return versions(), revision()
 
 
 def versions() -> dict[str, str]:
@@ -97,7 +104,7 @@ def versions() -> dict[str, str]:
     return result
 
 
-def revision(folder: Path | None = None) -> dict[str, Any] | None:
+def revision(folder: Path | None = None) -> dict[str, str | bool] | None:
     """Return the git commit of the workspace and whether files differ from it; None without git."""
     folder = folder or package_path()
     if (commit := _git(folder, "rev-parse", "HEAD")) is None:
@@ -115,7 +122,7 @@ def _git(folder: Path, *arguments: str) -> str | None:
     return done.stdout.strip() if done.returncode == 0 else None
 
 
-def platform_info() -> dict[str, Any]:
+def platform_info() -> dict[str, str | int | None]:
     """Return the kind of machine, without its name."""
     return {
         "system": platform.system(),
@@ -147,7 +154,7 @@ def _folders() -> list[tuple[str, str]]:
     return [(workspace, "$HRIC_WS")] + ([(home, "~")] if home not in ("/", "~") else [])
 
 
-def _without_folder(values: Mapping[str, Any]) -> dict[str, Any]:
+def _without_folder(values: Mapping[str, object]) -> dict[str, object]:
     """Return the settings of a program; one that replays a trial has the file's name in place of its path."""
     path = values.get("path")
     return (
@@ -157,13 +164,13 @@ def _without_folder(values: Mapping[str, Any]) -> dict[str, Any]:
     )
 
 
-def parameters(tree: Mapping[str, Any]) -> dict[str, Any]:
+def parameters(tree: Mapping[str, object]) -> dict[str, object]:
     """Return a parameter tree without URDFs, bookkeeping of ROS and names of the machine.
 
     A path of a recorded trial becomes the name of its file.
     """
-    kept = _without_folder({key: value for key, value in tree.items() if key not in NOT_RECORDED})
-    return {key: parameters(value) if isinstance(value, Mapping) else neutral(value) for key, value in kept.items()}
+    recorded = _without_folder({key: value for key, value in tree.items() if key not in NOT_RECORDED})
+    return {key: parameters(value) if isinstance(value, Mapping) else neutral(value) for key, value in recorded.items()}
 
 
 FIELDS = ("lower", "upper", "velocity", "effort", "effort_rate")

@@ -2,44 +2,33 @@
 
 import contextlib
 import copy
-import math
 import signal
 import threading
 from collections.abc import Iterator, Sequence
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any, Protocol
 
-from std_msgs.msg import Float64MultiArray, Header
+from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import TriggerRequest
 from tqdm import tqdm
 
-from franka_msgs.msg import FrankaState
 from hric_bags.reader import ControlRecord, stitch
 from hric_control.hardware_interface import JointStateInterface
 from hric_control.robot_app import RobotApp
 from hric_core.errors import FailureError, HricError
-from hric_core.geometry import stamped
 from hric_core.local.node import LocalNode
-from hric_core.robot_time import stamps
 from hric_msgs.msg import ControlLog
-from hric_perception.human import CapturedHuman
-from hric_perception.human.truth import Truth
-from hric_perception.replayed import START_TOPIC
-from hric_perception.simulated import follow_events, follow_joints
 from hric_run import provenance
 from hric_run.definition import experiment, parameters
 from hric_run.definition.experiment import Experiment, Setpoint
 from hric_run.definition.overrides import in_yaml
-from mocap_natnet.headless import HeadlessMocap, robot_time
-from mocap_natnet.node.parameters import Publishing
-from mocap_natnet.node.publisher import MocapPublisher
+from hric_run.headless_human import HeadlessHuman
 
 if TYPE_CHECKING:
     from hric_assessment.supervisor.app import HeadlessSupervisor
 
 PROGRESS_PERIOD = 0.05
 """Robot time between two updates of the progress bar [s]."""
-STATE_TOPIC = "franka_state_controller/franka_states"
 Message = tuple[str, Any, float]
 """Topic, message, robot time [s]."""
 
@@ -85,11 +74,11 @@ class Simulation:
         node = self.node = LocalNode(self.tree)
         mocap = self.definition.mocap
         person = parameters.person(self.definition) if mocap is not None and mocap.measures_person else {}
-        beside: list[Beside] = [sensor.headless(node) for sensor in self.definition.sensors]
+        steppers: list[Stepper] = [sensor.headless(node) for sensor in self.definition.sensors]
         if mocap is not None:
-            beside.insert(0, HeadlessHuman(node, mocap.build(self.seed, person), announced=bool(beside)))
+            steppers.insert(0, HeadlessHuman(node, mocap.build(self.seed, person), announced=bool(steppers)))
         added = [section.headless(node, self.seed) for section in self.definition.added_sections.values()]
-        beside += [part for part in added if part is not None]
+        steppers += [stepper for stepper in added if stepper is not None]
         self.app = RobotApp(node, node.child(parameters.ROBOT))
         try:
             self.limits, self.early = self._prepare()
@@ -99,8 +88,8 @@ class Simulation:
         self.tree[parameters.ROBOT] = node.param(parameters.ROBOT)  # includes values that the plant chose
         starts = [] if self.definition.human is None else [parameters.HUMAN_START]
         if self.definition.supervisor is not None:
-            beside.append(self._supervised(node))
-        self._timeline = Timeline(node, self.definition.setpoints, beside, starts)
+            steppers.append(self._supervised(node))
+        self._timeline = Timeline(node, self.definition.setpoints, steppers, starts)
         self._log: list[Any] = []
         node.subscribe("control_log", ControlLog, self._log.append)
 
@@ -179,7 +168,7 @@ class Simulation:
             self.app.run(left, self._timeline)
         if interrupt.is_set():
             raise KeyboardInterrupt
-        failed = [f"controller {one.name} was stopped, {one.error}" for one in self.app.manager.list() if one.error]
+        failed = [f"controller {item.name} was stopped, {item.error}" for item in self.app.manager.list() if item.error]
         if failed:
             raise FailureError(f"experiment {self.definition.name}: {'; '.join(failed)}")
 
@@ -238,7 +227,7 @@ def check(definition: Experiment) -> None:
     Simulation(definition).close()
 
 
-def _definition(name: str | Experiment, overrides: dict[str, Any]) -> Experiment:
+def _definition(name: str | Experiment, overrides: dict[str, object]) -> Experiment:
     if not isinstance(name, Experiment):
         return experiment.load(name, [f"{key}:={in_yaml(value)}" for key, value in overrides.items()])
     if overrides:
@@ -277,63 +266,11 @@ def _refuse_wires(definition: Experiment) -> None:
         )
 
 
-class Beside(Protocol):
+class Stepper(Protocol):
     """Something that advances in step with the robot."""
 
     def advance(self, time: float) -> None:
         """Advance to a time of the run [s]."""
-
-
-class HeadlessHuman:
-    """Emulated human, emulated Motive and its client, with the real codec but without sockets.
-
-    They move with robot time; the time 0 of the human's program is the first `advance`. For a human in the plant,
-    frames and ground truth follow as soon as the joint positions are known.
-
-    Args:
-        node: the robot's namespace, with the parameters of the motion capture's nodes.
-        seen: the emulated human and the Motive that tracks them.
-        announced: True: publish the start of the human, because sensors replay a trial in step.
-
-    Raises:
-        HricError: a parameter that does not suit a run without a network.
-    """
-
-    def __init__(self, node: LocalNode, seen: CapturedHuman, announced: bool = False) -> None:
-        self._beginning = node.advertise(START_TOPIC, Header, latch=True) if announced else None
-        self._hand, self._body, self._started = seen.hand, seen.body, seen.body is not None
-        publisher = MocapPublisher(node, Publishing.read(node.child(parameters.MOCAP_CLIENT)), robot_time)
-        self._mocap = HeadlessMocap(seen.motive, publisher)
-        self._truth = Truth(node, seen.hand, node.param(f"{parameters.EMULATED_HUMAN}/base_frame"))
-        node.subscribe(STATE_TOPIC, FrankaState, self._on_state)
-        if self._body is not None:
-            follow_joints(node, self._body.states.add)
-            follow_events(node, self._on_event)
-
-    def _on_event(self, time: float, kind: str) -> None:
-        """Handle an event of the human in the robot's plant."""
-        assert self._body is not None
-        self._body.happened(time, kind)
-        if kind == "started":
-            self._announce(time)
-
-    def _announce(self, time: float) -> None:
-        if self._beginning is not None:
-            self._beginning.publish(stamped.header(stamps.to_time(time), ""))
-
-    def _on_state(self, message: Any) -> None:
-        x, y, z = message.O_T_EE[12:15]
-        self._hand.see(message.header.stamp.to_sec(), (x, y, z))
-
-    def advance(self, time: float) -> None:
-        """Advance to a time of the run [s]."""
-        if not self._started:
-            self._started = True
-            self._announce(self._hand.start(time))
-        known = math.inf if self._body is None else self._body.states.known
-        self._mocap.advance(time, known)
-        if known >= 0.0:
-            self._truth.advance(min(time, known))
 
 
 class Timeline:
@@ -353,14 +290,14 @@ class Timeline:
     """
 
     def __init__(
-        self, node: LocalNode, setpoints: Sequence[Setpoint], beside: Sequence[Beside], starts: Sequence[str]
+        self, node: LocalNode, setpoints: Sequence[Setpoint], steppers: Sequence[Stepper], starts: Sequence[str]
     ) -> None:
         self._node, self._starts = node, list(starts)
         self._waiting = list(setpoints)
         self._publishers = {
             p.controller: node.advertise(f"{p.controller}/command", Float64MultiArray) for p in setpoints
         }
-        self._shown, self._started, self._beside = 0.0, False, beside
+        self._shown, self._started, self._steppers = 0.0, False, steppers
         self.bar: Any = None
 
     def __call__(self, now: float) -> None:
@@ -373,8 +310,8 @@ class Timeline:
         while self._waiting and now >= self._waiting[0].time - 1e-9:
             setpoint = self._waiting.pop(0)
             self._publishers[setpoint.controller].publish(Float64MultiArray(data=list(setpoint.positions)))
-        for one in self._beside:
-            one.advance(now)
+        for stepper in self._steppers:
+            stepper.advance(now)
         if self.bar is not None and now - self._shown >= PROGRESS_PERIOD:
             self.bar.update(round(now - self._shown, 3))
             self._shown = now

@@ -24,6 +24,7 @@ from hric_bags.reader import (
 from hric_bags.reader import read as read_record
 from hric_bags.records import contact_record, human_record
 from hric_bags.records.region_contacts import CONTACTS_TYPE
+from hric_bags.run_file import RunFile
 from hric_run import provenance
 from hric_run.definition.experiment import to_dict
 from hric_run.simulation import Simulation
@@ -101,7 +102,7 @@ class Observed:
         """
         simulation = self._simulation
         error = simulation.app.hw.error
-        run = {
+        run: RunFile = {
             "experiment": simulation.definition.name,
             "definition": to_dict(simulation.definition),
             "parameters": provenance.parameters(simulation.tree),
@@ -116,13 +117,13 @@ class Observations(Mapping[str, object]):
     """Metrics of a run, with the keys that only sweeps have.
 
     Args:
-        run: content of run.yaml, as far as analyses read it.
+        run: contents of run.yaml, as far as analyses read it.
         bag: recorded messages.
         record: control log with the data that belong to it.
         description: URDF of the robot.
     """
 
-    def __init__(self, run: PlainData, bag: MemoryBag, record: RunRecord, description: str) -> None:
+    def __init__(self, run: RunFile, bag: MemoryBag, record: RunRecord, description: str) -> None:
         self._run, self._bag, self._record, self._description = run, bag, record, description
 
     @property

@@ -7,6 +7,7 @@ from hric_assessment.typed_json import Content
 from hric_assessment.verdict.markers import FRAMES, of_c3d, of_frames
 from hric_bags.records import recording
 from hric_bags.records.recording import Recording
+from hric_bags.run_file import RunFile
 from hric_bags.run_folder import RunFolder
 from hric_perception.person.settings import PersonSettings
 
@@ -28,7 +29,7 @@ class AssessmentInput:
     kind: str
     folder: Path
     recording: Recording
-    run: Content = field(default_factory=dict)
+    run: RunFile = field(default_factory=RunFile)
     description: str = ""
 
     @property
@@ -60,7 +61,7 @@ def opened(name: str, root: Path | None = None) -> AssessmentInput:
         return _with_markers(AssessmentInput(path.stem, "bag", path.parent, signals, {}, signals.description), path)
     folder = RunFolder.open(name, root)
     run = folder.read()
-    bag = folder.path / str(run.get("bag", folder.bag_path.name))
+    bag = folder.bag_of(run)
     signals = recording.read(bag)
     description = folder.description() or signals.description
     return _with_markers(AssessmentInput(folder.path.name, "run", folder.path, signals, run, description), bag)

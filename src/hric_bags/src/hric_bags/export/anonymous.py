@@ -21,6 +21,7 @@ from rosbags.interfaces import Connection
 
 from hric_bags.export.templates import Template
 from hric_bags.parts import PartsReader
+from hric_bags.run_file import RunFile
 from hric_core.parameters import package_yaml
 
 NAME = "recording"
@@ -92,7 +93,7 @@ class Anonymiser:
         begin: recording time of the first message in the bag [ns].
     """
 
-    def __init__(self, run: Mapping[str, Any], metrics: Mapping[str, Any], names: Sequence[str], begin: int) -> None:
+    def __init__(self, run: RunFile, metrics: Mapping[str, object], names: Sequence[str], begin: int) -> None:
         known = {word.lower() for name in {*names, *_names((run, metrics))} for word in _TOKENS.findall(name)}
         self._public = privacy().public - known - {re.sub(r"\d+$", "", word) for word in known}
         self._pseudonyms: dict[str, str] = {}
@@ -157,26 +158,27 @@ class Anonymiser:
     # -- files of the run ----------------------------------------------------------------------------------------------
 
     @property
-    def run(self) -> dict[str, Any]:
+    def run(self) -> RunFile:
         """Contents of run.yaml that may be passed on."""
-        return dict(self._cleaned(self._run, ()))
+        run: RunFile = self._cleaned(self._run, ())
+        return run
 
     @property
-    def metrics(self) -> dict[str, Any]:
+    def metrics(self) -> dict[str, object]:
         """Contents of metrics.json that may be passed on."""
         return dict(self._cleaned(self._metrics, ()))
 
     def urdf(self, text: str) -> str:
         """Return a URDF with the names of the anonymised messages, to read frames from; it is not passed on."""
-        return re.sub(r'\b(name|link|joint)="([^"]*)"', lambda found: f'{found[1]}="{self.name(found[2])}"', text)
+        return re.sub(r'\b(name|link|joint)="([^"]*)"', lambda match: f'{match[1]}="{self.name(match[2])}"', text)
 
     def _cleaned(self, value: Any, path: tuple[str, ...]) -> Any:
         if isinstance(value, Mapping):
             return self._mapping(value, path)
         if isinstance(value, list | tuple):
             items = [self._argument(item) for item in value] if path[-1:] == ("arguments",) else value
-            kept = [self._cleaned(item, path) for item in items]
-            return [item for item in kept if item is not _LEFT_OUT]
+            cleaned = [self._cleaned(item, path) for item in items]
+            return [item for item in cleaned if item is not _LEFT_OUT]
         if isinstance(value, str):
             return self._text(value, path)
         if isinstance(value, bool) or value is None:
@@ -188,8 +190,8 @@ class Anonymiser:
         self._note("numbers that are dates: dropped")
         return _LEFT_OUT
 
-    def _mapping(self, mapping: Mapping[Any, Any], path: tuple[str, ...]) -> dict[str, Any]:
-        made: dict[str, Any] = {}
+    def _mapping(self, mapping: Mapping[Any, Any], path: tuple[str, ...]) -> dict[str, object]:
+        made: dict[str, object] = {}
         for name, item in mapping.items():
             key = str(name)
             if key == SUBJECT:
@@ -245,13 +247,13 @@ class Anonymiser:
         if not isinstance(value, Mapping):
             self._note("name, code or file of the subject: dropped")
             return "dropped"
-        kept = {key: value[key] for key in KEPT if self.is_public(str(value.get(key, "no key"))) and key in value}
+        public = {key: value[key] for key in KEPT if self.is_public(str(value.get(key, "no key"))) and key in value}
         for key, step in STEPS.items():
             if isinstance(value.get(key), int | float):
                 self._note(f"{key} of the subject: to the next {step:g} {'kg' if key == 'mass' else 'm'}")
-                kept[key] = round(round(value[key] / step) * step, 6)
+                public[key] = round(round(value[key] / step) * step, 6)
         self._note("code, sex, dominant hand, age, measured lengths and masses: dropped")
-        return kept
+        return public
 
     # -- messages ------------------------------------------------------------------------------------------------------
 

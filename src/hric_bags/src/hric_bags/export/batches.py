@@ -56,14 +56,14 @@ def chunks(topic: str, messages: Sequence[Any], timing: Timing, clock: str) -> T
     for message in messages:
         width = max(len(message.channels), 1)
         block = np.asarray(message.data, dtype=float)[: len(message.data) // width * width].reshape(-1, width)
-        own = dict(zip(message.channels, block.T, strict=False))
+        by_channel = dict(zip(message.channels, block.T, strict=False))
         start = int(message.header.stamp.sec) * 1_000_000_000 + int(message.header.stamp.nanosec)
         step = 1e9 / message.rate if message.rate > 0 else 0.0
         times.append(timing(start) + np.arange(len(block)) * step * 1e-9)
         stamps.append(start + np.rint(np.arange(len(block)) * step).astype(np.int64))
         numbers.append(int(message.first_sample) + np.arange(len(block), dtype=np.int64))
         for name, parts in values.items():
-            parts.append(own.get(name, np.full(len(block), np.nan)))
+            parts.append(by_channel.get(name, np.full(len(block), np.nan)))
     stamp = np.concatenate(stamps)
     unit = _chunk_units(messages)
     columns = [Column("sample", "", np.concatenate(numbers))]
@@ -90,12 +90,12 @@ def chunks(topic: str, messages: Sequence[Any], timing: Timing, clock: str) -> T
 
 def _chunk_units(messages: Sequence[Any]) -> dict[str, str]:
     """Return the unit of each channel; messages have one for all, or one per channel separated by spaces."""
-    found: dict[str, str] = {}
+    units: dict[str, str] = {}
     for message in messages:
         words = [word.replace(".", " ") for word in str(message.unit).replace("N m", "N.m").split()]
-        own = words if len(words) == len(message.channels) else [str(message.unit)] * len(message.channels)
-        found.update(zip(message.channels, own, strict=True))
-    return found
+        channel_units = words if len(words) == len(message.channels) else [str(message.unit)] * len(message.channels)
+        units.update(zip(message.channels, channel_units, strict=True))
+    return units
 
 
 def named(table: Table, layout: Any) -> Table:

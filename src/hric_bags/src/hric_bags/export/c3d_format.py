@@ -86,8 +86,8 @@ def _analogs(file: Any, trial: C3dTrial) -> None:
 def _plates(file: Any, trial: C3dTrial) -> None:
     group, plates = file["parameters"]["FORCE_PLATFORM"], trial.plates
     channels = 1 + np.arange(6 * len(plates)).reshape(len(plates), 6).T
-    whole = {"USED": [len(plates)], "TYPE": [plate.kind for plate in plates], "ZERO": [0, 0], "CHANNEL": channels}
-    for name, values in whole.items():
+    parameters = {"USED": [len(plates)], "TYPE": [plate.kind for plate in plates], "ZERO": [0, 0], "CHANNEL": channels}
+    for name, values in parameters.items():
         group[name].update(type=INTEGER, value=np.array(values))
     file.add_parameter("FORCE_PLATFORM", "CORNERS", MM * np.stack([plate.corners.T for plate in plates], axis=2))
     file.add_parameter("FORCE_PLATFORM", "ORIGIN", MM * np.stack([plate.origin for plate in plates], axis=1))

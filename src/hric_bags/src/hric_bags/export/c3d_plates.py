@@ -1,13 +1,12 @@
 """Force plates as c3d files describe them: corners, origin, signals, calibration."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from hric_bags.export.frames import Frames
 from hric_bags.export.table import FloatArray, Table
+from hric_bags.run_file import RunFile
 from hric_perception.plate.geometry import PLATE_SIZE
 
 FLIP = np.diag([1.0, -1.0, -1.0])
@@ -63,7 +62,7 @@ class C3dPlate:
     axes: str
 
 
-def plate_settings(run: Mapping[str, Any]) -> dict[str, PlateSettings]:
+def plate_settings(run: RunFile) -> dict[str, PlateSettings]:
     """Return the settings of the plates in run.yaml, by name."""
     section = (run.get("definition") or {}).get("force_plate") or {}
     if not section:

@@ -4,7 +4,6 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from hric_bags.export.c3d_plates import C3dPlate, PlateSettings, plate_of, plate
 from hric_bags.export.frames import Frames
 from hric_bags.export.opensim_text import GROUND, marker_name
 from hric_bags.export.table import ExportError, FloatArray, Table
+from hric_bags.run_file import RunFile
 
 FRAME_RATE = 100.0
 """Frame rate of a run without motion capture [Hz] (default chosen by this project, unconfirmed)."""
@@ -64,7 +64,7 @@ class C3dTrial:
     notes: Mapping[str, str]
 
 
-def collect(tables: Mapping[str, Table], frames: Frames, run: Mapping[str, Any], surface: float = 0.0) -> C3dTrial:
+def collect(tables: Mapping[str, Table], frames: Frames, run: RunFile, surface: float = 0.0) -> C3dTrial:
     """Return the trial of a run, over the time that all of its sources have.
 
     Args:
@@ -83,9 +83,9 @@ def collect(tables: Mapping[str, Table], frames: Frames, run: Mapping[str, Any],
     settings = plate_settings(run)
     c3d_plates, channels = [], list[Channel]()
     for number, (table, source) in enumerate(zip(plates, sampled, strict=False), 1):
-        own = settings.get(opensim_formats.plate_name(table), PlateSettings())
+        plate_setting = settings.get(opensim_formats.plate_name(table), PlateSettings())
         plate, signals = plate_of(
-            table, frames, own.over(surface), source.values(opensim_formats.CHANNELS, grid.analog)
+            table, frames, plate_setting.over(surface), source.values(opensim_formats.CHANNELS, grid.analog)
         )
         c3d_plates.append(plate)
         names = zip(opensim_formats.CHANNELS, plate.units, signals.T, strict=True)
@@ -158,10 +158,10 @@ class _Grid:
             return np.empty((self.count, 0, 3))
         index = np.rint((markers.time - self.start) * self.rate).astype(int)
         inside = (index >= 0) & (index < self.count)
-        found = np.full((self.count, len(markers.positions), 3), np.nan)
+        nearest = np.full((self.count, len(markers.positions), 3), np.nan)
         for number, p in enumerate(markers.positions.values()):
-            found[index[inside], number] = p[inside]
-        return found
+            nearest[index[inside], number] = p[inside]
+        return nearest
 
 
 def _numbers(markers: opensim_formats.Markers) -> FloatArray:
@@ -181,26 +181,26 @@ def _emg(table: Table, source: resampling.Sampled, times: FloatArray, taken: Seq
 
 def _differ(labels: Sequence[str], taken: Sequence[str] = ()) -> list[str]:
     """Return the labels, with a number after those that are there already."""
-    found: list[str] = []
+    different: list[str] = []
     for label in labels:
         names = itertools.chain([label], (f"{label}_{number}" for number in itertools.count(2)))
-        found.append(next(name for name in names if name not in found and name not in taken))
-    return found
+        different.append(next(name for name in names if name not in different and name not in taken))
+    return different
 
 
 def _events(tables: Mapping[str, Table], start: float, duration: float) -> tuple[tuple[float, str], ...]:
     """Return triggers and phases of the emulated human within the file."""
-    found = []
+    events = []
     for table in tables.values():
         if table.type_name == TRIGGER_TYPE and table.topic.endswith(TRIGGER):
-            found += [(time, "trigger") for time in table.time.tolist()]
+            events += [(time, "trigger") for time in table.time.tolist()]
         elif (
             table.type_name == PHASE_TYPE
             and table.topic.endswith(PHASE)
             and (column := table.column("data")) is not None
         ):
-            found += list(zip(table.time.tolist(), map(str, column.values), strict=True))
-    return tuple(sorted((time - start, label) for time, label in found if 0 <= time - start < duration))
+            events += list(zip(table.time.tolist(), map(str, column.values), strict=True))
+    return tuple(sorted((time - start, label) for time, label in events if 0 <= time - start < duration))
 
 
 def _notes(

@@ -14,7 +14,7 @@ from hric_core.errors import FAILURE
 class ExportCommand(Command):
     """Write a bag in other formats, with units, axes and rates in the files.
 
-    What is there already is left alone, so that an interrupted export goes on. Needs no ROS master.
+    Existing files are kept, so an interrupted export continues. Needs no ROS master.
     """
 
     def arguments(self) -> list[Argument]:
@@ -27,10 +27,10 @@ class ExportCommand(Command):
                 required=True,
                 metavar=f"{{{','.join(formats())}}}",
                 dest="formats",
-                help="what to write",
+                help="formats to write",
                 complete=formats,
             ),
-            Argument("--topics", nargs="+", default=[], metavar="TOPIC", help="to which to keep (default: all)"),
+            Argument("--topics", nargs="+", default=[], metavar="TOPIC", help="topics to export (default: all)"),
             Argument(
                 "--load-body",
                 default="",
@@ -49,26 +49,27 @@ class ExportCommand(Command):
                 "--anonymise",
                 nargs="*",
                 metavar="NAME",
-                help="write only what is known to name nobody (no notes, texts, paths, dates, sex, strength), coarsen "
-                "mass and height; write run.yaml, metrics.json and a list of what was done, too. NAME: words that name "
-                "the person though they are words of this project",
+                help="leave out everything that may identify the person (notes, texts, paths, dates, sex, strength), "
+                "round mass and height; write also run.yaml, metrics.json and a list of the changes. NAME: words that "
+                "identify the person although they are words of this project",
             ),
-            Argument("--again", action="store_true", help="write also what is there already"),
+            Argument("--again", action="store_true", help="write existing files again"),
             Argument("--quiet", action="store_true", help="no progress bar"),
         ]
 
-    def run(self, given: argparse.Namespace) -> int:
+    def run(self, arguments: argparse.Namespace) -> int:
         """Export a bag; return FAILURE if a format could not be written."""
-        names = None if given.anonymise is None else tuple(given.anonymise)
-        kinds = tuple(dict.fromkeys(given.formats))
-        request = Request(kinds, tuple(given.topics), given.load_body, given.surface, names)
-        source = recording.find(given.run, given.runs)
-        folder = default_folder(source, request) if given.output is None else given.output
-        result = export(source, request, folder, again=given.again, progress=not given.quiet and sys.stderr.isatty())
+        names = None if arguments.anonymise is None else tuple(arguments.anonymise)
+        kinds = tuple(dict.fromkeys(arguments.formats))
+        request = Request(kinds, tuple(arguments.topics), arguments.load_body, arguments.surface, names)
+        source = recording.find(arguments.run, arguments.runs)
+        folder = default_folder(source, request) if arguments.output is None else arguments.output
+        progress = not arguments.quiet and sys.stderr.isatty()
+        result = export(source, request, folder, again=arguments.again, progress=progress)
         if result.reading:
             print(f"read in {result.reading:.1f} s")
         for kind, paths in result.files.items():
-            took = f"{result.seconds[kind]:.1f} s" if kind in result.seconds else "there already"
+            took = f"{result.seconds[kind]:.1f} s" if kind in result.seconds else "existed"
             size = sum(path.stat().st_size for path in paths) / 1e6
             print(f"{kind:<14}  {took:>13}  {len(paths)} files, {size:.1f} MB")
         for note in result.notes:
@@ -90,16 +91,16 @@ class InverseKinematicsCommand(Command):
         """Return the arguments."""
         return [
             *_run_arguments("inverse_kinematics/ of the run"),
-            Argument("--topic", default="", help="of the motion capture (default: the only one)"),
-            Argument("--body", default="", help="whose markers (default: the first with three)"),
+            Argument("--topic", default="", help="topic of the motion capture (default: the only one)"),
+            Argument("--body", default="", help="body whose markers are used (default: the first with three)"),
         ]
 
-    def run(self, given: argparse.Namespace) -> None:
+    def run(self, arguments: argparse.Namespace) -> None:
         """Solve the inverse kinematics of a body with markers."""
         from hric_bags.export import inverse_kinematics as kinematics
 
-        source = recording.find(given.run, given.runs)
-        print(kinematics.render(kinematics.solve(source, given.topic, given.body, given.output)), end="")
+        source = recording.find(arguments.run, arguments.runs)
+        print(kinematics.render(kinematics.solve(source, arguments.topic, arguments.body, arguments.output)), end="")
 
 
 class InverseDynamicsCommand(Command):
@@ -113,7 +114,7 @@ class InverseDynamicsCommand(Command):
         """Return the arguments."""
         return [
             *_run_arguments("inverse_dynamics/ of the run"),
-            Argument("--topic", default="", help="of the control log (default: the only one)"),
+            Argument("--topic", default="", help="topic of the control log (default: the only one)"),
             Argument(
                 "--lowpass",
                 type=float,
@@ -126,16 +127,16 @@ class InverseDynamicsCommand(Command):
                 type=float,
                 default=0.0,
                 metavar="KGM2",
-                help="of all joints, for a log of motor torques (default: 0, for torques behind the rotors)",
+                help="rotor inertia of all joints, for a log of motor torques (default: 0, torques behind the rotors)",
             ),
         ]
 
-    def run(self, given: argparse.Namespace) -> None:
+    def run(self, arguments: argparse.Namespace) -> None:
         """Solve the inverse dynamics of the robot along a run."""
         from hric_bags.export import inverse_dynamics as dynamics
 
-        source = recording.find(given.run, given.runs)
-        solution = dynamics.solve(source, given.topic, given.lowpass, given.rotor_inertia, given.output)
+        source = recording.find(arguments.run, arguments.runs)
+        solution = dynamics.solve(source, arguments.topic, arguments.lowpass, arguments.rotor_inertia, arguments.output)
         print(dynamics.render(solution), end="")
 
 

@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from tqdm import tqdm
 
@@ -152,7 +151,7 @@ def export(
 
 
 def _anonymiser(source: Source, names: Sequence[str]) -> Anonymiser:
-    metrics: dict[str, Any] = {}
+    metrics: dict[str, object] = {}
     if source.folder is not None and source.folder.metrics_path.is_file():
         metrics = _json(source.folder.metrics_path)
     with recording.open_reader(source) as reader:
@@ -160,7 +159,7 @@ def _anonymiser(source: Source, names: Sequence[str]) -> Anonymiser:
     return Anonymiser(source.run, metrics, names, begin)
 
 
-def _json(path: Path) -> dict[str, Any]:
+def _json(path: Path) -> dict[str, object]:
     try:
         content = json.loads(path.read_text())
     except (OSError, ValueError) as error:
@@ -268,18 +267,18 @@ class _Job:
     def _write_loads(self) -> bool:
         plates = [table for table in self.tables.values() if opensim_formats.is_plate(table)]
         grips = [table for table in self.tables.values() if table.type_name == loads.GRIP]
-        given = self.request
-        found = [loads.of_plate(table, self._frames, given.load_body, given.surface) for table in plates]
-        found += [one for table in grips for one in loads.of_grips(table, self._frames)]
-        if not found:
+        request = self.request
+        all_loads = [loads.of_plate(table, self._frames, request.load_body, request.surface) for table in plates]
+        all_loads += [load for table in grips for load in loads.of_grips(table, self._frames)]
+        if not all_loads:
             self.notes.append(
                 f"external_loads: no force plate ({batches.CHUNK} with {' '.join(opensim_formats.CHANNELS)}) and no "
                 f"hand that holds something ({loads.GRIP}) among the topics, nothing to write"
             )
             return False
         name, source = "external_loads", " ".join(table.topic for table in (*plates, *grips))
-        self.output.write(name, f"{name}.mot", lambda path: loads.write(found, path, source))
-        if bodies := {one.name: one.body for one in found if one.body}:
+        self.output.write(name, f"{name}.mot", lambda path: loads.write(all_loads, path, source))
+        if bodies := {load.name: load.body for load in all_loads if load.body}:
             setup = loads.setup(bodies, f"{name}.mot")
             self.output.write(name, f"{name}.xml", lambda path: path.write_text(setup))
         return True

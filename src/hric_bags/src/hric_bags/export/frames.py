@@ -2,11 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from hric_bags.export.table import FloatArray, Table
+from hric_bags.run_file import RunFile
 from hric_core.geometry.messages import rotation
 from hric_core.geometry.transforms import R_YUP_ZUP, homogeneous, inverse
 from hric_core.urdf import read
@@ -56,16 +56,16 @@ class Frames:
 
     def _ancestors(self, frame: str) -> dict[str, FloatArray]:
         """Return the frame and all frames above it, each with the pose of `frame` in it."""
-        found = {frame: np.eye(4)}
+        ancestors = {frame: np.eye(4)}
         name, T = frame, np.eye(4)
-        while name in self.parents and self.parents[name][0] not in found:
+        while name in self.parents and self.parents[name][0] not in ancestors:
             name, T_parent = self.parents[name]
             T = T_parent @ T
-            found[name] = T
-        return found
+            ancestors[name] = T
+        return ancestors
 
 
-def of_run(urdf: str, tables: Mapping[str, Table], run: Mapping[str, Any]) -> Frames:
+def of_run(urdf: str, tables: Mapping[str, Table], run: RunFile) -> Frames:
     """Return the frames of a run, from its URDF, the static transforms of its bag, and its motion capture settings.
 
     Args:

@@ -61,10 +61,10 @@ class Gatherer:
         naming, fields = self._plans[kind]
         named = getattr(message, naming) if naming else ()
         names = tuple(map(str, named)) if isinstance(named, list) else ()
-        for field, own in fields:
+        for field, field_unit in fields:
             if (top and field == "header") or (names and field == naming):
                 continue
-            self._put(prefix + field, getattr(message, field), unit if own is None else own, names)
+            self._put(prefix + field, getattr(message, field), unit if field_unit is None else field_unit, names)
 
     def _plan(self, kind: str) -> tuple[str, list[tuple[str, str | None]]]:
         """Return the field of a message type that names others' elements, and all fields with their own units."""
@@ -101,16 +101,18 @@ class Gatherer:
     def table(self, timing: Timing, clock: str) -> Table:
         """Return the table of all messages; timing: function from stamps to times; clock: see `Table`."""
         count = len(self._stamps)
-        found: dict[str, Column] = {}
+        columns: dict[str, Column] = {}
         for (path, labels), (unit, rows, values, kind) in self._cells.items():
             joined = np.frombuffer(values, kind) if labels else np.array(values)
             matrix = joined.reshape(len(rows), len(labels) or 1)
             for k, name in enumerate([f"{path}.{label}" for label in labels] or [path]):
-                own = units.of_joint(unit, name.rpartition(".")[2], self._prismatic)
-                found[name] = _merged(found.get(name), Column(name, own, matrix[:, k]), np.array(rows), count)
+                column_unit = units.of_joint(unit, name.rpartition(".")[2], self._prismatic)
+                columns[name] = _merged(
+                    columns.get(name), Column(name, column_unit, matrix[:, k]), np.array(rows), count
+                )
         stamps = np.array(self._stamps)
         times = np.array([timing(stamp) for stamp in self._stamps])
-        return Table(self.topic, self.type_name, self._frame, times, stamps, tuple(found.values()), clock)
+        return Table(self.topic, self.type_name, self._frame, times, stamps, tuple(columns.values()), clock)
 
 
 def _merged(before: Column | None, column: Column, rows: npt.NDArray[np.int64], count: int) -> Column:
@@ -132,7 +134,7 @@ def _numbers(count: int) -> tuple[str, ...]:
 
 
 def _label(item: Any) -> str:
-    return next((found for field in LABELS if isinstance(found := getattr(item, field, None), str) and found), "")
+    return next((text for field in LABELS if isinstance(text := getattr(item, field, None), str) and text), "")
 
 
 def _nanoseconds(stamp: Any) -> int:

@@ -1,10 +1,8 @@
 """Inverse dynamics of the converted robot by OpenSim along a run, compared with the torque in the log."""
 
 import os
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import opensim
@@ -16,6 +14,7 @@ from hric_bags.export.opensim_text import write_storage
 from hric_bags.export.recording import Source
 from hric_bags.export.solving import SolveError, exported, load_model, only, output_folder, output_to, run_tool
 from hric_bags.export.table import FloatArray, Table
+from hric_bags.run_file import RunFile, robot_parameters
 from hric_control.plants import rotor_inertia
 from hric_core.trial.opensim_text import read_storage
 
@@ -88,8 +87,8 @@ def solve(
     return _compared(log, names, inertia, age, torques, model, folder / "inverse_dynamics.sto")
 
 
-def _simulated(run: Mapping[str, Any]) -> bool:
-    robot = (run.get("parameters") or {}).get("robot") or {}
+def _simulated(run: RunFile) -> bool:
+    robot = robot_parameters(run)
     return "plant" in robot or not str(robot.get("robot_hw", "")).startswith("franka_real")
 
 

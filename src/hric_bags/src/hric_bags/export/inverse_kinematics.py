@@ -65,11 +65,11 @@ def solve(source: Source, topic: str = "", body: str = "", output: Path | None =
     captures = {name: table for name, table in tables.items() if opensim_formats.is_capture(table)}
     table = only(captures, topic, "motion capture")
     markers = opensim_formats.markers_of(table, frames.of_run(source.urdf, tables, source.run))
-    body, own = _body(table, markers, body)
+    body, members = _body(table, markers, body)
     folder = output_folder(source, "inverse_kinematics", output)
     trc = exported(source, "trc", table.topic)
     poses = _stream_poses(table, markers, body)
-    points = _in_body(poses, markers, own)
+    points = _in_body(poses, markers, members)
     model, motion = folder / f"{marker_name(body)}.osim", folder / f"{marker_name(body)}.mot"
     _write_model(model, body, points)
     _run(model, trc, motion, markers.time, list(points))
@@ -82,9 +82,9 @@ def _body(table: Table, markers: Markers, requested: str) -> tuple[str, list[str
     for name in markers.positions:
         of_body.setdefault(name.partition("/")[0], []).append(name)
     tracked = {name.partition(".")[0] for name in table.below(RIGID_BODIES)}
-    fit = {name: own for name, own in of_body.items() if name in tracked and len(own) >= MIN_MARKERS}
+    fit = {name: members for name, members in of_body.items() if name in tracked and len(members) >= MIN_MARKERS}
     if (requested and requested not in fit) or not fit:
-        bodies = ", ".join(f"{name} ({len(own)})" for name, own in of_body.items()) or "none"
+        bodies = ", ".join(f"{name} ({len(members)})" for name, members in of_body.items()) or "none"
         raise SolveError(
             f"no body{f' {requested!r}' if requested else ''} with {MIN_MARKERS} labelled markers; bodies and their "
             f"markers: {bodies}"
@@ -181,15 +181,15 @@ def _compared(
         for name, point in points.items()
     ]
     distances = np.linalg.norm(p, axis=2)
-    whole = (~np.isnan(distances)).sum(axis=0) >= MIN_MARKERS
-    tracked = whole & ~np.isnan(stream[:, 0, 0])
+    measured = (~np.isnan(distances)).sum(axis=0) >= MIN_MARKERS
+    tracked = measured & ~np.isnan(stream[:, 0, 0])
     relative = np.einsum("nji,njk->nik", stream[tracked, :3, :3], T[tracked, :3, :3])
     return Solution(
         body,
         motion,
         model,
         len(time),
-        int((~whole).sum()),
+        int((~measured).sum()),
         len(points),
         float(np.sqrt(np.nanmean(distances**2))),
         np.linalg.norm(T[tracked, :3, 3] - stream[tracked, :3, 3], axis=1),

@@ -92,19 +92,19 @@ def of_grips(table: Table, frames: Frames) -> list[Load]:
     T, axes = frames.in_ground(table.frame)
     columns = table.named()
     names, holders = (columns[key].values for key in ("name", "holder"))
-    found = []
+    loads = []
     for name in dict.fromkeys(names.tolist()):
-        own = np.flatnonzero(names == name)
-        _, model, body = str(holders[own[0]]).rpartition("::")
+        rows = np.flatnonzero(names == name)
+        _, model, body = str(holders[rows[0]]).rpartition("::")
         if model:
-            time, first = np.unique(table.time[own], return_index=True)
+            time, first = np.unique(table.time[rows], return_index=True)
             force, point, torque = (
-                np.column_stack([columns[f"{key}.{axis}"].values[own][first].astype(float) for axis in "xyz"])
+                np.column_stack([columns[f"{key}.{axis}"].values[rows][first].astype(float) for axis in "xyz"])
                 for key in ("wrench.force", "point", "wrench.torque")
             )
             R = T[:3, :3]
-            found.append(load(name, body, time, R, (force, point + T[:3, 3] @ R, torque), axes))
-    return found
+            loads.append(load(name, body, time, R, (force, point + T[:3, 3] @ R, torque), axes))
+    return loads
 
 
 def write(loads: Sequence[Load], path: Path, source: str = "") -> None:
@@ -115,8 +115,8 @@ def write(loads: Sequence[Load], path: Path, source: str = "") -> None:
         path: file to write.
         source: topics, for the file header.
     """
-    time = max((one.time for one in loads), key=len)
-    columns = {name: np.interp(time, one.time, values) for one in loads for name, values in one.columns.items()}
+    time = max((load.time for load in loads), key=len)
+    columns = {name: np.interp(time, load.time, values) for load in loads for name, values in load.columns.items()}
     about = {"units": "s, N, m, N m", "axes": "; ".join(filter(None, (GROUND, loads[0].axes)))}
     write_storage(path, time, columns, "External loads", about=about | ({"source": source} if source else {}))
 

@@ -1,6 +1,5 @@
 """Model and states of a run on OpenSim for OpenSim's own tools, made from the run folder alone."""
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +9,7 @@ import opensim
 import urdf_to_osim
 from hric_bags.files import atomic
 from hric_bags.reader import ControlRecord
+from hric_bags.run_file import RunFile, robot_parameters
 from hric_bags.run_folder import RunFolder
 
 MODEL, STATES = "model.osim", "states.sto"
@@ -17,7 +17,7 @@ FRICTIONS = {"none": "none", "coulomb": "coulomb", "identified": "sigmoid"}
 """Friction law of the plant -> name of the law in the converter."""
 
 
-def write(folder: RunFolder, run: Mapping[str, Any], log: ControlRecord) -> None:
+def write(folder: RunFolder, run: RunFile, log: ControlRecord) -> None:
     """Write model.osim (with Geometry/) and states.sto, replacing existing files.
 
     The states are those of the control log; joints that it does not have keep the default of the model.
@@ -31,9 +31,9 @@ def write(folder: RunFolder, run: Mapping[str, Any], log: ControlRecord) -> None
     _write_states(conversion, log, folder.path / STATES)
 
 
-def options(run: Mapping[str, Any]) -> urdf_to_osim.Options:
+def options(run: RunFile) -> urdf_to_osim.Options:
     """Return the conversion options of a run's model, with the friction that acted; run: contents of run.yaml."""
-    plant = ((run.get("parameters") or {}).get("robot") or {}).get("plant") or {}
+    plant = robot_parameters(run).get("plant") or {}
     law = FRICTIONS[plant.get("friction", "none")]
     parameters = plant.get("friction_parameters") or {} if law == "sigmoid" else {}
     return urdf_to_osim.Options(inertia="keep", friction=law, friction_parameters=parameters)
@@ -46,9 +46,9 @@ def _write_states(conversion: urdf_to_osim.Conversion, log: ControlRecord, path:
     values: list[Any] = []
     for joint in conversion.joints.values():
         for coordinate in joint.paths:
-            found = opensim.Coordinate.safeDownCast(model.getComponent(coordinate))
+            default = opensim.Coordinate.safeDownCast(model.getComponent(coordinate))
             columns += [f"{coordinate}/value", f"{coordinate}/speed"]
-            values += [np.full(log.cycles, found.getValue(state)), np.zeros(log.cycles)]
+            values += [np.full(log.cycles, default.getValue(state)), np.zeros(log.cycles)]
     for j, name in enumerate(log.joint_names):
         (coordinate,) = conversion.joints[name].paths
         k = columns.index(f"{coordinate}/value")

@@ -57,12 +57,12 @@ def markers_of(table: Table, frames: Frames) -> Markers:
     T, axes = frames.in_ground(table.frame)
     names = _prefixes(table.below(MARKERS), ".x")
     base = MARKERS
-    found = {name: name for name in names}
+    paths = {name: name for name in names}
     if not names:
         base = RIGID_BODIES
-        found = {name: f"{name}.pose.position" for name in _prefixes(table.below(RIGID_BODIES), ".pose.position.x")}
+        paths = {name: f"{name}.pose.position" for name in _prefixes(table.below(RIGID_BODIES), ".pose.position.x")}
     positions = {}
-    for name, path in found.items():
+    for name, path in paths.items():
         p = np.column_stack([table.below(f"{base}.{path}")[axis][rows] for axis in "xyz"])
         if base == RIGID_BODIES:
             p[table.below(f"{base}.{name}")["tracking_valid"][rows] != 1] = np.nan

@@ -4,7 +4,7 @@ import hashlib
 import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 from hric_bags import files
 from hric_bags.export.table import ExportError
@@ -12,6 +12,13 @@ from hric_bags.export.table import ExportError
 LIST = "export.json"
 VERSION = 1
 """Version of the files' contents; files of another version do not count as done."""
+
+
+class FormatEntry(TypedDict, total=False):
+    """Files of a format, relative to the folder; finished: there are no more."""
+
+    files: list[str]
+    finished: bool
 
 
 class Output:
@@ -36,7 +43,7 @@ class Output:
         self,
         folder: Path,
         bags: Sequence[Path],
-        request: dict[str, Any] | None = None,
+        request: dict[str, object] | None = None,
         again: bool = False,
         words: Sequence[str] | None = None,
     ) -> None:
@@ -47,17 +54,17 @@ class Output:
         if words is not None:
             known = hashlib.sha256(json.dumps([known, sorted(words)]).encode()).hexdigest()
         self._head = {"version": VERSION, "bags": known, "request": request or {}}
-        self._formats: dict[str, dict[str, Any]] = {}
-        kept = _read(folder / LIST)
-        if kept and (words is not None) != isinstance(kept.get("bags"), str):
+        self._formats: dict[str, FormatEntry] = {}
+        listed = _read(folder / LIST)
+        if listed and (words is not None) != isinstance(listed.get("bags"), str):
             kind = "that is not anonymised" if words is not None else "that is anonymised"
             raise ExportError(f"{folder} has an export {kind}; valid: another folder")
-        if not again and kept and all(kept.get(key) == value for key, value in self._head.items()):
-            self._formats = kept.get("formats") or {}
+        if not again and listed and all(listed.get(key) == value for key, value in self._head.items()):
+            self._formats = listed.get("formats") or {}
 
     def done(self, kind: str) -> list[Path] | None:
         """Return the files of a finished format; None: it is not finished."""
-        entry = self._formats.get(kind) or {}
+        entry = self._formats.get(kind) or FormatEntry()
         paths = [self.folder / name for name in entry.get("files", ())]
         return paths if entry.get("finished") and all(path.is_file() for path in paths) else None
 
@@ -95,7 +102,8 @@ class Output:
         files.write_json(self.folder / LIST, {**self._head, "formats": self._formats})
 
 
-def _read(path: Path) -> dict[str, Any]:
+def _read(path: Path) -> Any:
+    """Return the list of an earlier export; empty: there is none."""
     try:
         data = json.loads(path.read_text())
     except (OSError, ValueError):

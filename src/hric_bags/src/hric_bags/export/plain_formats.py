@@ -24,10 +24,8 @@ def write_npz(table: Table, path: Path) -> None:
 
 def write_csv(table: Table, path: Path) -> None:
     """Write CSV below lines with # that describe the columns; `pandas.read_csv(path, comment="#")` reads it."""
-    about = table.about()
-    units = about.pop("units")
-    lines = [f"# {key}: {json.dumps(value)}" for key, value in about.items()]
-    lines += [f"# unit of {name}: {unit or 'none or not known'}" for name, unit in units.items()]
+    lines = [f"# {key}: {json.dumps(value)}" for key, value in table.about().items() if key != "units"]
+    lines += [f"# unit of {name}: {column.unit or 'none or not known'}" for name, column in table.named().items()]
     with path.open("wb") as file:
         file.write(("\n".join(lines) + "\n").encode())
         pyarrow.csv.write_csv(_arrow(table), file)

@@ -1,7 +1,7 @@
 """Reader of a bag into tables, by the rosbags library alone."""
 
 import contextlib
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from hric_bags.export.table import ExportError, Table
 from hric_bags.health import examine
 from hric_bags.health.salvage import ACTIVE
 from hric_bags.parts import PartsReader
+from hric_bags.run_file import RunFile
 from hric_bags.run_folder import RunFolder
 from hric_core.errors import UnknownNameError
 
@@ -36,7 +37,7 @@ class Source:
 
     bags: tuple[Path, ...]
     folder: RunFolder | None
-    run: Mapping[str, Any]
+    run: RunFile
     urdf: str
 
     @property
@@ -50,20 +51,20 @@ class Source:
         return self.bag.with_name(f"{self.bag.stem}_export") if self.folder is None else self.folder.path / "export"
 
 
-def find(given: str, root: Path | None = None) -> Source:
+def find(name: str, root: Path | None = None) -> Source:
     """Return the bag of a run, or a bag without run.
 
     Args:
-        given: a bag, a run folder, or its name ("latest" too).
+        name: a bag, a run folder, or its name ("latest" too).
         root: folder of all runs.
 
     Raises:
         HricError: there is no such bag, or its recording did not end.
     """
-    bags, folder = examine.find(given, root)
+    bags, folder = examine.find(name, root)
     for bag in bags:
         if bag.name.endswith(ACTIVE):
-            raise ExportError(f"{bag.name} was not closed; if its recorder was killed: hric health --salvage {given}")
+            raise ExportError(f"{bag.name} was not closed; if its recorder was killed: hric health --salvage {name}")
     urdf = folder.urdf_path.read_text() if folder is not None and folder.urdf_path.is_file() else ""
     return Source(tuple(bag_parts.parts(bags[0])), folder, {} if folder is None else folder.read(), urdf)
 
@@ -125,7 +126,9 @@ class _Gathering:
         anonymous: Anonymiser | None,
     ) -> None:
         self._reader = reader
-        self._fields = {kind: [name for name, _ in found[1]] for kind, found in reader.typestore.fielddefs.items()}
+        self._fields = {
+            kind: [name for name, _ in definition[1]] for kind, definition in reader.typestore.fielddefs.items()
+        }
         self._prismatic, self._topics, self._types, self._anonymous = prismatic, topics, types, anonymous
         self._gatherers: dict[str, Gatherer] = {}
         self._batches: dict[str, tuple[str, list[Any]]] = {}
@@ -172,8 +175,8 @@ class _Gathering:
         timing, clock = self._timing(begin)
         tables = [gatherer.table(timing, clock) for gatherer in self._gatherers.values()]
         tables += [
-            batches.table_of(topic, kind, found, timing, clock, self._prismatic)
-            for topic, (kind, found) in self._batches.items()
+            batches.table_of(topic, kind, messages, timing, clock, self._prismatic)
+            for topic, (kind, messages) in self._batches.items()
         ]
         if self._layout is not None:
             tables = [

@@ -65,16 +65,16 @@ class Sampled:
         good = np.isfinite(values)
         if good.sum() < 2:
             return np.full(len(times), np.nan)
-        time, kept = self.time[good], values[good]
+        time, finite = self.time[good], values[good]
         wide = np.flatnonzero(np.diff(time) * self.rate > GAP)
         if len(wide):
             fill = np.concatenate(
                 [np.arange(time[k] + 1 / self.rate, time[k + 1] - 0.5 / self.rate, 1 / self.rate) for k in wide]
             )
-            time, kept = np.concatenate([time, fill]), np.concatenate([kept, np.interp(fill, time, kept)])
+            time, finite = np.concatenate([time, fill]), np.concatenate([finite, np.interp(fill, time, finite)])
             order = np.argsort(time)
-            time, kept = time[order], kept[order]
-        return np.asarray(CubicSpline(time, kept)(np.clip(times, time[0], time[-1])))
+            time, finite = time[order], finite[order]
+        return np.asarray(CubicSpline(time, finite)(np.clip(times, time[0], time[-1])))
 
 
 def frame_grid(time: FloatArray, numbers: FloatArray) -> tuple[float, float]:

@@ -29,11 +29,11 @@ def only(tables: Mapping[str, Table], topic: str, what: str) -> Table:
     Raises:
         SolveError: there is none, or more than one.
     """
-    found = [table for name, table in tables.items() if topic in ("", name)]
-    if len(found) != 1:
-        given = f" {topic}" if topic else ""
-        raise SolveError(f"one {what}{given} is needed; the bag has: {', '.join(tables) or 'none'}")
-    return found[0]
+    matches = [table for name, table in tables.items() if topic in ("", name)]
+    if len(matches) != 1:
+        named = f" {topic}" if topic else ""
+        raise SolveError(f"one {what}{named} is needed; the bag has: {', '.join(tables) or 'none'}")
+    return matches[0]
 
 
 def exported(source: Source, kind: str, topic: str) -> Path:
@@ -50,13 +50,13 @@ def exported(source: Source, kind: str, topic: str) -> Path:
     return next(path for path in result.files[kind] if path.name == f"{name}.{kind}")
 
 
-def output_folder(source: Source, name: str, given: Path | None) -> Path:
+def output_folder(source: Source, name: str, requested: Path | None) -> Path:
     """Return the folder of the results, made if missing.
 
     Raises:
         FileError: the folder cannot be made.
     """
-    folder = (given or (source.output.parent if source.folder is not None else source.output) / name).absolute()
+    folder = (requested or (source.output.parent if source.folder is not None else source.output) / name).absolute()
     files.make_folder(folder)
     return folder
 
@@ -65,7 +65,7 @@ def output_folder(source: Source, name: str, given: Path | None) -> Path:
 def output_to(log: Path) -> Iterator[None]:
     """Redirect OpenSim's output to a file: its tools write to the process's own stdout and stderr."""
     sys.stdout.flush()
-    kept = [os.dup(number) for number in (1, 2)]
+    copies = [os.dup(number) for number in (1, 2)]
     try:
         with log.open("wb") as file:
             for number in (1, 2):
@@ -73,7 +73,7 @@ def output_to(log: Path) -> Iterator[None]:
             yield
     finally:
         sys.stdout.flush()
-        for number, copy in zip((1, 2), kept, strict=True):
+        for number, copy in zip((1, 2), copies, strict=True):
             os.dup2(copy, number)
             os.close(copy)
 

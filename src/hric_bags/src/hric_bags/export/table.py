@@ -70,13 +70,13 @@ class Table:
 
     def named(self) -> dict[str, Column]:
         """Return time, stamp and all columns by their names in a file; a taken name gets "field." before it."""
-        found = {"time": Column("time", "s", self.time), "stamp": Column("stamp", "ns", self.stamp)}
+        columns = {"time": Column("time", "s", self.time), "stamp": Column("stamp", "ns", self.stamp)}
         for column in self.columns:
             name = column.name
-            while name in found or name == ABOUT:
+            while name in columns or name == ABOUT:
                 name = f"field.{name}"
-            found[name] = column
-        return found
+            columns[name] = column
+        return columns
 
     def column(self, name: str) -> Column | None:
         """Return a column by its name; None: there is none."""
@@ -87,7 +87,7 @@ class Table:
         start = f"{path}."
         return {column.name[len(start) :]: column.values for column in self.columns if column.name.startswith(start)}
 
-    def about(self) -> dict[str, Any]:
+    def about(self) -> dict[str, object]:
         """Return the description in a file: topic, type, frame, axes, rate, clock, units by column, notes."""
         return {
             "topic": self.topic,

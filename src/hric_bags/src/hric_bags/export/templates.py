@@ -102,10 +102,10 @@ class Template:
                 self._add(b".{%d}" % value.nbytes, value.nbytes)
 
     def _add_text(self, text: str, passed: str) -> None:
-        own, put = (_LENGTH.pack(len(part)) + part for part in (text.encode(), passed.encode()))
-        if put != own:
-            self._edits.append((self._size, self._size + len(own), put))
-        self._add(re.escape(own), len(own))
+        original, put = (_LENGTH.pack(len(part)) + part for part in (text.encode(), passed.encode()))
+        if put != original:
+            self._edits.append((self._size, self._size + len(original), put))
+        self._add(re.escape(original), len(original))
 
     def _add(self, pattern: bytes, size: int) -> None:
         self._parts.append(pattern)

@@ -136,9 +136,9 @@ def _serialised(reader: PartsReader, kind: str, message: Any, values: Fields) ->
         values: values of the fields and of the stamp, one row per message, in the types of ROS.
     """
     marks = _marks(tuple((name, rows.shape[1:], rows.dtype) for name, rows in values.items()))
-    given = {name: mark if mark.ndim else int(mark) for name, mark in marks.items()}
-    stamp = replace(message.header.stamp, sec=given.pop("sec"), nanosec=given.pop("nanosec"))
-    marked = replace(message, header=replace(message.header, stamp=stamp), **given)
+    fields = {name: mark if mark.ndim else int(mark) for name, mark in marks.items()}
+    stamp = replace(message.header.stamp, sec=fields.pop("sec"), nanosec=fields.pop("nanosec"))
+    marked = replace(message, header=replace(message.header, stamp=stamp), **fields)
     raw = bytes(reader.typestore.serialize_ros1(marked, kind))
     made = np.tile(np.frombuffer(raw, np.uint8), (len(values["sec"]), 1))
     for name, mark in marks.items():

@@ -160,7 +160,7 @@ class BagScan:
         unpacked = unpack(view[record.start : record.end], stated)
         self.chunks += not record.open
         entries = _entries(view, chunk.index)
-        indexed, times, counts, lost = bool(entries), list[int](), Counter[int](), not unpacked.whole
+        indexed, times, counts, lost = bool(entries), list[int](), Counter[int](), not unpacked.complete
         begin = None  # connection record before a message: some programs let the index point to it
         for inner in file_records.walk(unpacked.data, 0, (MESSAGE, CONNECTION)):
             data = unpacked.data[inner.start : inner.end]
@@ -197,7 +197,7 @@ class BagScan:
             self.damage.append(
                 f"the chunk at byte {offset} is damaged, or its index: {len(times)} messages are readable"
             )
-        if not unpacked.whole and times:
+        if not unpacked.complete and times:
             begin, end = min(times) * 1e-9, max(times) * 1e-9
             self.doubtful.append(
                 f"{len(times)} messages, recorded from {begin:.3f} s to {end:.3f} s, may have wrong values: the "

@@ -58,15 +58,15 @@ def of_file(scan: BagScan) -> list[HealthFinding]:
 def of_streams(streams: list[Stream]) -> list[HealthFinding]:
     """Return the problems of the streams of a bag."""
     offset = _clock_offset(streams)
-    found = []
+    findings = []
     if abs(offset) > LATE:
-        found.append(
+        findings.append(
             HealthFinding(NOTE, "", f"stamps and times of recording are on different clocks, {offset:+.3f} s apart")
         )
     for stream in streams:
         problems = (*_numbers(stream), *_gaps(stream), *_order(stream), *_clock(stream, offset))
-        found += [HealthFinding(PROBLEM, stream.topic, text) for text in problems]
-    return found
+        findings += [HealthFinding(PROBLEM, stream.topic, text) for text in problems]
+    return findings
 
 
 def _numbers(stream: Stream) -> Iterator[str]:

@@ -32,34 +32,34 @@ class HealthCommand(Command):
             Argument(
                 "--salvage",
                 action="store_true",
-                help="of a damaged bag, write what can be read into a whole one; the damaged one is kept",
+                help="write the readable messages of a damaged bag into a complete one; the damaged bag stays",
             ),
-            Argument("--json", type=Path, metavar="FILE", help="write the findings here, too"),
-            Argument("--quiet", action="store_true", help="no progress bar, and of the report only the findings"),
+            Argument("--json", type=Path, metavar="FILE", help="file to which the findings are written, too"),
+            Argument("--quiet", action="store_true", help="print only the findings, without progress bar"),
         ]
 
-    def run(self, given: argparse.Namespace) -> int:
+    def run(self, arguments: argparse.Namespace) -> int:
         """Examine a bag; return 0 (healthy), 3 (readable, with problems) or 4 (damaged)."""
-        parts, folder = examine.find(given.run, given.runs)
-        found = [_examine(path, folder, given) for path in parts]
-        joined = seams.of_parts([(health.path, health.streams) for health in found])
+        parts, folder = examine.find(arguments.run, arguments.runs)
+        reports = [_examine(path, folder, arguments) for path in parts]
+        joined = seams.of_parts([(health.path, health.streams) for health in reports])
         for seam in joined:
-            print(seam.render(given.quiet), end="", flush=True)
-        code = max([health.code for health in found] + [examine.code_of(seam.findings) for seam in joined])
-        if given.json is not None:
-            bags = [examine.to_dict(health) for health in found]
+            print(seam.render(arguments.quiet), end="", flush=True)
+        code = max([health.code for health in reports] + [examine.code_of(seam.findings) for seam in joined])
+        if arguments.json is not None:
+            bags = [examine.to_dict(health) for health in reports]
             listed = [
                 {"before": seam.before, "after": seam.after, "findings": [asdict(finding) for finding in seam.findings]}
                 for seam in joined
             ]
-            files.write_json(given.json, {"exit_code": code, "bags": bags, "seams": listed})
+            files.write_json(arguments.json, {"exit_code": code, "bags": bags, "seams": listed})
         return code
 
 
-def _examine(path: Path, folder: RunFolder | None, given: argparse.Namespace) -> Health:
-    health = examine.examine(path, progress=not given.quiet and sys.stderr.isatty())
-    _print(health, given.quiet)
-    return _salvaged(path, folder, given.quiet) if given.salvage and health.code == DAMAGED else health
+def _examine(path: Path, folder: RunFolder | None, arguments: argparse.Namespace) -> Health:
+    health = examine.examine(path, progress=not arguments.quiet and sys.stderr.isatty())
+    _print(health, arguments.quiet)
+    return _salvaged(path, folder, arguments.quiet) if arguments.salvage and health.code == DAMAGED else health
 
 
 def _salvaged(path: Path, folder: RunFolder | None, quiet: bool) -> Health:

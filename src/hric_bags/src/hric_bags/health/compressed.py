@@ -27,26 +27,26 @@ class Unpacked:
     Attributes:
         data: readable bytes.
         compression: "none", "lz4" or "bz2", as the data show.
-        whole: True if the data are complete and no checksum contradicts.
+        complete: True if the data are complete and no checksum contradicts.
         verified: True if a checksum confirms the data.
     """
 
     data: bytes
     compression: str
-    whole: bool = True
+    complete: bool = True
     verified: bool = False
 
 
 def unpack(packed: bytes, stated: str) -> Unpacked:
     """Decompress a chunk; stated: compression in its header, used if the data do not show theirs."""
     if packed.startswith(_LZ4) or (stated == "lz4" and not packed.startswith(_BZ2)):
-        data, whole = _expand(lz4.frame.LZ4FrameDecompressor(), packed)
-        if whole:
+        data, complete = _expand(lz4.frame.LZ4FrameDecompressor(), packed)
+        if complete:
             return Unpacked(data, "lz4", True, bool(packed[4] & 0x04))
         return Unpacked(max(data, _blocks(packed), key=len), "lz4", False)
     if packed.startswith(_BZ2) or stated == "bz2":
-        data, whole = _expand(bz2.BZ2Decompressor(), packed)
-        return Unpacked(data, "bz2", whole, whole)
+        data, complete = _expand(bz2.BZ2Decompressor(), packed)
+        return Unpacked(data, "bz2", complete, complete)
     return Unpacked(packed, "none")
 
 

@@ -5,7 +5,6 @@ import re
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 from tqdm import tqdm
 
@@ -54,37 +53,37 @@ def code_of(findings: list[HealthFinding]) -> int:
     return DAMAGED if checks.DAMAGED in levels else PROBLEMS if checks.PROBLEM in levels else HEALTHY
 
 
-def find(given: str, root: Path | None = None) -> tuple[list[Path], RunFolder | None]:
+def find(name: str, root: Path | None = None) -> tuple[list[Path], RunFolder | None]:
     """Return the parts of a bag, each finished or not, and its run folder.
 
     Args:
-        given: a bag, a run folder, or its name ("latest" too).
+        name: a bag, a run folder, or its name ("latest" too).
         root: folder of all runs.
 
     Raises:
         HricError: there is no such bag or run.
     """
-    path = Path(given).expanduser()
+    path = Path(name).expanduser()
     if path.is_file():
         return _parts(path), None
     if not (path / "run.yaml").is_file() and (path.name.endswith((".bag", ACTIVE))):
         raise HealthError(foreign.describe(path) or f"no bag {path}")
-    folder = RunFolder.open(given, root or runs_root())
+    folder = RunFolder.open(name, root or runs_root())
     run = folder.read()
     return [
-        _part(folder.path / str(name)) for name in run.get("bags") or [run.get("bag") or folder.bag_path.name]
+        _part(folder.path / str(bag)) for bag in run.get("bags") or [run.get("bag") or folder.bag_path.name]
     ], folder
 
 
 def _parts(path: Path) -> list[Path]:
     """Return all parts of a bag from its first part on, finished or not; else the bag alone."""
     numbered = re.fullmatch(r"(.+_)0\.bag(\.active)?", path.name)
-    found, names = [path], numbered[1] if numbered is not None else ""
+    parts, names = [path], numbered[1] if numbered is not None else ""
     while names and (
-        after := [p for p in (path.with_name(f"{names}{len(found)}.bag{end}") for end in ("", ACTIVE)) if p.is_file()]
+        after := [p for p in (path.with_name(f"{names}{len(parts)}.bag{end}") for end in ("", ACTIVE)) if p.is_file()]
     ):
-        found.append(after[0])
-    return found
+        parts.append(after[0])
+    return parts
 
 
 def _part(bag: Path) -> Path:
@@ -165,7 +164,7 @@ def render(health: Health) -> str:
     )
 
 
-def to_dict(health: Health) -> dict[str, Any]:
+def to_dict(health: Health) -> dict[str, object]:
     """Return the report as data for a program: JSON without NaN."""
     topics = {
         stream.topic: {

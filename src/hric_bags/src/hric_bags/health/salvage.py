@@ -49,7 +49,7 @@ def salvage(path: Path) -> Salvaged:
     original = path if active else path.with_name(path.name + DAMAGED)
     taken = target if active else original
     if taken.exists():
-        raise SalvageError(f"{taken.name} is there already; move it away first")
+        raise SalvageError(f"{taken.name} exists already; move it away first")
     temporary = path.with_name(f".{target.name}.{os.getpid()}.tmp")
     scan = BagScan(path)
     try:

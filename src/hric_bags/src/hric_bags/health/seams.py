@@ -48,20 +48,20 @@ def _seam(before: str, old: Sequence[Stream], after: str, new: Sequence[Stream])
     if not all(map(len, times)):
         return Seam(before, after, float("nan"), [])
     overlap = float(times[0].max() - times[1].min()) * 1e-9
-    found = []
+    findings = []
     if times[1].min() < times[0].min():
-        found.append(HealthFinding(PROBLEM, "", f"{after} begins before {before}: the parts are not in order"))
+        findings.append(HealthFinding(PROBLEM, "", f"{after} begins before {before}: the parts are not in order"))
     later = {stream.topic: stream for stream in new}
     notes = []
     for stream in old:
         if stream.topic in later:
-            found += [HealthFinding(PROBLEM, stream.topic, text) for text in _problems(stream, later[stream.topic])]
+            findings += [HealthFinding(PROBLEM, stream.topic, text) for text in _problems(stream, later[stream.topic])]
             continue
         rest = float(times[0].max() - stream.recorded.max()) * 1e-9
         if checks.is_regular(stream) and rest <= checks.longest_period(stream.period):
             text = f"is not in {after}, although it went on to the end of {before}"
             notes.append(HealthFinding(NOTE, stream.topic, text))
-    return Seam(before, after, overlap, found + notes)
+    return Seam(before, after, overlap, findings + notes)
 
 
 def _problems(before: Stream, after: Stream) -> Iterator[str]:

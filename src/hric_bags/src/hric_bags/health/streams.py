@@ -127,8 +127,8 @@ class StreamGatherer:
             gathered.numbers.append(self._reader(connection)(raw))
 
     def _reader(self, connection: Connection) -> Callable[[bytes], tuple[int, int]]:
-        found = self._readers.get(connection.md5sum)
-        if found is None:
+        reader = self._readers.get(connection.md5sum)
+        if reader is None:
             store = get_typestore(Stores.EMPTY)
             name = connection.type_name.replace("/", "/msg/")
             store.register(get_types_from_msg(connection.definition, name))
@@ -137,8 +137,8 @@ class StreamGatherer:
             def read(raw: bytes) -> tuple[int, int]:
                 return numbers(store.deserialize_ros1(raw, name))
 
-            found = self._readers[connection.md5sum] = read
-        return found
+            reader = self._readers[connection.md5sum] = read
+        return reader
 
     def streams(self) -> list[Stream]:
         """Return all topics, sorted by name."""

@@ -80,18 +80,18 @@ def assessable(pairs: Iterable[PairForce]) -> list[PairForce]:
     Raises:
         RigidForceError: a pair has no penalty contact; the message names the pair and the remedy.
     """
-    found = list(pairs)
-    for pair in found:
+    known = list(pairs)
+    for pair in known:
         if pair.kind != PENALTY:
             why = (
-                "its kind is not known"
+                "the kind of contact is not known"
                 if pair.kind == contact_info.UNKNOWN
                 else "it reads two to six times the elastic transient"
             )
             raise RigidForceError(
                 f"the force of {pair.body_a} on {pair.body_b} ({pair.kind} contact) cannot be assessed: {why}; {REMEDY}"
             )
-    return found
+    return known
 
 
 def cells(pairs: Sequence[PairForce]) -> list[tuple[str, ...]]:

@@ -19,7 +19,7 @@ from hric_bags.records.region_contacts import (
     RegionMessages,
 )
 from hric_bags.records.root_record import RootRecord
-from hric_bags.records.rows import Rows, Thinning, seven, times, xyz
+from hric_bags.records.rows import Rows, Thinning, times, xyz, xyz_quaternion
 from hric_human.contact import RegionContact
 
 GRIP_TYPE, TORQUE_TYPE = "hric_msgs/msg/HumanGrip", "hric_msgs/msg/JointTorque"
@@ -110,7 +110,9 @@ def read(bag: Path | Bag, robot_time: Callable[[float], float]) -> HumanRecord |
             return None
         messages = HumanMessages(names[0])
         muscles = MuscleMessages({names[0]})
-        for connection, _, raw in reader.chosen(lambda one: messages.wants(one) or muscles.wants(one)):
+        for connection, _, raw in reader.chosen(
+            lambda candidate: messages.wants(candidate) or muscles.wants(candidate)
+        ):
             message = reader.deserialize(raw, connection.msgtype)
             if messages.wants(connection):
                 messages.note(connection, raw)
@@ -197,7 +199,7 @@ class HumanMessages:
             self._torque.add(stamp, message)
         elif topic == self._roots:
             self._root_stamps.append(stamp)
-            self._root.extend(seven(message.pose))
+            self._root.extend(xyz_quaternion(message.pose))
         elif kind == GRIP_TYPE:
             self._grips.setdefault(message.name, _Grips(message)).add(stamp, message)
         elif kind == EVENT_TYPE:

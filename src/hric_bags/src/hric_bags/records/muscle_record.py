@@ -45,7 +45,7 @@ class MuscleRecord:
     @property
     def muscles(self) -> tuple[str, ...]:
         """Names of the muscles alone."""
-        return tuple(name for name, own in zip(self.names, self.is_muscle, strict=True) if own)
+        return tuple(name for name, is_muscle in zip(self.names, self.is_muscle, strict=True) if is_muscle)
 
 
 class MuscleMessages:
@@ -76,8 +76,8 @@ class MuscleMessages:
         largest = np.max([message.force for _, message in forces], axis=0)
         contact = {}
         for index, joint in enumerate(reactions[0][1].joint_names if reactions else ()):
-            found = [message.wrenches[index].force for _, message in reactions]
-            contact[joint] = np.linalg.norm([(f.x, f.y, f.z) for f in found], axis=1)
+            joint_forces = [message.wrenches[index].force for _, message in reactions]
+            contact[joint] = np.linalg.norm([(f.x, f.y, f.z) for f in joint_forces], axis=1)
         return MuscleRecord(
             names,
             np.isin(names, muscles),

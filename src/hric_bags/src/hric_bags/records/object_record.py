@@ -3,13 +3,12 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from hric_bags.parts import Bag
 from hric_bags.reader import FloatArray, opened
-from hric_bags.records.rows import seven
+from hric_bags.records.rows import xyz_quaternion
 from hric_control.plants import WindowlessConfig
 from hric_control.plants.models import Model, model_of_object
 from hric_control.plants.worlds import load_world
@@ -35,7 +34,7 @@ class ObjectRecord:
     pose: FloatArray
 
 
-def models(plant: Mapping[str, Any]) -> list[Model]:
+def models(plant: Mapping[str, object]) -> list[Model]:
     """Return the objects of a plant's world; empty if that world does not exist any more.
 
     Args:
@@ -48,7 +47,7 @@ def models(plant: Mapping[str, Any]) -> list[Model]:
         return []
 
 
-def read(bag: Path | Bag, plant: Mapping[str, Any], robot_time: Callable[[float], float]) -> list[ObjectRecord]:
+def read(bag: Path | Bag, plant: Mapping[str, object], robot_time: Callable[[float], float]) -> list[ObjectRecord]:
     """Return the recorded objects of a world, planes left out; in live runs the times are those of recording.
 
     Args:
@@ -57,14 +56,14 @@ def read(bag: Path | Bag, plant: Mapping[str, Any], robot_time: Callable[[float]
         robot_time: function from a stamp to robot time [s].
     """
     known = {model.name: model for model in models(plant) if not model.planes}
-    found: dict[str, list[list[float]]] = {name: [] for name in known}
+    samples: dict[str, list[list[float]]] = {name: [] for name in known}
     if not known:
         return []
     with opened(bag) as reader:
         for connection, stamp, raw in reader.chosen(lambda c: c.msgtype == STATES_TYPE):
             message, time = reader.deserialize(raw, connection.msgtype), robot_time(1e-9 * stamp)
             for name, pose in zip(message.name, message.pose, strict=True):
-                if name in found:
-                    found[name].append([time, *seven(pose)])
-    rows = {name: np.array(own) for name, own in found.items() if own}
-    return [ObjectRecord(name, known[name].xml, own[:, 0], own[:, 1:]) for name, own in rows.items()]
+                if name in samples:
+                    samples[name].append([time, *xyz_quaternion(pose)])
+    arrays = {name: np.array(rows) for name, rows in samples.items() if rows}
+    return [ObjectRecord(name, known[name].xml, array[:, 0], array[:, 1:]) for name, array in arrays.items()]

@@ -141,8 +141,8 @@ class _Body:
             return f"poses of another body than before and after, from {stamps[at]:.3f} s on"
         steps = np.diff(stamps)
         pairs = steps[:-1] < 0.5 * steps[1:]
-        for own in (pairs[::2], pairs[1::2]):
-            ends = np.flatnonzero(np.diff(np.concatenate([[False], own, [False]])))
+        for paired in (pairs[::2], pairs[1::2]):
+            ends = np.flatnonzero(np.diff(np.concatenate([[False], paired, [False]])))
             if (ends[1::2] - ends[::2] > MANY_PAIRS).any():
                 return "stamps that come in pairs"
         return ""

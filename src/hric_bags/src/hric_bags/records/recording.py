@@ -28,7 +28,7 @@ from hric_bags.records.contact_record import CONTACTS_TYPE as PAIRS_TYPE
 from hric_bags.records.contact_record import PairForce, add_to
 from hric_bags.records.human_record import TORQUE_TYPE, HumanMessages, HumanRecord, human_names
 from hric_bags.records.one_publisher import JOINTS, JointStates, check_names, publishers
-from hric_bags.records.rows import Thinning, seven, times, xyz
+from hric_bags.records.rows import Thinning, times, xyz, xyz_quaternion
 from hric_bags.records.safety_record import EVENT_TYPE, STATE_TYPE, SafetyMessages, SafetyRecord
 from hric_core.geometry import Pose
 
@@ -215,9 +215,9 @@ class _Taken:
         elif kind == TEXT_TYPE:
             self.description = self.description or str(message.data)
         elif kind == STATIC_TYPE:
-            for one in message.transforms:
-                p, q = one.transform.translation, one.transform.rotation
-                key = one.header.frame_id.strip("/"), one.child_frame_id.strip("/")
+            for transform in message.transforms:
+                p, q = transform.transform.translation, transform.transform.rotation
+                key = transform.header.frame_id.strip("/"), transform.child_frame_id.strip("/")
                 self._static[key] = Pose((p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
 
     def _add_states(self, topic: str, message: Any) -> None:
@@ -307,12 +307,12 @@ class _Named:
 
     def columns(self, topic: str, robot_time: RobotTime) -> Columns:
         """Return the columns of all messages."""
-        stamps = [stamp for _, own, _ in self._parts for stamp in own]
+        stamps = [stamp for _, part_stamps, _ in self._parts for stamp in part_stamps]
         values, row = np.full((len(stamps), len(self._names)), np.nan), 0
-        for names, own, rows in self._parts:
-            columns = [self._names[name] for name in names]
-            values[row : row + len(own), columns] = np.array(rows).reshape(len(own), -1)
-            row += len(own)
+        for names, part_stamps, rows in self._parts:
+            columns, end = [self._names[name] for name in names], row + len(part_stamps)
+            values[row:end, columns] = np.array(rows).reshape(len(part_stamps), -1)
+            row = end
         return Columns(topic, tuple(self._names), times(stamps, robot_time), values)
 
 
@@ -329,7 +329,7 @@ class _Roots:
 
     def add(self, message: Any) -> None:
         self._stamps.append(seconds(message.header.stamp))
-        self._rows.extend((*seven(message.root), message.residual))
+        self._rows.extend((*xyz_quaternion(message.root), message.residual))
         self._last = message
 
     def tracked(self, topic: str, robot_time: RobotTime) -> Tracked:

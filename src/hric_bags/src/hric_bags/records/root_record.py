@@ -36,10 +36,10 @@ class RootRecord:
         flips = np.cumprod(np.where(np.sum(q[1:] * q[:-1], axis=1) < 0.0, -1.0, 1.0))
         smooth = np.vstack([q[:1], q[1:] * flips[:, None]])  # same rotations on a continuous curve
         columns = np.hstack([self.pose[:, :3], smooth])
-        found = np.array([np.interp(time, self.time, column) for column in columns.T]).T
-        norm = np.linalg.norm(found[:, 3:], axis=1, keepdims=True)
-        found[:, 3:] /= np.where(norm > 0.0, norm, np.nan)
-        return found
+        pose = np.array([np.interp(time, self.time, column) for column in columns.T]).T
+        norm = np.linalg.norm(pose[:, 3:], axis=1, keepdims=True)
+        pose[:, 3:] /= np.where(norm > 0.0, norm, np.nan)
+        return pose
 
     def transforms(self, time: FloatArray) -> FloatArray:
         """Return T_world_root, shape (n, 4, 4); time: shape (n,) [s]."""

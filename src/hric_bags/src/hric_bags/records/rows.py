@@ -20,7 +20,7 @@ def xyz(v: Any) -> Vector:
     return v.x, v.y, v.z
 
 
-def seven(pose: Any) -> tuple[float, ...]:
+def xyz_quaternion(pose: Any) -> tuple[float, ...]:
     """Return position and quaternion x y z w of a geometry_msgs/Pose."""
     q = pose.orientation
     return (*xyz(pose.position), q.x, q.y, q.z, q.w)

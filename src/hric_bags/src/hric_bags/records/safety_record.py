@@ -116,8 +116,10 @@ class SafetyMessages:
         rows = rows[np.argsort(rows[:, 0], kind="stable")]
         time, state, fault, violation, scale, separation, protective, margin, latency = rows.T
         events = (
-            SafetyEvent(robot_time(stamp), str(one.kind), str(one.text), float(one.separation), float(one.margin))
-            for stamp, one in self._events
+            SafetyEvent(
+                robot_time(stamp), str(event.kind), str(event.text), float(event.separation), float(event.margin)
+            )
+            for stamp, event in self._events
         )
         return SafetyRecord(
             self._mode,

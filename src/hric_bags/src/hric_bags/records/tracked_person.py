@@ -27,12 +27,12 @@ class Tracked:
     """Muscle load of a tracked person.
 
     Attributes:
-        found: load at all instants.
+        load: load at all instants.
         body: body of the person.
         notes: sentences on how the person was tracked, and what is not known.
     """
 
-    found: PersonLoad
+    load: PersonLoad
     body: Body
     notes: tuple[str, ...]
 
@@ -65,18 +65,18 @@ def tracked(
     frames, residuals = 0, list[float]()
     for time, message in _messages(reader, robot_time, lambda c: c.msgtype == FRAMES):
         frames += 1
-        if (one := tracker.update(time, rows.positions(message))) is not None:
-            live.add(one)
-            residuals.append(one.residual)
-    found = live.take()
-    if found is None:
+        if (estimate := tracker.update(time, rows.positions(message))) is not None:
+            live.add(estimate)
+            residuals.append(estimate.residual)
+    load = live.take()
+    if load is None:
         raise BagError(
             f"the bag has {frames} frames of motion capture, and none of them shows the person; a load needs some of "
             f"{', '.join(settings.worn)}, at least three of them on the trunk"
         )
     fitted = "fitted to the person in a still pose" if calibrated else "NOT calibrated"
     note = f"motion: {frames} frames, markers {1e3 * np.nanmean(residuals):.1f} mm from those of the body, {fitted}"
-    return Tracked(found, body, (note, _of_force(found, settings), *_of_arms(found)))
+    return Tracked(load, body, (note, _of_force(load, settings), *_of_arms(load)))
 
 
 def _messages(
@@ -88,21 +88,21 @@ def _messages(
         yield robot_time(seconds(message.header.stamp)), message
 
 
-def _of_force(found: PersonLoad, settings: PersonSettings) -> str:
+def _of_force(load: PersonLoad, settings: PersonSettings) -> str:
     if settings.side is None:
         return "external forces: none measured (person.force.source)"
-    shares = {state: 100.0 * np.mean(np.array(found.force) == state) for state in (MISSING, AWAY)}
+    shares = {state: 100.0 * np.mean(np.array(load.force) == state) for state in (MISSING, AWAY)}
     return (
         f"forces act on: the {settings.side} hand, measured by the {settings.force.source}; not on it for "
         f"{shares[AWAY]:.1f} % of the time, missing for {shares[MISSING]:.1f} %"
     )
 
 
-def _of_arms(found: PersonLoad) -> list[str]:
+def _of_arms(load: PersonLoad) -> list[str]:
     notes = []
-    for side, states in found.states.items():
+    for side, states in load.states.items():
         lost, bridged = (100.0 * np.mean(np.array(states) == state) for state in (LOST, BRIDGED))
-        outside = 100.0 * found.load.outside[side].mean()
+        outside = 100.0 * load.load.outside[side].mean()
         notes.append(
             f"{side} arm: lost for {lost:.1f} % of the time, bridged for {bridged:.1f} %, outside the range that "
             f"muscle paths were fitted in, where its muscles are left out, for {outside:.1f} %"

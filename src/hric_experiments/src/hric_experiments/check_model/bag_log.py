@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -86,12 +85,12 @@ def _log(data: Table, arm: str, fields: Sequence[str]) -> ArmLog:
     labels = [str(i) for i in range(JOINTS)] if fields[0] == "q" else names
     arrays = [_matrix(data.below(field), labels) for field in fields]
     # Messages of another node on the topic, such as the gripper's joint states, have no values of the arm.
-    own = ~np.isnan(np.hstack(arrays)).all(axis=1)
+    has_arm = ~np.isnan(np.hstack(arrays)).all(axis=1)
     columns = ("stamp", *(f"{field}.{label}" for field in fields for label in labels))
     row = "cycle" if data.type_name == LOG_TYPE else "message"
-    q, dq, tau = (array[own] for array in arrays)
-    return ArmLog(tuple(names), data.time[own], q, dq, tau, columns, np.flatnonzero(own) + 1, row)
+    q, dq, tau = (array[has_arm] for array in arrays)
+    return ArmLog(tuple(names), data.time[has_arm], q, dq, tau, columns, np.flatnonzero(has_arm) + 1, row)
 
 
-def _matrix(columns: Mapping[str, Any], labels: Sequence[str]) -> FloatArray:
+def _matrix(columns: Mapping[str, object], labels: Sequence[str]) -> FloatArray:
     return np.column_stack([np.asarray(columns[label], dtype=float) for label in labels])

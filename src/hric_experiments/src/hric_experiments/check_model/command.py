@@ -38,18 +38,18 @@ class CheckModelCommand(Command):
             *_results_arguments(),
         ]
 
-    def run(self, given: argparse.Namespace) -> None:
+    def run(self, arguments: argparse.Namespace) -> None:
         """Compare the robot model with the log of an arm."""
-        if given.fitted is not None and given.fit is None:
+        if arguments.fitted is not None and arguments.fit is None:
             raise LogError("-o names the file of a fit; valid: with --fit friction")
-        source = sources.find(given)
-        friction, breakaway, named = sources.friction(given, source)
-        model, description, described = sources.model(given, source)
+        source = sources.find(arguments)
+        friction, breakaway, named = sources.friction(arguments, source)
+        model, description, described = sources.model(arguments, source)
         check_log(source.log, *sources.ranges(description, source.log.joint_names))
-        signals = condition(source.log, given.cutoff)
-        hand = sources.try_hand(given, source, lambda other: model_check.coarse_rms(other, signals, friction))
-        if hand.given is not given:
-            model, description, described = sources.model(hand.given, source)
+        signals = condition(source.log, arguments.cutoff)
+        hand = sources.try_hand(arguments, source, lambda other: model_check.coarse_rms(other, signals, friction))
+        if hand.arguments is not arguments:
+            model, description, described = sources.model(hand.arguments, source)
         counting = functools.partial(tqdm, unit=" instants", desc="model", disable=not sys.stderr.isatty(), leave=False)
         check = model_check.check(model, source.log.joint_names, signals, friction, counting, breakaway)
         about = [
@@ -59,10 +59,10 @@ class CheckModelCommand(Command):
             f"model: {described}; friction {named}",
             *hand.lines,
         ]
-        fits = fit_friction(check, friction or sources.published()) if given.fit else []
+        fits = fit_friction(check, friction or sources.published()) if arguments.fit else []
         text = report.render(check, about) + (f"\n{report.render_fit(fits)}" if fits else "")
         print(text)
-        _write(given, source, check, friction, fits, text)
+        _write(arguments, source, check, friction, fits, text)
 
 
 def _log_arguments() -> list[Argument]:
@@ -155,7 +155,7 @@ def _positive(text: str) -> float:
 
 
 def _write(
-    given: argparse.Namespace,
+    arguments: argparse.Namespace,
     source: sources.Source,
     check: ModelCheck,
     friction: Sequence[Phi] | None,
@@ -163,10 +163,10 @@ def _write(
     text: str,
 ) -> None:
     """Write report, figures and fitted friction."""
-    folder = (given.out or source.folder).expanduser().absolute()
+    folder = (arguments.out or source.folder).expanduser().absolute()
     files.make_folder(folder)
     if fits:
-        path = (given.fitted or folder / "friction.yaml").expanduser()
+        path = (arguments.fitted or folder / "friction.yaml").expanduser()
         files.make_folder(path.parent)
         about = (
             f"Joint friction, fitted to {source.name} by: hric check_model --fit friction",
@@ -175,8 +175,8 @@ def _write(
         files.write_text(path, friction_text(fits, about))
         print(f"friction: {path}")
     files.write_text(folder / "summary.txt", text)
-    if not given.no_figures:
+    if not arguments.no_figures:
         from hric_experiments.check_model import figures  # slow to import
 
         figures.draw_all(folder, check, friction, fits, source.name)
-    print(f"{'summary' if given.no_figures else 'figures'}: {folder}")
+    print(f"{'summary' if arguments.no_figures else 'figures'}: {folder}")

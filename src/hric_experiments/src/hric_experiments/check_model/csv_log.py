@@ -27,31 +27,31 @@ MEANINGS = {
 USUAL = "t, q1 to q7, dq1 to dq7, tau1 to tau7"
 
 
-def parse_columns(given: Sequence[str]) -> dict[str, str]:
+def parse_columns(texts: Sequence[str]) -> dict[str, str]:
     """Parse `KEY=NAME` arguments of the command line; return the names of columns by key.
 
     Raises:
         LogError: an argument has another form or an unknown key.
     """
-    found = {}
-    for text in given:
+    columns = {}
+    for text in texts:
         key, separator, value = text.partition("=")
         if key not in MEANINGS or not separator or not value:
             raise LogError(
                 f"cannot read {text!r} of --columns; valid: t=NAME, and q=, dq=, tau= with seven names and commas, "
                 f"or one with {{}} for 1 to 7"
             )
-        found[key] = value
-    return found
+        columns[key] = value
+    return columns
 
 
-def read_csv(path: Path, joint_names: Sequence[str], given: Mapping[str, str]) -> ArmLog:
+def read_csv(path: Path, joint_names: Sequence[str], chosen: Mapping[str, str]) -> ArmLog:
     """Read a CSV file with a header, separated by commas, semicolons, tabs or spaces; lines with # are skipped.
 
     Args:
         path: CSV file.
         joint_names: names of joints 1 to 7.
-        given: result of `parse_columns`.
+        chosen: result of `parse_columns`.
 
     Raises:
         LogError: the file cannot be read, columns are missing, or a cell is not a number.
@@ -65,7 +65,7 @@ def read_csv(path: Path, joint_names: Sequence[str], given: Mapping[str, str]) -
     frequent = max(",;\t", key=header.count)
     delimiter = frequent if frequent in header else None
     names = [name.strip() for name in _cells(header, delimiter)]
-    columns = _columns(names, given, path.name)
+    columns = _columns(names, chosen, path.name)
     numbers = [number for number, _ in rows]
     values = _numbers(rows, delimiter, [names.index(column) for column in columns], columns)
     time, q, dq, tau = np.split(values, (1, 1 + JOINTS, 1 + 2 * JOINTS), axis=1)
@@ -95,27 +95,27 @@ def _cells(line: str, delimiter: str | None) -> list[str]:
     return line.split() if delimiter is None else next(csv.reader([line], delimiter=delimiter))
 
 
-def _columns(names: Sequence[str], given: Mapping[str, str], file: str) -> list[str]:
+def _columns(names: Sequence[str], chosen: Mapping[str, str], file: str) -> list[str]:
     """Return the names of the 22 columns of time, positions, velocities and torques."""
-    found = [_named(given["t"], names, 1, file) if "t" in given else _time(names, file)]
+    columns = [_named(chosen["t"], names, 1, file) if "t" in chosen else _time(names, file)]
     for key in STEMS:
-        found.append(_named(given[key], names, JOINTS, file) if key in given else _joints(key, names, file))
-    flat = [name for group in found for name in group]
+        columns.append(_named(chosen[key], names, JOINTS, file) if key in chosen else _joints(key, names, file))
+    flat = [name for group in columns for name in group]
     twice = sorted({name for name in flat if flat.count(name) > 1 or names.count(name) > 1})
     if twice:
         raise LogError(f"{file}: column {', '.join(twice)} is there or meant twice; columns there: {', '.join(names)}")
     return flat
 
 
-def _named(given: str, names: Sequence[str], count: int, file: str) -> list[str]:
-    numbered = count > 1 and "{}" in given
+def _named(text: str, names: Sequence[str], count: int, file: str) -> list[str]:
+    numbered = count > 1 and "{}" in text
     chosen = (
-        [given.replace("{}", str(i)) for i in range(1, count + 1)]
+        [text.replace("{}", str(i)) for i in range(1, count + 1)]
         if numbered
-        else [one.strip() for one in given.split(",")]
+        else [name.strip() for name in text.split(",")]
     )
     if len(chosen) != count:
-        raise LogError(f"--columns names {len(chosen)} columns in {given!r}; {count} are needed")
+        raise LogError(f"--columns names {len(chosen)} columns in {text!r}; {count} are needed")
     missing = [name for name in chosen if name not in names]
     if missing:
         raise LogError(f"{file} has no column {', '.join(missing)}; columns there: {', '.join(names)}")

@@ -33,15 +33,15 @@ def render_fit(fits: Sequence[JointFriction]) -> str:
         ["joint", "phi1", "+-", "phi2", "+-", "phi3", "+-", "breakaway", "residual RMS"],
         ["", "N m", "", "s/rad", "", "rad/s", "", "N m", "N m"],
     ]
-    for one in fits:
+    for fit in fits:
         values = [
             text
-            for pair in zip(one.phi, one.deviation, strict=True)
-            for text in (f"{pair[0]:.4f}", f"{pair[1]:.1g}" if one.fitted else "-")
+            for pair in zip(fit.phi, fit.deviation, strict=True)
+            for text in (f"{pair[0]:.4f}", f"{pair[1]:.1g}" if fit.fitted else "-")
         ]
-        cells.append([one.joint, *values, f"{one.breakaway:.3f}", f"{one.rms:.3f}"])
-    cells.append(["sum", *[""] * 7, f"{sum(one.rms for one in fits):.3f}"])
-    notes = [f"{one.joint}: {one.summary()}" for one in fits if not one.fitted or one.loose()]
+        cells.append([fit.joint, *values, f"{fit.breakaway:.3f}", f"{fit.rms:.3f}"])
+    cells.append(["sum", *[""] * 7, f"{sum(fit.rms for fit in fits):.3f}"])
+    notes = [f"{fit.joint}: {fit.summary()}" for fit in fits if not fit.fitted or fit.loose()]
     return (
         "\n".join(
             [

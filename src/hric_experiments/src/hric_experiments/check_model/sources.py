@@ -10,6 +10,7 @@ import panda_description
 from franka_hw_interface.arm_log import ArmLog, LogError
 from franka_hw_interface.friction_file import JOINTS, read_parameters
 from franka_hw_interface.kdl_model import KdlFrankaModel
+from hric_bags.run_file import robot_parameters
 from hric_control.plants import Phi, breakaways, sigmoid_parameters
 from hric_core.resources import read_description
 from hric_core.urdf import read
@@ -43,70 +44,70 @@ class Source:
     simulated: Any = None
 
 
-def find(given: argparse.Namespace) -> Source:
+def find(arguments: argparse.Namespace) -> Source:
     """Find and read the log that the arguments name: a CSV file, a bag, a run folder or its name.
 
     Raises:
         HricError: it does not exist, or has no log of an arm.
     """
-    path = Path(given.run).expanduser()
+    path = Path(arguments.run).expanduser()
     if path.suffix in (".bag", ".active") or path.is_dir() or not (path.is_file() or path.suffix):
-        if given.columns:
+        if arguments.columns:
             raise LogError("--columns names the columns of a CSV file; of a bag: --topic and --arm-id")
-        return _from_bag(given)
-    if given.topic:
+        return _from_bag(arguments)
+    if arguments.topic:
         raise LogError("--topic is for bags; of a CSV file: --columns")
-    names = [f"{given.arm_id or PANDA}_{joint}" for joint in JOINTS]
-    log = csv_log.read_csv(path, names, csv_log.parse_columns(given.columns))
+    names = [f"{arguments.arm_id or PANDA}_{joint}" for joint in JOINTS]
+    log = csv_log.read_csv(path, names, csv_log.parse_columns(arguments.columns))
     return Source(log, path.name, path.with_name(f"{path.stem}_check_model"))
 
 
-def _from_bag(given: argparse.Namespace) -> Source:
+def _from_bag(arguments: argparse.Namespace) -> Source:
     from hric_bags.export import recording
     from hric_experiments.check_model import bag_log
 
-    found = recording.find(given.run, given.runs)
-    log, topic = bag_log.read_bag(found, given.topic, given.arm_id)
-    if found.folder is None:
-        return Source(log, f"{found.bag.name}, {topic}", found.bag.with_name(f"{found.bag.stem}_check_model"))
-    name, output = f"{found.folder.path.name}, {topic}", found.folder.path / "check_model"
-    robot = (found.run.get("parameters") or {}).get("robot") or {}
+    recorded = recording.find(arguments.run, arguments.runs)
+    log, topic = bag_log.read_bag(recorded, arguments.topic, arguments.arm_id)
+    if recorded.folder is None:
+        return Source(log, f"{recorded.bag.name}, {topic}", recorded.bag.with_name(f"{recorded.bag.stem}_check_model"))
+    name, output = f"{recorded.folder.path.name}, {topic}", recorded.folder.path / "check_model"
+    robot = robot_parameters(recorded.run)
     if not robot or str(robot.get("robot_hw", "")).startswith("franka_real"):
-        return Source(log, name, output, found.urdf)
+        return Source(log, name, output, recorded.urdf)
     plant = robot.get("plant") or {}
     acted = plant.get("friction", "none")
     return Source(
-        log, name, output, found.urdf, acted if acted in FRICTIONS else "none", plant.get("friction_parameters")
+        log, name, output, recorded.urdf, acted if acted in FRICTIONS else "none", plant.get("friction_parameters")
     )
 
 
-def model(given: argparse.Namespace, source: Source) -> tuple[KdlFrankaModel, str, str]:
+def model(arguments: argparse.Namespace, source: Source) -> tuple[KdlFrankaModel, str, str]:
     """Return the model with its payload, its description, and its name.
 
     Raises:
         HricError: the description or the payload cannot be used.
     """
     arm_id = source.log.joint_names[0].removesuffix("joint1").rstrip("_")
-    text, name, gravity_base = _description(given, source, arm_id)
+    text, name, gravity_base = _description(arguments, source, arm_id)
     made = (
         KdlFrankaModel(text, arm_id)
         if gravity_base is None
         else KdlFrankaModel(text, arm_id, gravity_world=gravity_base)
     )
-    return made, text, name + _loaded(made, given.load)
+    return made, text, name + _loaded(made, arguments.load)
 
 
-def _description(given: argparse.Namespace, source: Source, arm_id: str) -> tuple[str, str, Sequence[float] | None]:
+def _description(arguments: argparse.Namespace, source: Source, arm_id: str) -> tuple[str, str, Sequence[float] | None]:
     """Return the URDF, its name, and gravity in the base if the URDF lacks the mounting of the run [m/s^2]."""
-    own = given.inertials is not None or given.hand is not None
-    if given.urdf is not None:
-        if own:
+    is_chosen = arguments.inertials is not None or arguments.hand is not None
+    if arguments.urdf is not None:
+        if is_chosen:
             raise LogError("--urdf brings its own inertials and hand; valid: without --inertials, --hand and --no-hand")
-        return read_description(given.urdf), given.urdf.name, None
-    if source.urdf and not own:
+        return read_description(arguments.urdf), arguments.urdf.name, None
+    if source.urdf and not is_chosen:
         return source.urdf, "robot.urdf of the run", None
-    hand = _has_hand(source, arm_id) if given.hand is None else given.hand
-    name = given.inertials or "barycentric"
+    hand = _has_hand(source, arm_id) if arguments.hand is None else arguments.hand
+    name = arguments.inertials or "barycentric"
     text = panda_description.load(arm_id=arm_id, hand=hand, inertials=name, meshes=False, collision=False)
     mounted = KdlFrankaModel(source.urdf, arm_id).gravity_base.tolist() if source.urdf else None
     return text, f"inertials {name}, {'with' if hand else 'without'} hand", mounted
@@ -122,36 +123,38 @@ class HandTrial:
     """Outcome of a trial of the model with and without the hand.
 
     Attributes:
-        given: arguments of the model to use.
+        arguments: arguments of the model to use.
         lines: lines for the report.
     """
 
-    given: argparse.Namespace
+    arguments: argparse.Namespace
     lines: tuple[str, ...] = ()
 
 
-def try_hand(given: argparse.Namespace, source: Source, coarse_rms: Callable[[KdlFrankaModel], float]) -> HandTrial:
+def try_hand(arguments: argparse.Namespace, source: Source, coarse_rms: Callable[[KdlFrankaModel], float]) -> HandTrial:
     """Compare the model with and without the hand if the arguments do not select one.
 
     For an unknown arm the better model is used; for the robot of a run a warning says if the other model fits better.
 
     Args:
-        given: arguments of the command.
+        arguments: arguments of the command.
         source: log with its origin.
         coarse_rms: function that returns the residual of a model [N m].
     """
-    if given.hand is not None or given.urdf is not None:
-        return HandTrial(given)
+    if arguments.hand is not None or arguments.urdf is not None:
+        return HandTrial(arguments)
     with_hand = _has_hand(source, source.log.joint_names[0].removesuffix("joint1").rstrip("_"))
-    other = argparse.Namespace(**{**vars(given), "hand": not with_hand})
-    own_rms, other_rms = (coarse_rms(model(arguments, source)[0]) for arguments in (given, other))
+    other = argparse.Namespace(**{**vars(arguments), "hand": not with_hand})
+    own_rms, other_rms = (coarse_rms(model(tried, source)[0]) for tried in (arguments, other))
     better = other_rms < CLEARLY * own_rms
     names = ("with the hand", "without a hand") if with_hand else ("without a hand", "with the hand")
     sums = f"the residual's sum is {own_rms:.3g} N m {names[0]}, {other_rms:.3g} {names[1]}"
     if source.urdf:
         option = "--no-hand" if with_hand else "--hand"
-        return HandTrial(given, (f"WARNING: {sums}: try {option}, or hand:= of the run was wrong",) if better else ())
-    return HandTrial(other if better else given, (f"hand not given (--hand, --no-hand): {sums}",))
+        return HandTrial(
+            arguments, (f"WARNING: {sums}: try {option}, or hand:= of the run was wrong",) if better else ()
+        )
+    return HandTrial(other if better else arguments, (f"hand not given (--hand, --no-hand): {sums}",))
 
 
 def _loaded(made: KdlFrankaModel, load: Sequence[float] | None) -> str:
@@ -178,13 +181,13 @@ def published() -> list[Phi]:
     return sigmoid_parameters(values, list(values))
 
 
-def friction(given: argparse.Namespace, source: Source) -> tuple[list[Phi] | None, list[float], str]:
+def friction(arguments: argparse.Namespace, source: Source) -> tuple[list[Phi] | None, list[float], str]:
     """Return the friction sigmoid of each joint (None: no friction), the breakaway torques [N m], and a name.
 
     Raises:
         HricError: the friction file cannot be used.
     """
-    chosen = given.friction or source.friction
+    chosen = arguments.friction or source.friction
     if chosen == "none":
         return None, [], "none"
     if chosen != "identified":
@@ -195,7 +198,7 @@ def friction(given: argparse.Namespace, source: Source) -> tuple[list[Phi] | Non
                 "writes it"
             )
         parameters, joints, name = read_parameters(path), JOINTS, f"of {path.name}"
-    elif given.friction is None and source.simulated:
+    elif arguments.friction is None and source.simulated:
         parameters, joints = source.simulated, source.log.joint_names
         name = "identified, as it acted in the simulation"
     else:

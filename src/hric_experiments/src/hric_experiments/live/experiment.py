@@ -54,10 +54,10 @@ class ExperimentSettings(Settings):
     experiment: str = text(empty=False, text="experiment to run")
     overrides: str = text("", figures=True, text="overrides of the experiment")
     record: bool = flag(True, text="whether a recorder runs; false: no report")
-    html: bool = flag(False, text="leave `report.html` in the run folder, too; some seconds more at the end")
-    armed: bool = flag(False, text="the recorder waits for a trigger: so does the experiment, as long as it takes")
+    html: bool = flag(False, text="write `report.html` to the run folder, too; takes some seconds at the end")
+    armed: bool = flag(False, text="the recorder waits for a trigger, and the experiment with it, without a time limit")
     ready_timeout: float = number(
-        60.0, minimum=0.0, unit="s", text="wall time that controllers and recorder may take to be ready"
+        60.0, minimum=0.0, unit="s", text="maximum wall time until controllers and recorder are ready"
     )
 
 
@@ -99,7 +99,7 @@ class LiveExperiment:
             rospy.loginfo("experiment %s ended; nothing was recorded", self.experiment.name)
             return ""
         if behind := self._sensors.drain(interval[1]):
-            rospy.logwarn("the last samples on %s have not come: the bag will lack them", ", ".join(behind))
+            rospy.logwarn("the last samples of %s did not arrive: the bag lacks them", ", ".join(behind))
         folder = self._stop_recording()
         folder.update(real_time_factor=factor, interval=interval)
         return self._report(folder)
@@ -118,7 +118,7 @@ class LiveExperiment:
                     report += f"page: {report_html.write(folder)}\n"
             except live_node.Interrupted:
                 later = f"hric report {folder.path}" + " --html" * html
-                rospy.logwarn("interrupted: the bag is whole, the report is not made; to make it: %s", later)
+                rospy.logwarn("interrupted: the bag is complete, but there is no report; to make it: %s", later)
                 raise
         return report
 
@@ -205,9 +205,9 @@ class LiveExperiment:
         try:
             response = rospy.ServiceProxy(parameters.HUMAN_START, Trigger)()
         except rospy.ServiceException as error:
-            raise FailureError(f"nobody stands beside the robot: {error}") from error
+            raise FailureError(f"the human does not respond: {error}") from error
         if not response.success:
-            raise FailureError(f"the human does not begin: {response.message}")
+            raise FailureError(f"the human does not start: {response.message}")
 
     def _sleep_until(self, when: float) -> None:
         """Wait until robot time `when`; a paused simulation pauses the wait, a robot that does not respond ends it."""

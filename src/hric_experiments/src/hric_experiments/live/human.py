@@ -42,8 +42,8 @@ class LiveHuman:
     def nodes(self) -> list[str]:
         """Return the names of the running nodes of the motion capture."""
         published = rosgraph.Master(rospy.get_name()).getSystemState()[0]
-        own = {rospy.resolve_name(name) for name in (MOCAP_CLIENT, EMULATED_HUMAN)}
-        return sorted(own & {node for _, nodes in published for node in nodes})
+        sources = {rospy.resolve_name(name) for name in (MOCAP_CLIENT, EMULATED_HUMAN)}
+        return sorted(sources & {node for _, nodes in published for node in nodes})
 
     def start(self) -> None:
         """Start the emulated human, if there is one.

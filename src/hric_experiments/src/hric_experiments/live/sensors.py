@@ -40,7 +40,7 @@ class LiveSensors:
         self.sampled = bool(experiment.sensors or synchronised)
         self._stamps: dict[str, float] = {}
         self._lock = threading.Lock()
-        self._subscribers: dict[str, Any] = {}
+        self._subscribers: dict[str, rospy.Subscriber] = {}
         self._listen()
 
     def missing(self) -> list[str]:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import rosgraph
 import rospy
@@ -17,6 +17,7 @@ from std_srvs.srv import Trigger, TriggerResponse
 
 from hric_bags import files
 from hric_bags.files import MEGABYTE
+from hric_bags.run_file import RunFile, RunNotes
 from hric_bags.run_folder import COMPLETED, FAILED, INTERRUPTED, RunFolder, runs_root
 from hric_core.errors import FailureError, HricError
 from hric_core.ros import RosNode
@@ -121,13 +122,16 @@ class Recorder:
         tree = rospy.get_param(namespace.rstrip("/") or "/", {}) or {}
         # The description nearest to the namespace of this node; empty: there is none.
         urdf = str(rospy.get_param(rospy.search_param("robot_description") or "robot_description", ""))
-        own = {"subject": self._settings.subject, "notes": provenance.neutral(self._settings.notes)}
-        own = {key: value for key, value in own.items() if value}
-        limits = provenance.joint_limits(urdf, RosNode(namespace)) if urdf else {}
-        folder.write(
-            provenance.head(folder, self._definition, self._overrides, tree, mode="live", limits=limits, **own)
-            | {"experiment": name}
-        )
+        entries: RunFile = {
+            "mode": "live",
+            "limits": provenance.joint_limits(urdf, RosNode(namespace)) if urdf else {},
+        }
+        if self._settings.subject:
+            entries["subject"] = self._settings.subject
+        if self._settings.notes:
+            entries["notes"] = provenance.neutral(self._settings.notes)
+        head = provenance.head(folder, self._definition, self._overrides, tree, entries)
+        folder.write({**head, "experiment": name})
         if urdf:
             files.write_text(folder.urdf_path, urdf)
 
@@ -216,7 +220,7 @@ class Recorder:
             f"{self._settings.min_free:.0f} MB"
         )
         bag = self.stop(INTERRUPTED, reason=trouble)
-        self._trouble = f"{trouble}; the bag is whole: {bag}"
+        self._trouble = f"{trouble}; the bag is complete: {bag}"
         rospy.logerr("%s", self._trouble)
         self._diagnostics.report(ERROR, self._trouble, {}, now=True)
 
@@ -266,7 +270,7 @@ class Recorder:
             return
         self._request(self._on_start)
 
-    def stop(self, status: str, timeout: float = recorder_process.STOP_TIMEOUT, **notes: object) -> Path:
+    def stop(self, status: str, timeout: float = recorder_process.STOP_TIMEOUT, **notes: Unpack[RunNotes]) -> Path:
         """Close the bag and write the outcome to run.yaml; return the bag or its first part, also if closed before.
 
         Args:

@@ -27,10 +27,10 @@ def find_recorder() -> str:
     """
     import roslib.packages
 
-    found: list[str] = roslib.packages.find_node("hric_experiments", "bag_recorder") or []
-    if not found:
+    paths: list[str] = roslib.packages.find_node("hric_experiments", "bag_recorder") or []
+    if not paths:
         raise RecordError("the program bag_recorder of hric_experiments is not built; run scripts/build")
-    return found[0]
+    return paths[0]
 
 
 def arguments(bag: Path, topics: Sequence[str], exclude: str, node_name: str) -> list[str]:

@@ -5,8 +5,10 @@ import os
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Unpack
 
 from hric_bags.files import MEGABYTE
+from hric_bags.run_file import RunNotes
 from hric_bags.run_folder import FAILED, RunFolder, iso_now
 from hric_core.errors import FailureError, HricError
 from hric_experiments.recorder.process import STOP_TIMEOUT, RecorderProcess, RecordError
@@ -157,7 +159,7 @@ class Recording:
             self._name_first()
         return self.bag
 
-    def finish(self, status: str, **notes: object) -> None:
+    def finish(self, status: str, **notes: Unpack[RunNotes]) -> None:
         """Write status, end time and further notes to run.yaml."""
         self.folder.update(status=status, finished=iso_now(), **notes)
 

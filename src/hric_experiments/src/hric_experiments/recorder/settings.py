@@ -16,8 +16,8 @@ NONE = ("", "none")
 NOW, ON_TRIGGER, ON_REQUEST = "now", "on_trigger", "on_request"
 
 
-def _code(given: str) -> str:
-    code = given.strip()
+def _code(text: str) -> str:
+    code = text.strip()
     if code in NONE:
         return ""
     if not SUBJECT.fullmatch(code):
@@ -25,8 +25,8 @@ def _code(given: str) -> str:
     return code
 
 
-def _short(given: str) -> str:
-    note = given.strip()
+def _short(notes: str) -> str:
+    note = notes.strip()
     if len(note) > LONGEST_NOTE:
         raise ValueError
     return "" if note in NONE else note
@@ -73,16 +73,16 @@ class RecorderSettings(Settings):
         text=f"notes for `run.yaml`, at most {LONGEST_NOTE} characters",
     )
     split_size: float = number(
-        0.0, minimum=0.0, unit="MB", text="the next part begins when the file of a part is so large; 0: never"
+        0.0, minimum=0.0, unit="MB", text="size of a part at which the next one begins; 0: never"
     )
     split_duration: float = number(
-        0.0, minimum=0.0, unit="s", text="the next part begins after so long of wall time; 0: never"
+        0.0, minimum=0.0, unit="s", text="wall time after which the next part begins; 0: never"
     )
     min_free: float = number(
         MIN_FREE,
         minimum=0.0,
         unit="MB",
-        text="room on the disk below which a recording is refused, or ended with its bag whole and an error on "
+        text="free space on the disk below which a recording is refused, or ended with a complete bag and an error on "
         "the log and "
         "`/diagnostics`: what still waits in memory must find room",
     )

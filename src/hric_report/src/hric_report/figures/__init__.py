@@ -59,8 +59,8 @@ def of_run(data: FigureData) -> list[Figure]:
 
 
 def _modules() -> list[str]:
-    own = [f"{__name__}.{module.name}" for module in pkgutil.iter_modules(__path__)]
-    return [*own, *sorted(module.name for module in pkgutil.iter_modules() if module.name.startswith(OUTSIDE))]
+    inside = [f"{__name__}.{module.name}" for module in pkgutil.iter_modules(__path__)]
+    return [*inside, *sorted(module.name for module in pkgutil.iter_modules() if module.name.startswith(OUTSIDE))]
 
 
 def _figures(module: str) -> Callable[[FigureData], list[Figure]]:

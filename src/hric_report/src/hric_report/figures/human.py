@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hric_analysis.carrying import Carried
+from hric_analysis.carrying import Transport
 from hric_assessment.contact.impact import Clamping, ClosedFormImpact, ExpectedContact
 from hric_bags.records.human_record import HumanRecord
 from hric_bags.records.muscle_record import MuscleRecord
@@ -25,16 +25,16 @@ def figures(data: FigureData) -> list[Figure]:
     if person is None:
         return []
     record = person.record
-    found = []
+    made = []
     if panels := [_grip_panel(name, record) for name, grip in record.grips.items() if grip.closed.any()]:
         forces = Figure("grip", "Grip force", "force on the hand [N]", tuple(panels), min_height=1.0)
-        found.append(forces.about(HUMAN, f"Force of what is held on what holds it. {ESTIMATE}"))
-    found += _contact_figures(person.impacts)
-    for k, one in enumerate(person.carried):
-        suffix = f"_{k + 1}" if len(person.carried) > 1 else ""
-        found += [_carrying(one, f"carrying{suffix}"), _path(one, f"carrying_path{suffix}")]
+        made.append(forces.about(HUMAN, f"Force of what is held on what holds it. {ESTIMATE}"))
+    made += _contact_figures(person.impacts)
+    for k, transport in enumerate(person.transports):
+        suffix = f"_{k + 1}" if len(person.transports) > 1 else ""
+        made += [_carrying(transport, f"carrying{suffix}"), _path(transport, f"carrying_path{suffix}")]
     if record.muscles is not None:
-        found += _muscle_figures(record.muscles)
+        made += _muscle_figures(record.muscles)
     share = Curve("of the strength", "measured", record.torque_time, record.share)
     strength = per_joint(
         "strength",
@@ -54,7 +54,7 @@ def figures(data: FigureData) -> list[Figure]:
         min_height=0.02,
     )
     return [
-        *found,
+        *made,
         strength.about(HUMAN, f"In the sense in which the torque acts. {ESTIMATE}"),
         angles.about(HUMAN, "Joint angles of the simulated body."),
     ]
@@ -69,7 +69,7 @@ def _muscle_figures(record: MuscleRecord) -> list[Figure]:
         f"Activation of {len(record.muscles)} muscles, and of the ideal actuators of joints without any, whose names "
         f"end with their sense. From {heat.top:g} on all have the same colour. {ESTIMATE}"
     )
-    found = [Figure("activation", "Activation of the muscles", "", (Panel("", (), heat=heat),)).about(HUMAN, caption)]
+    made = [Figure("activation", "Activation of the muscles", "", (Panel("", (), heat=heat),)).about(HUMAN, caption)]
     if record.contact:
         panels = tuple(
             Panel(joint, (Curve("contact force", "measured", record.contact_time, size),))
@@ -77,8 +77,8 @@ def _muscle_figures(record: MuscleRecord) -> list[Figure]:
         )
         figure = Figure("joint_contact", "Contact forces between bones", "force [N]", panels, min_height=10.0)
         text = f"Force of the proximal on the distal bone of a joint: what muscles pull there included. {ESTIMATE}"
-        found.append(figure.about(HUMAN, text))
-    return found
+        made.append(figure.about(HUMAN, text))
+    return made
 
 
 def _contact_figures(impacts: Sequence[ExpectedContact]) -> list[Figure]:
@@ -92,8 +92,8 @@ def _contact_figures(impacts: Sequence[ExpectedContact]) -> list[Figure]:
             and (pair not in hardest or form.peak > hardest[pair][1].peak)
         ):
             hardest[pair] = impact, form
-    found = []
-    if panels := [_blow_panel(*one) for one in hardest.values()]:
+    made = []
+    if panels := [_blow_panel(*impact_and_form) for impact_and_form in hardest.values()]:
         text = (
             "Force on the human from the first touch on, of each pair of bodies the hardest blow, and the half sine of "
             "two reflected masses on the spring of the region, which has the first force that was recorded. "
@@ -102,12 +102,12 @@ def _contact_figures(impacts: Sequence[ExpectedContact]) -> list[Figure]:
         figure = Figure(
             "blow", "Blow", "force [N]", tuple(panels), min_height=1.0, abscissa="after the first touch [ms]"
         )
-        found.append(figure.about(HUMAN, text))
+        made.append(figure.about(HUMAN, text))
     if panels := [_press_panel(impact, impact.clamping) for impact in impacts if impact.clamping]:
         text = f"Force of contacts that last, beside what the commanded torque balances along the normal. {ESTIMATE}"
         figure = Figure("press", "Pressed contact", "force [N]", tuple(panels), min_height=1.0)
-        found.append(figure.about(HUMAN, text))
-    return found
+        made.append(figure.about(HUMAN, text))
+    return made
 
 
 def _blow_panel(impact: ExpectedContact, form: ClosedFormImpact) -> Panel:
@@ -136,32 +136,39 @@ def _between(impact: ExpectedContact) -> str:
     return f"{', '.join(impact.contact.regions) or impact.contact.link}: {impact.contact.other}"
 
 
-def _carrying(one: Carried, key: str) -> Figure:
+def _carrying(transport: Transport, key: str) -> Figure:
     """Return the figure of load share, internal force and tilt of an object over time."""
     panels = []
-    if one.share is not None:
-        shares = zip(one.ends, one.share, strict=True)
-        curves = tuple(Curve(name, f"s{k}", one.time, 100.0 * share) for k, (name, share) in enumerate(shares))
+    if transport.share is not None:
+        shares = zip(transport.ends, transport.share, strict=True)
+        curves = tuple(Curve(name, f"s{k}", transport.time, 100.0 * share) for k, (name, share) in enumerate(shares))
         panels.append(Panel("load share", curves, unit="of the weight [%]"))
-    panels.append(Panel("squeeze", (Curve("both together", "s2", one.time, one.squeeze),), unit="force [N]"))
-    panels.append(Panel("tilt", (Curve("both together", "s2", one.time, np.rad2deg(one.tilt)),), unit="angle [deg]"))
-    a, b = one.ends
-    caption = (
-        f"Vertical force of the grips {a} and {b} on {one.body} over its weight; what of both forces cancels along the "
-        "line between the grips (positive: it is squeezed, negative: it is stretched); how far that line is out of the "
-        f"horizontal (positive: {b} is higher). {ESTIMATE}"
+    panels.append(
+        Panel("squeeze", (Curve("both together", "s2", transport.time, transport.squeeze),), unit="force [N]")
     )
-    return Figure(key, f"{one.body}, carried by two", "", tuple(panels), min_height=1.0, columns=3).about(
+    panels.append(
+        Panel("tilt", (Curve("both together", "s2", transport.time, np.rad2deg(transport.tilt)),), unit="angle [deg]")
+    )
+    a, b = transport.ends
+    caption = (
+        f"Vertical force of the grips {a} and {b} on {transport.body} over its weight; what of both forces cancels "
+        "along the line between the grips (positive: it is squeezed, negative: it is stretched); how far that line is "
+        f"out of the horizontal (positive: {b} is higher). {ESTIMATE}"
+    )
+    return Figure(key, f"{transport.body}, carried by two", "", tuple(panels), min_height=1.0, columns=3).about(
         HUMAN, caption
     )
 
 
-def _path(one: Carried, key: str) -> Figure:
+def _path(transport: Transport, key: str) -> Figure:
     """Return the paths of both ends and their midpoint, each from its start, as the ends are far apart."""
-    points = [*zip(one.ends, ("s0", "s1"), one.point, strict=True), ("middle of both", "s2", one.centre)]
-    curves = [Curve(name, role, one.time, point - point[0]) for name, role, point in points]
-    caption = f"How far both ends of {one.body} and their middle went from where they were, seen along each axis."
-    figure = path(key, f"Path of {one.body}", curves, ("from above", "from the side", "along x"))
+    points = [
+        *zip(transport.ends, ("s0", "s1"), transport.point, strict=True),
+        ("middle of both", "s2", transport.centre),
+    ]
+    curves = [Curve(name, role, transport.time, point - point[0]) for name, role, point in points]
+    caption = f"How far both ends of {transport.body} and their middle went from where they were, seen along each axis."
+    figure = path(key, f"Path of {transport.body}", curves, ("from above", "from the side", "along x"))
     return figure.about(HUMAN, caption)
 
 

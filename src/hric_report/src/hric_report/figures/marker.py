@@ -19,14 +19,14 @@ def figures(data: FigureData) -> list[Figure]:
     return tracking_figures(data.followed)
 
 
-def tracking_figures(found: Tracking | None) -> list[Figure]:
+def tracking_figures(tracking: Tracking | None) -> list[Figure]:
     """Return the figures of one run; None: no marker was followed."""
-    if found is None or found.data is None:
+    if tracking is None or tracking.data is None:
         return []
-    data, record = found.data, found.record
-    lag = round((found.values.lag or 0.0) / STEP)
+    data, record = tracking.data, tracking.record
+    lag = round((tracking.values.lag or 0.0) / STEP)
     names = [f"{axis} in {record.base}" for axis in AXES]
-    curves = _followed(found, data.desired(0))
+    curves = _followed(tracking, data.desired(0))
     caption = (
         "Position of the marker and of the end effector, each from its origin, and what the controller desired. Last "
         f"panel: distance of the end effector from where the marker was {1e3 * lag * STEP:.0f} ms before, the lag that "
@@ -38,19 +38,19 @@ def tracking_figures(found: Tracking | None) -> list[Figure]:
     distance = Panel(f"error after the lag of {1e3 * lag * STEP:.0f} ms", (error,), unit="error [mm]")
     panels, bands = (*over_time.panels, distance), _losses(record.states)
     in_space = path(
-        "tracking_path", f"Path of the end effector in {record.base}", _followed(found, data.desired(lag))
+        "tracking_path", f"Path of the end effector in {record.base}", _followed(tracking, data.desired(lag))
     ).about(sections.TRACKING, PATH)
     return [replace(over_time, panels=panels, bands=bands, min_height=0.02), in_space]
 
 
-def _followed(found: Tracking, marker: FloatArray) -> list[Curve]:
+def _followed(tracking: Tracking, marker: FloatArray) -> list[Curve]:
     """Return the curves of marker, desired and actual end effector, with values of shape (n, 3) [m]."""
-    assert found.data is not None
-    states, time = found.record.states, found.data.time
+    assert tracking.data is not None
+    states, time = tracking.record.states, tracking.data.time
     return [
         Curve("marker, from the origins", "setpoint", time, marker),
         Curve("desired", "desired", states.time, states.desired),
-        Curve("actual", "measured", time, found.data.ee),
+        Curve("actual", "measured", time, tracking.data.ee),
     ]
 
 

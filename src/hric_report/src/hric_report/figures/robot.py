@@ -50,8 +50,8 @@ def _bounds(limits: Limits, name: str, *keys: str) -> Callable[[str], tuple[Boun
     """Return a function from joint to its known limits; a single key is a limit in both directions."""
 
     def of_joint(joint: str) -> tuple[Bound, ...]:
-        own = limits.get(joint, {})
-        values = [float(own[key]) for key in keys if own.get(key) is not None and np.isfinite(own[key])]
+        known = limits.get(joint, {})
+        values = [float(known[key]) for key in keys if known.get(key) is not None and np.isfinite(known[key])]
         return tuple((name, value) for value in (values if len(keys) > 1 else [*values, *(-value for value in values)]))
 
     return of_joint

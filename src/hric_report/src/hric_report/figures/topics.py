@@ -36,7 +36,9 @@ def _panels(signal: Signal, roles: dict[str, str]) -> list[Panel]:
     label = f"{quantity} [{unit}".strip()
     columns = list(zip(signal.channels, signal.values.T, strict=True))
     if len(columns) > TOGETHER:
-        return [Panel(name, (Curve("sample", "measured", signal.time, one),), unit=label) for name, one in columns]
+        return [
+            Panel(name, (Curve("sample", "measured", signal.time, column),), unit=label) for name, column in columns
+        ]
     curves = []
     for channel, values in columns:
         name = channel.removeprefix(f"{quantity} ")

@@ -6,8 +6,9 @@ import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from hric_assessment.typed_json import JsonObject
 from hric_bags import files
 from hric_bags.run_folder import RunFolder, RunFolderError
 from hric_report.run import analyse
@@ -56,21 +57,21 @@ def write_comparison(
     from hric_report.html import comparison_page, run_data
 
     data = [run_data.load(folder, metrics_of(folder), progress=progress) for folder in runs]
-    laid = comparison_page.lay(data, labels, fit=fit)
+    overlaid = comparison_page.lay(data, labels, fit=fit)
     return _write(
-        target, comparison_page.build(laid, comparison_page.differing([settings_of(one.run) for one in data]))
+        target, comparison_page.build(overlaid, comparison_page.differing([settings_of(item.run) for item in data]))
     )
 
 
-def metrics_of(folder: RunFolder) -> dict[str, Any]:
+def metrics_of(folder: RunFolder) -> JsonObject:
     """Return the contents of metrics.json; computes the file first if it is missing."""
     if not folder.metrics_path.is_file():
         analyse(folder, figures=False)
     try:
-        found: dict[str, Any] = json.loads(folder.metrics_path.read_text())
+        values: JsonObject = json.loads(folder.metrics_path.read_text())
     except (OSError, ValueError) as error:
         raise RunFolderError(f"cannot read {folder.metrics_path}: {error}; `report` writes it again") from error
-    return found
+    return values
 
 
 def _write(folder: Path, page: Page) -> Path:

@@ -3,11 +3,11 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 from markupsafe import Markup
 
 from hric_report.html import templates
+from hric_report.html.verdict_file import FindingEntry
 
 CONTACT, NOT_ASSESSABLE = "contact", "not assessable"
 SCALE = ((0.0, (246, 234, 196)), (0.8, (224, 138, 44)), (1.0, (179, 38, 30)))
@@ -58,23 +58,23 @@ class Touched:
         return colour(1.0 if self.share is None and self.outcome == "above limits" else self.share or 0.0)
 
 
-def touched(findings: Sequence[Mapping[str, Any]]) -> dict[str, Touched]:
+def touched(findings: Sequence[FindingEntry]) -> dict[str, Touched]:
     """Summarise the contact findings by region; findings: those of a verdict, the worst first."""
-    found: dict[str, Touched] = {}
-    for one in findings:
-        if one["group"] != CONTACT:
+    regions: dict[str, Touched] = {}
+    for finding in findings:
+        if finding["group"] != CONTACT:
             continue
-        assessable, share = one["outcome"] != NOT_ASSESSABLE, one["share"]
-        begin = one["window"][0] if one["window"] else None
-        for region in one["regions"]:
-            if region not in found:
-                found[region] = Touched(share, assessable, one["outcome"], begin)
+        assessable, share = finding["outcome"] != NOT_ASSESSABLE, finding["share"]
+        begin = finding["window"][0] if finding["window"] else None
+        for region in finding["regions"]:
+            if region not in regions:
+                regions[region] = Touched(share, assessable, finding["outcome"], begin)
                 continue
-            known = found[region]
+            known = regions[region]
             shares = [value for value in (known.share, share) if value is not None]
             both = known.assessable and assessable
-            found[region] = Touched(max(shares, default=None), both, known.outcome, known.time)
-    return found
+            regions[region] = Touched(max(shares, default=None), both, known.outcome, known.time)
+    return regions
 
 
 def colour(share: float) -> str:
@@ -86,7 +86,7 @@ def colour(share: float) -> str:
     return "#" + "".join(f"{x:02x}" for x in SCALE[-1][1])
 
 
-def picture(findings: Sequence[Mapping[str, Any]], arms: Sequence[str] = ()) -> Markup:
+def picture(findings: Sequence[FindingEntry], arms: Sequence[str] = ()) -> Markup:
     """Return the SVG of the body with its legend.
 
     A region without contact is empty, one with a contact that could not be assessed is hatched, and one above its limit

@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -15,14 +14,14 @@ from hric_core.json_values import from_json
 from hric_report import comparison_figures, headline, sections
 from hric_report.figure import Curve, Figure, FloatArray, per_joint
 from hric_report.figures import marker, robot
-from hric_report.html import beside, moving, run_page
+from hric_report.html import human_and_objects, moving, run_page
 from hric_report.html.page import Page, replay_rate
 from hric_report.html.run_data import RunData
 from hric_report.html.scene import Robot
 
 
 @dataclass(frozen=True)
-class Laid:
+class OverlaidRun:
     """Run that is overlaid on the first run of the page.
 
     Attributes:
@@ -45,7 +44,7 @@ class Laid:
         return self.data.record.log.time - self.zero
 
 
-def lay(runs: Sequence[RunData], labels: Sequence[str], *, fit: bool = False) -> list[Laid]:
+def lay(runs: Sequence[RunData], labels: Sequence[str], *, fit: bool = False) -> list[OverlaidRun]:
     """Overlay runs on the first of them.
 
     Args:
@@ -57,75 +56,75 @@ def lay(runs: Sequence[RunData], labels: Sequence[str], *, fit: bool = False) ->
         ComparisonError: joints or setpoints of a run differ from those of the first.
     """
     first, orders = runs[0], joint_orders(runs[0].run)
-    zero, found = float(first.record.log.time[0]), []
+    zero, others = float(first.record.log.time[0]), []
     for data, label in zip(runs[1:], labels[1:], strict=True):
-        laid = comparison.overlay(first.record, data.record, orders, joint_orders(data.run), fit=fit)
-        zero = laid.overlays[0].start_a
+        compared = comparison.overlay(first.record, data.record, orders, joint_orders(data.run), fit=fit)
+        zero = compared.overlays[0].start_a
         order = comparison.columns(first.record.log.joint_names, data.record.log.joint_names)
-        found.append(Laid(data, label, order, laid.overlays[0].start_b, laid))
-    return [Laid(first, labels[0], list(range(len(first.record.log.joint_names))), zero, None), *found]
+        others.append(OverlaidRun(data, label, order, compared.overlays[0].start_b, compared))
+    return [OverlaidRun(first, labels[0], list(range(len(first.record.log.joint_names))), zero, None), *others]
 
 
-def build(laid: Sequence[Laid], settings: Sequence[Mapping[str, Any]]) -> Page:
+def build(runs: Sequence[OverlaidRun], settings: Sequence[Mapping[str, object]]) -> Page:
     """Return the contents of the page.
 
     Args:
-        laid: overlaid runs, starting with the first.
+        runs: overlaid runs, starting with the first.
         settings: settings that differ: key, and values in the order of the runs.
     """
     notes = ["Each run's own page shows its sensors, its limits and its parameters."]
-    duration = max(float(np.ptp(one.time)) for one in laid)
-    rate = replay_rate(duration, sum(moving.width(one.data) + beside.width(one.data) for one in laid))
-    pairs = {one.label: comparison.difference_metrics(one.compared) for one in laid if one.compared is not None}
+    duration = max(float(np.ptp(run.time)) for run in runs)
+    rate = replay_rate(duration, sum(moving.width(run.data) + human_and_objects.width(run.data) for run in runs))
+    pairs = {run.label: comparison.difference_metrics(run.compared) for run in runs if run.compared is not None}
     return Page(
-        title=" and ".join(one.label for one in laid),
+        title=" and ".join(run.label for run in runs),
         subtitle="runs of the same motion, overlaid on each other",
-        verdicts=[("plain", f"{one.label}: {one.data.run.get('status', '')}") for one in laid],
-        findings=[*headline.of_comparison(laid[0].label, pairs), *_problems(laid)],
-        figures=_figures(laid),
-        compared={"laid": laid, "pairs": pairs, "settings": settings, "events": _events(laid)},
-        robots=[robot for k, one in enumerate(laid) if one.data.description for robot in _robots(one, k, rate, notes)],
+        verdicts=[("plain", f"{run.label}: {run.data.run.get('status', '')}") for run in runs],
+        findings=[*headline.of_comparison(runs[0].label, pairs), *_problems(runs)],
+        figures=_figures(runs),
+        compared={"runs": runs, "pairs": pairs, "settings": settings, "events": _events(runs)},
+        robots=[robot for k, run in enumerate(runs) if run.data.description for robot in _robots(run, k, rate, notes)],
         notes=notes,
     )
 
 
-def _problems(laid: Sequence[Laid]) -> list[headline.KeyFigure]:
+def _problems(runs: Sequence[OverlaidRun]) -> list[headline.KeyFigure]:
     """Return the bad key figures of all runs, and the tracking lag and error of each."""
-    found = []
-    for one in laid:
-        metrics = replace(from_json(RunMetrics, one.data.values), setpoints=(), sources=None)
-        for finding in headline.of_run(one.data.run, metrics):
+    figures = []
+    for run in runs:
+        metrics = replace(from_json(RunMetrics, run.data.values), setpoints=(), sources=None)
+        for finding in headline.of_run(run.data.run, metrics):
             if finding.kind == headline.BAD or finding.name in ("Lag", "Error after the lag"):
-                found.append(replace(finding, name=f"{one.label}: {finding.name}"))
-    return found
+                figures.append(replace(finding, name=f"{run.label}: {finding.name}"))
+    return figures
 
 
-def differing(runs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+def differing(runs: Sequence[Mapping[str, object]]) -> list[dict[str, object]]:
     """Return the settings that differ between runs, with the value in each; runs: trees of plain values."""
-    found: dict[str, None] = {}
+    keys: dict[str, None] = {}
     for run in runs[1:]:
-        found |= dict.fromkeys(item.key for item in comparison.settings(runs[0], run))
+        keys |= dict.fromkeys(item.key for item in comparison.settings(runs[0], run))
     leaves = [comparison.leaves(run) for run in runs]
-    return [{"key": key, "values": [one.get(key) for one in leaves]} for key in found]
+    return [{"key": key, "values": [tree.get(key) for tree in leaves]} for key in keys]
 
 
-def _figures(laid: Sequence[Laid]) -> list[Figure]:
+def _figures(runs: Sequence[OverlaidRun]) -> list[Figure]:
     """Return the figures of differences, positions, torques if a run commands them, and marker tracking."""
-    first, names = laid[0], laid[0].data.record.log.joint_names
+    first, names = runs[0], runs[0].data.record.log.joint_names
     positions = [
         replace(curve, time=curve.time - first.zero)
         for curve in robot.setpoints(first.data.record.log, first.data.moves)
     ]
     torques = []
-    for k, one in enumerate(laid):
-        log = one.data.record.log
-        positions.append(Curve(one.label, f"s{k}", one.time, log.position[:, one.columns]))
-        by_torque = [log.interfaces[column] == "effort" for column in one.columns]
-        torques.append(Curve(one.label, f"s{k}", one.time, np.where(by_torque, log.command[:, one.columns], np.nan)))
+    for k, run in enumerate(runs):
+        log = run.data.record.log
+        positions.append(Curve(run.label, f"s{k}", run.time, log.position[:, run.columns]))
+        by_torque = [log.interfaces[column] == "effort" for column in run.columns]
+        torques.append(Curve(run.label, f"s{k}", run.time, np.where(by_torque, log.command[:, run.columns], np.nan)))
     pairs = [
-        (f"{first.label} minus {one.label}", f"s{k}", one.compared)
-        for k, one in enumerate(laid)
-        if one.compared is not None
+        (f"{first.label} minus {run.label}", f"s{k}", run.compared)
+        for k, run in enumerate(runs)
+        if run.compared is not None
     ]
     motion = per_joint("positions", "Joint positions", "position [rad]", names, positions, min_height=0.02)
     forces = per_joint("torques", "Torques sent", "torque [N m]", names, torques, min_height=0.2)
@@ -133,23 +132,23 @@ def _figures(laid: Sequence[Laid]) -> list[Figure]:
         comparison_figures.differences(pairs),
         motion.about(sections.MOTION, "Positions of all joints in all runs, and their setpoints."),
         forces.about(sections.FORCES, "Torques that were sent to the joints, after the limits."),
-        *_paths(laid),
+        *_paths(runs),
     ]
     since = "the first setpoint" if first.data.moves else "the begin"
     return [replace(figure, abscissa=f"time since {since} [s]") for figure in figures]
 
 
-def _paths(laid: Sequence[Laid]) -> list[Figure]:
+def _paths(runs: Sequence[OverlaidRun]) -> list[Figure]:
     """Return the figure of the end effectors that follow a marker; empty unless all runs have tracking."""
-    followed = [figures[0] for one in laid if (figures := marker.tracking_figures(one.data.followed))]
-    if len(followed) != len(laid):
+    followed = [figures[0] for run in runs if (figures := marker.tracking_figures(run.data.followed))]
+    if len(followed) != len(runs):
         return []
     panels = []
     for k, panel in enumerate(followed[0].panels):
-        own = [figure.panels[k].curves[-1] for figure in followed]
+        last = [figure.panels[k].curves[-1] for figure in followed]
         curves = [
-            replace(curve, name=one.label, role=f"s{run}", time=curve.time - one.zero)
-            for run, (one, curve) in enumerate(zip(laid, own, strict=True))
+            replace(curve, name=run.label, role=f"s{number}", time=curve.time - run.zero)
+            for number, (run, curve) in enumerate(zip(runs, last, strict=True))
         ]
         panels.append(replace(panel, curves=tuple(curves)))
     panels[-1] = replace(panels[-1], title="distance from the marker, after the lag of each run")
@@ -158,15 +157,15 @@ def _paths(laid: Sequence[Laid]) -> list[Figure]:
     return [figure.about(sections.TRACKING, caption)]
 
 
-def _events(laid: Sequence[Laid]) -> list[tuple[float, str, Event]]:
+def _events(runs: Sequence[OverlaidRun]) -> list[tuple[float, str, Event]]:
     """Return time, run and content of the events of all runs, in the order of time."""
-    events = [(event.time - one.zero, one.label, event) for one in laid for event in run_page.events(one.data)]
+    events = [(event.time - run.zero, run.label, event) for run in runs for event in run_page.events(run.data)]
     return sorted(events, key=lambda item: item[0])
 
 
-def _robots(one: Laid, number_of_run: int, rate: float, notes: list[str]) -> list[Robot]:
+def _robots(run: OverlaidRun, number: int, rate: float, notes: list[str]) -> list[Robot]:
     """Return the robot of a run, its human and its objects for the replay."""
-    role, shift = f"s{number_of_run}", -one.zero
-    robot = moving.robot(one.data, rate, notes, label=one.label, role=role, shift=shift)
-    human = beside.human(one.data, rate, role=role, shift=shift)
-    return [robot, *human, *beside.objects(one.data, role=role, shift=shift)]
+    role, shift = f"s{number}", -run.zero
+    robot = moving.robot(run.data, rate, notes, label=run.label, role=role, shift=shift)
+    human = human_and_objects.human(run.data, rate, role=role, shift=shift)
+    return [robot, *human, *human_and_objects.objects(run.data, role=role, shift=shift)]

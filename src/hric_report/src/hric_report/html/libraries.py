@@ -60,11 +60,11 @@ def three() -> Library:
         raise FailureError(
             f"cannot read three.js from {path}: {error}; scripts/setup installs the pinned package trimesh"
         ) from error
-    found = [line for line in lines if line.startswith(THREE_BEGINS) and _sha256(line) == THREE_SHA256]
-    if not found:
+    matches = [line for line in lines if line.startswith(THREE_BEGINS) and _sha256(line) == THREE_SHA256]
+    if not matches:
         raise FailureError(f"{path} does not contain three.js r{THREE_RELEASE}; the pinned version of trimesh does")
     licence = "/* three.js: Copyright 2010-2022 Three.js Authors, SPDX-License-Identifier: MIT */\n"
-    return Library(f"three.js (MIT licence), from trimesh {version('trimesh')}", licence + found[0])
+    return Library(f"three.js (MIT licence), from trimesh {version('trimesh')}", licence + matches[0])
 
 
 def _sha256(text: str) -> str:
@@ -72,7 +72,7 @@ def _sha256(text: str) -> str:
 
 
 def _package(name: str) -> Path:
-    found = importlib.util.find_spec(name)
-    if found is None or not found.submodule_search_locations:
+    spec = importlib.util.find_spec(name)
+    if spec is None or not spec.submodule_search_locations:
         raise FailureError(f"the Python package {name} is not installed; scripts/setup installs it, pinned")
-    return Path(next(iter(found.submodule_search_locations)))
+    return Path(next(iter(spec.submodule_search_locations)))

@@ -2,18 +2,20 @@
 
 import re
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from hric_analysis import tracking
 from hric_analysis.recordings import Moving, Signal
+from hric_bags.run_file import RunFile
 from hric_core import urdf
 from hric_report.figure import FloatArray
 from hric_report.html.run_data import RunData
 from hric_report.html.scene import Plate, Robot, Track, joint_track
 
+Statics = Mapping[str, tuple[str, list[float], list[float]]]
+"""Fixed frames: parent, translation [m] and quaternion x y z w by name."""
 WORLDS = ("", "world", "map")
 """Frames that are taken as the robot's root if the description has no link of that name."""
 BODY = "body "
@@ -26,7 +28,7 @@ PLATE_SIZE = (0.6, 0.4)
 
 def width(data: RunData) -> int:
     """Return the values per instant of a run's replay: joints, and markers and frames with their times."""
-    return len(data.record.log.joint_names) + sum(int(moving.values.shape[1]) + 2 for moving in data.found.moving)
+    return len(data.record.log.joint_names) + sum(int(moving.values.shape[1]) + 2 for moving in data.recorded.moving)
 
 
 def robot(
@@ -44,8 +46,8 @@ def robot(
     """
     time, position = joint_track(data.record.log, rate)
     described = urdf.read(data.description)
-    links, statics = set(described.links), data.found.statics
-    tracks = [_track(moving, rate, links, statics, notes, shift) for moving in data.found.moving]
+    links, statics = set(described.links), data.recorded.statics
+    tracks = [_track(moving, rate, links, statics, notes, shift) for moving in data.recorded.moving]
     return Robot(
         label,
         data.description,
@@ -55,7 +57,7 @@ def robot(
         [t for t in tracks if len(t.time)],
         role,
         _tip(data, described),
-        [plate for signal in data.found.signals for plate in _plates(signal, data.run, links, statics, shift)],
+        [plate for signal in data.recorded.signals for plate in _plates(signal, data.run, links, statics, shift)],
     )
 
 
@@ -73,28 +75,24 @@ def _tip(data: RunData, described: urdf.Robot) -> tuple[str, tuple[float, ...]] 
     return (driven[-1], (0.0, 0.0, 0.0)) if driven else None
 
 
-def _plates(
-    signal: Signal, run: Mapping[str, Any], links: set[str], statics: Mapping[str, Any], shift: float
-) -> list[Plate]:
+def _plates(signal: Signal, run: RunFile, links: set[str], statics: Statics, shift: float) -> list[Plate]:
     """Return the force plate of a wrench topic if its pose is known; empty for other topics."""
-    found = re.search(r"/perception/force_plate/([^/]+)/wrench$", signal.topic)
-    if found is None or not signal.unit.startswith("force"):
+    match = re.search(r"/perception/force_plate/([^/]+)/wrench$", signal.topic)
+    if match is None or not signal.unit.startswith("force"):
         return []
-    frame = f"force_plate_{found[1]}"
+    frame = f"force_plate_{match[1]}"
     parent, R, p = _placed(frame, links, statics)
     if frame not in statics or parent not in (*links, *WORLDS):
         return []
     size = ((run.get("definition") or {}).get("force_plate") or {}).get("size") or PLATE_SIZE
     pose = tuple(p.tolist()), tuple(R.as_quat().tolist())
-    return [Plate(f"force plate {found[1]}", parent, *pose, (size[0], size[1]), signal.time + shift, signal.values)]
+    return [Plate(f"force plate {match[1]}", parent, *pose, (size[0], size[1]), signal.time + shift, signal.values)]
 
 
-def _track(
-    moving: Moving, rate: float, links: set[str], statics: Mapping[str, Any], notes: list[str], shift: float
-) -> Track:
+def _track(moving: Moving, rate: float, links: set[str], statics: Statics, notes: list[str], shift: float) -> Track:
     """Return a motion thinned to the rate, in the frame of a link if that transform is known."""
     steps = np.floor((moving.time - moving.time[0]) * rate)
-    _, kept = np.unique(steps, return_index=True)
+    _, shown = np.unique(steps, return_index=True)
     frame, R, p = _placed(moving.frame_id, links, statics)
     if frame not in links and frame not in WORLDS:
         R, p = Rotation.from_matrix(np.array(tracking.THESIS_ROTATION)), np.zeros(3)
@@ -104,12 +102,12 @@ def _track(
         )
         if note not in notes:
             notes.append(note)
-    values = moving.values[kept].copy()
+    values = moving.values[shown].copy()
     values[:, :3] = R.apply(values[:, :3]) + p
     seen = ~np.isnan(values[:, 0])
     if values.shape[1] > 3 and seen.any():
         values[seen, 3:] = (R * Rotation.from_quat(_unit(values[seen, 3:]))).as_quat()
-    return Track(moving.kind, moving.name, frame, moving.time[kept] + shift, values, moving.name.startswith(BODY))
+    return Track(moving.kind, moving.name, frame, moving.time[shown] + shift, values, moving.name.startswith(BODY))
 
 
 def _unit(quaternions: FloatArray) -> FloatArray:
@@ -118,7 +116,7 @@ def _unit(quaternions: FloatArray) -> FloatArray:
     return np.where(empty[:, None], np.array([0.0, 0.0, 0.0, 1.0]), quaternions)
 
 
-def _placed(frame: str, links: set[str], statics: Mapping[str, Any]) -> tuple[str, Rotation, FloatArray]:
+def _placed(frame: str, links: set[str], statics: Statics) -> tuple[str, Rotation, FloatArray]:
     """Return link, rotation and translation of a fixed frame; the last known parent frame if no link is known."""
     name, R, p = frame, Rotation.identity(), np.zeros(3)
     for _ in range(len(statics) + 1):

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 from markupsafe import Markup
 
@@ -54,7 +53,7 @@ class Page:
     notes: list[str] = field(default_factory=list)
     run: RunData | None = None
     events: Sequence[Event] = ()
-    compared: Mapping[str, Any] | None = None
+    compared: Mapping[str, object] | None = None
     verdict: Markup = field(default_factory=Markup)
     supervisor: Strip | None = None
     name: str = ""
@@ -68,10 +67,10 @@ def render_page(page: Page) -> str:
     """
     blob = Blob()
     notes = list(page.notes)
-    figures, kept = thin([figure for figure in page.figures if figure.panels], PLOT_VALUES)
-    if kept is not None:
+    figures, points = thin([figure for figure in page.figures if figure.panels], PLOT_VALUES)
+    if points is not None:
         notes.append(
-            f"Long curves are thinned to {kept} points: smallest and greatest value of {kept // 2} equal parts of "
+            f"Long curves are thinned to {points} points: smallest and greatest value of {points // 2} equal parts of "
             "time each. The bag has all."
         )
     scene = Scene(blob)
@@ -100,7 +99,7 @@ def render_page(page: Page) -> str:
     )
 
 
-def _figure(figure: Figure, blob: Blob) -> dict[str, Any]:
+def _figure(figure: Figure, blob: Blob) -> dict[str, object]:
     panels = []
     for panel in figure.panels:
         lines = [
@@ -128,7 +127,7 @@ def _figure(figure: Figure, blob: Blob) -> dict[str, Any]:
     return {**words, **looks, "panels": panels}
 
 
-def _heat(heat: HeatMap | None, blob: Blob) -> dict[str, Any] | None:
+def _heat(heat: HeatMap | None, blob: Blob) -> dict[str, object] | None:
     """Return the data of a heat map with the values row by row, as plotly expects them."""
     if heat is None:
         return None

@@ -1,8 +1,6 @@
 """Page of a bag or a c3d file without a run folder: its verdict, and a replay of arm and person."""
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -14,29 +12,30 @@ from hric_bags.records.root_record import RootRecord
 from hric_report.html import verdict
 from hric_report.html.page import Page, render_page, replay_rate
 from hric_report.html.scene import Robot, Track, instants, joint_track
+from hric_report.html.verdict_file import VerdictFile
 
 
-def build(given: AssessmentInput, found: Mapping[str, Any]) -> Page:
+def build(source: AssessmentInput, judged: VerdictFile) -> Page:
     """Return the contents of the page.
 
     Args:
-        given: recording.
-        found: its verdict, as in verdict.json.
+        source: recording.
+        judged: its verdict, as in verdict.json.
     """
-    log, notes, robots = given.recording.log, list[str](), list[Robot]()
-    rate = replay_rate(given.recording.end - given.recording.begin, 50)
-    if log is not None and given.description:
+    log, notes, robots = source.recording.log, list[str](), list[Robot]()
+    rate = replay_rate(source.recording.end - source.recording.begin, 50)
+    if log is not None and source.description:
         time, position = joint_track(log, rate)
-        robots.append(Robot("", given.description, log.joint_names, time, position))
-    robots += [_person(given, person, rate, notes) for person in people_of(given) if len(person.time)]
+        robots.append(Robot("", source.description, log.joint_names, time, position))
+    robots += [_person(source, person, rate, notes) for person in people_of(source) if len(person.time)]
     if not robots:
         notes.append("There is no replay: neither an arm with its description nor a person is in the recording.")
-    kind = f"a {given.kind} without a run folder"
-    return Page(given.name, kind, robots=robots, notes=notes, verdict=verdict.part(found), name=given.name)
+    kind = f"a {source.kind} without a run folder"
+    return Page(source.name, kind, robots=robots, notes=notes, verdict=verdict.part(judged), name=source.name)
 
 
-def _person(given: AssessmentInput, person: Person, rate: float, notes: list[str]) -> Robot:
-    root = person.root or _of_markers(given)
+def _person(source: AssessmentInput, person: Person, rate: float, notes: list[str]) -> Robot:
+    root = person.root or _of_markers(source)
     if root is None:
         notes.append("Where the person was is not known: they are drawn about the origin.")
     elif person.root is None:
@@ -45,27 +44,27 @@ def _person(given: AssessmentInput, person: Person, rate: float, notes: list[str
     if unknown:
         notes.append(f"Some joints are not known for {100.0 * unknown:.1f} % of the time; there interpolated.")
     shown = instants(person.time, rate)
-    one = Robot("", person.body.urdf, person.names, person.time[shown], q[shown])
+    robot = Robot("", person.body.urdf, person.names, person.time[shown], q[shown])
     if root is not None:
         seen = instants(root.time, rate)
-        one.motion = Track("frame", "person", "world", root.time[seen], root.pose[seen])
-    return one
+        robot.motion = Track("frame", "person", "world", root.time[seen], root.pose[seen])
+    return robot
 
 
-def _of_markers(given: AssessmentInput) -> RootRecord | None:
+def _of_markers(source: AssessmentInput) -> RootRecord | None:
     """Return the tracked root pose in the frame of the markers, at the times at which it is known; None: never."""
-    for tracked in given.recording.tracked.values():
+    for tracked in source.recording.tracked.values():
         known = np.isfinite(tracked.pose).all(axis=1)
         if known.any():
             return RootRecord(tracked.time[known], tracked.pose[known])
     return None
 
 
-def write(given: AssessmentInput, found: Mapping[str, Any], target: Path) -> Path:
+def write(source: AssessmentInput, judged: VerdictFile, target: Path) -> Path:
     """Write the page, overwriting an earlier one.
 
     Raises:
         HricError: the page cannot be written, or a library of it is not installed.
     """
-    files.write_text(target, render_page(build(given, found)))
+    files.write_text(target, render_page(build(source, judged)))
     return target

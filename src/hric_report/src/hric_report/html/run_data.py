@@ -1,8 +1,7 @@
 """Data of a run for its page, read from its folder."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from hric_analysis import human, metrics, recordings
 from hric_analysis import tracking_run as tracking_analysis
@@ -10,13 +9,15 @@ from hric_analysis.human import Person
 from hric_analysis.recordings import Recordings
 from hric_analysis.tracking_run import Tracking
 from hric_analysis.values import joint_orders
+from hric_assessment.typed_json import Content
 from hric_bags import reader as bag_reader
 from hric_bags.reader import RunRecord
 from hric_bags.records import object_record, safety_record
 from hric_bags.records.object_record import ObjectRecord
 from hric_bags.records.safety_record import SafetyRecord
+from hric_bags.run_file import RunFile
 from hric_bags.run_folder import RunFolder
-from hric_report import run as analysis
+from hric_report.html.verdict_file import VerdictFile
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,7 @@ class RunData:
         values: contents of metrics.json.
         record: control log with setpoints, profiles and reflexes.
         followed: marker tracking; None: no marker was followed.
-        found: sensor signals, moving frames and markers, events and synchronisation data from the bag.
+        recorded: sensor signals, moving frames and markers, events and synchronisation data from the bag.
         description: URDF of the robot; "": the run folder has none.
         person: simulated human; None: there was none.
         objects: objects around robot and person.
@@ -38,16 +39,16 @@ class RunData:
     """
 
     folder: RunFolder
-    run: Mapping[str, Any]
-    values: Mapping[str, Any]
+    run: RunFile
+    values: Content
     record: RunRecord
     followed: Tracking | None
-    found: Recordings
+    recorded: Recordings
     description: str
     person: Person | None = None
     objects: Sequence[ObjectRecord] = ()
     safety: SafetyRecord | None = None
-    verdict: Mapping[str, Any] | None = None
+    verdict: VerdictFile | None = None
 
     @property
     def moves(self) -> list[metrics.Move]:
@@ -55,7 +56,7 @@ class RunData:
         return metrics.moves(self.record, joint_orders(self.run))
 
 
-def load(folder: RunFolder, values: Mapping[str, Any], *, progress: bool = False) -> RunData:
+def load(folder: RunFolder, values: Content, *, progress: bool = False) -> RunData:
     """Read the data of a run.
 
     Args:
@@ -67,14 +68,14 @@ def load(folder: RunFolder, values: Mapping[str, Any], *, progress: bool = False
         HricError: the bag or the description cannot be used.
     """
     run = folder.read()
-    bag = analysis.bag_of(folder, run)
+    bag = folder.bag_of(run)
     record = bag_reader.read(bag)
     description = folder.description()
     followed = tracking_analysis.analyse(description, bag, run, record) if description else None
-    found = recordings.read(bag, record.robot_time, progress=progress)
+    recorded = recordings.read(bag, record.robot_time, progress=progress)
     definition = run.get("definition") or {}
     person = human.analyse(bag, run, description, record)
     plant = (definition.get("robot") or {}).get("plant") or {}
     objects = object_record.read(bag, plant, record.robot_time)
     safety = safety_record.read(bag, record.robot_time)
-    return RunData(folder, run, values, record, followed, found, description, person, objects, safety)
+    return RunData(folder, run, values, record, followed, recorded, description, person, objects, safety)

@@ -1,8 +1,5 @@
 """Page of one run."""
 
-from collections.abc import Mapping
-from typing import Any
-
 from markupsafe import Markup
 
 from hric_analysis import stability
@@ -12,7 +9,7 @@ from hric_bags.run_folder import COMPLETED
 from hric_core.json_values import from_json
 from hric_report import figures, headline
 from hric_report.figures import FigureData
-from hric_report.html import beside, moving, supervisor, verdict
+from hric_report.html import human_and_objects, moving, supervisor, verdict
 from hric_report.html.page import Page, replay_rate
 from hric_report.html.run_data import RunData
 from hric_report.html.table import number
@@ -22,11 +19,13 @@ def build(data: RunData) -> Page:
     """Return the contents of the page of a run."""
     run, values = data.run, data.values
     notes: list[str] = []
-    rate = replay_rate(data.record.log.time[-1] - data.record.log.time[0], moving.width(data) + beside.width(data))
+    rate = replay_rate(
+        data.record.log.time[-1] - data.record.log.time[0], moving.width(data) + human_and_objects.width(data)
+    )
     return Page(
         title=f"{run.get('experiment', 'run')}",
         subtitle=f"{data.folder.path.name}: {run.get('description', '')}",
-        verdicts=verdicts(run, values),
+        verdicts=verdicts(data),
         findings=headline.of_run(run, from_json(RunMetrics, values), data.verdict),
         figures=figures.of_run(
             FigureData(
@@ -37,12 +36,12 @@ def build(data: RunData) -> Page:
                 data.person,
                 data.safety,
                 data.followed,
-                data.found.signals,
+                data.recorded.signals,
             )
         ),
         run=data,
         events=events(data),
-        robots=[moving.robot(data, rate, notes), *beside.human(data, rate), *beside.objects(data)]
+        robots=[moving.robot(data, rate, notes), *human_and_objects.human(data, rate), *human_and_objects.objects(data)]
         if data.description
         else [],
         notes=notes if data.description else ["The run folder has no robot.urdf: there is no replay."],
@@ -52,36 +51,36 @@ def build(data: RunData) -> Page:
     )
 
 
-def verdicts(run: Mapping[str, Any], values: Mapping[str, Any]) -> list[tuple[str, str]]:
+def verdicts(data: RunData) -> list[tuple[str, str]]:
     """Return the labels next to the title: status, stability, reflexes, limits and missing cycles."""
-    status = str(run.get("status", ""))
-    found = [("good" if status == COMPLETED else "bad", status)]
+    status, values = str(data.run.get("status", "")), data.values
+    labels = [("good" if status == COMPLETED else "bad", status)]
     stable = values["stability"]
     if stable["verdict"] is not None:
-        found.append(
+        labels.append(
             (
                 "good" if stable["verdict"] == stability.STABLE else "bad",
                 ", ".join([stable["verdict"], *list(stable["joints"])[:1]]),
             )
         )
     if values.get("reflexes"):
-        found.append(("bad", f"the arm protected itself {len(values['reflexes'])} times"))
+        labels.append(("bad", f"the arm protected itself {len(values['reflexes'])} times"))
     touched = values.get("limits_touched")
     if touched is not None:
-        found.append(("bad", "limits acted") if any(touched.values()) else ("good", "no limit acted"))
+        labels.append(("bad", "limits acted") if any(touched.values()) else ("good", "no limit acted"))
     missing = values["control_log"]["missing_cycles"]
-    found.append(("bad", f"{missing} cycles missing") if missing else ("good", "every cycle recorded"))
-    return found
+    labels.append(("bad", f"{missing} cycles missing") if missing else ("good", "every cycle recorded"))
+    return labels
 
 
 def events(data: RunData) -> list[Event]:
     """Return the events of the bag, setpoints, reflexes and supervisor events in the order of time."""
-    found = list(data.found.events)
-    found += [
+    listed = list(data.recorded.events)
+    listed += [
         Event(s.time, "setpoint", s.controller, ", ".join(number(float(q)) for q in s.positions) + " rad")
         for s in data.record.setpoints
     ]
-    found += [Event(time, "reflex", "arm", ", ".join(names)) for time, names in data.record.reflexes]
+    listed += [Event(time, "reflex", "arm", ", ".join(names)) for time, names in data.record.reflexes]
     if data.safety is not None:
-        found += [Event(one.time, one.kind, "supervisor", one.text) for one in data.safety.events]
-    return sorted(found, key=lambda event: event.time)
+        listed += [Event(event.time, event.kind, "supervisor", event.text) for event in data.safety.events]
+    return sorted(listed, key=lambda event: event.time)

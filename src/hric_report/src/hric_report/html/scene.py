@@ -153,9 +153,9 @@ class Scene:
 
     def __init__(self, blob: "Blob") -> None:
         self._blob = blob
-        self._meshes: list[dict[str, Any]] = []
-        self._mesh_of: dict[tuple[str, tuple[float, ...]], list[dict[str, Any]]] = {}
-        self._robots: list[dict[str, Any]] = []
+        self._meshes: list[dict[str, object]] = []
+        self._mesh_of: dict[tuple[str, tuple[float, ...]], list[dict[str, object]]] = {}
+        self._robots: list[dict[str, object]] = []
         self.notes: list[str] = []
 
     def add(self, robot: Robot) -> None:
@@ -189,11 +189,11 @@ class Scene:
             }
         )
 
-    def data(self) -> dict[str, Any]:
+    def data(self) -> dict[str, object]:
         """Return the robots and meshes as plain values for the page."""
         return {"robots": self._robots, "meshes": self._meshes}
 
-    def _packed(self, item: Track | Plate | Arrow | Lines) -> dict[str, Any]:
+    def _packed(self, item: Track | Plate | Arrow | Lines) -> dict[str, object]:
         """Return the attributes of an item, arrays as their locations in the blob."""
         return {
             field.name: self._blob.add(value, "f8" if field.name == "time" else "f4")
@@ -202,22 +202,22 @@ class Scene:
             for field in fields(item)
         }
 
-    def _visuals(self, shape: Shape) -> list[dict[str, Any]]:
+    def _visuals(self, shape: Shape) -> list[dict[str, object]]:
         """Return the drawn parts of a shape; a mesh has one per colour, and its colours override the description's."""
         if shape.kind == "capsule":
             self.notes.append("a shape <capsule> is not drawn")
             return []
         parts = self._mesh(shape.address, shape.size) if shape.kind == "mesh" else [{shape.kind: shape.size}]
-        own = {**_origin(shape.T_link_shape), "rgba": shape.colour or GREY}
-        return [{**own, **part} for part in parts]
+        common = {**_origin(shape.T_link_shape), "rgba": shape.colour or GREY}
+        return [{**common, **part} for part in parts]
 
-    def _mesh(self, address: str, scale: tuple[float, ...]) -> list[dict[str, Any]]:
+    def _mesh(self, address: str, scale: tuple[float, ...]) -> list[dict[str, object]]:
         key = (address, scale)
         if key not in self._mesh_of:
             self._mesh_of[key] = self._read_mesh(address, scale)
         return self._mesh_of[key]
 
-    def _read_mesh(self, address: str, scale: tuple[float, ...]) -> list[dict[str, Any]]:
+    def _read_mesh(self, address: str, scale: tuple[float, ...]) -> list[dict[str, object]]:
         from hric_report.html.meshes import few_triangles
 
         try:
@@ -255,11 +255,11 @@ def mesh_path(address: str) -> Path:
         return resources.resolve(f"{known}/{there.parent.name}/{there.name}")
 
 
-def _origin(T: FloatArray) -> dict[str, Any]:
+def _origin(T: FloatArray) -> dict[str, object]:
     return {"xyz": T[:3, 3].tolist(), "quaternion": quaternion_from_rotation(T[:3, :3])}
 
 
-def _joint(joint: Joint, law: Mimic | None, columns: tuple[str, ...]) -> dict[str, Any]:
+def _joint(joint: Joint, law: Mimic | None, columns: tuple[str, ...]) -> dict[str, object]:
     """Return a joint for the page, whose value is multiplier * position + offset.
 
     Its column is that of the joint position that moves it, null for a fixed joint.
@@ -305,19 +305,19 @@ class Blob:
         self._parts: list[bytes] = []
         self._size = 0
         # The array is stored, too, so that its id is not reused.
-        self._known: dict[tuple[int, str], tuple[Any, dict[str, Any]]] = {}
+        self._known: dict[tuple[int, str], tuple[Any, dict[str, object]]] = {}
 
-    def add(self, values: npt.NDArray[Any], kind: str) -> dict[str, Any]:
+    def add(self, values: npt.NDArray[Any], kind: str) -> dict[str, object]:
         """Store an array row by row; return its location: kind, offset [bytes], number of values."""
-        found = self._known.get((id(values), kind))
-        if found is None:
+        stored = self._known.get((id(values), kind))
+        if stored is None:
             raw = np.ascontiguousarray(values, dtype=KINDS[kind]).tobytes()
             entry = {"kind": kind, "offset": self._size, "count": int(values.size)}
             padding = -len(raw) % ALIGNMENT
             self._parts.append(raw + bytes(padding))
             self._size += len(raw) + padding
-            found = self._known[id(values), kind] = (values, entry)
-        return found[1]
+            stored = self._known[id(values), kind] = (values, entry)
+        return stored[1]
 
     def text(self) -> str:
         """Return the data of all arrays as base64."""

@@ -8,8 +8,10 @@ import numpy as np
 
 from hric_analysis.metrics import SetpointMetrics
 from hric_analysis.recordings import Recordings
+from hric_assessment.typed_json import Content
 from hric_bags.records import contact_record
 from hric_bags.records.contact_record import PairForce
+from hric_bags.run_file import RunFile
 from hric_core.json_values import from_json
 from hric_report.html.table import Table, number
 from hric_report.text import setpoint_cells
@@ -29,11 +31,11 @@ def flat(tree: Any, prefix: str = "") -> list[tuple[str, str]]:
     return [(prefix, number(tree, 6))]
 
 
-def overview(run: Mapping[str, Any], metrics: Mapping[str, Any]) -> Table:
+def overview(run: RunFile, metrics: Content) -> Table:
     """Return the table of the run's experiment, status, robot, times and revision."""
     robot = (run.get("definition") or {}).get("robot") or {}
     log = metrics["control_log"]
-    revision = run.get("revision") or {}
+    revision: Mapping[str, object] = run.get("revision") or {}
     rows = [
         ("experiment", f"{run.get('experiment', '')}: {run.get('description', '')}"),
         ("status", f"{run.get('status', '')} ({run.get('mode', '')})"),
@@ -60,7 +62,7 @@ def overview(run: Mapping[str, Any], metrics: Mapping[str, Any]) -> Table:
     return Table("What ran", ("what", "value"), tuple(rows))
 
 
-def setpoint_table(move: Mapping[str, Any]) -> Table:
+def setpoint_table(move: Content) -> Table:
     """Return the table of one setpoint; move: entry of `setpoints` in metrics.json."""
     columns, rows = setpoint_cells(from_json(SetpointMetrics, move))
     head = tuple(f"{name} [{unit}]" if unit else name for name, unit in columns)
@@ -69,22 +71,22 @@ def setpoint_table(move: Mapping[str, Any]) -> Table:
 
 def known(table: Table) -> Table:
     """Return a table without the columns that have no known value."""
-    kept = [k for k in range(len(table.head)) if any(row[k] != "-" for row in table.rows)]
-    rows = tuple(tuple(row[k] for k in kept) for row in table.rows)
-    return replace(table, head=tuple(table.head[k] for k in kept), rows=rows)
+    columns = [k for k in range(len(table.head)) if any(row[k] != "-" for row in table.rows)]
+    rows = tuple(tuple(row[k] for k in columns) for row in table.rows)
+    return replace(table, head=tuple(table.head[k] for k in columns), rows=rows)
 
 
-def contact_table(contacts: Sequence[Mapping[str, Any]]) -> Table:
+def contact_table(contacts: Sequence[Content]) -> Table:
     """Return the table of contact forces; contacts: `contacts` of metrics.json."""
     pairs = [from_json(PairForce, pair) for pair in contacts]
     return Table("Contact forces", contact_record.HEAD, tuple(contact_record.cells(pairs)), contact_record.note(pairs))
 
 
-def sync_tables(found: Recordings) -> list[Table]:
+def sync_tables(recorded: Recordings) -> list[Table]:
     """Return the tables of validity and age of each source of the synchronisers."""
     tables = []
-    for topic, samples in found.samples.items():
-        layout = found.layouts.get(topic + "_layout") or next(iter(found.layouts.values()), None)
+    for topic, samples in recorded.samples.items():
+        layout = recorded.layouts.get(topic + "_layout") or next(iter(recorded.layouts.values()), None)
         sources = list(dict.fromkeys(map(str, layout.sources))) if layout is not None else []
         width = samples[0][0].size
         usable = [(age, valid) for age, valid in samples if age.size == valid.size == width]

@@ -6,10 +6,10 @@ Five conclusions and a picture of the worst moment come first; their evidence is
 import base64
 import io
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import cast
 
 import numpy as np
 from markupsafe import Markup
@@ -25,8 +25,8 @@ from hric_bags.run_folder import RunFolder
 from hric_report.html import body_picture, templates
 from hric_report.html.chart import Axis
 from hric_report.html.strip import Bar, Strip, time_axis
+from hric_report.html.verdict_file import ActivationEntry, FindingEntry, ScoreEntry, VerdictFile
 
-Verdict = Mapping[str, Any]
 KINDS = {"within limits": "within", "warning": "warning", "above limits": "above", "not assessable": "unknown"}
 """CSS class of the colour by outcome."""
 REPLIES = {"yes": "within", "warning": "warning", "no": "above", "unknown": "unknown", "no limit": "plain"}
@@ -46,7 +46,7 @@ MUSCLES, INSTANTS = 24, 500
 Project default, unconfirmed."""
 
 
-def verdict_of(folder: RunFolder) -> dict[str, Any] | None:
+def verdict_of(folder: RunFolder) -> VerdictFile | None:
     """Return the contents of verdict.json of a run; None: there was no person in the run.
 
     A missing or outdated file is written; one that `assess` wrote, with the choices of its user, is left unchanged.
@@ -55,49 +55,53 @@ def verdict_of(folder: RunFolder) -> dict[str, Any] | None:
         HricError: the bag cannot be used.
     """
     path = folder.path / FILE
-    if (kept := _kept(path, folder.path.name, "run")) is not None:
-        return kept
+    if (written := _read(path, folder.path.name, "run")) is not None:
+        return written
     definition = folder.read().get("definition") or {}
     if not (definition.get("human") or definition.get("person")):
         return None
-    made: dict[str, Any] = assess(opened(str(folder.path))).to_dict()
-    files.write_json(path, made)
-    return made
+    return _judge(opened(str(folder.path)), path)
 
 
-def _kept(path: Path, name: str, kind: str) -> dict[str, Any] | None:
+def _judge(source: AssessmentInput, path: Path) -> VerdictFile:
+    """Judge a recording, write the verdict to a file and return its contents."""
+    judged = assess(source).to_dict()
+    files.write_json(path, judged)
+    return cast(VerdictFile, judged)
+
+
+def _read(path: Path, name: str, kind: str) -> VerdictFile | None:
     """Return the contents of a verdict file; None: missing, unreadable, or of another version or recording."""
     try:
-        kept: dict[str, Any] = json.loads(path.read_text()) if path.is_file() else {}
+        content: VerdictFile | None = json.loads(path.read_text()) if path.is_file() else None
     except ValueError:
         return None
-    own = kept.get("version") == VERSION and (kept["input"]["name"], kept["input"]["kind"]) == (name, kind)
-    return kept if own else None
+    if not content or content.get("version") != VERSION:
+        return None
+    return content if (content["input"]["name"], content["input"]["kind"]) == (name, kind) else None
 
 
-def verdict_beside(given: AssessmentInput) -> dict[str, Any]:
+def verdict_of_recording(source: AssessmentInput) -> VerdictFile:
     """Return the verdict of a bag or a c3d file from verdict.json next to it; replace one of another recording."""
-    path, recording = given.folder / FILE, given.recording
-    kept = _kept(path, given.name, given.kind)
-    if kept is not None and (kept["input"]["begin"], kept["input"]["end"]) == (recording.begin, recording.end):
-        return kept
-    made: dict[str, Any] = assess(given).to_dict()
-    files.write_json(path, made)
-    return made
+    path, recording = source.folder / FILE, source.recording
+    written = _read(path, source.name, source.kind)
+    if written is not None and (written["input"]["begin"], written["input"]["end"]) == (recording.begin, recording.end):
+        return written
+    return _judge(source, path)
 
 
-def conclusions_of(verdict: Verdict) -> list[Conclusion]:
+def conclusions_of(verdict: VerdictFile) -> list[Conclusion]:
     """Return the conclusions of a verdict.json."""
-    return [Conclusion(**one) for one in verdict["answers"]]
+    return [Conclusion(**entry) for entry in verdict["answers"]]
 
 
-def summary(verdict: Verdict) -> str:
+def summary(verdict: VerdictFile) -> str:
     """Return outcome, conclusions and disclaimer as text."""
     lines = [f"verdict: {verdict['outcome']} (verdict.json)", *map(str, conclusions_of(verdict)), verdict["disclaimer"]]
     return "\n".join(lines)
 
 
-def part(verdict: Verdict) -> Markup:
+def part(verdict: VerdictFile) -> Markup:
     """Return the HTML of the section."""
     scene = verdict["moment"]
     sides = list({curve["side"]: None for key in methods() for curve in verdict["timelines"].get(key, ())})
@@ -118,14 +122,14 @@ def part(verdict: Verdict) -> Markup:
     return Markup(text)
 
 
-def _strips(verdict: Verdict, axis: Axis) -> Iterator[Strip]:
+def _strips(verdict: VerdictFile, axis: Axis) -> Iterator[Strip]:
     """Yield the strips over time: findings, posture scores, muscle activation."""
-    windows = [one for one in verdict["findings"] if one["window"]]
+    windows = [(finding, finding["window"]) for finding in verdict["findings"] if finding["window"]]
     if windows:
-        groups = list(dict.fromkeys(one["group"] for one in windows))
+        groups = list(dict.fromkeys(finding["group"] for finding, _ in windows))
         bars = [
-            Bar(one["window"][0], one["window"][1], groups.index(one["group"]), KINDS[one["outcome"]], _said(one))
-            for one in reversed(windows)  # the worst lie on top
+            Bar(*window, groups.index(finding["group"]), KINDS[finding["outcome"]], _as_text(finding))
+            for finding, window in reversed(windows)  # the worst lie on top
         ]
         key = [(look, word) for word, look in KINDS.items()]
         yield Strip("findings", "Findings; a click shows the time in the replay", groups, axis, bars, key)
@@ -137,23 +141,21 @@ def _strips(verdict: Verdict, axis: Axis) -> Iterator[Strip]:
         yield _heat(activation, axis)
 
 
-def _said(one: Mapping[str, Any]) -> str:
-    share = "" if one["share"] is None else f", {100.0 * one['share']:.0f} % of the limit"
-    return f"{one['subject']}: {one['outcome']}{share}. {one['reason']}"
+def _as_text(finding: FindingEntry) -> str:
+    share = "" if finding["share"] is None else f", {100.0 * finding['share']:.0f} % of the limit"
+    return f"{finding['subject']}: {finding['outcome']}{share}. {finding['reason']}"
 
 
-def _scores(
-    method: PostureMethod, curves: Sequence[Mapping[str, Any]], findings: Sequence[Mapping[str, Any]], axis: Axis
-) -> Strip:
+def _scores(method: PostureMethod, curves: Sequence[ScoreEntry], findings: Sequence[FindingEntry], axis: Axis) -> Strip:
     """Return the strip of the levels of a score; a low score is within limits only if all angles are known."""
     title, levels = method.table().title, [int(highest) for highest in method.table().levels]
-    lacking = [one["subject"] for one in findings if one["outcome"] == "not assessable"]
-    known = [f"{title} of the {one['side']} arm" not in lacking for one in curves]
-    bars = [bar for row, one in enumerate(curves) for bar in _levels(title, levels, one, row, known[row])]
+    lacking = [item["subject"] for item in findings if item["outcome"] == "not assessable"]
+    known = [f"{title} of the {item['side']} arm" not in lacking for item in curves]
+    bars = [bar for row, item in enumerate(curves) for bar in _levels(title, levels, item, row, known[row])]
     key = [(_look(levels, k), f"up to {highest}") for k, highest in enumerate(levels)]
     if not all(known):
         key.append(("unknown", "low, but it can only be higher: not all angles are known"))
-    labels = [f"{title} {one['side']}" for one in curves]
+    labels = [f"{title} {item['side']}" for item in curves]
     return Strip(title, f"{title}, by the levels of its score", labels, axis, bars, key)
 
 
@@ -162,7 +164,7 @@ def _look(levels: Sequence[int], level: int) -> str:
     return f"level{level + 5 - len(levels)}"
 
 
-def _levels(title: str, levels: Sequence[int], curve: Mapping[str, Any], row: int, known: bool) -> Iterator[Bar]:
+def _levels(title: str, levels: Sequence[int], curve: ScoreEntry, row: int, known: bool) -> Iterator[Bar]:
     """Yield the bars of constant level of a score."""
     time = curve["time"]
     reached = [next(k for k, highest in enumerate(levels) if score <= highest) for score in curve["score"]]
@@ -176,7 +178,7 @@ def _levels(title: str, levels: Sequence[int], curve: Mapping[str, Any], row: in
         first = last
 
 
-def _heat(activation: Mapping[str, Any], axis: Axis) -> Strip:
+def _heat(activation: ActivationEntry, axis: Axis) -> Strip:
     """Return the heat map of muscle activation, the most active muscle first; the scale ends at the next tenth."""
     from matplotlib.image import imsave  # slow to import, and only needed with muscles
 

@@ -6,8 +6,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, make_dataclass, replace
 from pathlib import Path
 from textwrap import indent
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
+from hric_bags.run_file import Definition, NodeParameters
 from hric_core import plugins, resources
 from hric_core.errors import HricError, ParameterError, UnknownNameError, message_about
 from hric_core.geometry import ORIGIN, Vector
@@ -56,7 +57,7 @@ def _angle(value: Any, where: str, joints: Sequence[str]) -> float:
     return -angle if match["sign"] == "-" else angle
 
 
-def _angle_shape() -> dict[str, Any]:
+def _angle_shape() -> dict[str, object]:
     multiple_of_pi = "^" + re.sub(r"\?P<\w+>", "?:", _PI.pattern) + "$"  # group names differ between languages
     return {"anyOf": [{"type": "number"}, {"type": "string", "pattern": multiple_of_pi}]}
 
@@ -91,9 +92,11 @@ class LoadSpec(Settings):
         minimum=0.0,
         maximum=LARGEST_PAYLOAD,
         unit="kg",
-        text="of the payload that `franka_control/set_load` gets before the controllers start; 0: none",
+        text="mass of the payload that `franka_control/set_load` gets before the controllers start; 0: none",
     )
-    com: Vector = numbers(3, ORIGIN, minimum=-1.0, maximum=1.0, unit="m", text="its centre of mass in the flange frame")
+    com: Vector = numbers(
+        3, ORIGIN, minimum=-1.0, maximum=1.0, unit="m", text="centre of mass of the payload in the flange frame"
+    )
 
     def check(self, where: str) -> None:
         """Refuse a centre of mass without a mass."""
@@ -115,23 +118,26 @@ class RobotSpec(Settings):
     separator = "."
     hw: str = text(empty=False, text='plugin type of the RobotHW, e.g. "franka_sim/FrankaHWSim"')
     arm_id: str = text("panda", empty=False, text="prefix of joints and links")
-    description: Mapping[str, Any] = mapping(default={}, text="arguments of `panda_description.load`")
+    description: NodeParameters = mapping(default={}, text="arguments of `panda_description.load`")
     urdf: str = text("", text="path or package:// address of another robot's URDF or xacro; empty: the Panda")
     q_start: tuple[float, ...] | Mapping[str, float] | None = either(
         mapping(ANGLE), ANGLES, default=None, text="start position by joint, or in joint order; none: the robot's own"
     )
     plant_type: str = text("", text="plugin type of the plant; empty: the robot's default")
-    plant: Mapping[str, Any] = mapping(default={}, text="parameters of the plant")
-    parameters: Mapping[str, Any] = mapping(default={}, text="further private parameters of the RobotHW")
+    plant: NodeParameters = mapping(default={}, text="parameters of the plant")
+    parameters: NodeParameters = mapping(default={}, text="further private parameters of the RobotHW")
     load: LoadSpec = section(LoadSpec)
 
     def check(self, where: str) -> None:
         """Refuse keys without effect because of another key of the robot."""
         mistakes = Mistakes()
-        own = {key: f"{where}{key}" for key in declared(RobotSpec)} | {"robot_hw": f"{where}hw", **OF_THE_BRINGUP}
-        for key in sorted(own.keys() & self.parameters.keys()):
+        set_elsewhere = {key: f"{where}{key}" for key in declared(RobotSpec)} | {
+            "robot_hw": f"{where}hw",
+            **OF_THE_BRINGUP,
+        }
+        for key in sorted(set_elsewhere.keys() & self.parameters.keys()):
             with mistakes.noted():
-                raise ParameterError(f"{where}parameters.{key} has no effect; valid: {own[key]}")
+                raise ParameterError(f"{where}parameters.{key} has no effect; valid: {set_elsewhere[key]}")
         with mistakes.noted():
             # The bring-up always gives the pose of the base.
             unread = [key for key, value in self.description.items() if value not in ("0 0 0", list(ORIGIN))]
@@ -158,7 +164,7 @@ class MetricsSpec(Settings):
         number(above=0.0, maximum=0.5, unit="rad"),
         range(1, 100),
         (1e-2, 1e-3),
-        made=lambda given: tuple(sorted(given, reverse=True)),
+        made=lambda values: tuple(sorted(values, reverse=True)),
         unit="rad",
         text="bands for the settling time, at most 0.5 rad each",
     )
@@ -170,7 +176,7 @@ class MetricsSpec(Settings):
             raise unknown("reference", self.reference, names("references"), where.rstrip("."))
 
 
-def _beside(name: str) -> Any:
+def _optional(name: str) -> Any:
     """Return the parameter of an optional section, whose declaration is loaded only for files that have it.
 
     The bring-up reads an experiment once for each set of parameters, and its user waits.
@@ -180,9 +186,9 @@ def _beside(name: str) -> Any:
         from hric_run.definition.sections import section_of
 
         checked = section(section_of(name)).convert(value, where, joints)
-        return dict(value or {}) if name in _KEPT else checked
+        return dict(value or {}) if name in _UNPARSED else checked
 
-    def shape() -> dict[str, Any]:
+    def shape() -> dict[str, object]:
         from hric_run.definition.sections import section_of
 
         return json_schema(section_of(name))
@@ -191,8 +197,8 @@ def _beside(name: str) -> Any:
     return Parameter("mapping", "a mapping", convert, None, text=text, shape=shape)
 
 
-_BESIDE = {name: _beside(name) for name in ("mocap", "sync", "human", "person", "supervisor")}
-_KEPT = ("human", "person", "supervisor")
+_OPTIONAL = {name: _optional(name) for name in ("mocap", "sync", "human", "person", "supervisor")}
+_UNPARSED = ("human", "person", "supervisor")
 """Sections that stay as in the file, because their nodes read them."""
 SENSORS = {name: info.description for name, info in plugins.names(plugins.SENSOR).items()}
 """Sections of sensors with their names for people, as packages export them."""
@@ -206,27 +212,27 @@ class _Motion(Settings):
 
     separator = "."
     name: str = ""
-    description: str = text("", figures=True, text="one line for people")
+    description: str = text("", figures=True, text="description in one line")
     robot: RobotSpec = section(RobotSpec, REQUIRED)
     controllers: tuple[str, ...] = names_(text="instance names, started in this order")
-    parameters: Mapping[str, Mapping[str, Any]] = mapping(
+    parameters: Mapping[str, NodeParameters] = mapping(
         mapping(), {}, text="parameters that overlay the controllers' YAML, by instance name"
     )
     setpoints: tuple[Setpoint, ...] = listing(
         section(Setpoint),
         default=(),
-        made=lambda given: tuple(sorted(given, key=lambda setpoint: setpoint.time)),
+        made=lambda values: tuple(sorted(values, key=lambda setpoint: setpoint.time)),
         text="in order of time",
     )
-    duration: float = number(above=0.0, unit="s", text="robot time of the whole run")
+    duration: float = number(above=0.0, unit="s", text="robot time of the complete run")
     metrics: MetricsSpec = section(MetricsSpec)
-    mocap: "MocapSection | None" = _BESIDE["mocap"]
+    mocap: "MocapSection | None" = _OPTIONAL["mocap"]
 
 
 if TYPE_CHECKING:
     _Sensed = _Motion
 else:
-    _fields = [(name, Any, _beside(name)) for name in (*SENSORS, *ADDED)]
+    _fields = [(name, Any, _optional(name)) for name in (*SENSORS, *ADDED)]
     _Sensed = make_dataclass("_Sensed", _fields, bases=(_Motion,), frozen=True)
 
 
@@ -234,10 +240,10 @@ else:
 class Experiment(_Sensed):
     """One experiment, checked, with the sections of SENSORS and ADDED. name: of the file without its ending."""
 
-    sync: "SyncSection | None" = _BESIDE["sync"]
-    human: Mapping[str, Any] | None = _BESIDE["human"]
-    person: Mapping[str, Any] | None = _BESIDE["person"]
-    supervisor: Mapping[str, Any] | None = _BESIDE["supervisor"]
+    sync: "SyncSection | None" = _OPTIONAL["sync"]
+    human: NodeParameters | None = _OPTIONAL["human"]
+    person: NodeParameters | None = _OPTIONAL["person"]
+    supervisor: NodeParameters | None = _OPTIONAL["supervisor"]
 
     @property
     def sensor_sections(self) -> "list[SensorSection]":
@@ -274,8 +280,10 @@ class Experiment(_Sensed):
                     end = f"is not before the end (duration {self.duration} s)"
                     raise ParameterError(f"setpoints[{i}].time {setpoint.time} s {end}")
             with mistakes.noted():
-                if (setpoint.time, setpoint.controller) in ((one.time, one.controller) for one in self.setpoints[:i]):
-                    raise ParameterError(f"setpoints[{i}].time is that of the one before; valid: one at a time")
+                if (setpoint.time, setpoint.controller) in ((p.time, p.controller) for p in self.setpoints[:i]):
+                    raise ParameterError(
+                        f"setpoints[{i}].time is that of an earlier setpoint; valid: different times for one controller"
+                    )
         with mistakes.noted():
             if others := sorted(set(self.parameters) - set(self.controllers)):
                 raise ParameterError(f"parameters for {', '.join(others)}, which is {valid}")
@@ -283,11 +291,13 @@ class Experiment(_Sensed):
             with mistakes.noted():
                 if self.human is None:
                     valid = "a section human, or another program"
-                    raise ParameterError(f"{key}.program is body, and nobody is in the robot's plant; valid: {valid}")
+                    raise ParameterError(
+                        f"{key}.program is body, but there is no human in the robot's plant; valid: {valid}"
+                    )
             with mistakes.noted():
                 if (self.human or {}).get("walk"):
                     raise ParameterError(
-                        f"{key}.program is body, which measures nobody who walks; valid: no human.walk"
+                        f"{key}.program is body, which does not support a walking human; valid: no human.walk"
                     )
         with mistakes.noted():
             self._check_supervisor()
@@ -306,13 +316,15 @@ class Experiment(_Sensed):
         sources = [source] if isinstance(source, str) else list(source)
         if "human" in sources and self.human is None:
             valid = "a section human, or another source"
-            raise ParameterError(f"supervisor.source is human, and nobody is in the robot's plant; valid: {valid}")
+            raise ParameterError(
+                f"supervisor.source is human, but there is no human in the robot's plant; valid: {valid}"
+            )
         if "person" in sources and self.person is None:
             valid = "a section person, or another source"
-            raise ParameterError(f"supervisor.source is person, whom nobody tracks; valid: {valid}")
+            raise ParameterError(f"supervisor.source is person, but there is no section person; valid: {valid}")
         if sources != ["human"] and (self.mocap is None or self.mocap.base_from_mocap is None):
             raise ParameterError(
-                f"supervisor.source is {', '.join(sources)}, whose pose in the robot's base is not known; valid: a "
+                f"supervisor.source is {', '.join(sources)}, but its pose in the robot's base is not known; valid: a "
                 "section mocap with base_from_mocap, or human"
             )
 
@@ -338,8 +350,8 @@ def package_path(package: str = PACKAGE) -> Path:
     Raises:
         UnknownNameError: there is no such package on ROS_PACKAGE_PATH.
     """
-    own = Path(__file__).resolve().parents[4] / PACKAGE
-    return own if package == PACKAGE and (own / "config").is_dir() else resources.package_path(package)
+    sibling = Path(__file__).resolve().parents[4] / PACKAGE
+    return sibling if package == PACKAGE and (sibling / "config").is_dir() else resources.package_path(package)
 
 
 def config_path(kind: str) -> Path:
@@ -370,7 +382,7 @@ def find(name: str) -> Path:
     return config_path("experiments") / f"{name}.yaml"
 
 
-def read(name: str) -> dict[str, Any]:
+def read(name: str) -> dict[str, object]:
     """Return the unchecked contents of an experiment file; recorded trials are looked for in its folder.
 
     Raises:
@@ -383,7 +395,7 @@ def read(name: str) -> dict[str, Any]:
     return dict(located(raw, path.parent))
 
 
-def parse(name: str, raw: Mapping[str, Any]) -> Experiment:
+def parse(name: str, raw: Mapping[str, object]) -> Experiment:
     """Check the contents of an experiment file and return the experiment.
 
     Args:
@@ -399,12 +411,12 @@ def parse(name: str, raw: Mapping[str, Any]) -> Experiment:
         raise ExperimentError(message_about(f"experiment {name}", error)) from error
 
 
-def load(name: str, given: Iterable[str] = ()) -> Experiment:
+def load(name: str, changes: Iterable[str] = ()) -> Experiment:
     """Read an experiment, apply overrides, check it.
 
     Args:
         name: name of the experiment, or path of a YAML file.
-        given: overrides, `key:=value`.
+        changes: overrides, `key:=value`.
 
     Raises:
         HricError: there is no such experiment, or it or an override has a mistake; for a user's own file, with an
@@ -414,13 +426,14 @@ def load(name: str, given: Iterable[str] = ()) -> Experiment:
 
     raw = read(name)
     try:
-        return parse(Path(name).stem, overrides.apply(raw, given))
+        return parse(Path(name).stem, overrides.apply(raw, changes))
     except ExperimentError as error:
         if name in (*names(), NONE):
             raise
         raise ExperimentError(f"{error}\nan experiment file, for example:\n{indent(EXAMPLE.rstrip(), '  ')}") from error
 
 
-def to_dict(experiment: Experiment) -> dict[str, Any]:
+def to_dict(experiment: Experiment) -> Definition:
     """Return plain data for run.yaml: the keys of an experiment file, plus its name."""
-    return asdict(experiment) | {sensor.name: sensor.record() for sensor in experiment.sensor_sections}
+    sensors = {sensor.name: sensor.record() for sensor in experiment.sensor_sections}
+    return cast(Definition, asdict(experiment) | sensors)

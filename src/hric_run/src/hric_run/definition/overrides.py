@@ -11,6 +11,7 @@ import numpy as np
 import yaml
 
 from franka_hw_interface.friction_file import read_parameters
+from hric_bags.run_file import NodeParameters
 from hric_core import plugins, yaml_text
 from hric_core.errors import ParameterError
 from hric_core.parameters import declared
@@ -20,7 +21,7 @@ from hric_run.definition.experiment import ExperimentError, MetricsSpec, RobotSp
 SHORTCUTS: dict[str, tuple[str, str]] = {
     "kp": ("parameters.{controller}.kp", "proportional gain, number or list [N m/rad]"),
     "kd": ("parameters.{controller}.kd", "derivative gain, number or list [N m s/rad]"),
-    "gravity": ("parameters.{controller}.gravity", "whether the controller adds g(q)"),
+    "gravity": ("parameters.{controller}.gravity", "true: the controller adds g(q)"),
     "rotatum_limit": (
         "parameters.{controller}.rotatum_limit",
         "largest rate of torque of the controller, 0 = off [N m/s]",
@@ -29,7 +30,7 @@ SHORTCUTS: dict[str, tuple[str, str]] = {
         "parameters.{controller}.profile.enabled",
         "lead the setpoint through a trapezoid (true) or take it raw (false)",
     ),
-    "mode": ("parameters.{controller}.mode", "of a controller that follows a marker: retarget or thesis"),
+    "mode": ("parameters.{controller}.mode", "mode of a marker-following controller: retarget or thesis"),
     "duration": ("duration", "robot time [s]"),
     "hw": ("robot.hw", "plugin type of the robot, e.g. franka_sim/FrankaHWSim"),
     "arm_id": ("robot.arm_id", "prefix of joints and links"),
@@ -44,12 +45,12 @@ SHORTCUTS: dict[str, tuple[str, str]] = {
     ),
     "realism": (
         "robot.parameters.realism",
-        "of the simulated Franka: ideal, measured, or {preset: measured, dq_noise: 0, ...}",
+        "realism of the simulated Franka: ideal, measured, or {preset: measured, dq_noise: 0, ...}",
     ),
     "simulator": ("robot.plant_type", "engine (pybullet, mujoco, ...) or the plugin type of a plant"),
     "rotor_inertia": ("robot.plant.rotor_inertia", "rotor inertia seen at the joint, number or list [kg m^2]"),
     "world": ("robot.plant.world", "world file, path or package:// address"),
-    "noise": ("mocap.stream.noise", "of the motion capture, standard deviation per axis [m]"),
+    "noise": ("mocap.stream.noise", "motion capture noise, standard deviation per axis [m]"),
     "gui": ("robot.plant.gui", "show the engine's window"),
     "limits": ("robot.parameters.enforce_limits", "true, false, or a list of kinds"),
 }
@@ -61,7 +62,7 @@ SENSORS = {
     **experiment.ADDED,
     "sync": "synchroniser",
     "human": "human",
-    "person": "real person before the cameras",
+    "person": "real person in front of the cameras",
     "supervisor": "supervisor of the collaboration",
 }
 """Groups that an experiment has or has not. The bring-up alone may add a sensor, by its `device`."""
@@ -84,7 +85,7 @@ def help_text() -> str:
     return "\n".join(f"  {name:<{width}}  {text}" for name, (_, text) in SHORTCUTS.items())
 
 
-def apply(raw: Mapping[str, Any], overrides: Iterable[str]) -> dict[str, Any]:
+def apply(raw: NodeParameters, overrides: Iterable[str]) -> dict[str, Any]:
     """Return the contents of an experiment file with overrides applied.
 
     Another robot's URDF replaces the file's `robot.description`, in whatever order the overrides are.
@@ -171,7 +172,7 @@ def in_yaml(value: Any) -> str:
     return str(yaml.safe_dump(plain, default_flow_style=True, width=float("inf"))).removesuffix("...\n").strip()
 
 
-def resolve(key: str, raw: Mapping[str, Any]) -> list[str]:
+def resolve(key: str, raw: NodeParameters) -> list[str]:
     """Return the path in the experiment file that a key means.
 
     Raises:
@@ -198,7 +199,7 @@ def resolve(key: str, raw: Mapping[str, Any]) -> list[str]:
     )
 
 
-def _keys(group: str, raw: Mapping[str, Any]) -> list[str]:
+def _keys(group: str, raw: NodeParameters) -> list[str]:
     """Return the keys of a group of an experiment file; empty: it is no group."""
     if group == "parameters":
         return list(raw.get("controllers") or [])
@@ -209,7 +210,7 @@ def _keys(group: str, raw: Mapping[str, Any]) -> list[str]:
     return sorted(declared(GROUPS[group])) if group in GROUPS else []
 
 
-def _controller(raw: Mapping[str, Any]) -> str:
+def _controller(raw: NodeParameters) -> str:
     setpoints = raw.get("setpoints") or []
     if setpoints and isinstance(setpoints[0], Mapping) and "controller" in setpoints[0]:
         return str(setpoints[0]["controller"])
@@ -217,7 +218,7 @@ def _controller(raw: Mapping[str, Any]) -> str:
     return str(controllers[-1])
 
 
-def _assign(raw: dict[str, Any], path: list[str], value: Any, text: str) -> None:
+def _assign(raw: dict[str, object], path: list[str], value: Any, text: str) -> None:
     if path == ["robot", "plant_type"] and (engine := plugins.engines().get(str(value))):
         value = engine.name
     target: Any = raw

@@ -56,7 +56,7 @@ def human_description(experiment: Experiment) -> str:
         HricError: there is no human, or one of the human's parameters is not valid.
     """
     if experiment.human is None:
-        raise ExperimentError(f"experiment {experiment.name}: nobody is beside the robot; valid: a section {HUMAN!r}")
+        raise ExperimentError(f"experiment {experiment.name}: there is no human; valid: a section {HUMAN!r}")
     # Imported only for runs with a human.
     from hric_human.body import describe
     from hric_human.participant.settings import HumanSettings
@@ -98,7 +98,7 @@ def controllers_file() -> Path:
     return package_path("hric_bringup") / "config" / "controllers.yaml"
 
 
-def defaults(arm_id: str) -> dict[str, dict[str, Any]]:
+def defaults(arm_id: str) -> dict[str, dict[str, object]]:
     """Return the parameters of all controller instances that are configured by default.
 
     Args:
@@ -110,7 +110,7 @@ def defaults(arm_id: str) -> dict[str, dict[str, Any]]:
     return _configured(controllers_file(), arm_id)
 
 
-def _configured(path: Path, arm_id: str) -> dict[str, dict[str, Any]]:
+def _configured(path: Path, arm_id: str) -> dict[str, dict[str, object]]:
     try:
         text = path.read_text()
     except (OSError, UnicodeDecodeError) as error:
@@ -125,7 +125,7 @@ def _parsed(text: str, where: str) -> Any:
     return yaml_text.parse(text, where)
 
 
-def configured_by_packages(arm_id: str) -> dict[str, dict[str, Any]]:
+def configured_by_packages(arm_id: str) -> dict[str, dict[str, object]]:
     """Return parameters of instances (with a type) in config/*.yaml of packages that export controllers.
 
     Args:
@@ -135,15 +135,15 @@ def configured_by_packages(arm_id: str) -> dict[str, dict[str, Any]]:
         HricError: a file is not YAML.
     """
     folders = sorted({info.source.parent for info in plugins.names(plugins.CONTROLLER).values()})
-    found: dict[str, dict[str, Any]] = {}
+    instances: dict[str, dict[str, object]] = {}
     for path in (path for folder in folders for path in sorted(folder.glob("config/*.yaml"))):
         for name, values in _configured(path, arm_id).items():
             if isinstance(values, dict) and "type" in values:
-                found.setdefault(name, values)
-    return found
+                instances.setdefault(name, values)
+    return instances
 
 
-def controllers(experiment: Experiment) -> dict[str, dict[str, Any]]:
+def controllers(experiment: Experiment) -> dict[str, dict[str, object]]:
     """Return the parameters of the instances that the experiment starts.
 
     Raises:
@@ -152,7 +152,7 @@ def controllers(experiment: Experiment) -> dict[str, dict[str, Any]]:
     known = defaults(experiment.robot.arm_id)
     if set(experiment.controllers) - set(known) - set(experiment.parameters):
         known = configured_by_packages(experiment.robot.arm_id) | known
-    result: dict[str, dict[str, Any]] = {}
+    result: dict[str, dict[str, object]] = {}
     for name in experiment.controllers:
         values = overlay(known.get(name, {}), experiment.parameters.get(name, {}))
         if "type" not in values:
@@ -165,7 +165,7 @@ def controllers(experiment: Experiment) -> dict[str, dict[str, Any]]:
     return result
 
 
-def robot(experiment: Experiment, seed: int = 0) -> dict[str, Any]:
+def robot(experiment: Experiment, seed: int = 0) -> dict[str, object]:
     """Return the private parameters of the RobotHW.
 
     Raises:
@@ -173,7 +173,7 @@ def robot(experiment: Experiment, seed: int = 0) -> dict[str, Any]:
     """
     spec = experiment.robot
     plant = _realistic(spec, {"seed": seed, **spec.plant, **_friction(spec)})
-    values: dict[str, Any] = {"robot_hw": spec.hw, "arm_id": spec.arm_id, **spec.parameters, "plant": plant}
+    values: dict[str, object] = {"robot_hw": spec.hw, "arm_id": spec.arm_id, **spec.parameters, "plant": plant}
     if spec.plant_type:
         values["plant_type"] = spec.plant_type
     if spec.q_start is not None:
@@ -188,7 +188,7 @@ def load_request(spec: RobotSpec) -> Any:
     return SetLoadRequest(mass=spec.load.mass, F_x_center_load=list(spec.load.com), load_inertia=[0.0] * 9)
 
 
-def participants(experiment: Experiment, seed: int) -> dict[str, Any]:
+def participants(experiment: Experiment, seed: int) -> dict[str, object]:
     """Return the parameter `participants` of the robot's plant: the human; empty without one."""
     if experiment.human is None:
         return {}
@@ -197,13 +197,13 @@ def participants(experiment: Experiment, seed: int) -> dict[str, Any]:
     }
 
 
-def _realistic(spec: RobotSpec, plant: dict[str, Any]) -> dict[str, Any]:
+def _realistic(spec: RobotSpec, plant: dict[str, object]) -> dict[str, object]:
     """Return the plant's parameters with the friction of `realism`, so that run.yaml has the friction that acted."""
     if "realism" not in spec.parameters:
         return plant
     if issubclass(plugins.find(plugins.ROBOT_HW, spec.hw), RobotHWSim):  # no control box with its own model
         raise ExperimentError(
-            "realism is of the simulated Franka with its control box (robot.hw franka_sim/FrankaHWSim); this "
+            "realism applies only to the simulated Franka with control box (robot.hw franka_sim/FrankaHWSim); this "
             f"experiment has {spec.hw}"
         )
     from franka_sim.realism import parse  # imported only for experiments with realism
@@ -211,7 +211,7 @@ def _realistic(spec: RobotSpec, plant: dict[str, Any]) -> dict[str, Any]:
     return parse(spec.parameters["realism"], "realism").with_friction(plant, spec.arm_id)
 
 
-def _friction(spec: RobotSpec) -> dict[str, Any]:
+def _friction(spec: RobotSpec) -> dict[str, object]:
     """Return the plant parameters for the friction of the Panda's description."""
     friction = spec.plant.get("friction", spec.description.get("friction", "none"))
     if friction == "coulomb" and not any(joint.friction for joint in read(description(spec)).joints.values()):
@@ -223,8 +223,8 @@ def _friction(spec: RobotSpec) -> dict[str, Any]:
     if friction != "identified":
         return {"friction": friction}
     published = panda_description.friction_parameters(spec.arm_id)
-    given = spec.plant.get("friction_parameters", {})
-    chosen = published if given == {} else given
+    fitted = spec.plant.get("friction_parameters", {})
+    chosen = published if fitted == {} else fitted
     refuse_other_joints(chosen, list(published))
     values = [dict(zip(PHI, phi, strict=True)) for phi in sigmoid_parameters(chosen, list(published))]
     held = breakaways(chosen, list(published))
@@ -234,7 +234,7 @@ def _friction(spec: RobotSpec) -> dict[str, Any]:
     return {"friction": friction, "friction_parameters": dict(zip(published, values, strict=True))}
 
 
-def joint_limits(experiment: Experiment) -> dict[str, dict[str, Any]]:
+def joint_limits(experiment: Experiment) -> Mapping[str, Mapping[str, object]]:
     """Return the parameters below `joint_limits/` in the robot's namespace; empty for another robot.
 
     They are the Panda's limits under ros_control's names, with the torque rate, which a URDF cannot carry.
@@ -242,7 +242,7 @@ def joint_limits(experiment: Experiment) -> dict[str, dict[str, Any]]:
     return {} if experiment.robot.urdf else panda_description.joint_limit_parameters(experiment.robot.arm_id)
 
 
-def mocap(experiment: Experiment, seed: int = 0) -> dict[str, dict[str, Any]]:
+def mocap(experiment: Experiment, seed: int = 0) -> dict[str, dict[str, object]]:
     """Return the private parameters of the motion capture nodes, by name; empty without a section `mocap`.
 
     The nodes are the client, and the emulated human with an emulated Motive.
@@ -252,7 +252,7 @@ def mocap(experiment: Experiment, seed: int = 0) -> dict[str, dict[str, Any]]:
     return experiment.mocap.nodes(experiment.robot.arm_id, seed, person(experiment))
 
 
-def person(experiment: Experiment) -> dict[str, Any]:
+def person(experiment: Experiment) -> dict[str, object]:
     """Return the description of the human for a device that measures them in the plant; empty without a human.
 
     `person` is the section that describes the human, `world_from_base` the pose of the base.
@@ -264,35 +264,35 @@ def person(experiment: Experiment) -> dict[str, Any]:
     return {"person": dict(located(experiment.human, Path.cwd())), "world_from_base": base}
 
 
-def _three(description: Mapping[str, Any], name: str) -> list[float]:
+def _three(description: Mapping[str, object], name: str) -> list[float]:
     """Return an argument of the robot's description that is a list, or a text with spaces."""
-    given = description.get(name, [0.0, 0.0, 0.0])
+    value: Any = description.get(name, [0.0, 0.0, 0.0])
     try:
-        x, y, z = map(float, given.split() if isinstance(given, str) else given)
+        x, y, z = map(float, value.split() if isinstance(value, str) else value)
     except (TypeError, ValueError):
-        raise ExperimentError(f"robot.description.{name} is {given!r}; valid: three numbers") from None
+        raise ExperimentError(f"robot.description.{name} is {value!r}; valid: three numbers") from None
     return [x, y, z]
 
 
-def sensors(experiment: Experiment, seed: int = 0) -> dict[str, dict[str, Any]]:
+def sensors(experiment: Experiment, seed: int = 0) -> dict[str, dict[str, object]]:
     """Return the private parameters of the sensor nodes (drivers, emulated devices, synchroniser), by name.
 
     Empty without a sensor and the sections `sync`, `person`.
     """
     human = person(experiment)
-    found = {name: values for sensor in experiment.sensors for name, values in sensor.nodes(seed, human).items()}
+    nodes = {name: values for sensor in experiment.sensors for name, values in sensor.nodes(seed, human).items()}
     if experiment.sync is not None:
-        found |= experiment.sync.nodes(_joints(experiment), [part.source for part in experiment.sources])
+        nodes |= experiment.sync.nodes(_joints(experiment), [part.source for part in experiment.sources])
     if experiment.person is not None:
-        found[PERSON] = _from_root(experiment.person, "subject", "calibration")
-    return found
+        nodes[PERSON] = _from_root(experiment.person, "subject", "calibration")
+    return nodes
 
 
-def supervisor(experiment: Experiment) -> dict[str, dict[str, Any]]:
+def supervisor(experiment: Experiment) -> dict[str, dict[str, object]]:
     """Return the private parameters of the supervisor, by its name; empty without a section `supervisor`."""
     if experiment.supervisor is None:
         return {}
-    seen: dict[str, Any] = {}
+    seen: dict[str, object] = {}
     if experiment.person is not None:
         seen["person"] = _from_root(experiment.person, "subject", "calibration")
     if experiment.human is not None:
@@ -300,24 +300,25 @@ def supervisor(experiment: Experiment) -> dict[str, dict[str, Any]]:
     return {SUPERVISOR: {**_from_root(experiment.supervisor, "limits", "stops"), **seen}}
 
 
-def beside(experiment: Experiment) -> dict[str, dict[str, Any]]:
+def other_nodes(experiment: Experiment) -> dict[str, dict[str, object]]:
     """Return the private parameters of all nodes other than the robot's, by the last part of their names."""
-    found = mocap(experiment) | sensors(experiment) | supervisor(experiment)
-    return {name.rpartition("/")[2]: values for name, values in found.items()}
+    nodes = mocap(experiment) | sensors(experiment) | supervisor(experiment)
+    return {name.rpartition("/")[2]: values for name, values in nodes.items()}
 
 
-def _from_root(section: Mapping[str, Any], *keys: str) -> dict[str, Any]:
+def _from_root(section: Mapping[str, object], *keys: str) -> dict[str, object]:
     """Return a section with absolute paths for the files at these keys: the node runs in another folder."""
-    given = {key: value for key in keys if isinstance(value := section.get(key), str)}
-    files = {key: value for key, value in given.items() if value.endswith((".yaml", ".yml"))}
+    texts = {key: value for key in keys if isinstance(value := section.get(key), str)}
+    files = {key: value for key, value in texts.items() if value.endswith((".yaml", ".yml"))}
     return {**section, **{key: str(Path(value).expanduser().absolute()) for key, value in files.items()}}
 
 
 def _joints(experiment: Experiment) -> list[str]:
     """Return the joint names of a controller, else those of a Panda."""
     for values in controllers(experiment).values():
-        if isinstance(values.get("joints"), list) and values["joints"]:
-            return [str(joint) for joint in values["joints"]]
+        joints = values.get("joints")
+        if isinstance(joints, list) and joints:
+            return [str(joint) for joint in joints]
     return [f"{experiment.robot.arm_id}_joint{number}" for number in range(1, 8)]
 
 
@@ -345,7 +346,7 @@ def check_setpoint(setpoint: Setpoint, joints: Sequence[str], limits: Mapping[st
             raise ExperimentError(f"{where}: {joint} {position:g} rad is outside {low:g} to {high:g}{likely}")
 
 
-def overlay(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+def overlay(base: Mapping[str, object], changes: Mapping[str, object]) -> dict[str, object]:
     """Return `base` overlaid by `changes`, group by group."""
     result = copy.deepcopy(dict(base))
     for key, value in changes.items():

@@ -8,9 +8,10 @@ unchanged.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from hric_assessment.supervisor.settings import SupervisorSettings
+from hric_bags.run_file import NodeParameters
 from hric_core import plugins
 from hric_core.parameters import Settings, listing, mapping, number, refused, text
 from hric_core.trial.c3d import located
@@ -23,7 +24,7 @@ from hric_run.definition.parameters import EMULATED_HUMAN, MOCAP_CLIENT
 if TYPE_CHECKING:
     from hric_core.local.node import LocalNode
     from hric_perception.human import CapturedHuman
-    from hric_run.simulation import Beside
+    from hric_run.simulation import Stepper
 
 FRAMES = "hric/perception/mocap"
 MOCAP_GAP = 0.05
@@ -35,11 +36,13 @@ class MocapSection(Settings):
     """The section `mocap`."""
 
     body: str = text(
-        "", figures=True, text="whose position is `/mocap/marker`, and is compared with the end effector's; empty: hand"
+        "",
+        figures=True,
+        text="body whose position is published on `/mocap/marker` and compared with the end effector's; empty: hand",
     )
-    stream: Mapping[str, Any] = mapping(default={}, text="how the emulated Motive streams: hric_perception")
-    human: Mapping[str, Any] = mapping(default={}, text="how the emulated human moves: hric_perception")
-    base_from_mocap: Mapping[str, Any] | None = mapping(
+    stream: NodeParameters = mapping(default={}, text="settings of the emulated Motive: see hric_perception")
+    human: NodeParameters = mapping(default={}, text="settings of the emulated human: see hric_perception")
+    base_from_mocap: NodeParameters | None = mapping(
         default=None,
         text="`xyz` [m] and `xyzw`: pose of the mocap frame, z up, in the robot's base; none: not known, positions "
         "stay in the mocap frame",
@@ -58,7 +61,7 @@ class MocapSection(Settings):
         """True if it tracks the human in the plant."""
         return measures_person(self.human)
 
-    def build(self, seed: int, person: Mapping[str, Any]) -> "CapturedHuman":
+    def build(self, seed: int, person: Mapping[str, object]) -> "CapturedHuman":
         """Return the emulated human and the Motive that tracks them.
 
         Args:
@@ -73,7 +76,7 @@ class MocapSection(Settings):
 
         return see(self.human, self.stream, self.base_from_mocap, seed, self.prefix, **person)
 
-    def nodes(self, arm_id: str, seed: int, person: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    def nodes(self, arm_id: str, seed: int, person: Mapping[str, object]) -> dict[str, dict[str, object]]:
         """Return private parameters of the client and the emulated human, by node name; person: see `build`."""
         frame = {"base_frame": f"{arm_id}_link0"}
         base = {} if self.base_from_mocap is None else {"base_from_mocap": dict(self.base_from_mocap)}
@@ -89,7 +92,7 @@ class MocapSection(Settings):
         return "mocap.human" if self.measures_person else ""
 
     @property
-    def source(self) -> dict[str, Any]:
+    def source(self) -> dict[str, object]:
         """Source of the poses for the plan of the synchroniser."""
         signals = [f"rigid_bodies[{self.body}].pose"]
         return {"topic": FRAMES, "type": "hric_msgs/MocapData", "max_gap": MOCAP_GAP, "signals": signals}
@@ -112,7 +115,7 @@ class SyncSection(Settings):
         minimum=0.0,
         maximum=10.0,
         unit="s",
-        text="how long an instant waits for a late source; a busy machine may hold a sensor's process back (project "
+        text="waiting time for a late source; a busy machine may hold a sensor's process back (project "
         "default, unconfirmed)",
     )
 
@@ -121,7 +124,7 @@ class SyncSection(Settings):
         """Topics of the synchronised samples, in the order of the rates."""
         return [rate_topic(TOPIC, rate) for rate in self.rates]
 
-    def nodes(self, joints: Sequence[str], sources: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+    def nodes(self, joints: Sequence[str], sources: Sequence[Mapping[str, object]]) -> dict[str, dict[str, object]]:
         """Return the private parameters of the synchroniser, by its name.
 
         Args:
@@ -147,7 +150,7 @@ class ExperimentSection(Settings):
 
     separator = "."
 
-    def headless(self, node: "LocalNode", seed: int) -> "Beside | None":
+    def headless(self, node: "LocalNode", seed: int) -> "Stepper | None":
         """Return what advances in step with the robot; None: nothing does.
 
         Args:

@@ -12,7 +12,6 @@ from hric_bags.run_folder import RunFolder
 from hric_core.errors import HricError
 from hric_core.urdf import read
 from hric_report.compare import compare
-from hric_report.run import bag_of
 from hric_run.definition.experiment import Experiment
 from hric_run.simulation import Simulation
 from hric_sweep.records import PlainData
@@ -35,7 +34,7 @@ def of_form(
     Raises:
         HricError: runs cannot be compared.
     """
-    logs = {name: bag_reader.read(bag_of(run, run.read())).log for name, run in runs.items()}
+    logs = {name: bag_reader.read(run.bag_of(run.read())).log for name, run in runs.items()}
     metrics = {name: json.loads(run.metrics_path.read_text()) for name, run in runs.items()}
     results = {name: _result(run, metrics[name], logs[name]) for name, run in runs.items()}
     result = {

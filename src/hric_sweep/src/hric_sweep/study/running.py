@@ -7,6 +7,7 @@ from pathlib import Path
 
 from hric_analysis import stability
 from hric_bags import files
+from hric_bags.run_file import RunFile
 from hric_bags.run_folder import COMPLETED, INTERRUPTED, RUNNING, RunFolder, iso_now
 from hric_core.errors import NOT_GOOD
 from hric_core.parameters import read_yaml
@@ -102,7 +103,7 @@ def run(
     folder = RunFolder.create(root, study.name)
     names = [form.name for form in forms]
     settings = StudySettings(study.name, study.content, names, list(arguments), seed, figures)
-    head = {"study": study.name, "description": study.description, "experiment": study.name}
+    head: RunFile = {"study": study.name, "description": study.description, "experiment": study.name}
     folder.write({**head, "arguments": list(arguments), "seed": seed, "status": RUNNING, "started": iso_now()})
     files.write_yaml(folder.path / FILE, vars(settings))
     return _run(settings, folder, progress=progress)

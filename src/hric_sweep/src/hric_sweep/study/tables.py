@@ -13,7 +13,6 @@ from hric_bags import text as text_table
 from hric_bags.run_folder import RunFolder
 from hric_report import sections
 from hric_report.figure import Curve, Figure, Panel
-from hric_report.run import bag_of
 from hric_run.definition.parameters import HUMAN
 from hric_sweep.outputs import Output
 from hric_sweep.records import PlainData
@@ -161,7 +160,7 @@ def tracking_figure(runs: Mapping[str, RunFolder]) -> Figure | None:
 
 def _tracking(folder: RunFolder) -> Tracking | None:
     run = folder.read()
-    bag = bag_of(folder, run)
+    bag = folder.bag_of(run)
     return tracking_run.analyse(folder.description(), bag, run, bag_reader.read(bag))
 
 

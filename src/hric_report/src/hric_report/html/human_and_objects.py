@@ -43,15 +43,15 @@ def human(data: RunData, rate: float, *, role: str = "", shift: float = 0.0) -> 
     body = describe(settings.person)
     shown = instants(record.time, rate)
     arrows = [_grip(grip, rate, shift) for grip in record.grips.values()]
-    arrows += [_contact(one, rate, shift) for one in record.contacts.values()]
+    arrows += [_contact(person, rate, shift) for person in record.contacts.values()]
     time, position = record.time[shown] + shift, record.position[shown]
     lines = None if record.muscles is None else _muscles(record.muscles, body, settings, rate, shift)
-    one = Robot("", body.urdf, record.joints, time, position, role=role, pose=settings.root(body), arrows=arrows)
-    one.lines = lines
+    person = Robot("", body.urdf, record.joints, time, position, role=role, pose=settings.root(body), arrows=arrows)
+    person.lines = lines
     if record.root is not None:
         seen = instants(record.root.time, rate)
-        one.motion = Track("frame", "person", "world", record.root.time[seen] + shift, record.root.pose[seen])
-    return [one]
+        person.motion = Track("frame", "person", "world", record.root.time[seen] + shift, record.root.pose[seen])
+    return [person]
 
 
 def _muscles(record: MuscleRecord, body: Body, settings: HumanSettings, rate: float, shift: float) -> Lines | None:
@@ -71,14 +71,14 @@ def objects(data: RunData, *, role: str = "", shift: float = 0.0) -> list[Robot]
     return [
         Robot(
             "",
-            one.description,
+            item.description,
             (),
-            one.time[:1] + shift,
+            item.time[:1] + shift,
             np.zeros((1, 0)),
             role=role,
-            motion=Track("frame", one.name, "world", one.time + shift, one.pose),
+            motion=Track("frame", item.name, "world", item.time + shift, item.pose),
         )
-        for one in data.objects
+        for item in data.objects
     ]
 
 

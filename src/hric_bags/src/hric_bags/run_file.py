@@ -1,0 +1,73 @@
+"""Contents of run.yaml and of the experiment's definition in it. Any key may be missing: older versions wrote fewer."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, TypedDict
+
+NodeParameters = Mapping[str, Any]
+"""Parameters of a node, a controller or a plugin, or a tree of them; their owner checks them."""
+
+
+class RobotDefinition(TypedDict, total=False):
+    """Section `robot` of a definition; q_start: start position in joint order, or by joint [rad]."""
+
+    q_start: Sequence[float] | Mapping[str, float] | None
+    hw: str
+    arm_id: str
+    plant_type: str
+    plant: NodeParameters
+    description: NodeParameters
+
+
+class Definition(TypedDict, total=False):
+    """Experiment as it ran, with the keys of its file; duration: [s]."""
+
+    robot: RobotDefinition
+    controllers: Sequence[str]
+    setpoints: Sequence[NodeParameters]
+    metrics: NodeParameters
+    duration: float
+    mocap: NodeParameters | None
+    force_plate: NodeParameters | None
+    human: NodeParameters | None
+    person: NodeParameters | None
+
+
+class RunNotes(TypedDict, total=False):
+    """Entries about the end of a run: reason of a stop, error of the program, error of the arm."""
+
+    reason: str
+    error: str
+    arm_error: str
+
+
+class RunFile(RunNotes, total=False):
+    """Contents of run.yaml; interval: stretch of robot time that the metrics cover [s]; limits: by joint."""
+
+    experiment: str
+    study: str
+    description: str
+    mode: str
+    status: str
+    started: str
+    finished: str | None
+    subject: str
+    notes: str
+    arguments: Sequence[str]
+    seed: int
+    bag: str
+    bags: Sequence[str]
+    definition: Definition
+    parameters: NodeParameters
+    limits: Mapping[str, Mapping[str, float]]
+    versions: Mapping[str, str]
+    revision: Mapping[str, str | bool] | None
+    platform: Mapping[str, str | int | None]
+    real_time_factor: float | None
+    interval: Sequence[float] | None
+    state_sha256: str
+    salvaged: bool
+
+
+def robot_parameters(run: RunFile) -> NodeParameters:
+    """Return the parameters of the robot's node; empty: the run has none."""
+    return (run.get("parameters") or {}).get("robot") or {}

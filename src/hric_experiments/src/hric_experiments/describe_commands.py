@@ -1,0 +1,111 @@
+"""Commands schema and describe."""
+
+import argparse
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from hric_core import plugins
+from hric_core.command import Argument, Command
+from hric_core.parameters import Settings, json_schema, read_yaml
+from hric_experiments.cli import experiment_arguments, log_to_terminal, sort_words
+from hric_run.definition import experiment, overrides
+from hric_sweep.study import definition as study
+
+DESCRIBED = {
+    "robot": "robot",
+    "limits": "joint_limits",
+    "controllers": "controllers",
+    "mocap": "mocap",
+    "human_muscles": "human_muscles",
+}
+"""Choices of `describe` that are printed as YAML, with the function of `parameters` that returns the values."""
+NODES = ("natnet_client", "emulated_human", "synchronizer", "person", "supervisor")
+"""Nodes, in addition to those of sensors, whose private parameters `describe` prints."""
+
+
+class SchemaCommand(Command):
+    """Print the JSON schema of experiment files, with which editors complete and check them."""
+
+    epilog = (
+        "An editor with a YAML language server finds it by the file's first line, for example\n"
+        "  # yaml-language-server: $schema=experiment.schema.json"
+    )
+
+    def arguments(self) -> list[Argument]:
+        """Return the arguments."""
+        return [
+            Argument("--study", action="store_true", help="print the schema of study files"),
+            Argument("--sweep", action="store_true", help="print the schema of sweep files"),
+            Argument("--example", action="store_true", help="print a small example file instead"),
+        ]
+
+    def run(self, arguments: argparse.Namespace) -> None:
+        """Print the JSON schema of experiment, study or sweep files, or an example."""
+        if arguments.study and arguments.sweep:
+            raise experiment.ExperimentError("--study and --sweep exclude each other; valid: one of them")
+        kind: type[Settings] = study.Study if arguments.study else experiment.Experiment
+        example = study.EXAMPLE if arguments.study else experiment.EXAMPLE
+        if arguments.sweep:
+            from hric_sweep.definition import EXAMPLE, Sweep
+
+            kind, example = Sweep, EXAMPLE
+        print(example if arguments.example else json.dumps(json_schema(kind), indent=2) + "\n", end="")
+
+
+class DescribeCommand(Command):
+    """Print what an experiment puts on the parameter server; launch files read it."""
+
+    def arguments(self) -> list[Argument]:
+        """Return the arguments."""
+        return [
+            Argument(
+                "what", choices=["urdf", "human_urdf", *DESCRIBED, *_nodes()], help="descriptions; parameters (YAML)"
+            ),
+            *experiment_arguments(
+                f"one of: {', '.join(experiment.names())}; none: the bring-up without experiment; or a YAML file"
+            ),
+            Argument(
+                "--also",
+                action="append",
+                default=[],
+                metavar="KEY:=VALUE",
+                help="print this parameter, too; may be repeated",
+            ),
+            Argument("--also-file", type=Path, metavar="FILE", help="print the parameters of this YAML file, too"),
+        ]
+
+    def run(self, arguments: argparse.Namespace) -> None:
+        """Print the description or the parameters."""
+        sort_words(arguments)
+        log_to_terminal(quiet=False)
+        definition = experiment.load(arguments.experiment, arguments.overrides)
+        from hric_run.definition import parameters
+
+        if arguments.what == "urdf":
+            print(parameters.description(definition.robot))
+        elif arguments.what == "human_urdf":
+            print(parameters.human_description(definition))
+        else:
+            if arguments.what in DESCRIBED:
+                values = getattr(parameters, DESCRIBED[arguments.what])(definition)
+            else:
+                values = parameters.other_nodes(definition).get(arguments.what, {})
+            print(yaml.safe_dump({**values, **_also(arguments.also_file, arguments.also)}, sort_keys=False), end="")
+
+
+def _nodes() -> list[str]:
+    """Return the nodes whose private parameters `describe` prints."""
+    sensors: list[Any] = [plugins.find(plugins.SENSOR, name) for name in plugins.names(plugins.SENSOR)]
+    return [*NODES, *(name for sensor in sensors for name in (sensor.name, sensor.emulated_name))]
+
+
+def _also(path: Path | None, words: Sequence[str]) -> dict[str, object]:
+    """Return the parameters of a YAML file, overridden by those of the command line."""
+    content: object = {} if path is None else read_yaml(path)
+    if not isinstance(content, dict):
+        raise experiment.ExperimentError(f"{path} must be a mapping of parameters to values")
+    return content | dict(map(overrides.split, words))

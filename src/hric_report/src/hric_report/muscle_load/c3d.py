@@ -1,0 +1,82 @@
+"""Muscle load of a motion whose markers a c3d file holds, with the force plates of the file."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from hric_core.geometry import FloatArray
+from hric_core.geometry.poses import inverse
+from hric_core.geometry.transforms import rotation_from_quaternion
+from hric_core.trial.c3d import read_trial
+from hric_core.trial.plates import TrialPlate
+from hric_human.body.markers import marker_labels
+from hric_human.control import HumanControl
+from hric_human.control.recorded import MarkerSolver
+from hric_human.control.whole_body import Load
+from hric_human.muscles.after_run import CUTOFF, smoothed
+from hric_report.muscle_load.motions import Result, computed
+from hric_report.muscle_load.person import DescribedPerson, MuscleLoadError
+
+NO_PLATES: Mapping[int, str] = MappingProxyType({})
+POOR_FIT, WORST_FIT = 0.015, 0.05
+"""Distance of the markers from the body model (RMS, median over the frames) above which a note says that they may be
+another person's, and above which the file is rejected [m]; project default."""
+
+
+def of_c3d(
+    path: Path,
+    person: DescribedPerson,
+    cutoff: float = CUTOFF,
+    plates: Mapping[int, str] = NO_PLATES,
+) -> Result:
+    """Compute the muscle load from the markers of a c3d file, whose laboratory frame is taken as the world frame.
+
+    Times of the file are taken as times of the person's run; without a start time in the file they begin with the run.
+
+    Args:
+        path: c3d file.
+        person: person who wears the markers, with the recorded grips of their run.
+        cutoff: see `of_run`.
+        plates: links of the body that press on the force plates of the file, by plate number from 1 on.
+
+    Raises:
+        HricError: no such file, no markers of the body in it, or they do not fit the body; no such plate or link.
+    """
+    trial, body = read_trial(path), person.body
+    labels = marker_labels(path.name, trial.labels, tuple(body.markers))
+    names = list(labels)
+    T_root_world = inverse(person.settings.root(body))
+    R = rotation_from_quaternion(T_root_world.orientation)
+    positions = trial.markers([labels[name] for name in names]) @ R.T + np.array(T_root_world.position)
+    seen = np.isfinite(positions).all(axis=2).any(axis=1)
+    if not seen.any():
+        raise MuscleLoadError(f"{path.name} shows none of the markers of the body in any frame")
+    first, last = np.flatnonzero(seen)[[0, -1]]
+    rows, distance = MarkerSolver(HumanControl(body, {}, 0).person, names).solve(positions[first : last + 1])
+    worst = float(np.median(distance))
+    if worst > WORST_FIT:
+        raise MuscleLoadError(
+            f"the markers of {path.name} are {1e3 * worst:.0f} mm from those of {person.source} (median over the "
+            f"frames); valid: up to {1e3 * WORST_FIT:.0f} mm, in the same laboratory, of the same person"
+        )
+    time = trial.start + np.arange(first, last + 1) / trial.rate
+    motion = smoothed(time, np.array(rows), cutoff)
+    pressed = [plate_load(trial.plate(number), link, motion.time - trial.start) for number, link in plates.items()]
+    note = f"motion: {len(names)} markers of {path.name}, {1e3 * worst:.1f} mm from those of the body (median)"
+    if worst > POOR_FIT:
+        note += f": not the body of {person.source}, or its markers are placed differently; measure both"
+    return computed(person, motion, [note], person.settings.root(body), pressed)
+
+
+def plate_load(plate: TrialPlate, link: str, time: FloatArray) -> Load:
+    """Return the load of a force plate on the link that presses on it: the measured wrench with opposite sign.
+
+    Args:
+        plate: force plate of a c3d file.
+        link: link of the body.
+        time: time since the first frame, shape (n,) [s].
+    """
+    R, wrench = plate.T_lab_plate[:3, :3], -plate.loads(time)
+    return Load(link, wrench[:, :3] @ R.T, wrench[:, 3:] @ R.T, np.tile(plate.T_lab_plate[:3, 3], (len(time), 1)))

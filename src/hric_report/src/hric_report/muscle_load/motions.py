@@ -1,0 +1,131 @@
+"""Muscle load of a motion that a run recorded: that of its simulated human, or of the tracked person."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from hric_assessment.ergonomics.muscle_load import load_of, motion_of
+from hric_bags import reader as bag_reader
+from hric_bags.records import tracked_person
+from hric_bags.records.human_record import HumanRecord
+from hric_bags.run_folder import RunFolder
+from hric_core.geometry import Pose
+from hric_human.body import Body
+from hric_human.control.whole_body import Load, RootMotion
+from hric_human.muscles.after_run import CUTOFF, Motion, MuscleLoad
+from hric_human.muscles.anatomy import Anatomy
+from hric_human.muscles.choose import find
+from hric_human.participant.settings import MuscleSettings
+from hric_perception.person.settings import PersonSettings
+from hric_report.muscle_load.person import DescribedPerson, MuscleLoadError
+
+AS_SHIPPED = MuscleSettings()
+
+
+@dataclass(frozen=True)
+class Result:
+    """Muscle load of one motion.
+
+    Attributes:
+        load: load of muscles and joints.
+        body: body model of the person.
+        anatomy: muscle anatomy.
+        notes: remarks for the reader: how the motion was obtained, and which forces are not included.
+    """
+
+    load: MuscleLoad
+    body: Body
+    anatomy: Anatomy
+    notes: tuple[str, ...]
+
+
+def of_run(person: DescribedPerson, cutoff: float = CUTOFF) -> Result:
+    """Compute the muscle load of the motion that a run recorded.
+
+    Args:
+        person: person of the run.
+        cutoff: cut-off frequency of the low-pass filter of the joint angles [Hz].
+
+    Raises:
+        HricError: no recorded motion, too short a motion, a body without arms.
+    """
+    record = person.record
+    if record is None:
+        raise MuscleLoadError(f"{person.source} describes a person but has no motion; valid: a run, or a c3d file")
+    motion, root = motion_of(record, list(person.body.joints), person.settings.root(person.body), cutoff)
+    result = computed(person, motion, [f"motion: joint states of {person.source}"], root)
+    return replace(result, notes=(*result.notes, _against(result.load, record)))
+
+
+def _against(load: MuscleLoad, record: HumanRecord) -> str:
+    """Compare the joint torque of inverse dynamics with the logged torque; return a note with the RMS difference."""
+    inside = (load.time >= record.torque_time[0]) & (load.time <= record.torque_time[-1])
+    columns = [
+        np.interp(load.time[inside], record.torque_time, record.torque[:, record.joints.index(name)])
+        for name in load.joints
+    ]
+    error = np.sqrt(np.mean((load.torque[inside] - np.transpose(columns)) ** 2))
+    return f"joint torque is {error:.3f} N m RMS from what the run logged"
+
+
+def of_tracked(name: str, root: Path | None = None, muscles: MuscleSettings = AS_SHIPPED) -> Result:
+    """Compute the muscle load of the real person in front of the cameras, tracked again from the recorded frames.
+
+    Args:
+        name: a run folder, its name, or "latest".
+        root: folder of all runs.
+        muscles: anatomy and strength of the muscles.
+
+    Raises:
+        HricError: the run has no section `person`, or the person is not visible in its bag.
+    """
+    folder = RunFolder.open(name, root)
+    run = folder.read()
+    section = (run.get("definition") or {}).get("person")
+    if section is None:
+        raise MuscleLoadError(
+            f"{folder.path.name} did not track a person; valid: a run of an experiment with a section person"
+        )
+    anatomy = find(muscles.anatomy, "--muscles")
+    with bag_reader.opened(folder.bag_of(run)) as reader:
+        settings = PersonSettings.of(section, "person")
+        result = tracked_person.tracked(reader, bag_reader.read(reader).robot_time, settings, anatomy, muscles.strength)
+    return Result(result.load.load, result.body, anatomy, result.notes)
+
+
+def computed(
+    person: DescribedPerson,
+    motion: Motion,
+    notes: list[str],
+    root: Pose | RootMotion,
+    pressed: Sequence[Load] = (),
+) -> Result:
+    """Compute the muscle load of a motion.
+
+    Args:
+        person: person who moved, with their recorded grips.
+        motion: motion of the joints.
+        notes: remarks on the motion; those on muscles and forces are added.
+        root: pose of the root, or its motion.
+        pressed: further loads on the body, at the times of the motion.
+    """
+    settings = person.settings.muscles
+    anatomy = find(settings.anatomy, person.anatomy)
+    loads = [*person.loads(motion.time), *pressed]
+    load = load_of(person.body, anatomy, root, motion, loads, settings.strength, person.gravity)
+    count = sum(load.is_muscle)
+    notes.append(f"muscles: {anatomy.name}, {count} of them, strength {settings.strength:g}")
+    notes.append(f"forces act on: {', '.join(force.link for force in loads) or 'none'}")
+    for contact in (person.record.contacts if person.record is not None else {}).values():
+        notes.append(
+            f"NOT included: contact of {contact.link}, {contact.force.max():.1f} N at most (bags lack its direction)"
+        )
+    for side, outside in load.outside.items():
+        if outside.any():
+            notes.append(
+                f"{side} arm: outside the range that muscle paths were fitted in for {100 * outside.mean():.1f} % of "
+                "the time, where its muscles are left out"
+            )
+    return Result(load, person.body, anatomy, tuple(notes))

@@ -1,0 +1,73 @@
+"""Emulated human and motion capture of a headless run, in step with the robot and without sockets."""
+
+import math
+from typing import Any
+
+from std_msgs.msg import Header
+
+from franka_msgs.msg import FrankaState
+from hric_core.geometry import stamped
+from hric_core.local.node import LocalNode
+from hric_core.robot_time import stamps
+from hric_perception.human import CapturedHuman
+from hric_perception.human.truth import Truth
+from hric_perception.replayed import START_TOPIC
+from hric_perception.simulated import follow_events, follow_joints
+from hric_run.definition import parameters
+from mocap_natnet.headless import HeadlessMocap, robot_time
+from mocap_natnet.node.parameters import Publishing
+from mocap_natnet.node.publisher import MocapPublisher
+
+STATE_TOPIC = "franka_state_controller/franka_states"
+
+
+class HeadlessHuman:
+    """Emulated human, emulated Motive and its client, with the real codec but without sockets.
+
+    They move with robot time; the time 0 of the human's program is the first `advance`. For a human in the plant,
+    frames and ground truth follow as soon as the joint positions are known.
+
+    Args:
+        node: the robot's namespace, with the parameters of the motion capture's nodes.
+        seen: the emulated human and the Motive that tracks them.
+        announced: True: publish the start of the human, because sensors replay a trial in step.
+
+    Raises:
+        HricError: a parameter that does not suit a run without a network.
+    """
+
+    def __init__(self, node: LocalNode, seen: CapturedHuman, announced: bool = False) -> None:
+        self._beginning = node.advertise(START_TOPIC, Header, latch=True) if announced else None
+        self._hand, self._body, self._started = seen.hand, seen.body, seen.body is not None
+        publisher = MocapPublisher(node, Publishing.read(node.child(parameters.MOCAP_CLIENT)), robot_time)
+        self._mocap = HeadlessMocap(seen.motive, publisher)
+        self._truth = Truth(node, seen.hand, node.param(f"{parameters.EMULATED_HUMAN}/base_frame"))
+        node.subscribe(STATE_TOPIC, FrankaState, self._on_state)
+        if self._body is not None:
+            follow_joints(node, self._body.states.add)
+            follow_events(node, self._on_event)
+
+    def _on_event(self, time: float, kind: str) -> None:
+        """Handle an event of the human in the robot's plant."""
+        assert self._body is not None
+        self._body.happened(time, kind)
+        if kind == "started":
+            self._announce(time)
+
+    def _announce(self, time: float) -> None:
+        if self._beginning is not None:
+            self._beginning.publish(stamped.header(stamps.to_time(time), ""))
+
+    def _on_state(self, message: Any) -> None:
+        x, y, z = message.O_T_EE[12:15]
+        self._hand.see(message.header.stamp.to_sec(), (x, y, z))
+
+    def advance(self, time: float) -> None:
+        """Advance to a time of the run [s]."""
+        if not self._started:
+            self._started = True
+            self._announce(self._hand.start(time))
+        known = math.inf if self._body is None else self._body.states.known
+        self._mocap.advance(time, known)
+        if known >= 0.0:
+            self._truth.advance(min(time, known))
