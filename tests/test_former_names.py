@@ -24,6 +24,7 @@ MOVED = {
     "hric_experiments.report_html.page": "Page",
     "hric_experiments.simulation": "Simulation",
     "hric_experiments.sweep.definition": "load",
+    "hric_human.control.marked_body": "MarkedBody",
 }
 """A name in each module, by the former path of the module."""
 

@@ -32,10 +32,12 @@ FORMER = {
     "hric_experiments.stops": "hric_sweep.stops",
     "hric_experiments.sweep": "hric_sweep",
     "hric_experiments.sweep_page": "hric_sweep.page",
+    "hric_human.control.marked_body": "hric_human.control.marker_model",
+    "hric_human.control.surroundings": "hric_human.control.human_control",
 }
 """Present path of packages and modules by the former one. Modules that moved from hric_control to hric_core kept their
 name and are found without being listed."""
-HOMES = ("hric_control", "hric_controllers", "hric_experiments")
+HOMES = ("hric_control", "hric_controllers", "hric_experiments", "hric_human")
 """Packages that modules left."""
 
 

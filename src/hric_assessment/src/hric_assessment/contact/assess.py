@@ -44,6 +44,10 @@ class ContactSite:
         return f"contact of {self.other} with {' or '.join(self.regions) or 'a link without a region'}"
 
 
+Where = ContactSite
+"""Former name of ContactSite, until the next release."""
+
+
 @dataclass(frozen=True)
 class LimitRatio:
     """Value of a contact with its limit.

@@ -68,6 +68,10 @@ class MarkerModel:
         return p, J
 
 
+MarkedBody = MarkerModel
+"""Former name of MarkerModel, until the next release."""
+
+
 def _turned(axes: FloatArray, r: FloatArray) -> FloatArray:
     """Return axis x r of each axis (k, 3) and each point (m, k or 1, 3), shape (m, k, 3)."""
     a, b, c = axes.T
