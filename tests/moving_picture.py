@@ -26,9 +26,9 @@ from hric_core.meshes.files import read_coloured
 from hric_report import drawing, headless, style
 from hric_report.html import human_and_objects, moving, run_data
 from hric_report.html.meshes import decimate
-from hric_report.html.scene import GREY, Robot, mesh_path
+from hric_report.html.scene import GREY, SceneRobot, mesh_path
 from hric_run.definition import experiment
-from urdf_to_osim.decorations import Decoration, Look, Scene
+from urdf_to_osim.decorations import DecoratedModel, Decoration, Look
 from urdf_to_osim.drawing.on_demand import install_vtk
 
 PICTURE = Path(__file__).parents[1] / "docs" / "moving_picture.webp"
@@ -90,14 +90,14 @@ def pictures(data: run_data.RunData, folder: Path) -> Iterator[Image.Image]:
         corners = Decoration(
             "brick", tuple(0.5 * (HIGH - LOW)), homogeneous(np.eye(3), 0.5 * (HIGH + LOW)), (1, 1, 1), 0.0, False
         )
-        scene = Image.open(io.BytesIO(draw(Scene([*shown, corners], {}, {}, np.eye(3)[2], []), look)))
+        scene = Image.open(io.BytesIO(draw(DecoratedModel([*shown, corners], {}, {}, np.eye(3)[2], []), look)))
         picture = Image.new("RGB", (sum(WIDTHS), HEIGHT))
         picture.paste(scene, (0, 0))
         picture.paste(curve(contact, time), (WIDTHS[0], 0))
         yield picture
 
 
-def decorations(robot: Robot, time: float, folder: Path) -> Iterator[Decoration]:
+def decorations(robot: SceneRobot, time: float, folder: Path) -> Iterator[Decoration]:
     """Yield the shapes of a robot, person or object at a time of the run [s]."""
     tree = urdf.read(robot.description)
     q = np.array([[np.interp(time, robot.time, column) for column in robot.position.T]])

@@ -1,5 +1,6 @@
 """Product Python keeps its limits and layers, and the counter that says so counts what it claims."""
 
+import ast
 import subprocess
 import sys
 from collections.abc import Callable
@@ -47,6 +48,15 @@ def test_imports_keep_their_contracts(capfd: pytest.CaptureFixture[str]) -> None
 
 def test_pages_and_code_keep_the_style(workspace: list[Source]) -> None:
     assert prose.findings([*prose.pages(ROOT), *prose.in_code(workspace)], *prose.style(ROOT)) == []
+
+
+def test_public_class_names_are_unique(workspace: list[Source]) -> None:
+    homes: dict[str, list[str]] = {}
+    for source in workspace:
+        for node in ast.walk(source.tree):
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                homes.setdefault(node.name, []).append(source.path)
+    assert {name: paths for name, paths in homes.items() if len(paths) > 1} == {}
 
 
 @pytest.mark.slow

@@ -16,13 +16,13 @@ from pathlib import Path
 from rosbags.highlevel import AnyReader
 
 from hric_bags.export import exporting, plain_formats, recording  # noqa: F401  (imports are not part of the cost)
-from hric_bags.export.exporting import FORMATS, Request
-from hric_bags.export.recording import Source
+from hric_bags.export.exporting import FORMATS, ExportRequest
+from hric_bags.export.recording import ExportSource
 
 ROUNDS = 3
 
 
-def read_raw(source: Source) -> None:
+def read_raw(source: ExportSource) -> None:
     """Take every message out of the bag."""
     with AnyReader([source.bag]) as reader:
         for _ in reader.messages():
@@ -36,7 +36,7 @@ def spent(what: Callable[[], object]) -> float:
     return time.process_time() - begin
 
 
-def measure(source: Source, formats: tuple[str, ...] = FORMATS) -> tuple[float, dict[str, float]]:
+def measure(source: ExportSource, formats: tuple[str, ...] = FORMATS) -> tuple[float, dict[str, float]]:
     """(CPU time of reading raw [s], cost of each format as a ratio to it); formats for which the bag has nothing are
     left out."""
     raw, costs = [], {kind: [] for kind in formats}
@@ -45,7 +45,7 @@ def measure(source: Source, formats: tuple[str, ...] = FORMATS) -> tuple[float, 
         for kind in list(costs):
             with tempfile.TemporaryDirectory() as folder:
                 begin = time.process_time()
-                result = exporting.export(source, Request((kind,)), Path(folder))
+                result = exporting.export(source, ExportRequest((kind,)), Path(folder))
                 cost = time.process_time() - begin
             if result.files:
                 costs[kind].append(cost)

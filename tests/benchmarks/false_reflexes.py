@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from franka_hw_interface.robot_state import RobotMode
-from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand, MoveRequest, Outcome
+from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand, MoveRequest, RequestOutcome
 from franka_sim.fci.app import ControlBoxCommand
 from franka_sim.fci.arm_device import ArmDevice, make_arm
 from franka_sim.fci.robots import ROBOTS
@@ -119,7 +119,7 @@ def move(arm: ArmDevice, goal: Sequence[float], felt: Felt | None = None) -> fro
         HricError: it does not begin.
     """
     outcome = arm.move(MoveRequest(ControllerMode.JOINT_IMPEDANCE, GeneratorMode.JOINT_POSITION))
-    if outcome is not Outcome.STARTED:
+    if outcome is not RequestOutcome.STARTED:
         raise HricError(f"the motion is refused: {outcome.value}")
     default, state, worst = arm.box.config.collision_behavior, arm.state, 0.0
     thresholds = (*default.upper_torque_nominal, *default.upper_force_nominal)

@@ -7,7 +7,7 @@ import pytest
 from driven_robot import JOINTS, READY, Broadcaster
 
 from franka_hw_interface.interfaces import FrankaModelInterface, FrankaStateInterface
-from franka_hw_interface.model import Frame
+from franka_hw_interface.model import FrankaFrame
 from franka_hw_interface.robot_state import RobotMode
 from franka_msgs.msg import ErrorRecoveryGoal
 from franka_msgs.srv import SetLoadRequest
@@ -43,7 +43,7 @@ def test_state_joints_and_model_agree(robot) -> None:
     model = robot.hw.get(FrankaModelInterface).handle("panda_model")
     assert state.q == robot.positions
     assert state.robot_mode is RobotMode.IDLE
-    assert np.allclose(np.array(state.O_T_EE).reshape(4, 4).T, model.pose(Frame.END_EFFECTOR), atol=1e-5)
+    assert np.allclose(np.array(state.O_T_EE).reshape(4, 4).T, model.pose(FrankaFrame.END_EFFECTOR), atol=1e-5)
     assert np.allclose(state.tau_J, model.gravity(), atol=0.2)
     assert state.m_ee == pytest.approx(0.73, abs=0.05)
 

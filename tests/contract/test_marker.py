@@ -16,7 +16,7 @@ from hric_msgs.msg import MarkerTrackingState
 from mocap_natnet.headless import HeadlessMocap, robot_time
 from mocap_natnet.node.parameters import Publishing
 from mocap_natnet.node.publisher import MocapPublisher
-from mocap_natnet.server import Body, Faults, Motive, Scene, Settings, Track
+from mocap_natnet.server import CameraFaults, Motive, MotiveSettings, SceneBody, ServedScene, Track
 
 pytestmark = pytest.mark.alone
 
@@ -57,8 +57,8 @@ class Followed:
         robot.switch([controller], [])
         robot.run(0.05)
         publisher = MocapPublisher(robot.node, Publishing.read(robot.node.child("mocap")), robot_time)
-        scene = Scene((Body("hand", WAY),), (), Faults(noise=1e-4, seed=1), "y")
-        motive = Motive(Settings(latency=0.0), scene)
+        scene = ServedScene((SceneBody("hand", WAY),), (), CameraFaults(noise=1e-4, seed=1), "y")
+        motive = Motive(MotiveSettings(latency=0.0), scene)
         streams: list[tuple[float, HeadlessMocap]] = []
         rows: list[tuple[float, list[float], tuple[float, ...]]] = []
 

@@ -12,8 +12,8 @@ import time
 import pylsl
 
 from mocap_natnet.codec import Codec
-from mocap_natnet.codec.descriptions import Model
-from mocap_natnet.codec.packets import Message, packet
+from mocap_natnet.codec.descriptions import ServerModel
+from mocap_natnet.codec.packets import NatNetMessage, packet
 from mocap_natnet.codec.types import Frame, RigidBody, Suffix
 
 FIRST = 10**6
@@ -39,7 +39,7 @@ def forge(address: str, ports: list[int], seconds: float) -> None:
             body = RigidBody(1, (0.5, 1.0, 0.25), (0.0, 0.0, 0.0, 1.0))
             frame = codec.encode_frame(Frame(number=number, bodies=(body,), suffix=Suffix(time_stamp=number / 120)))
             for port in ports:
-                for datagram in (frame, codec.encode_model(Model(())), packet(Message.RESPONSE, b"\0")):
+                for datagram in (frame, codec.encode_model(ServerModel(())), packet(NatNetMessage.RESPONSE, b"\0")):
                     out.sendto(datagram, (address, port))
             time.sleep(0.005)
 

@@ -14,7 +14,7 @@ from rosbags.highlevel import AnyReader
 
 import panda_description
 from franka_hw_interface.kdl_model import KdlFrankaModel
-from franka_hw_interface.model import Frame
+from franka_hw_interface.model import FrankaFrame
 from hric_bags.reader import seconds
 
 pytestmark = [pytest.mark.alone, pytest.mark.live]
@@ -81,7 +81,7 @@ def lateness(run: Led) -> FloatArray:
     model = KdlFrankaModel(panda_description.load(), "panda")
     c = np.sqrt(0.5)
     p_flange_handle = np.array([[c, c, 0, 0], [-c, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]) @ HANDLE
-    point = np.array([(np.asarray(model.pose(Frame.FLANGE, list(q))) @ p_flange_handle)[:3] for q in run.q])
+    point = np.array([(np.asarray(model.pose(FrankaFrame.FLANGE, list(q))) @ p_flange_handle)[:3] for q in run.q])
     velocity = np.gradient(point, run.time, axis=0)
     within = run.closed & (run.grip_stamp > run.stamp[0]) & (run.grip_stamp < run.stamp[-1])
     rows = np.searchsorted(run.stamp, run.grip_stamp[within])

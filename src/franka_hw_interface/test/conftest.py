@@ -14,7 +14,7 @@ import pytest
 
 import panda_description
 from franka_hw_interface.kdl_model import KdlFrankaModel
-from franka_hw_interface.model import Frame, FrankaModel
+from franka_hw_interface.model import FrankaFrame, FrankaModel
 from franka_hw_interface.transforms import FloatArray
 from hric_core.geometry import transform_from_rpy
 
@@ -131,7 +131,7 @@ class Oracle:
             "end_effector": "EE",
             "stiffness": "K",
         }
-        self.ids = {frame: self.model.getFrameId(names[frame.value]) for frame in Frame}
+        self.ids = {frame: self.model.getFrameId(names[frame.value]) for frame in FrankaFrame}
 
     def dynamics(self, q: FloatArray, dq: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """M, C dq, g."""
@@ -139,7 +139,7 @@ class Oracle:
         g = pin.computeGeneralizedGravity(self.model, self.data, q)
         return M + np.triu(M, 1).T, pin.nonLinearEffects(self.model, self.data, q, dq) - g, g.copy()
 
-    def kinematics(self, q: FloatArray) -> dict[Frame, tuple[FloatArray, FloatArray, FloatArray]]:
+    def kinematics(self, q: FloatArray) -> dict[FrankaFrame, tuple[FloatArray, FloatArray, FloatArray]]:
         """Pose, Jacobian in the base frame, Jacobian in the frame itself."""
         pin.computeJointJacobians(self.model, self.data, q)
         pin.updateFramePlacements(self.model, self.data)

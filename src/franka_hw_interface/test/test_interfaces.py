@@ -8,7 +8,7 @@ from franka_hw_interface.interfaces import (
     FrankaVelocityCartesianInterface,
 )
 from franka_hw_interface.limits import franka_limits
-from franka_hw_interface.model import Frame, FrankaModelHandle
+from franka_hw_interface.model import FrankaFrame, FrankaModelHandle
 from franka_hw_interface.robot_state import (
     ERROR_NAMES,
     FIELD_NAMES,
@@ -119,8 +119,12 @@ def test_the_model_handle_computes_what_is_read_and_each_value_once_per_tick() -
     for state.tick in (1, 2):
         model.calls.clear()
         for _ in range(2):
-            handle.mass(), handle.coriolis(), handle.gravity(), handle.pose(Frame.FLANGE)
-            handle.zero_jacobian(Frame.JOINT4), handle.body_jacobian(Frame.JOINT4), handle.zero_jacobian(Frame.FLANGE)
+            handle.mass(), handle.coriolis(), handle.gravity(), handle.pose(FrankaFrame.FLANGE)
+            (
+                handle.zero_jacobian(FrankaFrame.JOINT4),
+                handle.body_jacobian(FrankaFrame.JOINT4),
+                handle.zero_jacobian(FrankaFrame.FLANGE),
+            )
         assert len(model.calls) == 7
     state.tick = 3
     model.calls.clear()

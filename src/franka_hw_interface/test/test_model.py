@@ -4,7 +4,7 @@ stand in conftest.py."""
 import numpy as np
 import pytest
 
-from franka_hw_interface.model import Frame
+from franka_hw_interface.model import FrankaFrame
 from hric_core.errors import CommandError
 
 STATES = 1000
@@ -30,7 +30,7 @@ def test_mass_coriolis_and_gravity_equal_the_second_library_over_1000_states(mod
 def test_poses_and_both_jacobians_of_all_frames_equal_the_second_library_over_1000_states(
     model, tolerance, oracle, states
 ) -> None:
-    worst = dict.fromkeys(Frame, np.zeros(3))
+    worst = dict.fromkeys(FrankaFrame, np.zeros(3))
     for q in states(STATES)[0]:
         for frame, (T, zero, body) in oracle.kinematics(q).items():
             found = (
@@ -88,12 +88,12 @@ def test_what_is_no_payload_is_refused_and_the_one_before_stays(model, states, m
 @with_payload
 def test_frames_that_are_no_poses_are_refused_and_those_before_stay(model, states) -> None:
     q, mirror = states(1)[0][0], np.diag([1.0, 1.0, -1.0, 1.0])
-    before = model.pose(Frame.STIFFNESS, q)
+    before = model.pose(FrankaFrame.STIFFNESS, q)
     with pytest.raises(CommandError, match="right-handed"):
         model.set_ee(mirror)
     with pytest.raises(CommandError, match="EE_T_K"):
         model.set_stiffness_frame(np.eye(4) * np.nan)
-    assert np.array_equal(model.pose(Frame.STIFFNESS, q), before)
+    assert np.array_equal(model.pose(FrankaFrame.STIFFNESS, q), before)
 
 
 @with_payload

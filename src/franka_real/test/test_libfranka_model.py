@@ -11,7 +11,7 @@ from libfranka_box import arm
 
 import panda_description
 from franka_hw_interface.kdl_model import KdlFrankaModel
-from franka_hw_interface.model import Frame, FrankaModel, FrankaModelHandle
+from franka_hw_interface.model import FrankaFrame, FrankaModel, FrankaModelHandle
 from franka_hw_interface.robot_state import RobotState
 from franka_real.libfranka_model import LibfrankaModel
 from hric_core.errors import CommandError, DescriptionError, UnknownNameError
@@ -64,8 +64,8 @@ def apart(one: FrankaModel, other: FrankaModel) -> float:
         (one.gravity(Q), other.gravity(Q)),
         (one.coriolis(Q, Q), other.coriolis(Q, Q)),
     ]
-    pairs += [(one.pose(frame, Q), other.pose(frame, Q)) for frame in Frame] + [
-        (one.zero_jacobian(f, Q), other.zero_jacobian(f, Q)) for f in Frame
+    pairs += [(one.pose(frame, Q), other.pose(frame, Q)) for frame in FrankaFrame] + [
+        (one.zero_jacobian(f, Q), other.zero_jacobian(f, Q)) for f in FrankaFrame
     ]
     return max(float(np.abs(a - b).max()) for a, b in pairs)
 

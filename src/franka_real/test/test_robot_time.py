@@ -6,7 +6,7 @@ import genpy
 import pytest
 
 from franka_real import robot_time
-from franka_real.robot_time import RobotTime
+from franka_real.robot_time import ArmTime
 from hric_core.local.node import LocalNode
 
 
@@ -37,7 +37,7 @@ def machine(monkeypatch: pytest.MonkeyPatch) -> Machine:
 
 
 def test_it_begins_at_zero_and_counts_the_arms_milliseconds() -> None:
-    time = RobotTime([LocalNode()])
+    time = ArmTime([LocalNode()])
     periods = [time.advance(ms) for ms in (70_000, 70_001, 70_004, 70_004, 70_003, 70_005)]
     assert periods == pytest.approx([0.001, 0.001, 0.003, 0.0, 0.0, 0.001])
     assert time.now == pytest.approx(0.005)
@@ -46,7 +46,7 @@ def test_it_begins_at_zero_and_counts_the_arms_milliseconds() -> None:
 def test_on_a_local_node_stamps_are_robot_time() -> None:
     node = LocalNode()
     child = node.child("robot")
-    time = RobotTime([node])
+    time = ArmTime([node])
     for ms in range(500, 600):
         time.advance(ms)
     assert child.now().to_sec() == pytest.approx(0.099)
@@ -55,7 +55,7 @@ def test_on_a_local_node_stamps_are_robot_time() -> None:
 
 def test_stamps_are_those_of_the_measurement_whatever_the_machine_is_late(machine) -> None:
     node = WallNode(machine)
-    time, stamps = RobotTime([node]), []
+    time, stamps = ArmTime([node]), []
     for ms in range(1000):
         machine.value = 1.7e9 + 0.001 * ms + (0.03 if ms % 7 else 0.0)
         time.advance(ms)
@@ -67,7 +67,7 @@ def test_stamps_are_those_of_the_measurement_whatever_the_machine_is_late(machin
 @pytest.mark.parametrize("pace", [0.5, 0.999, 1.001, 3.0])
 def test_where_the_clocks_drift_apart_stamps_stay_with_this_machine_and_never_go_back(machine, pace) -> None:
     node = WallNode(machine)
-    time, worst, last = RobotTime([node]), 0.0, 0.0
+    time, worst, last = ArmTime([node]), 0.0, 0.0
     for ms in range(20_000):
         machine.value = 1.7e9 + 0.001 * ms / pace
         time.advance(ms)

@@ -10,7 +10,7 @@ import pytest
 from cost_ratio import cost_ratio
 
 from franka_real import probe
-from franka_real.backend import ConnectionLostError
+from franka_real.backend import ArmLostError
 from franka_real.watchdog import Watchdog
 
 pytestmark = pytest.mark.alone
@@ -100,7 +100,7 @@ def test_the_probe_gives_up_after_its_time_where_nobody_responds() -> None:
                 client.setblocking(False)
                 client.connect_ex(("127.0.0.1", port))
                 waiting.append(client)
-            with pytest.raises(ConnectionLostError, match=r"no response within 0.3 s\. Is robot_ip right"):
+            with pytest.raises(ArmLostError, match=r"no response within 0.3 s\. Is robot_ip right"):
                 probe.check("127.0.0.1", 0.3, port)
         finally:
             for client in waiting:

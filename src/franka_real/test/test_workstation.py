@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from franka_real import workstation
-from franka_real.workstation import Finding
+from franka_real.workstation import WorkstationFinding
 from hric_core.command import perform
 
 
@@ -52,8 +52,8 @@ def test_limits_that_are_too_low_are_found(monkeypatch) -> None:
 
 def test_it_prints_each_finding_and_returns_whether_all_is_well(monkeypatch, capsys) -> None:
     called = []
-    bad = Finding("governor", False, "powersave", "set performance", lambda: called.append(1) or "done")
-    monkeypatch.setattr(workstation, "look", lambda address: iter([Finding("kernel", True, "rt"), bad]))
+    bad = WorkstationFinding("governor", False, "powersave", "set performance", lambda: called.append(1) or "done")
+    monkeypatch.setattr(workstation, "look", lambda address: iter([WorkstationFinding("kernel", True, "rt"), bad]))
     assert perform(["check_workstation"]) == 3
     assert called == []
     assert capsys.readouterr().out.splitlines() == [

@@ -12,7 +12,7 @@ from franka_hw_interface.robot_state import RobotMode
 from franka_sim.box.compiled_arm import CompiledArm
 from franka_sim.box.config import BoxConfig
 from franka_sim.box.control_box import ControlBox
-from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand, MoveRequest, Outcome
+from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand, MoveRequest, RequestOutcome
 from franka_sim.franka_hw_sim import FrankaHWSim
 from hric_control.hardware_interface import EffortJointInterface
 from hric_control.robot_hw import ControllerInfo
@@ -137,7 +137,7 @@ class BoxArm:
         **kwargs: Any,
     ) -> None:
         """A motion, with the two states that pass before a client's first command."""
-        assert self.box.move(MoveRequest(controller, generator, **kwargs)) is Outcome.STARTED
+        assert self.box.move(MoveRequest(controller, generator, **kwargs)) is RequestOutcome.STARTED
         self.cycle()
         self.cycle()
 

@@ -10,7 +10,7 @@ import pytest
 
 import panda_description
 from franka_hw_interface.kdl_model import KdlFrankaModel
-from franka_hw_interface.model import Frame
+from franka_hw_interface.model import FrankaFrame
 from franka_hw_interface.robot_state import RobotMode
 from franka_sim.box.compiled_arm import CompiledArm
 from franka_sim.box.config import BoxConfig
@@ -76,11 +76,11 @@ class KdlExternalTorque:
 
 def wrench_by_svd(box: ControlBox) -> tuple[list[float], list[float]]:
     """O_F_ext_hat_K and K_F_ext_hat_K: least squares in tau_ext = J_K(q)^T F by singular values of KDL's Jacobian."""
-    U, s, Vt = np.linalg.svd(box.model.zero_jacobian(Frame.STIFFNESS, box.state.q), full_matrices=False)
+    U, s, Vt = np.linalg.svd(box.model.zero_jacobian(FrankaFrame.STIFFNESS, box.state.q), full_matrices=False)
     if s[-1] < LEAST_SINGULAR_VALUE:
         return [0.0] * 6, [0.0] * 6
     F = U @ ((Vt @ np.array(box.state.tau_ext_hat_filtered)) / s)
-    R = box.model.pose(Frame.STIFFNESS, box.state.q)[:3, :3]
+    R = box.model.pose(FrankaFrame.STIFFNESS, box.state.q)[:3, :3]
     return F.tolist(), [*(R.T @ F[:3]), *(R.T @ F[3:])]
 
 

@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 import panda_description
-from franka_hw_interface.model import Frame
+from franka_hw_interface.model import FrankaFrame
 from franka_hw_interface.robot_state import FIELD_NAMES, RobotState
 from franka_hw_interface.transforms import column_major
 from franka_sim.box.config import BoxConfig, CollisionBehavior
@@ -44,10 +44,10 @@ def test_a_wrench_on_the_flange_shows_with_the_sign_of_what_the_arm_exerts(make_
         arm.cycle()
     state, model = arm.state, arm.box.model
     acting = np.array([*force, *torque])
-    J = model.zero_jacobian(Frame.FLANGE, state.q)
+    J = model.zero_jacobian(FrankaFrame.FLANGE, state.q)
     assert np.array(state.tau_ext_hat_filtered) == pytest.approx(-J.T @ acting, abs=2e-3)
     assert np.array(state.O_F_ext_hat_K) == pytest.approx(-acting, abs=5e-3)
-    R = model.pose(Frame.FLANGE, state.q)[:3, :3]
+    R = model.pose(FrankaFrame.FLANGE, state.q)[:3, :3]
     assert np.array(state.K_F_ext_hat_K) == pytest.approx(-np.concatenate([R.T @ force, R.T @ torque]), abs=5e-3)
 
 
@@ -59,7 +59,7 @@ def test_the_estimate_follows_a_push_with_the_time_constant_of_its_filter(make_b
     seen = []
     for _ in range(60):
         arm.cycle(torques())
-        J = arm.box.model.zero_jacobian(Frame.FLANGE, arm.state.q)
+        J = arm.box.model.zero_jacobian(FrankaFrame.FLANGE, arm.state.q)
         seen.append(arm.state.tau_ext_hat_filtered[0] / float(-(J.T @ [0.0, 10.0, 0.0, 0.0, 0.0, 0.0])[0]))
     constant = 1.0 / (2.0 * math.pi * arm.box.config.external_torque_cutoff)
     for cycles in (4, 8, 16, 60):
@@ -125,7 +125,7 @@ def test_every_field_of_the_state_is_filled_and_has_its_length(make_box, torques
         assert not isinstance(value, list) or (
             len(value) == len(usual) and all(type(x) is float and math.isfinite(x) for x in value)
         ), name
-    measured, desired = (column_major(arm.box.model.pose(Frame.END_EFFECTOR, q)) for q in (state.q, state.q_d))
+    measured, desired = (column_major(arm.box.model.pose(FrankaFrame.END_EFFECTOR, q)) for q in (state.q, state.q_d))
     assert pytest.approx(measured, abs=1e-15) == state.O_T_EE
     assert state.O_T_EE_d == state.O_T_EE_c == pytest.approx(desired, abs=1e-15)
     assert state.elbow == [state.q[2], -1.0]

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from franka_hw_interface.model import Frame
+from franka_hw_interface.model import FrankaFrame
 from franka_hw_interface.robot_state import NO_ERRORS, RobotMode
-from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand, MoveRequest, Outcome
+from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand, MoveRequest, RequestOutcome
 
 JOINT, CARTESIAN, EXTERNAL = ControllerMode.JOINT_IMPEDANCE, ControllerMode.CARTESIAN_IMPEDANCE, ControllerMode.EXTERNAL
 LENGTH = 2.0
@@ -83,7 +83,7 @@ def test_a_motion_with_an_internal_impedance_arrives_finishes_and_the_arm_stays(
     arrived(arm, client)
     assert arm.state.control_command_success_rate == 1.0
     arm.cycle(client.at(LENGTH + 1.0, finished=True))
-    assert (arm.box.mode, arm.box.take_finished()) == (RobotMode.IDLE, Outcome.SUCCESS)
+    assert (arm.box.mode, arm.box.take_finished()) == (RobotMode.IDLE, RequestOutcome.SUCCESS)
     for _ in range(300):
         arm.cycle()
     arrived(arm, client)
@@ -106,7 +106,7 @@ def test_what_is_echoed_stays_between_the_cycles(make_box, kind) -> None:
     else:
         assert state.O_dP_EE_c == pytest.approx(command.O_dP_EE, abs=1e-12)
     assert np.array(state.O_T_EE_d) == pytest.approx(
-        arm.box.model.pose(Frame.END_EFFECTOR, state.q_d).T.ravel(), abs=1e-6
+        arm.box.model.pose(FrankaFrame.END_EFFECTOR, state.q_d).T.ravel(), abs=1e-6
     )
     assert state.elbow_d == pytest.approx([state.q_d[2], -1.0])
     assert (state.controller_mode, state.generator_mode) == (JOINT, kind)
@@ -151,11 +151,11 @@ def test_a_jump_is_a_discontinuity_or_a_violated_limit_by_name(make_box, control
         name.startswith(prefix) and name.endswith(("discontinuity", "limits_violation"))
         for name in arm.state.last_motion_errors
     )
-    assert (arm.box.mode, arm.box.take_finished()) == (RobotMode.REFLEX, Outcome.REFLEX_ABORTED)
+    assert (arm.box.mode, arm.box.take_finished()) == (RobotMode.REFLEX, RequestOutcome.REFLEX_ABORTED)
     for _ in range(200):
         arm.cycle()
     assert arm.state.q == pytest.approx(q, abs=1e-3)
-    assert arm.box.recover() is Outcome.SUCCESS
+    assert arm.box.recover() is RequestOutcome.SUCCESS
     run(arm, JOINT, kind)
 
 
@@ -194,12 +194,12 @@ def test_a_start_that_the_generator_forbids_ends_by_name_with_the_first_command(
     assert arm.box.mode is RobotMode.MOVE
     arm.cycle(Client(arm, GeneratorMode.JOINT_POSITION).at(0.0))
     assert arm.state.last_motion_errors == {"joint_position_motion_generator_start_pose_invalid"}
-    assert arm.box.take_finished() is Outcome.REFLEX_ABORTED
+    assert arm.box.take_finished() is RequestOutcome.REFLEX_ABORTED
 
 
 def test_a_cartesian_motion_does_not_begin_in_a_singular_pose(make_box) -> None:
     arm = make_box(q=[0.0, 0.0, 0.5 * math.pi, -0.5 * math.pi, 0.0, 1.8, 0.0])
-    assert arm.box.move(MoveRequest(JOINT, GeneratorMode.CARTESIAN_POSITION)) is Outcome.SINGULAR_START
+    assert arm.box.move(MoveRequest(JOINT, GeneratorMode.CARTESIAN_POSITION)) is RequestOutcome.SINGULAR_START
     assert arm.box.mode is RobotMode.IDLE
 
 
@@ -234,7 +234,7 @@ def test_frames_that_were_set_between_two_motions_hold_for_the_next_one(make_box
     run(arm, CARTESIAN, GeneratorMode.CARTESIAN_POSITION)
     arm.box.stop_move()
     T = [1.0, 0, 0, 0, 0, 1.0, 0, 0, 0, 0, 1.0, 0, 0.0, 0.0, 0.1, 1.0]
-    assert arm.box.set_NE_T_EE(T) is Outcome.SUCCESS
+    assert arm.box.set_NE_T_EE(T) is RequestOutcome.SUCCESS
     for _ in range(200):
         arm.cycle()
     assert pytest.approx(T) == arm.state.NE_T_EE

@@ -4,7 +4,7 @@ to idle."""
 import pytest
 
 from franka_hw_interface.robot_state import NO_ERRORS, RobotMode
-from franka_sim.box.requests import ControllerMode, GeneratorMode, MoveRequest, Outcome
+from franka_sim.box.requests import ControllerMode, GeneratorMode, MoveRequest, RequestOutcome
 
 TORQUE = MoveRequest(ControllerMode.EXTERNAL, GeneratorMode.NONE)
 
@@ -13,17 +13,17 @@ def check_reflex(arm, name: str) -> None:
     """All that a reflex must show, and the way out of it."""
     box, state = arm.box, arm.state
     assert state.current_errors == state.last_motion_errors == {name}
-    assert (box.mode, box.take_finished()) == (RobotMode.REFLEX, Outcome.REFLEX_ABORTED)
+    assert (box.mode, box.take_finished()) == (RobotMode.REFLEX, RequestOutcome.REFLEX_ABORTED)
     assert (state.controller_mode, state.generator_mode) == (ControllerMode.OTHER, GeneratorMode.IDLE)
     assert any(name in line for line in arm.reports)
-    assert box.move(TORQUE) is Outcome.NOT_POSSIBLE
+    assert box.move(TORQUE) is RequestOutcome.NOT_POSSIBLE
     for _ in range(1500):
         arm.cycle()
     assert max(map(abs, state.dq)) < 1e-2
-    assert box.recover() is Outcome.SUCCESS
+    assert box.recover() is RequestOutcome.SUCCESS
     assert (box.mode, state.current_errors, state.last_motion_errors) == (RobotMode.IDLE, NO_ERRORS, {name})
     assert state.joint_collision == [0.0] * 7
-    assert box.move(TORQUE) is Outcome.STARTED
+    assert box.move(TORQUE) is RequestOutcome.STARTED
 
 
 def ramp(arm, torques, joint: int, slope: float, limit: float):

@@ -4,7 +4,7 @@ import pytest
 
 import panda_description
 from franka_hw_interface.robot_state import RobotMode
-from franka_sim.box.requests import ControllerMode, GeneratorMode, MoveRequest, Outcome
+from franka_sim.box.requests import ControllerMode, GeneratorMode, MoveRequest, RequestOutcome
 
 FRICTION = panda_description.friction_parameters()
 IDENTIFIED = {"friction": "identified", "friction_parameters": FRICTION}
@@ -76,7 +76,11 @@ def test_a_pd_law_through_the_box_moves_the_arm_to_its_goal_and_the_arm_then_hol
     assert moved(arm, goal) < 1e-3
     assert arm.state.control_command_success_rate == 1.0
     arm.cycle(torques(finished=True))
-    assert (arm.box.mode, arm.box.take_finished(), arm.box.take_finished()) == (RobotMode.IDLE, Outcome.SUCCESS, None)
+    assert (arm.box.mode, arm.box.take_finished(), arm.box.take_finished()) == (
+        RobotMode.IDLE,
+        RequestOutcome.SUCCESS,
+        None,
+    )
     assert (arm.state.controller_mode, arm.state.generator_mode) == (ControllerMode.OTHER, GeneratorMode.IDLE)
     assert arm.state.control_command_success_rate == 0.0
     q = arm.state.q[:]
@@ -124,7 +128,7 @@ def test_states_before_the_first_command_are_not_lost_packets(make_box) -> None:
 
 def test_a_low_pass_of_the_controller_slows_torques(make_box, torques) -> None:
     arm = make_box()
-    assert arm.box.set_filters([1000.0, 1000.0, 1000.0, 1000.0, 100.0]) is Outcome.SUCCESS
+    assert arm.box.set_filters([1000.0, 1000.0, 1000.0, 1000.0, 100.0]) is RequestOutcome.SUCCESS
     arm.start()
     arm.cycle(torques(*[0.9] * 7))
     assert arm.state.tau_J_d == pytest.approx([0.9 * 0.46651] * 7, rel=1e-4)  # 1 - exp(-2 pi 100 Hz 1 ms)
@@ -132,31 +136,31 @@ def test_a_low_pass_of_the_controller_slows_torques(make_box, torques) -> None:
 
 def test_stop_preempts_a_motion_and_is_fine_at_idle(make_box, torques) -> None:
     arm = make_box()
-    assert arm.box.stop_move() is Outcome.SUCCESS
+    assert arm.box.stop_move() is RequestOutcome.SUCCESS
     assert arm.box.take_finished() is None
     arm.start()
-    assert arm.box.move(TORQUE) is Outcome.NOT_POSSIBLE
-    assert arm.box.stop_move() is Outcome.SUCCESS
-    assert (arm.box.mode, arm.box.take_finished()) == (RobotMode.IDLE, Outcome.PREEMPTED)
+    assert arm.box.move(TORQUE) is RequestOutcome.NOT_POSSIBLE
+    assert arm.box.stop_move() is RequestOutcome.SUCCESS
+    assert (arm.box.mode, arm.box.take_finished()) == (RobotMode.IDLE, RequestOutcome.PREEMPTED)
 
 
 def test_a_lost_connection_aborts_a_motion(make_box, torques) -> None:
     arm = make_box()
     arm.start()
     arm.box.connection_lost()
-    assert (arm.box.mode, arm.box.take_finished()) == (RobotMode.IDLE, Outcome.ABORTED)
+    assert (arm.box.mode, arm.box.take_finished()) == (RobotMode.IDLE, RequestOutcome.ABORTED)
     arm.start()
 
 
 def test_the_user_stop_ends_a_motion_forbids_the_next_one_and_is_left_by_releasing_it(make_box, torques) -> None:
     arm = make_box()
     arm.start()
-    assert arm.box.set_user_stop(True) is Outcome.SUCCESS
-    assert (arm.box.mode, arm.box.take_finished()) == (RobotMode.USER_STOPPED, Outcome.EMERGENCY_ABORTED)
-    assert arm.box.move(TORQUE) is Outcome.NOT_POSSIBLE
-    assert arm.box.recover() is Outcome.NOT_POSSIBLE
+    assert arm.box.set_user_stop(True) is RequestOutcome.SUCCESS
+    assert (arm.box.mode, arm.box.take_finished()) == (RobotMode.USER_STOPPED, RequestOutcome.EMERGENCY_ABORTED)
+    assert arm.box.move(TORQUE) is RequestOutcome.NOT_POSSIBLE
+    assert arm.box.recover() is RequestOutcome.NOT_POSSIBLE
     arm.box.set_user_stop(False)
-    assert arm.box.recover() is Outcome.SUCCESS
+    assert arm.box.recover() is RequestOutcome.SUCCESS
     arm.start()
     assert arm.reports == ["user stop pressed", "user stop released"]
 
@@ -164,13 +168,13 @@ def test_the_user_stop_ends_a_motion_forbids_the_next_one_and_is_left_by_releasi
 def test_a_guided_arm_follows_a_push_and_stays_where_it_was_left(make_box) -> None:
     arm = make_box()
     q = arm.state.q[:]
-    assert arm.box.set_guiding(True) is Outcome.SUCCESS
-    assert arm.box.move(TORQUE) is Outcome.NOT_POSSIBLE
+    assert arm.box.set_guiding(True) is RequestOutcome.SUCCESS
+    assert arm.box.move(TORQUE) is RequestOutcome.NOT_POSSIBLE
     arm.plant.apply_wrench("panda_link8", (0.0, 5.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.5)
     for _ in range(500):
         arm.cycle()
     assert moved(arm, q) > 0.05
-    assert arm.box.set_guiding(False) is Outcome.SUCCESS
+    assert arm.box.set_guiding(False) is RequestOutcome.SUCCESS
     for _ in range(500):
         arm.cycle()
     q = arm.state.q[:]
@@ -191,25 +195,25 @@ def test_a_guided_arm_follows_a_push_and_stays_where_it_was_left(make_box) -> No
 )
 def test_a_request_that_makes_no_sense_is_refused(make_box, request_) -> None:
     arm = make_box()
-    assert arm.box.move(request_) is Outcome.INVALID_ARGUMENT
+    assert arm.box.move(request_) is RequestOutcome.INVALID_ARGUMENT
     assert arm.box.mode is RobotMode.IDLE
 
 
 def test_settings_are_refused_while_a_motion_runs_unless_configured_and_wrong_ones_always(make_box) -> None:
     load = (1.0, [0.0, 0.0, 0.1], [1e-3, 0, 0, 0, 1e-3, 0, 0, 0, 1e-3])
     arm = make_box()
-    assert arm.box.set_load(*load) is Outcome.SUCCESS
+    assert arm.box.set_load(*load) is RequestOutcome.SUCCESS
     assert (arm.state.m_load, arm.state.m_total) == (1.0, pytest.approx(1.0 + arm.state.m_ee))
-    assert arm.box.set_load(-1.0, *load[1:]) is Outcome.INVALID_ARGUMENT
+    assert arm.box.set_load(-1.0, *load[1:]) is RequestOutcome.INVALID_ARGUMENT
     assert arm.state.m_load == 1.0
-    assert arm.box.set_collision_behavior([1.0] * 7) is Outcome.INVALID_ARGUMENT
-    assert arm.box.set_joint_impedance([float("nan")] * 7) is Outcome.INVALID_ARGUMENT
-    assert arm.box.set_EE_T_K([1.0] * 16) is Outcome.INVALID_ARGUMENT
+    assert arm.box.set_collision_behavior([1.0] * 7) is RequestOutcome.INVALID_ARGUMENT
+    assert arm.box.set_joint_impedance([float("nan")] * 7) is RequestOutcome.INVALID_ARGUMENT
+    assert arm.box.set_EE_T_K([1.0] * 16) is RequestOutcome.INVALID_ARGUMENT
     arm.start()
-    assert arm.box.set_load(*load) is Outcome.NOT_POSSIBLE
+    assert arm.box.set_load(*load) is RequestOutcome.NOT_POSSIBLE
     other = make_box(config={"settings_while_moving": True})
     other.start()
-    assert other.box.set_load(*load) is Outcome.SUCCESS
+    assert other.box.set_load(*load) is RequestOutcome.SUCCESS
 
 
 def test_reset_places_the_arm_idle_and_aborts_a_motion(make_box, torques) -> None:
@@ -218,7 +222,7 @@ def test_reset_places_the_arm_idle_and_aborts_a_motion(make_box, torques) -> Non
     arm.cycle(torques(*[0.9] * 7))
     q = [0.1, -0.5, 0.1, -2.0, 0.1, 1.5, 0.5]
     arm.place(q)
-    assert (arm.box.mode, arm.box.take_finished(), arm.state.q_d) == (RobotMode.IDLE, Outcome.ABORTED, q)
+    assert (arm.box.mode, arm.box.take_finished(), arm.state.q_d) == (RobotMode.IDLE, RequestOutcome.ABORTED, q)
     for _ in range(100):
         arm.cycle()
     assert moved(arm, q) < 1e-9

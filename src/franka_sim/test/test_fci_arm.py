@@ -11,7 +11,7 @@ from fci_clients import HOLD_FR3, HOLD_PANDA, JUMP, MODEL, MODES_FR3, MODES_PAND
 from fci_peer import PATIENCE, Peer, command, control_box, log_of, run_client, wait_for_log
 
 from franka_hw_interface.robot_state import RobotMode
-from franka_sim.box.requests import ControllerMode, GeneratorMode, MoveRequest, Outcome
+from franka_sim.box.requests import ControllerMode, GeneratorMode, MoveRequest, RequestOutcome
 from franka_sim.fci.app import ControlBoxCommand
 from franka_sim.fci.arm_device import make_arm
 from franka_sim.fci.robots import ROBOTS
@@ -214,7 +214,7 @@ def test_a_plant_that_breaks_down_ends_the_motion_by_name_is_put_back_and_the_bo
     device = make_arm(ControlBoxCommand().parser().parse_args(["--no-collision"]), ROBOTS["panda"])
     try:
         start = device.state.q[:]
-        assert device.move(MoveRequest(ControllerMode.EXTERNAL, GeneratorMode.JOINT_VELOCITY)) is Outcome.STARTED
+        assert device.move(MoveRequest(ControllerMode.EXTERNAL, GeneratorMode.JOINT_VELOCITY)) is RequestOutcome.STARTED
         for _ in range(200):
             device.cycle(command(1.0))
         assert device.state.q != start
@@ -222,14 +222,14 @@ def test_a_plant_that_breaks_down_ends_the_motion_by_name_is_put_back_and_the_bo
         device.cycle(command(1.0))
         device.plant.step = step  # type: ignore[method-assign]
         assert "diverged" in caplog.text and "put back to its start" in caplog.text
-        assert device.take_finished() is Outcome.REFLEX_ABORTED
+        assert device.take_finished() is RequestOutcome.REFLEX_ABORTED
         assert device.state.current_errors == device.state.last_motion_errors == {"instability_detected"}
         assert device.state.q == pytest.approx(start, abs=1e-12) and device.state.robot_mode is RobotMode.REFLEX
         for _ in range(100):
             device.cycle(None)
         assert device.state.q == pytest.approx(start, abs=1e-6)
-        assert device.recover() is Outcome.SUCCESS and device.state.robot_mode is RobotMode.IDLE
-        assert device.move(MoveRequest(ControllerMode.EXTERNAL, GeneratorMode.JOINT_VELOCITY)) is Outcome.STARTED
+        assert device.recover() is RequestOutcome.SUCCESS and device.state.robot_mode is RobotMode.IDLE
+        assert device.move(MoveRequest(ControllerMode.EXTERNAL, GeneratorMode.JOINT_VELOCITY)) is RequestOutcome.STARTED
     finally:
         device.close()
 

@@ -11,11 +11,11 @@ import pytest
 from fci_peer import ARM, PATIENCE, Peer, command, new_address, serving
 
 from franka_sim.box.requests import MotionCommand
-from franka_sim.fci.clock import LockStepClock, Phase, WallClock, make_clock
+from franka_sim.fci.clock import LockStepClock, MotionPhase, PeriodicClock, make_clock
 from franka_sim.fci.complaints import MAX_PEERS, PEER_QUIET, Complaints
 from franka_sim.fci.connection import MAX_UNSENT
 from franka_sim.fci.device import ConstantDevice
-from franka_sim.fci.faults import Faults
+from franka_sim.fci.faults import NetworkFaults
 from franka_sim.fci.server import FciServer
 from franka_sim.fci.session import HANDSHAKE_TIME, MAX_WAITING
 from hric_core.errors import HricError, ParameterError, UnknownNameError
@@ -345,42 +345,42 @@ def test_wrong_arguments_are_refused() -> None:
         with pytest.raises(ParameterError, match="; valid: a finite number"):
             make_clock(name, -1.0 if name == "lock_step" else 0.0)
     with pytest.raises(ParameterError, match=r"loss is 1\.5; valid: a finite number from 0 to 1"):
-        Faults(loss=1.5)
+        NetworkFaults(loss=1.5)
 
 
 def test_the_wall_clock_does_not_make_up_for_its_own_delays() -> None:
-    clock = WallClock()
-    clock.ticked(10.0, Phase.AWAITING)
-    assert clock.left(10.0, Phase.AWAITING) == pytest.approx(1e-3)
-    clock.ticked(10.0012, Phase.AWAITING)  # a little late: the deadlines stay
-    assert clock.left(10.0012, Phase.AWAITING) == pytest.approx(0.8e-3)
-    clock.ticked(10.05, Phase.AWAITING)
-    assert clock.left(10.05, Phase.AWAITING) == pytest.approx(1e-3)
+    clock = PeriodicClock()
+    clock.ticked(10.0, MotionPhase.AWAITING)
+    assert clock.left(10.0, MotionPhase.AWAITING) == pytest.approx(1e-3)
+    clock.ticked(10.0012, MotionPhase.AWAITING)  # a little late: the deadlines stay
+    assert clock.left(10.0012, MotionPhase.AWAITING) == pytest.approx(0.8e-3)
+    clock.ticked(10.05, MotionPhase.AWAITING)
+    assert clock.left(10.05, MotionPhase.AWAITING) == pytest.approx(1e-3)
 
 
 def test_an_unpaced_lock_step_clock_runs_with_the_commands_and_in_real_time_without_a_motion() -> None:
     clock = LockStepClock(0.0)
     for k in range(1000):
-        clock.ticked(5.0 + 1e-5 * k, Phase.ARRIVED)
+        clock.ticked(5.0 + 1e-5 * k, MotionPhase.ARRIVED)
     now = 5.0 + 1e-2
-    assert clock.left(now, Phase.ARRIVED) <= 0.0
-    assert 0.0 < clock.left(now, Phase.IDLE) <= 1e-3
-    assert clock.left(now, Phase.AWAITING) > 0.4
+    assert clock.left(now, MotionPhase.ARRIVED) <= 0.0
+    assert 0.0 < clock.left(now, MotionPhase.IDLE) <= 1e-3
+    assert clock.left(now, MotionPhase.AWAITING) > 0.4
 
 
 def test_only_the_first_command_that_is_lost_is_awaited_long_and_none_on_a_network_that_loses_them() -> None:
     clock, lossy = LockStepClock(0.0), LockStepClock(0.0, lossy=True)
     for one in (clock, lossy):
-        one.ticked(5.0, Phase.ARRIVED)
-    assert (clock.left(5.0, Phase.AWAITING), lossy.left(5.0, Phase.AWAITING)) == pytest.approx((0.5, 0.05))
-    clock.ticked(5.5, Phase.AWAITING)
-    assert clock.left(5.5, Phase.AWAITING) == pytest.approx(0.05)
-    clock.ticked(5.51, Phase.ARRIVED)
-    assert clock.left(5.51, Phase.AWAITING) == pytest.approx(0.5)
+        one.ticked(5.0, MotionPhase.ARRIVED)
+    assert (clock.left(5.0, MotionPhase.AWAITING), lossy.left(5.0, MotionPhase.AWAITING)) == pytest.approx((0.5, 0.05))
+    clock.ticked(5.5, MotionPhase.AWAITING)
+    assert clock.left(5.5, MotionPhase.AWAITING) == pytest.approx(0.05)
+    clock.ticked(5.51, MotionPhase.ARRIVED)
+    assert clock.left(5.51, MotionPhase.AWAITING) == pytest.approx(0.5)
 
 
 def test_a_bad_network_loses_the_requested_share_and_delays_the_rest() -> None:
-    faults = Faults(latency=0.01, jitter=0.005, loss=0.5, seed=3)
+    faults = NetworkFaults(latency=0.01, jitter=0.005, loss=0.5, seed=3)
     with serving(ConstantDevice(), faults=faults) as ip, Peer(ip) as peer:
         ids = [struct.unpack_from("<Q", peer.state())[0] for _ in range(200)]
     lost = 1.0 - len(ids) / (max(ids) - min(ids) + 1)
@@ -390,7 +390,7 @@ def test_a_bad_network_loses_the_requested_share_and_delays_the_rest() -> None:
 
 def test_a_motion_goes_through_a_slow_network() -> None:
     device = Recorder()
-    with serving(device, pace=0.0, faults=Faults(latency=0.005)) as ip, Peer(ip) as peer:
+    with serving(device, pace=0.0, faults=NetworkFaults(latency=0.005)) as ip, Peer(ip) as peer:
         begin = time.monotonic()
         motion = peer.move()
         assert peer.response(motion) == b"\x01"

@@ -6,11 +6,11 @@ import pytest
 from fci_peer import command
 
 from franka_hw_interface.robot_state import ERROR_NAMES, RobotMode
-from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand, Outcome
+from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand, RequestOutcome
 from franka_sim.fci.device import DeviceState
 from franka_sim.fci.protocol import PROTOCOL_5 as V5
 from franka_sim.fci.protocol import PROTOCOL_10 as V10
-from franka_sim.fci.protocol import Protocol, Request
+from franka_sim.fci.protocol import FciRequest, Protocol
 from franka_sim.fci.wire import WIRE_ERRORS, error_bytes
 
 # field: (numbers, offset in protocol 5, offset in protocol 10), from libfranka's public headers
@@ -141,19 +141,25 @@ def test_requests_have_the_sizes_and_numbers_of_the_public_headers() -> None:
     sizes_v10 = [4, 113, 0, 416, 56, 48, 7, 128, 128, 104, 0, 0]
     assert [V5.requests[i].payload.size for i in range(14)] == sizes_v5 and len(V5.requests) == 14
     assert [V10.requests[i].payload.size for i in range(12)] == sizes_v10 and len(V10.requests) == 12
-    assert V5.requests[12].request is V10.requests[10].request is Request.AUTOMATIC_ERROR_RECOVERY
+    assert V5.requests[12].request is V10.requests[10].request is FciRequest.AUTOMATIC_ERROR_RECOVERY
 
 
 @pytest.mark.parametrize("protocol", [V5, V10])
 def test_every_request_has_a_number_for_every_outcome(protocol: Protocol) -> None:
     for row in protocol.requests.values():
-        if row.request is Request.CONNECT:
+        if row.request is FciRequest.CONNECT:
             continue
-        for outcome in Outcome:
+        for outcome in RequestOutcome:
             number = protocol.status(row.request, outcome)
-            assert (number == 0) == (outcome is Outcome.SUCCESS), f"{row.request} {outcome}"
+            assert (number == 0) == (outcome is RequestOutcome.SUCCESS), f"{row.request} {outcome}"
 
 
 def test_a_reflex_has_the_number_that_each_protocol_gives_it() -> None:
-    assert (V5.status(Request.MOVE, Outcome.REFLEX_ABORTED), V10.status(Request.MOVE, Outcome.REFLEX_ABORTED)) == (6, 8)
-    assert (V5.status(Request.MOVE, Outcome.NOT_POSSIBLE), V10.status(Request.MOVE, Outcome.NOT_POSSIBLE)) == (3, 5)
+    assert (
+        V5.status(FciRequest.MOVE, RequestOutcome.REFLEX_ABORTED),
+        V10.status(FciRequest.MOVE, RequestOutcome.REFLEX_ABORTED),
+    ) == (6, 8)
+    assert (
+        V5.status(FciRequest.MOVE, RequestOutcome.NOT_POSSIBLE),
+        V10.status(FciRequest.MOVE, RequestOutcome.NOT_POSSIBLE),
+    ) == (3, 5)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from franka_hw_interface.interfaces import FrankaModelInterface, FrankaStateInterface
-from franka_hw_interface.model import Frame
+from franka_hw_interface.model import FrankaFrame
 from franka_hw_interface.robot_state import RobotMode
 from franka_msgs.srv import SetEEFrameRequest, SetKFrameRequest, SetLoadRequest
 from franka_sim.franka_hw_sim import FrankaHWSim
@@ -42,7 +42,7 @@ def test_the_state_is_read_each_cycle_and_the_rest_computed_when_read(make_arm) 
     assert state.time == pytest.approx(0.009)
     assert state.q == hw.states.position
     assert state.robot_mode is RobotMode.IDLE
-    expected = hw.model.pose(Frame.END_EFFECTOR, hw.states.position)
+    expected = hw.model.pose(FrankaFrame.END_EFFECTOR, hw.states.position)
     np.testing.assert_allclose(np.array(state.O_T_EE).reshape(4, 4).T, expected, rtol=0.0, atol=1e-15)
     assert state.elbow == [hw.states.position[2], -1.0]
     assert np.abs(np.array(state.tau_J) - hw.model.gravity_list(hw.states.position)).max() < 1e-6
@@ -52,11 +52,13 @@ def test_the_state_is_read_each_cycle_and_the_rest_computed_when_read(make_arm) 
 def test_the_model_handle_is_at_the_present_state(make_arm) -> None:
     arm = make_arm()
     handle = arm.hw.get(FrankaModelInterface).handle("panda_model")
-    before = handle.pose(Frame.FLANGE)
+    before = handle.pose(FrankaFrame.FLANGE)
     arm.hw.reset([0.3, -0.5, 0.1, -2.0, 0.2, 1.5, 0.5])
     arm.run(0.001)
-    assert np.abs(handle.pose(Frame.FLANGE) - before).max() > 0.01
-    assert np.allclose(handle.pose(Frame.FLANGE), arm.hw.model.pose(Frame.FLANGE, arm.hw.states.position), atol=1e-12)
+    assert np.abs(handle.pose(FrankaFrame.FLANGE) - before).max() > 0.01
+    assert np.allclose(
+        handle.pose(FrankaFrame.FLANGE), arm.hw.model.pose(FrankaFrame.FLANGE, arm.hw.states.position), atol=1e-12
+    )
     assert handle.mass() is handle.mass()
 
 
@@ -122,9 +124,11 @@ def test_frames_that_are_set_move_end_effector_and_stiffness_frame(make_arm) -> 
     assert np.allclose(state.NE_T_EE, values)
     assert arm.node.call("franka_control/set_K_frame", SetKFrameRequest(values)).success
     assert values == state.EE_T_K
-    flange = hw.model.pose(Frame.FLANGE, hw.states.position)
+    flange = hw.model.pose(FrankaFrame.FLANGE, hw.states.position)
     assert np.allclose(np.array(state.O_T_EE).reshape(4, 4).T, flange @ hw.model.F_T_NE @ YAW_45)
-    assert np.allclose(hw.model.pose(Frame.STIFFNESS, hw.states.position), flange @ hw.model.F_T_NE @ YAW_45 @ YAW_45)
+    assert np.allclose(
+        hw.model.pose(FrankaFrame.STIFFNESS, hw.states.position), flange @ hw.model.F_T_NE @ YAW_45 @ YAW_45
+    )
 
 
 def test_a_frame_that_is_none_is_refused_with_the_reason(make_arm) -> None:

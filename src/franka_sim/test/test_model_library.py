@@ -12,7 +12,7 @@ import pytest
 
 import panda_description
 from franka_hw_interface.kdl_model import KdlFrankaModel
-from franka_hw_interface.model import Frame
+from franka_hw_interface.model import FrankaFrame
 from franka_hw_interface.transforms import FloatArray, column_major
 from franka_sim.model_library import FUNCTIONS, MARKER, library_for
 from franka_sim.model_library.parameters import arm_chain, arm_without_tool
@@ -94,18 +94,18 @@ def test_mass_matrix_coriolis_and_gravity_equal_kdl_over_200_states(pair: Pair) 
 
 def frame_functions(
     end_effector: list[float],
-) -> Iterator[tuple[Frame, int, Callable[[list[float]], tuple[Any, ...]], bool]]:
+) -> Iterator[tuple[FrankaFrame, int, Callable[[list[float]], tuple[Any, ...]], bool]]:
     """Frame of KDL, number in the symbol, its arguments from q, whether the Jacobian takes q."""
     for i in range(1, 8):
-        yield Frame(f"joint{i}"), i, lambda q: (q,), i > 1
-    yield Frame.FLANGE, 8, lambda q: (q,), True
-    yield Frame.END_EFFECTOR, 9, lambda q: (q, end_effector), True
+        yield FrankaFrame(f"joint{i}"), i, lambda q: (q,), i > 1
+    yield FrankaFrame.FLANGE, 8, lambda q: (q,), True
+    yield FrankaFrame.END_EFFECTOR, 9, lambda q: (q, end_effector), True
 
 
 def test_poses_and_both_jacobians_of_all_frames_equal_kdl_column_major_over_200_states(pair: Pair) -> None:
     F_T_EE = transform_from_rpy((0.01, 0.02, 0.2), (0.3, -0.4, 0.5))
     pair.kdl.set_ee(F_T_EE)
-    worst: dict[Frame, FloatArray] = {}
+    worst: dict[FrankaFrame, FloatArray] = {}
     for q, _ in states():
         for frame, i, arguments, takes_q in frame_functions(column_major(F_T_EE)):
             given = arguments(q) if takes_q else ()

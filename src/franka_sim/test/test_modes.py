@@ -3,7 +3,7 @@ import logging
 import numpy as np
 import pytest
 
-from franka_hw_interface.modes import HOLD, Kind, Mode
+from franka_hw_interface.modes import HOLD, ArmMode, Kind
 from franka_hw_interface.robot_state import RobotMode
 from hric_control.controller import Controller
 from hric_control.hardware_interface import EffortJointInterface, PositionJointInterface, VelocityJointInterface
@@ -64,7 +64,7 @@ def managed(make_arm):
     return make
 
 
-TORQUE = Mode(torque=True)
+TORQUE = ArmMode(torque=True)
 EFFORT, VELOCITY, POSITION = (
     {"interface": cls.__name__} for cls in (EffortJointInterface, VelocityJointInterface, PositionJointInterface)
 )
@@ -81,7 +81,7 @@ def test_a_second_commander_is_refused_with_both_names(managed) -> None:
     assert arm.hw.mode == TORQUE
     manager.switch(["c"], ["a"])
     arm.run(0.002)
-    assert arm.hw.mode == Mode(generator=Kind.POSITION)
+    assert arm.hw.mode == ArmMode(generator=Kind.POSITION)
 
 
 def test_a_claim_of_some_joints_only_is_refused_with_the_missing_ones(managed) -> None:

@@ -9,7 +9,7 @@ import pytest
 import panda_description
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.limits import franka_limits
-from franka_hw_interface.model import Frame
+from franka_hw_interface.model import FrankaFrame
 from franka_hw_interface.robot_state import RobotState
 from franka_sim.box.kinematics import moved, twist_between
 from franka_sim.box.motion import MotionGenerator, make_generator
@@ -76,7 +76,7 @@ def run(generator: MotionGenerator, twist: list[float], duration: float = 0.3, h
 @pytest.mark.parametrize("kind", [POSE, TWIST])
 def test_a_motion_starts_at_rest_at_the_pose_of_q_d(model, kind) -> None:
     _, state = started(kind, model)
-    T = model.pose(Frame.END_EFFECTOR, READY).T.ravel()
+    T = model.pose(FrankaFrame.END_EFFECTOR, READY).T.ravel()
     np.testing.assert_allclose(state.O_T_EE_c, T, atol=1e-14)
     np.testing.assert_allclose(state.O_T_EE_d, T, atol=1e-14)
     assert state.O_dP_EE_c == state.O_dP_EE_d == state.O_ddP_EE_c == STILL
@@ -93,7 +93,7 @@ def test_the_joints_follow_a_path_and_each_field_says_what_was_commanded(model) 
             only(12, 0.1 * swing(step * DT, 0.8), start), [0.0, 0.0, 0.0, 0.0, 0.3 * swing(step * DT, 0.8), 0.0], 1.0
         )
         assert generator.advance(command(O_T_EE=T)) == frozenset()
-        np.testing.assert_allclose(model.pose(Frame.END_EFFECTOR, state.q_d).T.ravel(), T, atol=1e-10)
+        np.testing.assert_allclose(model.pose(FrankaFrame.END_EFFECTOR, state.q_d).T.ravel(), T, atol=1e-10)
         assert state.O_T_EE_c == T
         twist = np.array(twist_between(last, T, DT))
         np.testing.assert_allclose(state.O_dP_EE_c, twist, atol=1e-12)
@@ -102,7 +102,7 @@ def test_the_joints_follow_a_path_and_each_field_says_what_was_commanded(model) 
         assert state.elbow_c[0] == state.q_d[2]
         last, last_twist, last_q = T, twist, state.q_d[:]
     np.testing.assert_allclose(
-        model.zero_jacobian(Frame.END_EFFECTOR, state.q_d) @ state.dq_d, state.O_dP_EE_c, atol=1e-3
+        model.zero_jacobian(FrankaFrame.END_EFFECTOR, state.q_d) @ state.dq_d, state.O_dP_EE_c, atol=1e-3
     )
 
 
@@ -117,7 +117,7 @@ def test_a_commanded_twist_moves_the_pose_by_its_integral(model) -> None:
     T = np.reshape(state.O_T_EE_c, (4, 4)).T
     np.testing.assert_allclose(T[:3, 3] - start[:3, 3], travel[:3], atol=1e-12)
     np.testing.assert_allclose(T[:3, :3], pinocchio.exp3(travel[3:]) @ start[:3, :3], atol=1e-12)
-    np.testing.assert_allclose(model.pose(Frame.END_EFFECTOR, state.q_d), T, atol=1e-10)
+    np.testing.assert_allclose(model.pose(FrankaFrame.END_EFFECTOR, state.q_d), T, atol=1e-10)
 
 
 def test_a_first_pose_far_away_is_an_invalid_start(model) -> None:
@@ -198,7 +198,9 @@ def test_lost_packets_are_bridged_with_constant_acceleration(model) -> None:
         assert state.O_dP_EE_c[2] == pytest.approx(0.006 + n * 3.0 * DT)
         z += state.O_dP_EE_c[2] * DT
         assert state.O_T_EE_c[14] == pytest.approx(z)
-        np.testing.assert_allclose(model.pose(Frame.END_EFFECTOR, state.q_d).T.ravel(), state.O_T_EE_c, atol=1e-10)
+        np.testing.assert_allclose(
+            model.pose(FrankaFrame.END_EFFECTOR, state.q_d).T.ravel(), state.O_T_EE_c, atol=1e-10
+        )
 
 
 def test_before_the_first_command_nothing_moves(model) -> None:
@@ -226,7 +228,7 @@ def test_an_elbow_commanded_at_a_fixed_pose_turns_joint_3_and_keeps_the_pose(mod
         assert state.elbow_d[0] == pytest.approx(q3, abs=1e-10)
         assert state.delbow_c[0] == pytest.approx((q3 - last) / DT)
         last = q3
-    np.testing.assert_allclose(model.pose(Frame.END_EFFECTOR, state.q_d).T.ravel(), T, atol=1e-10)
+    np.testing.assert_allclose(model.pose(FrankaFrame.END_EFFECTOR, state.q_d).T.ravel(), T, atol=1e-10)
     # No longer commanded, it stays.
     for _ in range(200):
         assert generator.advance(command(O_T_EE=T)) == frozenset()
@@ -294,6 +296,6 @@ def test_the_end_effector_that_was_set_is_the_one_that_follows(model) -> None:
     other.set_ee(F_T_EE)
     state.q_d[:] = READY
     assert generator.start(state) == frozenset()
-    np.testing.assert_allclose(state.O_T_EE_c, other.pose(Frame.END_EFFECTOR, READY).T.ravel(), atol=1e-13)
+    np.testing.assert_allclose(state.O_T_EE_c, other.pose(FrankaFrame.END_EFFECTOR, READY).T.ravel(), atol=1e-13)
     assert run(generator, only(1, 0.1), hold=50) == frozenset()
-    np.testing.assert_allclose(other.pose(Frame.END_EFFECTOR, state.q_d).T.ravel(), state.O_T_EE_c, atol=1e-10)
+    np.testing.assert_allclose(other.pose(FrankaFrame.END_EFFECTOR, state.q_d).T.ravel(), state.O_T_EE_c, atol=1e-10)

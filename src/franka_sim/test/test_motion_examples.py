@@ -9,7 +9,7 @@ import pytest
 import panda_description
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.limits import franka_limits
-from franka_hw_interface.model import Frame
+from franka_hw_interface.model import FrankaFrame
 from franka_hw_interface.robot_state import RobotState
 from franka_sim.box.motion import make_generator
 from franka_sim.box.requests import GeneratorMode, MotionCommand
@@ -75,5 +75,5 @@ def test_the_motion_passes_and_comes_back_to_where_it_began(kind: GeneratorMode,
     assert furthest > 0.3
     np.testing.assert_allclose(state.q_d, READY, atol=5e-3)
     np.testing.assert_allclose(
-        model.pose(Frame.END_EFFECTOR, state.q_d), model.pose(Frame.END_EFFECTOR, READY), atol=2e-3
+        model.pose(FrankaFrame.END_EFFECTOR, state.q_d), model.pose(FrankaFrame.END_EFFECTOR, READY), atol=2e-3
     )

@@ -6,7 +6,7 @@ import pytest
 import panda_description
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.limits import franka_limits
-from franka_hw_interface.model import Frame
+from franka_hw_interface.model import FrankaFrame
 from franka_hw_interface.robot_state import RobotState
 from franka_sim.box.config import motion_parameters
 from franka_sim.box.internal_impedance import CartesianImpedanceLaw, JointImpedanceLaw, defaults
@@ -62,7 +62,7 @@ def test_each_law_is_stable_at_1_khz_over_legal_poses_with_and_without_payload(m
     for load in (0.0, 3.0):
         model.set_load(load, [0.0, 0.0, 0.1], np.eye(3) * 0.01)
         for q in np.random.default_rng(7).uniform(LIMITS.lower, LIMITS.upper, (150, 7)):
-            if np.linalg.svd(model.zero_jacobian(Frame.STIFFNESS, q))[1][-1] < motion_parameters().singular_value:
+            if np.linalg.svd(model.zero_jacobian(FrankaFrame.STIFFNESS, q))[1][-1] < motion_parameters().singular_value:
                 continue
             worst = max(worst, radius(model.mass(q) + rotor_inertia * np.eye(7), *gains_by_differences(law, q)))
     assert worst < 1.0
@@ -95,7 +95,7 @@ def test_the_cartesian_law_gives_the_wrench_of_its_stiffness_in_the_axes_of_the_
     model.set_stiffness_frame(T)
     law = CartesianImpedanceLaw(model, LIMITS, [0.1] * 7, DT)
     law.set_stiffness([1000.0, 500.0, 200.0, 30.0, 20.0, 10.0])
-    J = model.body_jacobian(Frame.STIFFNESS, READY)
+    J = model.body_jacobian(FrankaFrame.STIFFNESS, READY)
     dq = np.linalg.pinv(J) @ [1e-5, -2e-5, 3e-5, 1e-5, 2e-5, -1e-5]
     tau = law.torque(state_at(READY, READY + dq))
     np.testing.assert_allclose(tau, J.T @ [0.01, -0.01, 0.006, 3e-4, 4e-4, -1e-4], atol=2e-6)
@@ -103,7 +103,7 @@ def test_the_cartesian_law_gives_the_wrench_of_its_stiffness_in_the_axes_of_the_
 
 def test_a_force_does_not_move_the_elbow_spring_and_the_elbow_spring_makes_no_force(model) -> None:
     law = CartesianImpedanceLaw(model, LIMITS, [0.1] * 7, DT)
-    J = model.zero_jacobian(Frame.STIFFNESS, READY)
+    J = model.zero_jacobian(FrankaFrame.STIFFNESS, READY)
     null = np.linalg.svd(J)[2][-1]
     tau = np.array(law.torque(state_at(READY, READY + 1e-5 * null)))
     assert np.linalg.norm(tau) == pytest.approx(1e-5 * defaults()["self_motion_stiffness"], rel=1e-3)
@@ -166,7 +166,10 @@ def test_the_arm_follows_a_generator_with_either_law(model, law_type, kind) -> N
         tau = np.array(law.torque(state))
         dq = dq + DT * np.linalg.solve(model.mass(q) + 0.1 * np.eye(7), tau - model.coriolis(q, dq))
         q = q + DT * dq
-        worst = max(worst, np.abs(model.pose(Frame.END_EFFECTOR, q) - model.pose(Frame.END_EFFECTOR, state.q_d)).max())
+        worst = max(
+            worst,
+            np.abs(model.pose(FrankaFrame.END_EFFECTOR, q) - model.pose(FrankaFrame.END_EFFECTOR, state.q_d)).max(),
+        )
     assert worst < 3e-3  # [m] and [rad]
     assert np.abs(q - READY).max() > 0.05
 

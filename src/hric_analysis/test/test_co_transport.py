@@ -130,7 +130,7 @@ def test_at_rest_each_end_carries_what_the_levers_say(tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def led(tmp_path_factory: pytest.TempPathFactory) -> runner.Result:
+def led(tmp_path_factory: pytest.TempPathFactory) -> runner.HeadlessResult:
     """The person lifts the board by 3 cm and pushes it 5 cm towards the robot."""
     points = "[[0.5, 1.607, 0.0, 0.472], [1.3, 1.557, 0.05, 0.502]]"
     changes = ["simulator:=mujoco", "duration:=1.6", f"human.control.parameters.reference.points:={points}"]
@@ -138,7 +138,7 @@ def led(tmp_path_factory: pytest.TempPathFactory) -> runner.Result:
     return runner.run(definition, changes, root=tmp_path_factory.mktemp("runs"), progress=False)
 
 
-def test_a_run_says_how_both_carry_the_board(led: runner.Result) -> None:
+def test_a_run_says_how_both_carry_the_board(led: runner.HeadlessResult) -> None:
     found = json.loads((led.folder.path / "metrics.json").read_text())["human"]
     (board,) = found["carried"]
     assert found["handovers"] == []
@@ -151,7 +151,7 @@ def test_a_run_says_how_both_carry_the_board(led: runner.Result) -> None:
     assert {"carrying.svg", "carrying_path.svg"} <= {p.name for p in (led.folder.path / "figures").iterdir()}
 
 
-def test_the_replay_has_the_board_where_both_ends_of_it_are(led: runner.Result) -> None:
+def test_the_replay_has_the_board_where_both_ends_of_it_are(led: runner.HeadlessResult) -> None:
     data = run_data.load(led.folder, led.metrics)
     (board,) = data.objects
     assert data.person is not None

@@ -143,7 +143,7 @@ def numbered(codes: Any, stamps: Any, numbers: Any) -> Any:
     return collection_record.Numbered("trigno EMG", 500.0, np.asarray(stamps), np.asarray(numbers), np.asarray(codes))
 
 
-COUNTS = collection_record.Counts(500.0, np.array([0.0]), np.array([0]), np.array([0]))
+COUNTS = collection_record.SourceCounts(500.0, np.array([0.0]), np.array([0]), np.array([0]))
 
 
 def test_stamps_that_lag_behind_make_no_loss_of_a_time_code_within_the_second() -> None:

@@ -13,9 +13,9 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from hric_analysis import human, human_difference, muscle_metrics, stability
-from hric_analysis.human import Person
+from hric_analysis.human import SimulatedPerson
 from hric_bags.export import exporting, recording
-from hric_bags.records.human_record import Event, GripRecord, HumanRecord
+from hric_bags.records.human_record import GripRecord, HumanRecord, RecordedHumanEvent
 from hric_bags.records.muscle_record import MuscleMessages
 from hric_core.trial.opensim_text import read_storage
 from hric_report import headless as runner
@@ -35,7 +35,10 @@ JOINTS = (
     "right_wr_dev",
 )
 TIME = np.arange(0.0, 8.0, 0.005)
-STARTED, ENDED = Event(0.5, "started", "human", 0.0, ""), Event(2.5, "ended", "human", 0.0, "")
+STARTED, ENDED = (
+    RecordedHumanEvent(0.5, "started", "human", 0.0, ""),
+    RecordedHumanEvent(2.5, "ended", "human", 0.0, ""),
+)
 
 
 def grip(name: str = "guide", closed: tuple[float, float] = (0.0, 9.0), **changes: Any) -> GripRecord:
@@ -46,7 +49,7 @@ def grip(name: str = "guide", closed: tuple[float, float] = (0.0, 9.0), **change
 
 
 def record(
-    grips: Sequence[GripRecord] = (), position: Any = None, events: Sequence[Event] = (STARTED, ENDED)
+    grips: Sequence[GripRecord] = (), position: Any = None, events: Sequence[RecordedHumanEvent] = (STARTED, ENDED)
 ) -> HumanRecord:
     zeros = np.zeros((len(TIME), 7))
     q = zeros if position is None else position
@@ -62,7 +65,7 @@ def pulse(height: float, begin: float, end: float) -> Any:
 
 
 def metrics(made: HumanRecord) -> Any:
-    return human.metrics(Person(made), {})
+    return human.metrics(SimulatedPerson(made), {})
 
 
 def test_work_on_what_is_held_is_force_times_way_with_the_sign_of_the_hand() -> None:
@@ -135,7 +138,7 @@ def test_a_force_below_a_twentieth_of_the_peak_has_faded() -> None:
 
 
 def test_a_run_that_ends_too_early_is_not_judged() -> None:
-    late = Event(6.0, "ended", "human", 0.0, "")
+    late = RecordedHumanEvent(6.0, "ended", "human", 0.0, "")
     assert metrics(record([grip()], events=[STARTED, late])).settling is None
 
 
@@ -156,13 +159,13 @@ def test_what_nobody_holds_in_between_has_fallen() -> None:
 
 
 @pytest.fixture(scope="module")
-def guided(tmp_path_factory: pytest.TempPathFactory) -> runner.Result:
+def guided(tmp_path_factory: pytest.TempPathFactory) -> runner.HeadlessResult:
     overrides = ["simulator:=mujoco", "duration:=1.5"]
     definition = experiment.load("hand_guidance", overrides)
     return runner.run(definition, overrides, root=tmp_path_factory.mktemp("runs"), progress=False)
 
 
-def test_a_run_with_a_human_says_what_it_required_of_him(guided: runner.Result) -> None:
+def test_a_run_with_a_human_says_what_it_required_of_him(guided: runner.HeadlessResult) -> None:
     found = json.loads((guided.folder.path / "metrics.json").read_text())["human"]
     assert found["subject"] == "P50M"
     assert 0.5 < found["grips"]["guide"]["force_max"] < 10.0
@@ -174,13 +177,13 @@ def test_a_run_with_a_human_says_what_it_required_of_him(guided: runner.Result) 
 
 
 @pytest.fixture(scope="module")
-def by_muscles(tmp_path_factory: pytest.TempPathFactory) -> runner.Result:
+def by_muscles(tmp_path_factory: pytest.TempPathFactory) -> runner.HeadlessResult:
     overrides = ["simulator:=mujoco", "duration:=1.5", "human.drive:=muscle"]
     definition = experiment.load("hand_guidance", overrides)
     return runner.run(definition, overrides, root=tmp_path_factory.mktemp("runs"), progress=False)
 
 
-def test_a_run_with_muscles_says_what_it_cost_them(by_muscles: runner.Result) -> None:
+def test_a_run_with_muscles_says_what_it_cost_them(by_muscles: runner.HeadlessResult) -> None:
     folder = by_muscles.folder.path
     found = json.loads((folder / "metrics.json").read_text())["human"]["muscles"]
     with AnyReader([next(folder.glob("*.bag"))]) as bag:
@@ -199,7 +202,7 @@ def test_a_run_with_muscles_says_what_it_cost_them(by_muscles: runner.Result) ->
     assert tables.values(by_muscles.metrics, "human", tables.HUMAN_COLUMNS)["activation_max"] == found["activation_max"]
 
 
-def test_a_run_whose_joints_are_driven_says_nothing_of_muscles(guided: runner.Result) -> None:
+def test_a_run_whose_joints_are_driven_says_nothing_of_muscles(guided: runner.HeadlessResult) -> None:
     assert guided.metrics["human"]["muscles"] is None
     assert "muscles" not in (guided.folder.path / "summary.txt").read_text()
 
@@ -244,7 +247,7 @@ def test_a_run_is_called_unstable_where_all_of_his_impedance_is_late(
     assert ("stability: UNSTABLE" in result.metrics["report"]) is (verdict == "unstable")
 
 
-def test_runs_called_by_numbers_are_drawn_over_them(guided: runner.Result) -> None:
+def test_runs_called_by_numbers_are_drawn_over_them(guided: runner.HeadlessResult) -> None:
     values = {"human": tables.values(guided.metrics, "human", tables.HUMAN_COLUMNS)}
     figure = tables.human_figure({"100": values, "50": values, "9": values}, "stiffness [N/m]")
     assert figure is not None and figure.abscissa == "stiffness [N/m]"
@@ -299,7 +302,9 @@ def test_opensims_inverse_dynamics_of_the_files_of_a_run_is_the_torque_of_his_jo
         own = np.interp(time, at, [m.torque[j] for m in messages])
         assert np.ptp(own) > 0.01
         assert np.abs(columns[f"{joint}_moment"] - own).max() < 0.02, joint
-    exported = exporting.export(recording.find(str(folder)), exporting.Request(("external_loads",)), tmp_path / "out")
+    exported = exporting.export(
+        recording.find(str(folder)), exporting.ExportRequest(("external_loads",)), tmp_path / "out"
+    )
     assert not exported.failures, exported.failures
     theirs = read_storage(tmp_path / "out" / "external_loads" / "external_loads.mot").columns
     written = read_storage(folder / "human_external_loads.mot").columns

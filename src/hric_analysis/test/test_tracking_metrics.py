@@ -9,10 +9,10 @@ import pytest
 
 import panda_description
 from franka_hw_interface.kdl_model import KdlFrankaModel
-from franka_hw_interface.model import Frame
+from franka_hw_interface.model import FrankaFrame
 from hric_analysis import tracking
 from hric_analysis.tracking import TrackingMetrics
-from hric_analysis.tracking_record import Frames, States, TrackingRecord
+from hric_analysis.tracking_record import CapturedFrames, States, TrackingRecord
 from hric_analysis.tracking_run import tip_positions
 from hric_bags.reader import ControlRecord
 from hric_report import sensor_text
@@ -37,7 +37,7 @@ def made_up(
     exposed = np.arange(0.004, END, 1 / 240)
     seen = marker(exposed) + noise * np.random.default_rng(1).standard_normal((len(exposed), 3))
     valid = np.ones(len(exposed), dtype=bool) if lost is None else (exposed < lost[0]) | (exposed >= lost[1])
-    frames = Frames(
+    frames = CapturedFrames(
         exposed + late, np.arange(len(exposed)), valid, seen @ R, np.full(len(exposed), 0.0055), "hand", "mocap"
     )
     at = np.arange(0.0, END, 0.01)
@@ -155,5 +155,5 @@ def test_the_end_effector_of_a_log_is_where_the_models_kinematics_puts_it() -> N
     found = tip_positions(text, log, "panda_link0", "panda_link8", np.array([0.0, 0.0, 0.1034]))
     model = KdlFrankaModel(text, "panda")
     for row, place in zip(q, found, strict=True):
-        flange = model.pose(Frame.FLANGE, row)
+        flange = model.pose(FrankaFrame.FLANGE, row)
         assert place == pytest.approx((flange @ [0.0, 0.0, 0.1034, 1.0])[:3], abs=1e-12)

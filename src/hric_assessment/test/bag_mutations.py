@@ -23,9 +23,9 @@ from typing import Any
 import numpy as np
 from rosbags.highlevel import AnyReader
 
-from hric_bags.memory import Connection, MemoryBag
+from hric_bags.memory import MemoryBag, MemoryConnection
 
-Row = tuple[Connection, int, bytes]
+Row = tuple[MemoryConnection, int, bytes]
 """Connection, time of recording [ns], serialised message."""
 Window = tuple[float, float]
 """Begin and end, time of the bag [s]."""
@@ -58,9 +58,11 @@ class RawBag(MemoryBag):
         like: a bag that has all types of this one, whose reader of messages is used again; None: none.
     """
 
-    def __init__(self, rows: Iterable[Row], connections: Iterable[Connection], like: MemoryBag | None = None) -> None:
+    def __init__(
+        self, rows: Iterable[Row], connections: Iterable[MemoryConnection], like: MemoryBag | None = None
+    ) -> None:
         super().__init__()
-        made: dict[int, Connection] = {}
+        made: dict[int, MemoryConnection] = {}
         for connection in connections:
             made[id(connection)] = own = replace(connection, id=len(made), msgcount=0)
             self._by_topic[own.topic] = own
@@ -80,7 +82,8 @@ class RawBag(MemoryBag):
         """Read a bag from its file."""
         with AnyReader([path]) as reader:
             made = {
-                id(c): Connection(c.id, c.topic, c.msgtype, str(c.msgdef.data), c.digest) for c in reader.connections
+                id(c): MemoryConnection(c.id, c.topic, c.msgtype, str(c.msgdef.data), c.digest)
+                for c in reader.connections
             }
             return cls([(made[id(c)], time, bytes(raw)) for c, time, raw in reader.messages()], made.values())
 
@@ -101,11 +104,11 @@ class RawBag(MemoryBag):
         """Times of a topic's messages [ns]."""
         return [time for connection, time, _ in self._messages if connection.topic == topic]
 
-    def with_rows(self, rows: Iterable[Row], connections: Iterable[Connection] | None = None) -> "RawBag":
+    def with_rows(self, rows: Iterable[Row], connections: Iterable[MemoryConnection] | None = None) -> "RawBag":
         """Return a bag of other rows; connections: None: the same ones."""
         return RawBag(rows, self.connections if connections is None else connections, self)
 
-    def kept(self, keeps: Callable[[Connection, int], bool]) -> "RawBag":
+    def kept(self, keeps: Callable[[MemoryConnection, int], bool]) -> "RawBag":
         """Return a bag of those messages that are kept; keeps: by connection and time [ns]."""
         return self.with_rows(row for row in self._messages if keeps(row[0], row[1]))
 
@@ -246,7 +249,7 @@ def throttle(topic: str, rate: float) -> Mutation:
     def apply(bag: RawBag) -> RawBag:
         last = -period
 
-        def keeps(connection: Connection, time: int) -> bool:
+        def keeps(connection: MemoryConnection, time: int) -> bool:
             nonlocal last
             if connection.topic != topic:
                 return True

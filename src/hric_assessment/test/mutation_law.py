@@ -27,7 +27,7 @@ from bag_mutations import CONTACTS, Mutation, RawBag, Window, mutations
 from hric_assessment.findings import Finding, Outcome
 from hric_assessment.tables import episode_table
 from hric_assessment.verdict.assess import judge
-from hric_assessment.verdict.choices import Choices
+from hric_assessment.verdict.choices import AssessmentChoices
 from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.result import Verdict
 from hric_bags.records import recording
@@ -76,7 +76,7 @@ class Recorded:
     bag: RawBag
     run: Mapping[str, Any] = field(default_factory=dict)
     description: str = ""
-    choices: Choices = field(default_factory=Choices)
+    choices: AssessmentChoices = field(default_factory=AssessmentChoices)
 
     def with_bag(self, bag: RawBag) -> "Recorded":
         """Return the same with other messages."""

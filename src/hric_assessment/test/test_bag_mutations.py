@@ -12,7 +12,7 @@ from bag_mutations import RATES, Mutation, RawBag, clip, cut, drop, lose, mutati
 from mutation_law import Judged, Recorded, faults_of, judged, still_shown, tally
 
 from hric_assessment.findings import Outcome
-from hric_assessment.verdict.choices import Choices
+from hric_assessment.verdict.choices import AssessmentChoices
 from hric_human.body import describe
 from hric_human.participant.settings import HumanSettings
 
@@ -35,9 +35,10 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Recorded]:
     known = {one.name: one for one in known_bags.write(folder)}
     still(folder, "bent", {"trunk_flex": 70.0, "neck_flex": 30.0, "right_sh_flex": 120.0, "left_sh_flex": 120.0})
     still(folder, "calm", {})
-    area = {name: Choices(contact_area=known_bags.AREA) for name, one in known.items() if one.options}
+    area = {name: AssessmentChoices(contact_area=known_bags.AREA) for name, one in known.items() if one.options}
     return {
-        name: Recorded(name, RawBag.of(folder / f"{name}.bag"), choices=area.get(name, Choices())) for name in NAMES
+        name: Recorded(name, RawBag.of(folder / f"{name}.bag"), choices=area.get(name, AssessmentChoices()))
+        for name in NAMES
     }
 
 
@@ -58,7 +59,7 @@ def test_no_mutation_of_a_known_bag_improves_its_verdict_and_what_it_touched_is_
 def test_a_peak_between_two_messages_of_a_contact_counts(loss: Mutation, tmp_path: Path) -> None:
     path = tmp_path / "blow.bag"
     known_bags.contact(path, known_bags.HAND, known_bags.half_sine(350.0, 0.05), 1.0, 1.05)
-    recorded = Recorded("blow", RawBag.of(path), choices=Choices(contact_area=known_bags.AREA))
+    recorded = Recorded("blow", RawBag.of(path), choices=AssessmentChoices(contact_area=known_bags.AREA))
     damaged = damage(recorded, loss)
     assert max(force(recorded.with_bag(loss.apply(recorded.bag)))) < 280.0, "no message has a force above the limit"
     assert damaged.outcomes["contact"] is Outcome.ABOVE

@@ -12,9 +12,9 @@ import known_bags
 import pytest
 
 from hric_assessment.contact.area import check_area
-from hric_assessment.findings import DISCLAIMER, Figure, Finding, Missing, Outcome
+from hric_assessment.findings import DISCLAIMER, Finding, Missing, Outcome, UnjudgedValue
 from hric_assessment.tables import REGIONS, area_table
-from hric_assessment.verdict import Choices, Verdict, result
+from hric_assessment.verdict import AssessmentChoices, Verdict, result
 from hric_assessment.verdict.comparing import compared
 from hric_assessment.verdict.conclusions import (
     QUESTIONS,
@@ -44,7 +44,7 @@ def replies(*findings: Finding, run: dict[str, Any] | None = None) -> dict[str, 
     return {one.question: one for one in given}
 
 
-def verdict(*findings: Finding, name: str = "a", figures: Sequence[Figure] = ()) -> Verdict:
+def verdict(*findings: Finding, name: str = "a", figures: Sequence[UnjudgedValue] = ()) -> Verdict:
     about = result.RecordingSummary(name, "bag", None, 0.0, 1.0)
     ranked = result.ranked(findings)
     given = conclusions(ranked, figures, (), DONE)
@@ -130,13 +130,13 @@ def test_a_lift_above_its_limit_counts_and_a_lift_that_no_table_rates_does_not()
 
 
 def test_effort_without_a_lift_is_a_number_without_a_limit() -> None:
-    figure = Figure("strength", "largest torque of elbow over its strength", 0.31, "1")
+    figure = UnjudgedValue("strength", "largest torque of elbow over its strength", 0.31, "1")
     effort = conclusions((), (figure,), (), DONE)[3]
     assert (effort.reply, effort.value, effort.limit, effort.unit) == (Reply.NO_LIMIT, pytest.approx(31.0), None, "%")
 
 
 def test_a_lift_that_no_table_rates_leaves_the_effort_unknown_with_the_load_that_is_known() -> None:
-    figure = Figure("strength", "largest torque of elbow over its strength", 0.31, "1")
+    figure = UnjudgedValue("strength", "largest torque of elbow over its strength", 0.31, "1")
     effort = conclusions([with_remedy(finding("lift", UNKNOWN))], (figure,), (), DONE)[3]
     assert (effort.reply, effort.value, bool(effort.remedy)) == (Reply.UNKNOWN, pytest.approx(31.0), True)
 
@@ -331,7 +331,7 @@ def test_the_schema_of_the_json_is_that_of_its_types() -> None:
 
 
 def test_an_area_that_run_yaml_has_as_the_text_1e_4_is_a_number() -> None:
-    assert Choices().stated({"human": {"contact_area": "1e-4"}}).contact_area == 1e-4
+    assert AssessmentChoices().stated({"human": {"contact_area": "1e-4"}}).contact_area == 1e-4
 
 
 def test_the_older_table_of_rula_can_be_chosen(bags: Path) -> None:

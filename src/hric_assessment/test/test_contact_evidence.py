@@ -10,7 +10,7 @@ import pytest
 from verdict_cases import AREA, RIGHT, WHOLE, Bag, half_sine, held
 
 from hric_assessment.findings import Finding, Outcome
-from hric_assessment.verdict import Choices, Verdict, assess, opened
+from hric_assessment.verdict import AssessmentChoices, Verdict, assess, opened
 from hric_core.errors import HricError
 
 Make = Callable[[Bag], None]
@@ -20,7 +20,7 @@ STATES = ("position", "velocity", "effort")
 def verdict(folder: Path, make: Make, area: float | None = AREA, numbered: bool = False) -> Verdict:
     bag = Bag()
     make(bag)
-    return assess(opened(str(bag.save(folder / "case.bag", numbered))), Choices(contact_area=area))
+    return assess(opened(str(bag.save(folder / "case.bag", numbered))), AssessmentChoices(contact_area=area))
 
 
 def contacts(folder: Path, make: Make, area: float | None = AREA, numbered: bool = False) -> list[Finding]:

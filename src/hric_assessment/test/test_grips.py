@@ -12,7 +12,7 @@ from hric_bags.records.root_record import RootRecord
 from hric_core.errors import HricError
 from hric_core.geometry import Pose
 from hric_human.body import describe
-from hric_human.control.whole_body import Load
+from hric_human.control.whole_body import ExternalLoad
 from hric_human.muscles.choose import find
 from hric_human.participant.settings import HumanSettings, MuscleSettings
 
@@ -115,7 +115,7 @@ def test_muscles_are_more_active_where_they_are_weaker_and_where_the_hand_carrie
     raised = [1.0 if name == "right_sh_flex" else 0.5 for name in names]
     motion, root = motion_of(recorded(names, np.tile(raised, (60, 1))), names, Pose(), 5.0)
     anatomy, (n, ones) = find(MuscleSettings().anatomy, "anatomy"), (len(motion.time), np.ones((len(motion.time), 1)))
-    box = Load("r_wrist", ones * [0.0, 0.0, -10.0], np.zeros((n, 3)), ones * [0.5, -0.2, 0.3])
+    box = ExternalLoad("r_wrist", ones * [0.0, 0.0, -10.0], np.zeros((n, 3)), ones * [0.5, -0.2, 0.3])
     plain, weak, loaded = (
         load_of(body, anatomy, root, motion, loads, strength)
         for loads, strength in (((), 1.0), ((), 0.65), ([box], 1.0))

@@ -11,7 +11,7 @@ from bodies import Posed, body
 
 from hric_assessment.findings import Finding, Outcome
 from hric_assessment.verdict import assess, opened
-from hric_assessment.verdict.person import Person, people_of
+from hric_assessment.verdict.person import AssessedPerson, people_of
 from hric_assessment.verdict.posture_input import spread_of
 from hric_assessment.verdict.postures import posture_finding, scored
 from hric_bags.records.human_record import GripRecord, HumanRecord
@@ -27,16 +27,18 @@ def leaning(degrees: float) -> RootRecord:
     return RootRecord.still(Pose((0.0, 0.0, 0.95), from_rotation_vector((0.0, math.radians(degrees), 0.0))))
 
 
-def person(angles: dict[str, float | FloatArray], seconds: float = 5.0, root: RootRecord | None = None) -> Person:
+def person(
+    angles: dict[str, float | FloatArray], seconds: float = 5.0, root: RootRecord | None = None
+) -> AssessedPerson:
     """A whole body at 50 Hz, at angles [deg]."""
     time = np.arange(0.0, seconds, 0.02)
     values = {**dict.fromkeys(WHOLE.joints, 0.0), **REST, **angles}
     q = np.radians(np.array([np.broadcast_to(values[name], len(time)) for name in WHOLE.joints]).T)
-    return Person("simulated human", WHOLE, tuple(WHOLE.joints), time, q, root, root, ())
+    return AssessedPerson("simulated human", WHOLE, tuple(WHOLE.joints), time, q, root, root, ())
 
 
 def findings(
-    person: Person, seconds: float | None = None, version: str = "current", record: HumanRecord | None = None
+    person: AssessedPerson, seconds: float | None = None, version: str = "current", record: HumanRecord | None = None
 ) -> dict[str, Finding]:
     """Findings of a recording of so many seconds, by "RULA right"."""
     window = (0.0, float(person.time[-1]) if seconds is None else seconds)
@@ -150,7 +152,7 @@ def test_an_arm_that_moves_six_times_a_minute_is_used_repeatedly() -> None:
     assert "muscle use +1" not in seldom["RULA right"].notes[0]
 
 
-def gripping(person: Person, force: FloatArray) -> HumanRecord:
+def gripping(person: AssessedPerson, force: FloatArray) -> HumanRecord:
     """A record of the right hand that holds a box with a force downwards, shape (n,) [N]."""
     vectors, none = np.outer(force, [0.0, 0.0, -1.0]), np.empty((0, 0))
     names = ("hand", "box::link", f"human::{WHOLE.segments['right_hand'].link}")

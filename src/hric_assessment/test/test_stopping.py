@@ -8,18 +8,18 @@ import pytest
 from hric_assessment.findings import NotAssessableError
 from hric_assessment.separation import stopping
 from hric_assessment.separation.protective import protective_distance
-from hric_assessment.separation.stopping import MEASUREMENT, SIMULATION, Row, StopTable
+from hric_assessment.separation.stopping import MEASUREMENT, SIMULATION, StopRow, StopTable
 from hric_core.errors import HricError
 
 ROWS = (
-    Row(0.5, 0.0, 0.10, 0.02),
-    Row(1.0, 0.0, 0.20, 0.08),
-    Row(0.5, 3.0, 0.15, 0.03),
-    Row(1.0, 3.0, 0.30, 0.12),
+    StopRow(0.5, 0.0, 0.10, 0.02),
+    StopRow(1.0, 0.0, 0.20, 0.08),
+    StopRow(0.5, 3.0, 0.15, 0.03),
+    StopRow(1.0, 3.0, 0.30, 0.12),
 )
 
 
-def table(rows: tuple[Row, ...] = ROWS, kind: str = MEASUREMENT, reaction_time: float = 0.02) -> StopTable:
+def table(rows: tuple[StopRow, ...] = ROWS, kind: str = MEASUREMENT, reaction_time: float = 0.02) -> StopTable:
     return StopTable(title="our arm", kind=kind, source="a stopwatch", reaction_time=reaction_time, stops=rows)
 
 
@@ -42,7 +42,7 @@ def test_a_stop_is_that_of_the_next_row_above_in_speed_and_load(
 
 def test_no_stop_is_shorter_than_one_of_a_slower_or_lighter_arm() -> None:
     """Fewer poses reach a high speed, so that a measured row may be below another that ought to be below it."""
-    rows = (Row(0.5, 0.0, 0.4, 0.10), Row(1.0, 0.0, 0.3, 0.09), Row(1.0, 2.0, 0.2, 0.05))
+    rows = (StopRow(0.5, 0.0, 0.4, 0.10), StopRow(1.0, 0.0, 0.3, 0.09), StopRow(1.0, 2.0, 0.2, 0.05))
     for speed, load in ((0.5, 0.0), (1.0, 0.0), (1.0, 2.0), (0.2, 1.0)):
         stop = table(rows).stop(speed, load)
         assert (float(stop.time), float(stop.distance)) == (0.4, 0.10)  # type: ignore[arg-type]
@@ -51,7 +51,7 @@ def test_no_stop_is_shorter_than_one_of_a_slower_or_lighter_arm() -> None:
 def test_any_table_is_monotone_and_above_its_rows() -> None:
     rng = np.random.default_rng(3)
     rows = tuple(
-        Row(*pair, *rng.uniform(0.1, 1.0, 2)) for pair in {tuple(rng.integers(1, 9, 2) * 0.25) for _ in range(25)}
+        StopRow(*pair, *rng.uniform(0.1, 1.0, 2)) for pair in {tuple(rng.integers(1, 9, 2) * 0.25) for _ in range(25)}
     )
     made = table(rows)
     for row in rows:
@@ -68,7 +68,7 @@ def test_an_arm_that_stands_has_stopped() -> None:
 
 
 def test_a_row_without_a_distance_is_taken_as_moving_on_at_its_speed() -> None:
-    assert float(table((Row(0.5, 0.0, 0.2),)).stop(0.5).distance) == pytest.approx(0.1)  # type: ignore[arg-type]
+    assert float(table((StopRow(0.5, 0.0, 0.2),)).stop(0.5).distance) == pytest.approx(0.1)  # type: ignore[arg-type]
 
 
 def test_a_stop_goes_into_the_protective_distance_with_the_time_of_perception() -> None:
@@ -88,7 +88,7 @@ def test_without_perception_the_reaction_is_the_arm_s_own() -> None:
 @pytest.mark.parametrize(("speed", "load", "said"), [(3.0, 0.0, "up to 2 m/s with 0 kg"), (0.1, 3.1, "up to 3 kg")])
 def test_nothing_is_extrapolated(speed: float, load: float, said: str) -> None:
     with pytest.raises(NotAssessableError, match=said):
-        table((*ROWS, Row(2.0, 0.0, 0.5))).stop(np.array([0.0, speed]), load)
+        table((*ROWS, StopRow(2.0, 0.0, 0.5))).stop(np.array([0.0, speed]), load)
 
 
 @pytest.mark.parametrize("given", [{"speed": -0.1}, {"speed": np.nan}, {"speed": 0.1, "load": -1.0}])
@@ -100,15 +100,19 @@ def test_a_speed_or_load_that_cannot_be_is_refused(given: dict[str, float]) -> N
 def test_a_table_comes_back_from_its_file(tmp_path: Path) -> None:
     path = tmp_path / "own.yaml"
     for kind in (MEASUREMENT, SIMULATION):
-        text = stopping.as_yaml(table((*ROWS, Row(2.0, 1.0, 0.5)), kind))
+        text = stopping.as_yaml(table((*ROWS, StopRow(2.0, 1.0, 0.5)), kind))
         path.write_text(text)
-        assert stopping.load(path) == table((*ROWS, Row(2.0, 1.0, 0.5)), kind)
+        assert stopping.load(path) == table((*ROWS, StopRow(2.0, 1.0, 0.5)), kind)
         assert (stopping.NOT_A_BRAKE in path.read_text()) == (kind == SIMULATION)
 
 
 def test_a_file_has_its_keys_in_the_order_of_the_manual_and_each_text_on_a_line_as_it_is() -> None:
     made = StopTable(
-        title="größter Arm", kind=MEASUREMENT, source="a word " * 30, reaction_time=0.02, stops=(Row(0.5, 0.0, 0.1),)
+        title="größter Arm",
+        kind=MEASUREMENT,
+        source="a word " * 30,
+        reaction_time=0.02,
+        stops=(StopRow(0.5, 0.0, 0.1),),
     )
     lines = stopping.as_yaml(made).splitlines()
     assert [line.partition(":")[0] for line in lines[1:-1]] == ["title", "kind", "source", "reaction_time", "stops"]

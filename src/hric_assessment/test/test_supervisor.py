@@ -14,12 +14,12 @@ import panda_description
 from hric_assessment.contact.limits import Limits
 from hric_assessment.contact.speed import speed_limit
 from hric_assessment.separation.capsules import nearest_points, segment_distance
-from hric_assessment.separation.stopping import MEASUREMENT, Row, StopTable, as_yaml
+from hric_assessment.separation.stopping import MEASUREMENT, StopRow, StopTable, as_yaml
 from hric_assessment.supervisor.arm import ArmShape, ArmState, InForce
 from hric_assessment.supervisor.decision import FREE, SLOWED, STOPPED
 from hric_assessment.supervisor.settings import MODES, SupervisorSettings
 from hric_assessment.tables import limit_table
-from hric_control.speed_scale import Request, SpeedScale, stopping_time
+from hric_control.speed_scale import ScaleRequest, SpeedScale, stopping_time
 from hric_core.errors import HricError
 
 RNG = np.random.default_rng(5)
@@ -159,7 +159,7 @@ def braking(speed_of_person, start, lag=0.03, **settings):
     in_force, x = InForce(), start
     while cell.time < 8.0 and np.abs(dq).max() > 1e-3:
         decision = cell.decide(float(x), dq, q, in_force=in_force)
-        scale.request(Request(decision.scale))
+        scale.request(ScaleRequest(decision.scale))
         for k in range(10):
             scale.advance(cell.time + 1e-3 * k, 1e-3)
             if k == 0:
@@ -223,7 +223,7 @@ def test_it_goes_on_only_when_the_person_was_farther_away_for_a_while():
 
 
 def stops(folder, *rows):
-    table = StopTable("own", MEASUREMENT, "somebody", None, 0.02, tuple(Row(*row) for row in rows))
+    table = StopTable("own", MEASUREMENT, "somebody", None, 0.02, tuple(StopRow(*row) for row in rows))
     path = folder / "stops.yaml"
     path.write_text(as_yaml(table))
     return str(path)

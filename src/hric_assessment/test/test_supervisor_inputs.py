@@ -24,9 +24,9 @@ from hric_assessment.supervisor.person import BodyShape
 from hric_core.geometry import Pose
 from hric_core.local.node import LocalNode
 from hric_core.robot_time import stamps
-from hric_human.tracking import LOST, MEASURED, Estimate
+from hric_human.tracking import LOST, MEASURED, PersonEstimate
 from hric_msgs.msg import MocapData, PersonTracking, RigidBodyState
-from hric_perception.person.frames import Messages
+from hric_perception.person.frames import BodyMessages
 from hric_perception.person.settings import PersonSettings
 
 FRAME, ROOT = "panda_link0", Pose((1.2, 0.3, 0.9), (0.0, 0.0, 1.0, 0.0))
@@ -43,14 +43,14 @@ class Tracking:
         self.input.came = self._on_came
         self.joints = node.advertise(PERSON_JOINTS, JointState)
         self.tracking = node.advertise(PERSON_TRACKING, PersonTracking)
-        self.messages = Messages(BODY, True)
+        self.messages = BodyMessages(BODY, True)
 
     def _on_came(self):
         self.came += 1
 
     def publish(self, time, q, lost=(), root_state=MEASURED, turned=False):
         states = [LOST if name in lost else MEASURED for name in BODY.joints]
-        one = Estimate(time, ROOT, q.tolist(), [0.0] * len(q), root_state, states, 0.001, ())
+        one = PersonEstimate(time, ROOT, q.tolist(), [0.0] * len(q), root_state, states, 0.001, ())
         head = Header(stamp=stamps.to_time(time), frame_id=FRAME)
         pairs = [
             (self.joints, self.messages.joint_states(head, one)),

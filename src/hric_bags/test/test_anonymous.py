@@ -24,8 +24,8 @@ from std_msgs.msg import String
 
 from hric_bags.export import exporting, recording
 from hric_bags.export.anonymous import STAYS, Anonymiser
-from hric_bags.export.exporting import FORMATS, Request
-from hric_bags.export.recording import Source
+from hric_bags.export.exporting import FORMATS, ExportRequest
+from hric_bags.export.recording import ExportSource
 from hric_bags.run_folder import RunFolder
 from hric_core.command import perform
 from hric_core.errors import HricError
@@ -144,9 +144,9 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
 
 
 @pytest.fixture(scope="module")
-def exported(run: RunFolder) -> tuple[Path, exporting.Result]:
+def exported(run: RunFolder) -> tuple[Path, exporting.ExportResult]:
     source = recording.find(str(run.path))
-    request = Request(FORMATS, load_body="hand", anonymise=("Jane Doe", "Jane", "Doe"))
+    request = ExportRequest(FORMATS, load_body="hand", anonymise=("Jane Doe", "Jane", "Doe"))
     result = exporting.export(source, request)
     assert not result.failures, result.failures
     return run.path / "anonymised", result
@@ -170,7 +170,7 @@ def test_the_originals_are_in_the_run_so_that_the_search_would_find_them(run: Ru
     assert struct.pack("<d", STRENGTH) in everything
 
 
-def test_no_file_has_the_original_values(exported: tuple[Path, exporting.Result]) -> None:
+def test_no_file_has_the_original_values(exported: tuple[Path, exporting.ExportResult]) -> None:
     folder, result = exported
     assert set(result.files) == set(FORMATS)
     count = 0
@@ -185,7 +185,7 @@ def test_no_file_has_the_original_values(exported: tuple[Path, exporting.Result]
     assert count > 20
 
 
-def test_no_time_in_any_format_is_a_date(exported: tuple[Path, exporting.Result]) -> None:
+def test_no_time_in_any_format_is_a_date(exported: tuple[Path, exporting.ExportResult]) -> None:
     folder, _ = exported
     for path in folder.rglob("*.npz"):
         with np.load(path) as arrays:
@@ -205,20 +205,20 @@ def test_no_time_in_any_format_is_a_date(exported: tuple[Path, exporting.Result]
             assert header is None or header.stamp.sec < 10, connection.topic
 
 
-def test_the_parameters_of_the_c3d_file_have_no_date(exported: tuple[Path, exporting.Result]) -> None:
+def test_the_parameters_of_the_c3d_file_have_no_date(exported: tuple[Path, exporting.ExportResult]) -> None:
     (path,) = exported[0].rglob("*.c3d")
     file = ezc3d.c3d(str(path))
     assert path.name == "recording.c3d" and "STARTED" not in file["parameters"]["HRIC"]
     assert abs(file["parameters"]["HRIC"]["START_TIME"]["value"][0]) < 10.0
 
 
-def test_times_keep_their_distances(run: RunFolder, exported: tuple[Path, exporting.Result]) -> None:
+def test_times_keep_their_distances(run: RunFolder, exported: tuple[Path, exporting.ExportResult]) -> None:
     before = recording.read(recording.find(str(run.path)), [RAW])[RAW].stamp
     with np.load(exported[0] / "npz" / "hric.perception.emg.raw.npz") as arrays:
         assert np.array_equal(np.diff(arrays["stamp"]), np.diff(before)) and arrays["stamp"][0] >= 0
 
 
-def test_what_is_left_of_the_run_is_coarse(exported: tuple[Path, exporting.Result]) -> None:
+def test_what_is_left_of_the_run_is_coarse(exported: tuple[Path, exporting.ExportResult]) -> None:
     run = yaml.safe_load((exported[0] / "about" / "run.yaml").read_text())
     human = run["definition"]["human"]
     assert human["subject"] == {"parts": "both_arms", "mass": 80.0, "height": 1.9}
@@ -230,25 +230,27 @@ def test_what_is_left_of_the_run_is_coarse(exported: tuple[Path, exporting.Resul
     assert metrics["control_log"] == {"cycles": 400}
 
 
-def test_what_was_dropped_coarsened_and_left_is_listed(exported: tuple[Path, exporting.Result]) -> None:
+def test_what_was_dropped_coarsened_and_left_is_listed(exported: tuple[Path, exporting.ExportResult]) -> None:
     folder, result = exported
     said = (folder / "about" / "anonymised.txt").read_text()
     for part in ("dates of the run", "mass of the subject: to the next 10 kg", "height of the subject", STAYS):
         assert part in said and any(part in note for note in result.notes)
 
 
-def test_an_export_that_goes_on_still_lists_all_of_it(run: RunFolder, exported: tuple[Path, exporting.Result]) -> None:
+def test_an_export_that_goes_on_still_lists_all_of_it(
+    run: RunFolder, exported: tuple[Path, exporting.ExportResult]
+) -> None:
     before = (exported[0] / "about" / "anonymised.txt").read_text()
-    request = Request(FORMATS, load_body="hand", anonymise=("Jane Doe", "Jane", "Doe"))
+    request = ExportRequest(FORMATS, load_body="hand", anonymise=("Jane Doe", "Jane", "Doe"))
     again = exporting.export(recording.find(str(run.path)), request)
     assert not again.seconds and (exported[0] / "about" / "anonymised.txt").read_text() == before
 
 
 def test_it_does_not_go_into_a_folder_with_the_person(run: RunFolder, tmp_path: Path) -> None:
     source = recording.find(str(run.path))
-    exporting.export(source, Request(("csv",), (RAW,)), tmp_path)
+    exporting.export(source, ExportRequest(("csv",), (RAW,)), tmp_path)
     with pytest.raises(HricError, match="not anonymised; valid: another folder"):
-        exporting.export(source, Request(("csv",), (RAW,), anonymise=()), tmp_path)
+        exporting.export(source, ExportRequest(("csv",), (RAW,), anonymise=()), tmp_path)
 
 
 def test_a_bag_by_itself_needs_a_folder_whose_name_its_user_chooses(run: RunFolder, tmp_path: Path) -> None:
@@ -356,6 +358,6 @@ def test_a_public_word_that_names_the_person_is_none() -> None:
 
 
 def test_the_source_stays_as_it_is(run: RunFolder) -> None:
-    assert isinstance(recording.find(str(run.path)), Source) and yaml.safe_load((run.path / "run.yaml").read_text())[
-        "definition"
-    ]["human"]["subject"]["mass"] == pytest.approx(83.719531)
+    assert isinstance(recording.find(str(run.path)), ExportSource) and yaml.safe_load(
+        (run.path / "run.yaml").read_text()
+    )["definition"]["human"]["subject"]["mass"] == pytest.approx(83.719531)

@@ -16,9 +16,9 @@ import pytest
 from export_bags import EMG_RATE, FRAMES, HIDDEN, MARKERS_BODY, PLATE_ORIGIN, PRESSED, WEIGHT, Truth
 
 from hric_bags.export import c3d_format, c3d_trial, exporting, frames, opensim_text, recording
-from hric_bags.export.exporting import Request
-from hric_bags.export.resampling import Sampled, frame_grid
-from hric_bags.export.table import Column, ExportError, Table
+from hric_bags.export.exporting import ExportRequest
+from hric_bags.export.resampling import SampledTopic, frame_grid
+from hric_bags.export.table import ExportError, TopicColumn, TopicTable
 from hric_bags.run_folder import RunFolder
 from hric_core.command import main
 from hric_core.errors import HricError
@@ -105,7 +105,7 @@ def test_an_independent_reader_finds_the_same_analog_samples(truth: Truth, file:
     assert reader.analog_rate == 2160.0 and reader.analog_per_frame == 9 and len(analogs) == 9 * FRAMES
     source = recording.find(str(truth.bag))
     tables = recording.read(source)
-    emg = Sampled(tables["/hric/perception/emg/raw"]).values(("biceps", "triceps"), np.arange(9 * FRAMES) / 2160.0)
+    emg = SampledTopic(tables["/hric/perception/emg/raw"]).values(("biceps", "triceps"), np.arange(9 * FRAMES) / 2160.0)
     np.testing.assert_allclose(analogs[:, 6:], emg, rtol=2 * SINGLE, atol=1e-12)
     # Where the grid meets a sample, each 27th of 25, the values are those of the source.
     np.testing.assert_allclose(analogs[::27, 6:], truth.emg[::25][: len(analogs[::27])], rtol=4 * SINGLE)
@@ -209,8 +209,8 @@ def test_height_and_sign_of_a_device_are_those_of_the_file(
     np.testing.assert_allclose(plate.load[0], load, atol=1e-3)
 
 
-def sampled(time: np.ndarray, values: np.ndarray) -> Sampled:
-    return Sampled(Table("/a", "", "", time, (time * 1e9).astype(np.int64), (Column("x", "V", values),)))
+def sampled(time: np.ndarray, values: np.ndarray) -> SampledTopic:
+    return SampledTopic(TopicTable("/a", "", "", time, (time * 1e9).astype(np.int64), (TopicColumn("x", "V", values),)))
 
 
 def test_samples_at_the_times_of_the_grid_stay_as_they_are() -> None:
@@ -269,7 +269,7 @@ def test_a_long_trial_becomes_files_that_the_format_can_count(truth: Truth, tmp_
 def test_a_run_without_some_of_the_sensors_has_a_file_too(
     truth: Truth, tmp_path: Path, topics: tuple[str, ...], held: tuple[int, list[str]]
 ) -> None:
-    result = exporting.export(recording.find(str(truth.bag)), Request(("c3d",), topics), tmp_path)
+    result = exporting.export(recording.find(str(truth.bag)), ExportRequest(("c3d",), topics), tmp_path)
     assert result.failures == {}
     trial = read_trial(result.files["c3d"][0])
     assert (len(trial.labels), list(trial.channels)) == held
@@ -294,7 +294,7 @@ def test_the_line_that_is_printed_tells_how_the_file_was_made(
 def test_what_cannot_be_a_c3d_file_is_told(truth: Truth) -> None:
     tables = recording.read(recording.find(str(truth.bag)), ("/joint_states",))
     with pytest.raises(ExportError, match="format c3d needs motion capture, force plates or EMG"):
-        c3d_trial.collect(tables, frames.Frames(), {})
+        c3d_trial.collect(tables, frames.FixedFrames(), {})
 
 
 def test_two_plates_of_different_types_stand_in_one_file(truth: Truth, tmp_path: Path) -> None:
@@ -318,17 +318,19 @@ def test_two_plates_of_different_types_stand_in_one_file(truth: Truth, tmp_path:
 
 def test_events_are_triggers_and_phases(tmp_path: Path) -> None:
     time, words = np.array([0.5, 1.5, 99.0]), np.array(["rest", "moving", "done"])
-    phases = Table("/hric/human/phase", "std_msgs/msg/String", "", time, time.astype(int), (Column("data", "", words),))
-    trigger = Table("/hric/experiment/trigger", "std_msgs/msg/Empty", "", np.array([2.0]), np.array([2]), ())
-    emg = Table(
+    phases = TopicTable(
+        "/hric/human/phase", "std_msgs/msg/String", "", time, time.astype(int), (TopicColumn("data", "", words),)
+    )
+    trigger = TopicTable("/hric/experiment/trigger", "std_msgs/msg/Empty", "", np.array([2.0]), np.array([2]), ())
+    emg = TopicTable(
         "/emg/raw",
         "hric_msgs/msg/SampleChunk",
         "",
         np.arange(4000) / 1000,
         np.arange(4000),
-        tuple(Column(name, "V", np.zeros(4000)) for name in ("a", "b")),
+        tuple(TopicColumn(name, "V", np.zeros(4000)) for name in ("a", "b")),
     )
-    trial = c3d_trial.collect({table.topic: table for table in (phases, trigger, emg)}, frames.Frames(), {})
+    trial = c3d_trial.collect({table.topic: table for table in (phases, trigger, emg)}, frames.FixedFrames(), {})
     assert trial.events == ((0.5, "rest"), (1.5, "moving"), (2.0, "trigger"))
     c3d_format.write(trial, tmp_path / "a.c3d")
     group = read(tmp_path / "a.c3d")[0].get("EVENT")

@@ -17,7 +17,7 @@ from test_anonymous import contents
 
 from hric_bags.export import exporting, recording
 from hric_bags.export.anonymous import privacy
-from hric_bags.export.exporting import FORMATS, Request
+from hric_bags.export.exporting import FORMATS, ExportRequest
 from hric_bags.run_folder import RunFolder
 from hric_core.parameters import read_yaml
 from hric_msgs.msg import ControlLog
@@ -116,7 +116,7 @@ def exported(canaries: Canaries, tmp_path_factory: pytest.TempPathFactory) -> Pa
     folder.metrics_path.write_text(json.dumps(canaries.everywhere(metrics)))
     link = f'<link name="{canaries.new()}"><visual><geometry><mesh filename="/home/{canaries.new()}/a.stl"/></geometry>'
     folder.urdf_path.write_text(f'<robot name="{canaries.new()}">{link}</visual></link></robot>')
-    result = exporting.export(recording.find(str(folder.path)), Request(FORMATS, anonymise=()))
+    result = exporting.export(recording.find(str(folder.path)), ExportRequest(FORMATS, anonymise=()))
     assert {"npz", "csv", "parquet", "bag"} <= set(result.files), result.failures
     return folder.path / "anonymised"
 

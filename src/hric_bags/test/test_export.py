@@ -19,7 +19,7 @@ from sensor_msgs.msg import JointState
 
 from hric_bags import reader as bag_reader
 from hric_bags.export import exporting, output, recording
-from hric_bags.export.exporting import Request
+from hric_bags.export.exporting import ExportRequest
 from hric_bags.files import FileError
 from hric_bags.health.examine import examine
 from hric_bags.run_folder import RunFolder
@@ -31,8 +31,8 @@ def truth(tmp_path_factory: pytest.TempPathFactory) -> Truth:
     return export_bags.write(tmp_path_factory.mktemp("bag") / "made_up.bag")
 
 
-def export(truth: Truth, folder: Path, *formats: str, topics: tuple[str, ...] = ()) -> exporting.Result:
-    return exporting.export(recording.find(str(truth.bag)), Request(formats, topics), folder)
+def export(truth: Truth, folder: Path, *formats: str, topics: tuple[str, ...] = ()) -> exporting.ExportResult:
+    return exporting.export(recording.find(str(truth.bag)), ExportRequest(formats, topics), folder)
 
 
 def from_npz(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -128,7 +128,7 @@ def test_the_time_of_a_bag_without_control_log_counts_from_its_first_recording(t
 
 def test_values_of_sliding_joints_are_metres(truth: Truth) -> None:
     urdf = '<robot name="r"><joint name="b" type="prismatic"/></robot>'
-    found = recording.read(recording.Source((truth.bag,), None, {}, urdf), ["/joint_states"])["/joint_states"]
+    found = recording.read(recording.ExportSource((truth.bag,), None, {}, urdf), ["/joint_states"])["/joint_states"]
     units = {column.name: column.unit for column in found.columns}
     assert (units["position.a"], units["position.b"], units["velocity.b"]) == ("rad", "m", "m/s")
 
@@ -207,7 +207,7 @@ def test_a_disk_that_refuses_leaves_no_half_file(tmp_path: Path) -> None:
         raise OSError(28, "No space left on device")
 
     with pytest.raises(FileError, match="No space left on device"):
-        output.Output(tmp_path, []).write("csv", "a.csv", refuse)
+        output.ExportFolder(tmp_path, []).write("csv", "a.csv", refuse)
     assert not list((tmp_path / "csv").iterdir())
 
 

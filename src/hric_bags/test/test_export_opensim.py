@@ -9,7 +9,7 @@ import pytest
 from export_bags import FRAMES, HIDDEN, MARKERS_BODY, PLATE_ORIGIN, PRESSED, WEIGHT, Truth
 
 from hric_bags.export import exporting, inverse_dynamics, inverse_kinematics, recording
-from hric_bags.export.exporting import Request
+from hric_bags.export.exporting import ExportRequest
 from hric_bags.run_folder import RunFolder
 from hric_core.command import main
 from hric_report import headless
@@ -29,7 +29,7 @@ def truth(tmp_path_factory: pytest.TempPathFactory) -> Truth:
 @pytest.fixture(scope="module")
 def folder(truth: Truth) -> Path:
     """An export in all formats of OpenSim."""
-    request = Request(("trc", "mot", "sto", "external_loads"), load_body="foot")
+    request = ExportRequest(("trc", "mot", "sto", "external_loads"), load_body="foot")
     exporting.export(recording.find(str(truth.bag)), request, truth.bag.parent / "out")
     return truth.bag.parent / "out"
 
@@ -62,7 +62,7 @@ def test_opensim_reads_the_markers_and_where_one_was_not_seen(truth: Truth, fold
 
 def test_markers_in_the_robots_base_are_rotated_to_y_up(tmp_path: Path) -> None:
     truth = export_bags.write(tmp_path / "made_up.bag", mocap_frame="base")
-    exporting.export(recording.find(str(truth.bag)), Request(("trc",)), tmp_path)
+    exporting.export(recording.find(str(truth.bag)), ExportRequest(("trc",)), tmp_path)
     _, found = markers(tmp_path / "trc" / "hric.perception.mocap.trc")
     np.testing.assert_allclose(found[0], seen_markers(truth)[0] @ R_GROUND_BASE.T, rtol=0.0, atol=1e-15)
 

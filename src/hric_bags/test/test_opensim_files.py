@@ -8,7 +8,7 @@ import pytest
 
 import urdf_to_osim
 from franka_hw_interface.kdl_model import KdlFrankaModel
-from franka_hw_interface.model import Frame
+from franka_hw_interface.model import FrankaFrame
 from hric_bags import reader as bag_reader
 from hric_bags.export import opensim_files
 from hric_bags.reader import ControlRecord
@@ -48,7 +48,7 @@ def test_opensim_replays_the_states_of_the_run_on_its_model(folder: RunFolder, l
         assert state.getTime() == pytest.approx(log.time[k], abs=1e-12)
         link = opensim.PhysicalFrame.safeDownCast(model.getComponent("/bodyset/panda_link7"))
         p_ground = link.getPositionInGround(state).to_numpy()
-        p_base_link7 = np.array(kdl.pose(Frame.JOINT7, log.position[k]))[:3, 3]
+        p_base_link7 = np.array(kdl.pose(FrankaFrame.JOINT7, log.position[k]))[:3, 3]
         assert p_ground == pytest.approx(R_GROUND_BASE @ p_base_link7, abs=1e-9)
 
 

@@ -65,7 +65,7 @@ def test_of_the_messages_of_a_control_log_none_is_kept_but_the_last() -> None:
 
 
 def test_a_record_of_a_run_so_far_stays_as_it_is_while_the_run_goes_on() -> None:
-    data, messages, bag = signals(100, 0.0), bag_reader.Messages(), MemoryBag()
+    data, messages, bag = signals(100, 0.0), bag_reader.RunMessages(), MemoryBag()
     messages.add("/control_log", bag_reader.LOG_TYPE, 0, log_message(0, 20, data))
     early = messages.record(bag).log
     before = early.state_sha256()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hric_control.plant import Bushing
-from hric_control.plants import BushingLaw, Bushings, Motion
+from hric_control.plants import BushingLaw, Bushings, LinkMotion
 from hric_core.errors import HricError
 from hric_core.geometry import quaternions
 from hric_core.geometry.transforms import rotation_from_rpy
@@ -21,8 +21,8 @@ def moving(
     turn: Sequence[float] = (0.0, 0.0, 0.0),
     linear: Sequence[float] = (0.0, 0.0, 0.0),
     angular: Sequence[float] = (0.0, 0.0, 0.0),
-) -> Motion:
-    return Motion(tuple(position), quaternions.from_rotation_vector(turn), tuple(linear), tuple(angular))
+) -> LinkMotion:
+    return LinkMotion(tuple(position), quaternions.from_rotation_vector(turn), tuple(linear), tuple(angular))
 
 
 def test_it_pulls_both_bodies_together_by_stiffness_times_stretch_and_damping_times_speed() -> None:
@@ -69,15 +69,15 @@ def test_the_spring_has_a_potential() -> None:
     law, step, work = BushingLaw(spring), 1e-4, 0.0
     start, rates = rng.uniform(-0.1, 0.1, (4, 3)), rng.uniform(-0.5, 0.5, (4, 3))
 
-    def bodies(t: float) -> tuple[Motion, Motion]:
+    def bodies(t: float) -> tuple[LinkMotion, LinkMotion]:
         (p_a, r_a, p_b, r_b), (v_a, w_a, v_b, w_b) = start, rates
         turned = [
             quaternions.product(quaternions.from_rotation_vector(w * t), quaternions.from_rotation_vector(r))
             for r, w in ((r_a, w_a), (r_b, w_b))
         ]
         return (
-            Motion(tuple(p_a + t * v_a), turned[0], tuple(v_a), tuple(w_a)),
-            Motion(tuple(p_b + t * v_b), turned[1], tuple(v_b), tuple(w_b)),
+            LinkMotion(tuple(p_a + t * v_a), turned[0], tuple(v_a), tuple(w_a)),
+            LinkMotion(tuple(p_b + t * v_b), turned[1], tuple(v_b), tuple(w_b)),
         )
 
     def energy(t: float) -> float:

@@ -16,8 +16,8 @@ from hric_control.speed_scale import (
     OTHERS,
     RATE,
     UNLIMITED,
-    Request,
     ScaledTime,
+    ScaleRequest,
     SpeedScale,
     SpeedScaleInterface,
     stopping_time,
@@ -47,9 +47,9 @@ def test_it_is_exactly_one_and_costs_nothing_until_somebody_asks():
 @pytest.mark.parametrize("start", [1.0, 0.3, 0.05])
 def test_it_comes_to_a_stop_in_the_stated_time_and_stands_exactly(start):
     scale = SpeedScale()
-    scale.request(Request(start))
+    scale.request(ScaleRequest(start))
     values(scale, 1000)
-    scale.request(Request(0.0))
+    scale.request(ScaleRequest(0.0))
     found = np.array([start, *values(scale, 500)])
     stopped = int(np.flatnonzero(found == 0.0)[0])
     assert stopped * DT == pytest.approx(stopping_time(start), abs=3 * DT)
@@ -62,7 +62,7 @@ def test_under_any_requests_it_stays_between_its_ends_and_within_its_rates():
     rng, scale, found = random.Random(3), SpeedScale(), [1.0]
     for k in range(20_000):
         if k % rng.choice((7, 50, 300)) == 0:
-            scale.request(Request(rng.choice((0.0, 1.0, rng.random()))))
+            scale.request(ScaleRequest(rng.choice((0.0, 1.0, rng.random()))))
         scale.advance(k * DT, DT)
         found.append(scale.value)
     rate = np.diff(found) / DT
@@ -75,19 +75,19 @@ def test_under_any_requests_it_stays_between_its_ends_and_within_its_rates():
 
 def test_without_another_request_in_time_the_robot_stops_and_with_one_it_goes_on():
     scale = SpeedScale()
-    scale.request(Request(1.0, valid_for=0.1))
+    scale.request(ScaleRequest(1.0, valid_for=0.1))
     values(scale, 90)
     assert scale.value == 1.0 and not scale.expired
     values(scale, 500, 0.09)
     assert scale.value == 0.0 and scale.expired
-    scale.request(Request(1.0))
+    scale.request(ScaleRequest(1.0))
     values(scale, 500, 1.0)
     assert scale.value == 1.0 and not scale.expired and not scale.active
 
 
 def test_a_request_without_an_end_ends_with_the_longest_lease():
     scale = SpeedScale()
-    scale.request(Request(0.4), "once")
+    scale.request(ScaleRequest(0.4), "once")
     assert values(scale, 1000)[-1] == 0.4
     assert values(scale, 1000, LONGEST_LEASE - 2.0)[-1] == 0.4 and not scale.lost
     assert values(scale, 1000, LONGEST_LEASE + 1.0)[-1] == 0.0 and scale.lost == ("once",)
@@ -97,28 +97,28 @@ def test_a_request_without_an_end_ends_with_the_longest_lease():
 
 def test_of_all_holders_the_smallest_of_each_limit_counts_whoever_requests_last():
     scale = SpeedScale()
-    scale.request(Request(0.0, stiffness=300.0, valid_for=0.1), "supervisor")
+    scale.request(ScaleRequest(0.0, stiffness=300.0, valid_for=0.1), "supervisor")
     for k in range(90):
-        scale.request(Request(1.0, stiffness=900.0, force=20.0), "stranger")
+        scale.request(ScaleRequest(1.0, stiffness=900.0, force=20.0), "stranger")
         scale.advance(k * DT, DT)
     assert (scale.target, scale.stiffness, scale.force, scale.holder) == (0.0, 300.0, 20.0, "supervisor")
 
 
 def test_a_holder_that_falls_silent_stops_the_robot_whatever_another_requests():
     scale = SpeedScale()
-    scale.request(Request(1.0, valid_for=0.1), "supervisor")
+    scale.request(ScaleRequest(1.0, valid_for=0.1), "supervisor")
     for k in range(600):
-        scale.request(Request(1.0, force=20.0), "stranger")
+        scale.request(ScaleRequest(1.0, force=20.0), "stranger")
         scale.advance(k * DT, DT)
     assert scale.value == 0.0 and scale.lost == ("supervisor",) and scale.holder == "supervisor"
-    scale.request(Request(1.0, valid_for=0.1), "supervisor")
+    scale.request(ScaleRequest(1.0, valid_for=0.1), "supervisor")
     assert values(scale, 90, 0.6)[-1] > 0.0 and not scale.lost
 
 
 def test_a_holder_gives_its_lease_back_by_a_request_without_limits_and_for_itself_alone():
     scale = SpeedScale()
-    scale.request(Request(0.3), "a")
-    scale.request(Request(0.6), "b")
+    scale.request(ScaleRequest(0.3), "a")
+    scale.request(ScaleRequest(0.6), "b")
     values(scale, 500)
     scale.request(UNLIMITED, "a")
     scale.request(UNLIMITED, "stranger")
@@ -129,7 +129,7 @@ def test_a_holder_gives_its_lease_back_by_a_request_without_limits_and_for_itsel
 
 def test_a_lost_holder_that_gives_its_lease_back_lets_the_robot_go():
     scale = SpeedScale()
-    scale.request(Request(1.0, valid_for=0.1), "a")
+    scale.request(ScaleRequest(1.0, valid_for=0.1), "a")
     values(scale, 10)
     assert scale.holder == ""  # it limits nothing
     values(scale, 500, 0.01)
@@ -141,10 +141,10 @@ def test_a_lost_holder_that_gives_its_lease_back_lets_the_robot_go():
 def test_holders_beyond_those_that_are_told_apart_only_make_the_robot_slower():
     scale = SpeedScale()
     for k in range(MAX_HOLDERS):
-        scale.request(Request(0.9), f"h{k}")
+        scale.request(ScaleRequest(0.9), f"h{k}")
     values(scale, 1)
     for at, requested in enumerate((0.2, 0.8, 1.0)):
-        scale.request(Request(requested), f"more{at}")
+        scale.request(ScaleRequest(requested), f"more{at}")
         values(scale, 1, at * DT)
         assert scale.target == 0.2 and scale.holder == OTHERS
 
@@ -153,14 +153,14 @@ def test_requests_without_a_name_never_replace_a_slower_one():
     scale = SpeedScale()
     for k, requests in enumerate(([0.3, 0.9], [0.6], [UNLIMITED.scale])):
         for requested in requests:
-            scale.request(Request(requested), OTHERS)
+            scale.request(ScaleRequest(requested), OTHERS)
         values(scale, 1, k * DT)
         assert scale.target == 0.3
 
 
 def test_a_clock_that_is_set_back_makes_no_lease_longer():
     scale = SpeedScale()
-    scale.request(Request(1.0, valid_for=0.1), "a")
+    scale.request(ScaleRequest(1.0, valid_for=0.1), "a")
     values(scale, 50, 1000.0)
     values(scale, 90)
     assert not scale.lost
@@ -169,11 +169,18 @@ def test_a_clock_that_is_set_back_makes_no_lease_longer():
 
 
 @pytest.mark.parametrize(
-    "request_", [Request(1.1), Request(-0.1), Request(math.nan), Request(1.0, force=-1.0), Request(1.0, math.nan)]
+    "request_",
+    [
+        ScaleRequest(1.1),
+        ScaleRequest(-0.1),
+        ScaleRequest(math.nan),
+        ScaleRequest(1.0, force=-1.0),
+        ScaleRequest(1.0, math.nan),
+    ],
 )
 def test_a_request_that_cannot_be_is_refused_and_the_one_before_stays(request_):
     scale = SpeedScale()
-    scale.request(Request(0.5))
+    scale.request(ScaleRequest(0.5))
     with pytest.raises(CommandError, match="valid: 0"):
         scale.request(request_)
     assert values(scale, 500)[-1] == 0.5
@@ -192,7 +199,7 @@ def test_the_time_of_a_motion_stands_where_the_scale_is_zero_and_never_goes_back
     times = []
     for k in range(2000):
         if k in (300, 1200):
-            scale.request(Request(0.0 if k == 300 else 1.0))
+            scale.request(ScaleRequest(0.0 if k == 300 else 1.0))
         scale.advance(k * DT, DT)
         times.append(along.along(k * DT, DT))
     steps = np.diff(times)

@@ -5,8 +5,8 @@ import numpy as np
 from arm_rig import ArmRig
 from natnet_link import START, Link
 
+from mocap_natnet.client import ClientSettings as ClientSettings
 from mocap_natnet.client import Session
-from mocap_natnet.client import Settings as ClientSettings
 from mocap_natnet.node.parameters import Publishing
 from mocap_natnet.node.publisher import MocapPublisher
 

@@ -13,7 +13,7 @@ from geometry_msgs.msg import PoseStamped
 import panda_description
 from franka_hw_interface.interfaces import FrankaModelInterface, FrankaStateInterface
 from franka_hw_interface.kdl_model import KdlFrankaModel
-from franka_hw_interface.model import Frame
+from franka_hw_interface.model import FrankaFrame
 from franka_hw_interface.robot_state import RobotState
 from hric_controllers.cartesian import law as cartesian_law
 from hric_controllers.state.messages import to_quaternion
@@ -150,7 +150,7 @@ def linear(inertia, damping, stiffness, start, n):
 
 def cartesian_inertia(bench):
     """Lambda of the end effector with the plant's rotor inertia, shape (6, 6)."""
-    J = bench.hw.model.zero_jacobian(Frame.END_EFFECTOR, bench.state.q)
+    J = bench.hw.model.zero_jacobian(FrankaFrame.END_EFFECTOR, bench.state.q)
     mass = bench.hw.model.mass(bench.state.q) + np.diag(bench.hw.rotor_inertia)
     return np.linalg.inv(J @ np.linalg.solve(mass, J.T))
 
@@ -189,7 +189,7 @@ def test_the_null_space_accelerates_the_end_effector_by_nothing():
     for _ in range(50):
         q = np.array(READY) + random.uniform(-0.5, 0.5, 7)
         J, mass, tau_0 = (
-            model.zero_jacobian(Frame.END_EFFECTOR, q),
+            model.zero_jacobian(FrankaFrame.END_EFFECTOR, q),
             model.mass(q) + 0.1 * np.eye(7),
             random.normal(size=7),
         )
@@ -327,7 +327,7 @@ def test_an_arm_that_does_not_carry_itself_gets_the_gravity_torque_from_the_firs
     hw = Rig(ARM, compensates_gravity=False)
     model, state = KdlFrankaModel(panda_description.load(arm_id="panda", meshes=False), "panda"), RobotState()
     hw.states.position[:] = state.q[:] = READY
-    T = model.pose(Frame.END_EFFECTOR, READY)
+    T = model.pose(FrankaFrame.END_EFFECTOR, READY)
     state.O_T_EE[:] = T.T.ravel().tolist()
     hw.register_interface(FrankaStateInterface("panda", state))
     hw.register_interface(FrankaModelInterface("panda", model, state))

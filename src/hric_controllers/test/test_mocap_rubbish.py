@@ -12,7 +12,7 @@ from mocap_rig import MocapRig
 from natnet_rubbish import Rubbish
 
 from mocap_natnet.codec import REASONS
-from mocap_natnet.server import Body, Faults, Motive, Scene, Settings, Sinusoid
+from mocap_natnet.server import CameraFaults, Motive, MotiveSettings, SceneBody, ServedScene, SinusoidSource
 from mocap_natnet.tracking.validity import REASONS as IMPLAUSIBLE
 
 SESSION_REASONS = {
@@ -39,8 +39,10 @@ class Besieged(MocapRig):
     """
 
     def __init__(self, versions=VERSIONS, **changes):
-        scene = Scene((Body("hand", Sinusoid((0.0, 0.0, 1.0), (0.05, 0.1, 0.03))),), (), Faults(noise=1e-4))
-        super().__init__(Motive(Settings(version=versions[0]), scene), **changes)
+        scene = ServedScene(
+            (SceneBody("hand", SinusoidSource((0.0, 0.0, 1.0), (0.05, 0.1, 0.03))),), (), CameraFaults(noise=1e-4)
+        )
+        super().__init__(Motive(MotiveSettings(version=versions[0]), scene), **changes)
         self.sent = self.arrived = 0
         self._versions, self._genuine = versions, b""
         self._rubbish = {version: Rubbish(version, seed) for seed, version in enumerate(versions)}

@@ -14,10 +14,10 @@ from natnet_rubbish import Rubbish
 from natnet_samples import one_body_frame
 from real_master import free_port
 
-from mocap_natnet.client import NatNetClient, Received, Settings
+from mocap_natnet.client import ClientSettings, NatNetClient, Received
 from mocap_natnet.client.client import OK
 from mocap_natnet.codec import Codec
-from mocap_natnet.codec.descriptions import Model
+from mocap_natnet.codec.descriptions import ServerModel
 from mocap_natnet.codec.types import RigidBody
 
 pytestmark = pytest.mark.alone
@@ -39,7 +39,9 @@ class WireArm(MocapArm):
         super().__init__(**changes)
         self.items: queue.SimpleQueue = queue.SimpleQueue()
         put = self.items.put
-        self.client = NatNetClient(Settings(command_port=ports[0], local="127.0.0.1"), put, put, lambda: put(None))
+        self.client = NatNetClient(
+            ClientSettings(command_port=ports[0], local="127.0.0.1"), put, put, lambda: put(None)
+        )
         self.began = 0
 
     def robot_time(self, monotonic):
@@ -52,7 +54,7 @@ class WireArm(MocapArm):
             item = self.items.get()
             if isinstance(item, Received):
                 self.publisher.publish(item)
-            elif isinstance(item, Model):
+            elif isinstance(item, ServerModel):
                 self.publisher.describe(item)
             else:
                 self.publisher.restart()

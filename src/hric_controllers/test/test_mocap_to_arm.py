@@ -10,18 +10,20 @@ from mocap_rig import MOCAP, NAME, STATE, MocapRig
 
 from hric_core.geometry.quaternions import from_rotation_vector, rotated
 from hric_run.bag_writer import BagWriter
-from mocap_natnet.server import Body, Faults, Motive, Scene, Settings, Sinusoid
+from mocap_natnet.server import CameraFaults, Motive, MotiveSettings, SceneBody, ServedScene, SinusoidSource
 
 BASE = {
     "base_frame": "panda_link0",
     "base_from_mocap": {"xyz": [0.5, -0.2, 0.1], "xyzw": list(from_rotation_vector((0.1, -0.2, 0.9)))},
 }
-MOVING = Sinusoid((0.4, 0.1, 1.0), (0.03, 0.08, -0.05), 0.25, 0.0, (0.4, 0.2, -0.3))
+MOVING = SinusoidSource((0.4, 0.1, 1.0), (0.03, 0.08, -0.05), 0.25, 0.0, (0.4, 0.2, -0.3))
 """All three axes and all three angles; z up."""
 
 
 def motive(up="y", faults=None, source=MOVING, **settings):
-    return Motive(Settings(**settings), Scene((Body("hand", source),), (), faults or Faults(), up))
+    return Motive(
+        MotiveSettings(**settings), ServedScene((SceneBody("hand", source),), (), faults or CameraFaults(), up)
+    )
 
 
 def way(bench):
@@ -54,8 +56,8 @@ BEGIN, LENGTH = 1.2, 0.5
 
 
 def occluded(**changes):
-    hidden = Faults(noise=1e-4, occlusions=((BEGIN, LENGTH, ""),))
-    return MocapRig(motive(faults=hidden, source=Sinusoid((0.0, 0.0, 1.0), (0.0, 0.1, 0.0))), **changes)
+    hidden = CameraFaults(noise=1e-4, occlusions=((BEGIN, LENGTH, ""),))
+    return MocapRig(motive(faults=hidden, source=SinusoidSource((0.0, 0.0, 1.0), (0.0, 0.1, 0.0))), **changes)
 
 
 @pytest.mark.parametrize("changes", [{}, {"on_return": "catch_up", "follow": "pose"}], ids=["again", "catching up"])
@@ -110,7 +112,7 @@ FAULTS = {
     "the bitstream changes, and a frame says so": lambda link: link.motive.change_version((3, 0)),
     "the bitstream changes unsaid": lambda link: setattr(link.motive, "_version", (2, 9)),
     "the scene changes": lambda link: link.motive.change_scene(
-        Scene((Body("tool", Sinusoid(), 7), Body("hand", MOVING, 8)), up="y")
+        ServedScene((SceneBody("tool", SinusoidSource(), 7), SceneBody("hand", MOVING, 8)), up="y")
     ),
 }
 

@@ -11,8 +11,8 @@ from geometry_msgs.msg import PoseStamped
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from hric_control.speed_scale import Request, SpeedScaleInterface
-from hric_controllers.cartesian.law import Arm, CartesianLaw, Compliance
+from hric_control.speed_scale import ScaleRequest, SpeedScaleInterface
+from hric_controllers.cartesian.law import CartesianArmState, CartesianLaw, Compliance
 from hric_controllers.marker.motion import LineMotion, MotionLimits, OnlineTrajectoryGenerator
 
 GAINS = {joint: {"p": 400.0, "d": 40.0} for joint in ("a", "b")}
@@ -30,7 +30,7 @@ class Slowed(Lab):
         for _ in range(round(seconds / DT)):
             due = self.plan.pop(round(self.time, 6), None)
             if due is not None:
-                self.hw.speed_scale.request(Request(due))
+                self.hw.speed_scale.request(ScaleRequest(due))
             self.hw.speed_scale.advance(self.time, DT)
             self.scales.append(self.hw.speed_scale.value)
             super().run(DT)
@@ -154,7 +154,7 @@ def test_the_arm_stands_where_the_scale_is_zero_and_reaches_its_goal_afterwards(
     assert rig.hw.get(SpeedScaleInterface).declared
     start, scale = np.array(rig.state.O_T_EE[12:15]), rig.hw.speed_scale
     rig.run(0.05)
-    scale.request(Request(0.0))
+    scale.request(ScaleRequest(0.0))
     for k in range(500):
         scale.advance(k * DT, DT)
     goal = equilibrium(start[0] + 0.05, start[2])
@@ -162,7 +162,7 @@ def test_the_arm_stands_where_the_scale_is_zero_and_reaches_its_goal_afterwards(
     rig.publish("equilibrium_pose" if "impedance" in name else "command", goal)
     rig.run(0.5)
     assert np.abs(np.array(rig.state.O_T_EE[12:15]) - start).max() < 1e-4
-    scale.request(Request(1.0))
+    scale.request(ScaleRequest(1.0))
     rig.run(3.0, lambda time: scale.advance(time, DT))
     assert rig.state.O_T_EE[12] == pytest.approx(start[0] + 0.05, abs=2e-3)
 
@@ -177,7 +177,9 @@ def force(made, displacement):
     from hric_core.geometry import Pose
 
     made.start(Pose(), [0.0] * 7)
-    made.torque(Pose((displacement, 0.0, 0.0)), Arm([0.0] * 7, [0.0] * 7, np.eye(6, 7), np.eye(7), np.zeros(7)))
+    made.torque(
+        Pose((displacement, 0.0, 0.0)), CartesianArmState([0.0] * 7, [0.0] * 7, np.eye(6, 7), np.eye(7), np.zeros(7))
+    )
     return made.wrench[0]
 
 
@@ -196,9 +198,9 @@ def test_a_supervisor_softens_the_spring_and_the_users_stiffness_returns_with_it
 
     rig.run(0.1)
     assert stiffness() == 800.0
-    scale.request(Request(1.0, stiffness=150.0))
+    scale.request(ScaleRequest(1.0, stiffness=150.0))
     rig.run(2.0, lambda time: scale.advance(time, DT))
     assert stiffness() == pytest.approx(150.0, abs=0.1)
-    scale.request(Request())
+    scale.request(ScaleRequest())
     rig.run(3.0, lambda time: scale.advance(time, DT))
     assert stiffness() == pytest.approx(800.0, abs=0.1)

@@ -1,6 +1,6 @@
 import pytest
 
-from hric_controllers.trajectory.spline import Segment, Track, Waypoint, follow, hold, stop
+from hric_controllers.trajectory.spline import SplineSegment, SplineTrack, Waypoint, follow, hold, stop
 
 
 def numeric(segment, t, h=1e-6):
@@ -9,35 +9,35 @@ def numeric(segment, t, h=1e-6):
 
 
 def test_a_quintic_meets_position_velocity_and_acceleration_at_both_ends():
-    segment = Segment(Waypoint(1.0, 0.2, 0.3, -0.4), Waypoint(3.0, 1.0, -0.5, 0.6))
+    segment = SplineSegment(Waypoint(1.0, 0.2, 0.3, -0.4), Waypoint(3.0, 1.0, -0.5, 0.6))
     assert segment.sample(1.0) == pytest.approx((0.2, 0.3, -0.4))
     assert segment.sample(3.0 - 1e-12) == pytest.approx((1.0, -0.5, 0.6), abs=1e-9)
 
 
 def test_a_cubic_meets_position_and_velocity_at_both_ends():
-    segment = Segment(Waypoint(0.0, 0.2, 0.3), Waypoint(2.0, 1.0, -0.5))
+    segment = SplineSegment(Waypoint(0.0, 0.2, 0.3), Waypoint(2.0, 1.0, -0.5))
     assert segment.sample(0.0)[:2] == pytest.approx((0.2, 0.3))
     assert segment.sample(2.0 - 1e-12)[:2] == pytest.approx((1.0, -0.5), abs=1e-9)
 
 
 def test_one_end_without_velocity_makes_a_straight_line():
-    segment = Segment(Waypoint(0.0, 0.0, 0.3, 0.1), Waypoint(2.0, 1.0))
+    segment = SplineSegment(Waypoint(0.0, 0.0, 0.3, 0.1), Waypoint(2.0, 1.0))
     assert segment.sample(0.5) == pytest.approx((0.25, 0.5, 0.0))
 
 
 def test_one_end_without_acceleration_makes_a_cubic():
-    assert Segment(Waypoint(0.0, 0.0, 0.0, 0.0), Waypoint(1.0, 1.0, 0.0)).sample(0.0)[2] == pytest.approx(6.0)
+    assert SplineSegment(Waypoint(0.0, 0.0, 0.0, 0.0), Waypoint(1.0, 1.0, 0.0)).sample(0.0)[2] == pytest.approx(6.0)
 
 
 @pytest.mark.parametrize("last", [Waypoint(2.0, 1.0), Waypoint(2.0, 1.0, 0.7), Waypoint(2.0, 1.0, 0.7, -0.2)])
 def test_velocity_and_acceleration_are_the_derivatives_of_the_position(last):
-    segment = Segment(Waypoint(0.0, 0.1, 0.2, 0.3), last)
+    segment = SplineSegment(Waypoint(0.0, 0.1, 0.2, 0.3), last)
     for t in (0.1, 0.7, 1.9):
         assert numeric(segment, t) == pytest.approx(segment.sample(t)[1:], abs=1e-5)
 
 
 def test_before_its_start_and_after_its_end_a_segment_rests():
-    segment = Segment(Waypoint(1.0, 0.1, 0.2), Waypoint(2.0, 1.0, 0.7))
+    segment = SplineSegment(Waypoint(1.0, 0.1, 0.2), Waypoint(2.0, 1.0, 0.7))
     assert segment.sample(0.5) == (0.1, 0.0, 0.0)
     assert segment.sample(2.5) == (1.0, 0.0, 0.0)
 
@@ -79,6 +79,8 @@ def test_holding_is_resting():
 
 
 def test_looking_at_a_track_does_not_move_it():
-    track = Track([Segment(Waypoint(0.0, 0.0), Waypoint(1.0, 1.0)), Segment(Waypoint(1.0, 1.0), Waypoint(2.0, 0.0))])
+    track = SplineTrack(
+        [SplineSegment(Waypoint(0.0, 0.0), Waypoint(1.0, 1.0)), SplineSegment(Waypoint(1.0, 1.0), Waypoint(2.0, 0.0))]
+    )
     assert track.look(1.5)[0] == pytest.approx(0.5)
     assert track.sample(0.5)[0] == pytest.approx(0.5)

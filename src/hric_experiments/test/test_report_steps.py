@@ -11,7 +11,7 @@ import rospy
 from hric_bags import reader as bag_reader
 from hric_bags.text import Steps
 from hric_experiments.live import experiment as live
-from hric_experiments.live.node import Interrupted
+from hric_experiments.live.node import LiveInterrupted
 from hric_report import run as analysis
 from hric_report import run_figures
 
@@ -65,11 +65,11 @@ def test_ctrl_c_during_the_report_leaves_the_bag_whole_and_says_how_to_make_it_l
     monkeypatch.setattr(rospy, "logwarn", lambda text, *values: said.append(text % values))
 
     def interrupted(*_: Any, **__: Any) -> None:
-        raise Interrupted
+        raise LiveInterrupted
 
     monkeypatch.setattr(run_figures, "draw", interrupted)
     folder = report_run.write_run(tmp_path)
-    with pytest.raises(Interrupted):
+    with pytest.raises(LiveInterrupted):
         live_experiment()._report(folder)
     assert said == [f"interrupted: the bag is complete, but there is no report; to make it: hric report {folder.path}"]
     assert bag_reader.read(folder.bag_path).log.cycles == report_run.CYCLES

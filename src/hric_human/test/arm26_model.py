@@ -9,7 +9,7 @@ import opensim
 from bodies import body
 
 from hric_core.geometry import FloatArray, MassProperties
-from hric_human.body import Body, BodyJoint, Segment
+from hric_human.body import Body, BodyJoint, BodySegment
 from hric_human.body.joints import ROWS
 from hric_human.body.segments import ROOT
 from hric_human.control.whole_body import WholeBody
@@ -68,7 +68,9 @@ class Arm26:
             text += self._link(name, link, f"right_{row}", parent, at, axis)
             none = np.zeros(3)
             mass = MassProperties()
-            segments[f"right_{kind}"] = Segment(f"right_{kind}", kind, link, parent, at, mass, none, none, 0.0, (0, 0))
+            segments[f"right_{kind}"] = BodySegment(
+                f"right_{kind}", kind, link, parent, at, mass, none, none, 0.0, (0, 0)
+            )
             joints[f"right_{row}"] = BodyJoint(f"right_{row}", ROWS[row], link, link, axis, (-4.0, 4.0))
             parent, at = link, centres[1] - centres[0]
         return Body(body().subject, text + "</robot>", joints, segments, {}, {}, {}, 0.0)

@@ -10,8 +10,8 @@ from hric_core.geometry import Pose
 from hric_human.body import Body
 from hric_human.control.kinematics import HandChain, own_weight
 from hric_human.control.strength import strength
-from hric_human.control.whole_body import Load
-from hric_human.muscles.after_run import AfterRun, Motion, smoothed
+from hric_human.control.whole_body import ExternalLoad
+from hric_human.muscles.after_run import AfterRun, RecordedMotion, smoothed
 from hric_human.muscles.anatomy import BUILT_IN, load
 from hric_human.muscles.muscle_set import MuscleSet
 from hric_human.muscles.static_optimization import StaticOptimization
@@ -26,10 +26,10 @@ def after(one: Body) -> AfterRun:
     return AfterRun(one, MuscleSet(one, anatomy), anatomy, ROOT)
 
 
-def held(q: list[float], instants: int = 5) -> Motion:
+def held(q: list[float], instants: int = 5) -> RecordedMotion:
     """A posture that does not change."""
     rows = np.tile(q, (instants, 1))
-    return Motion(0.01 * np.arange(instants), rows, np.zeros(rows.shape), np.zeros(rows.shape))
+    return RecordedMotion(0.01 * np.arange(instants), rows, np.zeros(rows.shape), np.zeros(rows.shape))
 
 
 def test_a_smooth_motion_has_the_derivatives_of_its_formula() -> None:
@@ -77,7 +77,9 @@ def test_the_forces_of_muscles_give_the_torque_of_a_motion_with_a_load() -> None
     motion = smoothed(TIME, q)
     point = np.array([HandChain(one, "right").pose(row).position for row in motion.q]) + ROOT.position
     n = len(motion.time)
-    found = after(one).of(motion, [Load("r_wrist", np.tile([5.0, -3.0, -10.0], (n, 1)), np.zeros((n, 3)), point)])
+    found = after(one).of(
+        motion, [ExternalLoad("r_wrist", np.tile([5.0, -3.0, -10.0], (n, 1)), np.zeros((n, 3)), point)]
+    )
     muscles = MuscleSet(one, load(BUILT_IN))
     for t in range(0, n, 10):
         arms = muscles.at(motion.q[t].tolist(), motion.dq[t].tolist()).arms
@@ -90,7 +92,7 @@ def test_a_weight_in_the_hand_needs_the_torque_of_the_jacobian() -> None:
     one = body(parts="right_arm")
     hand, weight = HandChain(one, "right"), np.array([0.0, 0.0, -20.0])
     point = np.array(hand.pose(HELD).position) + ROOT.position
-    carried = Load("r_wrist", np.tile(weight, (5, 1)), np.zeros((5, 3)), np.tile(point, (5, 1)))
+    carried = ExternalLoad("r_wrist", np.tile(weight, (5, 1)), np.zeros((5, 3)), np.tile(point, (5, 1)))
     found, without = after(one).of(held(HELD), [carried]), after(one).of(held(HELD))
     posed = hand.posed(HELD)
     J = np.array(posed.velocities(posed.point(hand.p_link_hand))).T

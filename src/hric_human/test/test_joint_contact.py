@@ -7,7 +7,7 @@ from bodies import body
 from hric_core.errors import HricError
 from hric_core.geometry import Pose, from_rotation_vector
 from hric_core.geometry.transforms import rotation_from_quaternion
-from hric_human.control.whole_body import Load, WholeBody
+from hric_human.control.whole_body import ExternalLoad, WholeBody
 from hric_human.muscles.anatomy import BUILT_IN, Anatomy, Muscle, load
 from hric_human.muscles.joint_contact import JointContact, Pulls
 from hric_human.muscles.polynomial import Polynomial
@@ -57,7 +57,7 @@ def test_a_muscle_adds_the_opposite_of_its_pull_in_axes_of_the_torso() -> None:
 def test_a_load_in_the_hand_is_carried_by_all_joints_before_it() -> None:
     whole = WholeBody(body(parts="right_arm"))
     contact = JointContact(whole, anatomy(), ["right_puller"])
-    load = Load("r_wrist", np.array([[3.0, -4.0, -49.0]]), np.zeros((1, 3)), np.array([[0.5, 0.1, 0.9]]))
+    load = ExternalLoad("r_wrist", np.array([[3.0, -4.0, -49.0]]), np.zeros((1, 3)), np.array([[0.5, 0.1, 0.9]]))
     without = contact.at(Q, DQ, DDQ, np.zeros(1), ROOT)
     found = contact.at(Q, DQ, DDQ, np.zeros(1), ROOT, [load])
     for name in ("right_shoulder", "right_elbow"):

@@ -14,12 +14,12 @@ from hric_core.errors import HricError
 from hric_core.geometry import Pose, transformed
 from hric_human.body import Body, describe
 from hric_human.control.kinematics import HandChain
-from hric_human.control.whole_body import Load
+from hric_human.control.whole_body import ExternalLoad
 from hric_human.muscles.after_run import AfterRun, smoothed
 from hric_human.muscles.anatomy import BUILT_IN, load
 from hric_human.muscles.live_load import AWAY, MISSING, REACH, UNMEASURED, WINDOW, HandForce, LiveLoad, PersonLoad
 from hric_human.muscles.muscle_set import MuscleSet
-from hric_human.tracking import BRIDGED, LOST, MEASURED, Estimate, PersonTracker, calibrate
+from hric_human.tracking import BRIDGED, LOST, MEASURED, PersonEstimate, PersonTracker, calibrate
 
 Figure = Callable[[str, float, str], None]
 RATE = 60.0
@@ -35,9 +35,9 @@ HAND = HandChain(BODY, "right")
 MOVER = Mover(BODY, 3.0, within=IN_RANGE)
 
 
-def estimate(when: float, q: Sequence[float], root: Pose = ROOT, **changes: object) -> Estimate:
+def estimate(when: float, q: Sequence[float], root: Pose = ROOT, **changes: object) -> PersonEstimate:
     n = len(JOINTS)
-    one = Estimate(when, root, list(q), [0.0] * n, MEASURED, [MEASURED] * n, 1e-3, ())
+    one = PersonEstimate(when, root, list(q), [0.0] * n, MEASURED, [MEASURED] * n, 1e-3, ())
     return one._replace(**changes)
 
 
@@ -55,7 +55,7 @@ def grasped(when: float) -> np.ndarray:
 
 
 def fed(
-    live: LiveLoad, estimates: Iterable[Estimate], forces: Iterable[HandForce] = (), every: int = 1
+    live: LiveLoad, estimates: Iterable[PersonEstimate], forces: Iterable[HandForce] = (), every: int = 1
 ) -> list[PersonLoad]:
     """In order of time, taken after every so many frames."""
     found, frames = [], 0
@@ -150,7 +150,7 @@ def test_the_load_while_he_moves_is_that_after_the_run(figure: Figure) -> None:
         np.stack([np.interp(motion.time, times, column) for column in np.array(rows).T], axis=1)
         for rows in zip(*[one[1:] for one in forces], strict=True)
     ]
-    after = AfterRun(BODY, MuscleSet(BODY, ANATOMY), ANATOMY, ROOT).of(motion, [Load("r_wrist", *acting)])
+    after = AfterRun(BODY, MuscleSet(BODY, ANATOMY), ANATOMY, ROOT).of(motion, [ExternalLoad("r_wrist", *acting)])
     when = joined(found, lambda one: one.load.time)
     inside = (when > 0.3) & (when < 3.7)
     rows = np.round(when[inside] / 0.01).astype(int)
@@ -176,7 +176,7 @@ TIMES = np.arange(0.0, 2.0, 1.0 / RATE)
 PALM = np.array(transformed(ROOT, HAND.pose(HELD).position))
 
 
-def held(**changes: object) -> list[Estimate]:
+def held(**changes: object) -> list[PersonEstimate]:
     return [estimate(when, HELD, **changes) for when in TIMES]
 
 

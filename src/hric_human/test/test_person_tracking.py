@@ -16,7 +16,16 @@ from hric_core.geometry import Pose, transformed
 from hric_human.body import Body, describe
 from hric_human.control.kinematics import HandChain
 from hric_human.control.marker_model import ROOT_MOTIONS, MarkerModel
-from hric_human.tracking import BRIDGED, LOST, MEASURED, Calibration, Estimate, PersonTracker, StillPose, calibrate
+from hric_human.tracking import (
+    BRIDGED,
+    LOST,
+    MEASURED,
+    BodyCalibration,
+    PersonEstimate,
+    PersonTracker,
+    StillPose,
+    calibrate,
+)
 from hric_human.tracking.tracker import BRIDGE, moved
 
 Figure = Callable[[str, float, str], None]
@@ -59,7 +68,7 @@ class Followed:
         tracker, began = PersonTracker(known, NAMES), time.process_time()
         found = [tracker.update(when, positions) for when, positions in zip(self.times, frames, strict=True)]
         self.share = (time.process_time() - began) / duration
-        self.estimates: list[Estimate] = [one for one in found if one is not None]
+        self.estimates: list[PersonEstimate] = [one for one in found if one is not None]
         assert len(self.estimates) == len(self.times)
         hand = HandChain(known, "right")
         q = np.array([one.q for one in self.estimates])
@@ -291,7 +300,7 @@ def test_a_calibration_comes_back_from_its_file(tmp_path: Path) -> None:
     mover, offsets = somebody_else(0)
     fitted = calibrate(subject(parts="upper_body"), NAMES, still(mover, offsets, 0), {})
     fitted.save(tmp_path / "P50.yaml")
-    again = Calibration.load(tmp_path / "P50.yaml")
+    again = BodyCalibration.load(tmp_path / "P50.yaml")
     assert again.subject.code == fitted.subject.code and again.residual == pytest.approx(fitted.residual, abs=1e-6)
     for name, marker in again.body.markers.items():
         assert_allclose(marker.p_link_marker, fitted.body.markers[name].p_link_marker, atol=1e-6)
@@ -300,4 +309,4 @@ def test_a_calibration_comes_back_from_its_file(tmp_path: Path) -> None:
         )
     (tmp_path / "P50.yaml").write_text((tmp_path / "P50.yaml").read_text().replace("RELB", "RELBOW"))
     with pytest.raises(ParameterError, match="RELBOW"):
-        Calibration.load(tmp_path / "P50.yaml")
+        BodyCalibration.load(tmp_path / "P50.yaml")

@@ -10,7 +10,7 @@ from hric_core.errors import HricError
 from hric_core.geometry import Pose, from_rotation_vector
 from hric_core.geometry.transforms import rotation_from_quaternion
 from hric_human.body import Body
-from hric_human.control.whole_body import Load, RootMotion, WholeBody, floor_wrench
+from hric_human.control.whole_body import ExternalLoad, RootMotion, WholeBody, floor_wrench
 
 ROOT = Pose((0.85, -0.2, 0.3), from_rotation_vector((0.0, 0.0, 2.5)))
 GRAVITY = np.array([0.0, 0.0, -9.81])
@@ -81,7 +81,9 @@ def test_a_motion_with_loads_on_links_needs_what_an_independent_library_says(par
     one = body(parts=parts)
     whole, oracle, random = WholeBody(one), OnAFreeBase(one), np.random.default_rng(3)
     links = [segment.link for segment in one.segments.values()][-2:]
-    loads = [Load(link, *random.uniform(-30.0, 30.0, (2, 4, 3)), random.uniform(-1.0, 1.0, (4, 3))) for link in links]
+    loads = [
+        ExternalLoad(link, *random.uniform(-30.0, 30.0, (2, 4, 3)), random.uniform(-1.0, 1.0, (4, 3))) for link in links
+    ]
     states = [random_state(one, random) for _ in range(4)]
     q, dq, ddq = (np.array(rows) for rows in zip(*states, strict=True))
     found = whole.inverse_dynamics(q, dq, ddq, ROOT, loads)
@@ -129,7 +131,7 @@ def test_a_root_that_moves_needs_what_an_independent_library_says() -> None:
 def test_a_load_on_a_link_that_is_not_there_is_refused_by_name() -> None:
     whole, none = WholeBody(body(parts="right_arm")), np.zeros((1, 3))
     with pytest.raises(HricError, match="'l_wrist', which is no link of the body; valid: r_shoulder"):
-        whole.inverse_dynamics(*np.zeros((3, 1, 7)), ROOT, [Load("l_wrist", none, none, none)])
+        whole.inverse_dynamics(*np.zeros((3, 1, 7)), ROOT, [ExternalLoad("l_wrist", none, none, none)])
 
 
 @pytest.mark.parametrize("name", NAMES)

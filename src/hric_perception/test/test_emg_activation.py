@@ -14,8 +14,8 @@ from hric_core.robot_time import stamps
 from hric_msgs.msg import MuscleActivation, SampleChunk
 from hric_perception.chunk import Chunk, Layout, read_chunk
 from hric_perception.emg.device import EmulatedEmgSettings, activation_of
-from hric_perception.emg.envelope import Envelope, Settings, band_sections, lag
-from hric_perception.emg.muscles import MUSCLES, PROGRAM, Muscles
+from hric_perception.emg.envelope import Envelope, EnvelopeSettings, band_sections, lag
+from hric_perception.emg.muscles import MUSCLES, PROGRAM, EmulatedMuscles
 from hric_perception.emg.publisher import EmgSettings
 from hric_perception.sampled import headless
 
@@ -70,7 +70,7 @@ def test_messages_without_its_muscles_are_refused_once_with_what_there_is() -> N
 
 
 def test_the_stated_lag_of_the_envelope_is_the_group_delay_of_its_filters() -> None:
-    settings = Settings()
+    settings = EnvelopeSettings()
     # Closed form of a Butterworth low-pass of order 4 at frequency 0: 2 (sin(pi/8) + sin(3 pi/8)) / w.
     low = 2.0 * (math.sin(math.pi / 8.0) + math.sin(3.0 * math.pi / 8.0)) / (2.0 * math.pi * settings.lowpass)
     # A mean group delay, each frequency by its power, is the centroid of the squared impulse response.
@@ -80,8 +80,10 @@ def test_the_stated_lag_of_the_envelope_is_the_group_delay_of_its_filters() -> N
 
 
 def test_the_envelope_of_muscles_that_swell_once_a_second_is_late_by_the_stated_lag() -> None:
-    settings, w, count = Settings(decimate=1), 2.0 * math.pi, 8
-    muscles = Muscles(lambda times: np.tile(0.25 + 0.15 * np.sin(w * times)[:, None], count), count, RATE, seed=2)
+    settings, w, count = EnvelopeSettings(decimate=1), 2.0 * math.pi, 8
+    muscles = EmulatedMuscles(
+        lambda times: np.tile(0.25 + 0.15 * np.sin(w * times)[:, None], count), count, RATE, seed=2
+    )
     layout = Layout("test", MUSCLES, ("V",) * count, RATE)
     times = np.arange(int(30 * RATE)) / RATE
     smooth = Envelope(settings, layout).add(Chunk(layout, 0.0, 0, muscles(0, times)))

@@ -9,8 +9,8 @@ from scipy import signal
 
 from hric_core.errors import HricError, ParameterError
 from hric_perception.chunk import Chunk, Layout
-from hric_perception.emg.envelope import Envelope, Settings
-from hric_perception.emg.muscles import AMPLITUDE, FLOOR, PROGRAM, Muscles
+from hric_perception.emg.envelope import Envelope, EnvelopeSettings
+from hric_perception.emg.muscles import AMPLITUDE, FLOOR, PROGRAM, EmulatedMuscles
 from hric_perception.emulation import EvenSensor, Faults
 
 RATE = 2000.0
@@ -21,12 +21,12 @@ def read_program(content, count):
     return PROGRAM.checked(content, "activation").activation(count)
 
 
-SETTINGS = Settings(mvc={"biceps": 5e-4}, decimate=7)
+SETTINGS = EnvelopeSettings(mvc={"biceps": 5e-4}, decimate=7)
 
 
 @pytest.fixture(scope="module")
 def data() -> np.ndarray:
-    muscles = Muscles(read_program({"program": "constant", "level": 0.5}, 2), 2, RATE, seed=3)
+    muscles = EmulatedMuscles(read_program({"program": "constant", "level": 0.5}, 2), 2, RATE, seed=3)
     sensor = EvenSensor(RATE, 2, muscles, Faults(bias=1e-4, time_code=True))
     sensor.due(0.0)
     return np.concatenate([part.data for now in np.arange(0.5, 3.5, 0.5) for part in sensor.due(now)])
@@ -106,22 +106,22 @@ def test_a_long_gap_restarts_the_filters_and_a_short_one_does_not(data: np.ndarr
 )
 def test_a_wrong_setting_is_named(given: dict, words: str) -> None:
     with pytest.raises(HricError, match=words):
-        Settings.of(given, "/emg/envelope")
+        EnvelopeSettings.of(given, "/emg/envelope")
 
 
 def test_a_rate_that_cannot_hold_the_band_is_refused() -> None:
     with pytest.raises(
         ParameterError, match="band has 450 Hz, which samples at 500 Hz cannot hold; valid: above 0, below 250 Hz"
     ):
-        Envelope(Settings(), Layout("slow", ("a",), ("V",), 500.0))
+        Envelope(EnvelopeSettings(), Layout("slow", ("a",), ("V",), 500.0))
     with pytest.raises(ParameterError, match="mvc names the channel 'leg'; valid: biceps, triceps"):
-        Envelope(Settings(mvc={"leg": 1.0}), LAYOUT)
+        Envelope(EnvelopeSettings(mvc={"leg": 1.0}), LAYOUT)
 
 
 def test_emulated_muscles_have_the_amplitude_of_their_activation_and_repeat_with_the_seed() -> None:
     def record(seed: int, cuts: list[float]) -> np.ndarray:
         points = {"program": "points", "points": [[0, 0, 0.5], [1, 0, 0.5], [1.001, 1, 0.5]]}
-        sensor = EvenSensor(RATE, 2, Muscles(read_program(points, 2), 2, RATE, seed=seed), Faults(seed=seed))
+        sensor = EvenSensor(RATE, 2, EmulatedMuscles(read_program(points, 2), 2, RATE, seed=seed), Faults(seed=seed))
         sensor.due(0.0)
         return np.concatenate([part.data for now in cuts for part in sensor.due(now)])
 

@@ -29,7 +29,7 @@ from hric_perception.plate.geometry import (
 from hric_perception.plate.loads import PROGRAM, ContactLoad
 from hric_perception.plate.natnet import NatNetPlate, PlateMotive, PlateStream
 from hric_perception.stream import ERROR, OK, SampleStream, StreamHealth
-from mocap_natnet.client import Settings
+from mocap_natnet.client import ClientSettings
 
 pytestmark = pytest.mark.alone
 
@@ -145,7 +145,7 @@ class Rig:
         self.health = StreamHealth("natnet")
         stream = SampleStream(lambda monotonic: 1e-9 * monotonic, self.health, self.chunks.append)
         self.reader = NatNetPlate(
-            Settings(**ports), plate, stream, self.health, lambda layout: layout, self.described.append
+            ClientSettings(**ports), plate, stream, self.health, lambda layout: layout, self.described.append
         )
         self.reader.start()
 

@@ -33,8 +33,8 @@ from hric_msgs.msg import (
 )
 from hric_perception.chunk import Chunk, Layout, chunk_message
 from hric_perception.view import limit_markers
-from hric_perception.view.curves import WINDOW, History
-from hric_perception.view.decimation import MeanChunk, NewestJoints, Reaction
+from hric_perception.view.curves import WINDOW, SampleHistory
+from hric_perception.view.decimation import MeanChunk, NewestJoints, ReactionWrench
 from hric_perception.view.human_markers import CONTACT, HumanMarkers
 from hric_perception.view.limit_markers import Level, of_joint, walls
 from hric_perception.view.muscle_markers import MuscleMarkers
@@ -197,7 +197,7 @@ def test_the_states_of_arm_and_hand_which_come_apart_are_one() -> None:
 
 
 def test_the_force_shown_is_the_one_that_acts_on_the_arm() -> None:
-    told, reaction = WrenchStamped(), Reaction()
+    told, reaction = WrenchStamped(), ReactionWrench()
     told.header.frame_id, told.wrench.force.x, told.wrench.torque.z = "K", 3.0, -1.0
     reaction.push(told)
     found = reaction.take()
@@ -205,7 +205,7 @@ def test_the_force_shown_is_the_one_that_acts_on_the_arm() -> None:
 
 
 def test_a_history_keeps_the_window_and_restarts_where_time_goes_back() -> None:
-    history = History()
+    history = SampleHistory()
     for k in range(200):
         history.store(0.25 * k, (("a",), (float(k),), "N"))
     names, unit, times, values = history.read()

@@ -12,7 +12,7 @@ import pytest
 from hric_core.errors import ParameterError
 from hric_core.robot_time.stream_time import WallClock
 from hric_perception.chunk import Chunk, Layout
-from hric_perception.emg.muscles import PROGRAM, Muscles
+from hric_perception.emg.muscles import PROGRAM, EmulatedMuscles
 from hric_perception.emulation import Emulator, EvenSensor, Faults
 from hric_perception.lsl import LslOutlet, LslReader, StreamQuery, use_session
 from hric_perception.stream import ERROR, START, WARN, SampleStream, StreamHealth
@@ -60,7 +60,7 @@ class Rig:
 
     def device(self, rate: float = 2000.0, faults: Faults | None = None) -> tuple[Emulator, EvenSensor]:
         faults = faults or Faults(time_code=True)
-        muscles = Muscles(PROGRAM.checked({}, "activation").activation(len(NAMES)), len(NAMES), rate)
+        muscles = EmulatedMuscles(PROGRAM.checked({}, "activation").activation(len(NAMES)), len(NAMES), rate)
         sensor = EvenSensor(rate, len(NAMES), muscles, faults)
         outlet = LslOutlet(Layout(self.name, (*NAMES, "time"), ("V",) * 8 + ("s",), rate), "EMG", self.name)
         return Emulator(sensor, outlet, self.clock), sensor

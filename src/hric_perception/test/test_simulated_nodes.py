@@ -17,7 +17,7 @@ from sensor_msgs.msg import JointState
 from sensor_nodes import Diagnosis, Nodes, TellsTime, TopicActivation, nodes, run, wait
 
 from hric_msgs.msg import MocapData, MuscleActivation
-from hric_perception.emg.envelope import Settings, lag
+from hric_perception.emg.envelope import EnvelopeSettings, lag
 
 __all__ = ["nodes", "ros", "roscore", "run"]
 pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
@@ -153,7 +153,7 @@ def test_the_envelope_over_lsl_follows_his_activation_and_no_sample_is_lost(
     assert (np.diff(codes) == 1).all(), "what waits is not lost"
     times = np.concatenate([chunk.times for chunk in smooth.chunks])
     values = np.concatenate([chunk.data for chunk in smooth.chunks])
-    kept, late = times > times[0] + 0.5, lag(Settings(), 2000.0)
+    kept, late = times > times[0] + 0.5, lag(EnvelopeSettings(), 2000.0)
     found = sweeping_muscles.correlations(sweeping_muscles.PHASES, times[kept], values[kept], SWEEP, late)
     figure("lag of the EMG envelope, over LSL", 1e3 * late, "ms")
     figure("EMG envelope over LSL against activation from 0.05 to 0.4, least correlation", min(found), "1")

@@ -16,7 +16,7 @@ from hric_perception.chunk import Chunk
 from hric_perception.emulation import Emulator, EvenSensor, Faults
 from hric_perception.stream import ERROR, OK, SampleStream, StreamHealth
 from hric_perception.trigno import client, protocol
-from hric_perception.trigno.client import Settings, TrignoClient
+from hric_perception.trigno.client import TrignoClient, TrignoSettings
 from hric_perception.trigno.server import TrignoServer
 
 pytestmark = pytest.mark.alone
@@ -47,7 +47,9 @@ class Reader:
         self.chunks: list[Chunk] = []
         self.health = StreamHealth("trigno")
         stream = SampleStream(lambda monotonic: 1e-9 * monotonic, self.health, self.chunks.append)
-        settings = Settings(command_port=command_port, data_port=data_port, channels=("count", "time"), rate=1000.0)
+        settings = TrignoSettings(
+            command_port=command_port, data_port=data_port, channels=("count", "time"), rate=1000.0
+        )
         self.client = TrignoClient(settings, stream, self.health)
         self.client.start()
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hric_perception.sync.core import Batch, Synchroniser
+from hric_perception.sync.core import SampleBatch, Synchroniser
 from hric_perception.sync.layout import read_plan
 
 NS = 1_000_000_000
@@ -68,7 +68,9 @@ def plan(policy: str, count: int, **settings: Any) -> Any:
     return read_plan("test", {"policy": policy, "sources": sources, **settings})
 
 
-def synchronise(plan: Any, streams: list[Stream], seconds: float, step: float = 0.005) -> tuple[Batch, Synchroniser]:
+def synchronise(
+    plan: Any, streams: list[Stream], seconds: float, step: float = 0.005
+) -> tuple[SampleBatch, Synchroniser]:
     """Let the streams arrive in the order of their arrival, and take what is due at each step [s]."""
     synchroniser = Synchroniser(plan, START)
     packets = [
@@ -77,7 +79,7 @@ def synchronise(plan: Any, streams: list[Stream], seconds: float, step: float = 
         for arrival, stamps, values in one.packets(seconds, index)
     ]
     packets.sort(key=lambda packet: packet[0])
-    batches: list[Batch] = []
+    batches: list[SampleBatch] = []
     now = START
     for arrival, index, stamps, values in packets:
         while now < arrival:
@@ -86,21 +88,21 @@ def synchronise(plan: Any, streams: list[Stream], seconds: float, step: float = 
         synchroniser.push(index, stamps, values, arrival)
     collect(synchroniser, now + 1.0, batches)
     return (
-        (Batch(*(np.concatenate(parts) for parts in zip(*batches, strict=True))), synchroniser)
+        (SampleBatch(*(np.concatenate(parts) for parts in zip(*batches, strict=True))), synchroniser)
         if batches
         else (empty(plan), synchroniser)
     )
 
 
-def collect(synchroniser: Synchroniser, now: float, batches: list[Batch]) -> None:
+def collect(synchroniser: Synchroniser, now: float, batches: list[SampleBatch]) -> None:
     """All that is due."""
     while (batch := synchroniser.take(now)) is not None:
         batches.append(batch)
 
 
-def empty(plan: Any) -> Batch:
+def empty(plan: Any) -> SampleBatch:
     """No samples."""
-    return Batch(
+    return SampleBatch(
         np.zeros(0, np.int64),
         np.zeros((0, len(plan.names))),
         np.zeros((0, len(plan.sources))),
@@ -108,6 +110,6 @@ def empty(plan: Any) -> Batch:
     )
 
 
-def skews(batch: Batch) -> Any:
+def skews(batch: SampleBatch) -> Any:
     """Distance from the time that each source tells to the instant [s], shape (instants, sources)."""
     return batch.values[:, 0::2] - (batch.stamps[:, None] * 1e-9 - START)

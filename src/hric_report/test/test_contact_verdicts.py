@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from hric_assessment.findings import Finding, Outcome
-from hric_assessment.verdict import Choices, assess, opened
+from hric_assessment.verdict import AssessmentChoices, assess, opened
 from hric_report import headless as runner
 from hric_run.definition import experiment
 
@@ -35,7 +35,9 @@ def contact_run(root: Path, engine: str, change: Callable[[dict[str, Any]], None
 
 def contacts(run: Path, area: float | None = None) -> list[Finding]:
     """In order of time."""
-    found = [one for one in assess(opened(str(run)), Choices(contact_area=area)).findings if one.group == "contact"]
+    found = [
+        one for one in assess(opened(str(run)), AssessmentChoices(contact_area=area)).findings if one.group == "contact"
+    ]
     return sorted(found, key=lambda one: one.window or (0.0, 0.0))
 
 

@@ -21,7 +21,7 @@ from hric_human.muscles import MuscleSet, find
 from hric_human.muscles.after_run import MuscleLoad
 from hric_report import headless as runner
 from hric_report import muscle_load
-from hric_report.muscle_load import MuscleLoadError, Result
+from hric_report.muscle_load import MuscleLoadError, MuscleLoadResult
 from hric_run.definition import experiment
 
 ARM26 = Path(__file__).parents[2] / "hric_human" / "test" / "arm26" / "arm26.osim"
@@ -68,7 +68,7 @@ def exported(run: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def recorded(run: Path) -> Result:
+def recorded(run: Path) -> MuscleLoadResult:
     return muscle_load.of_run(muscle_load.described_by(str(run)))
 
 
@@ -94,7 +94,7 @@ def rms(a: MuscleLoad, b: MuscleLoad) -> float:
     return float(np.sqrt(np.mean((at(a) - at(b)) ** 2)))
 
 
-def test_joint_torque_after_a_run_is_what_the_run_logged(run: Path, recorded: Result) -> None:
+def test_joint_torque_after_a_run_is_what_the_run_logged(run: Path, recorded: MuscleLoadResult) -> None:
     record, load = muscle_load.described_by(str(run)).record, recorded.load
     assert record is not None
     inside = (load.time > ENDS) & (load.time < load.time[-1] - ENDS)
@@ -105,7 +105,7 @@ def test_joint_torque_after_a_run_is_what_the_run_logged(run: Path, recorded: Re
     assert any("N m RMS from what the run logged" in note for note in recorded.notes)
 
 
-def test_without_the_grip_the_torque_would_be_another(run: Path, recorded: Result) -> None:
+def test_without_the_grip_the_torque_would_be_another(run: Path, recorded: MuscleLoadResult) -> None:
     described = muscle_load.described_by(str(run))
     assert described.record is not None
     described.record.grips.clear()
@@ -113,14 +113,14 @@ def test_without_the_grip_the_torque_would_be_another(run: Path, recorded: Resul
     assert np.abs(alone.torque - recorded.load.torque).max() > 0.5
 
 
-def test_a_c3d_of_a_run_gives_what_the_run_gives(run: Path, c3d: Path, recorded: Result) -> None:
+def test_a_c3d_of_a_run_gives_what_the_run_gives(run: Path, c3d: Path, recorded: MuscleLoadResult) -> None:
     found = muscle_load.of_c3d(c3d, muscle_load.described_by(str(run)))
     assert rms(found.load, recorded.load) <= 1e-4
     assert "7 markers" in found.notes[0]
 
 
 def test_a_c3d_with_noise_gives_it_within_two_hundredths(
-    run: Path, c3d: Path, recorded: Result, tmp_path: Path
+    run: Path, c3d: Path, recorded: MuscleLoadResult, tmp_path: Path
 ) -> None:
     found = muscle_load.of_c3d(with_noise(c3d, tmp_path), muscle_load.described_by(str(run)))
     error = rms(found.load, recorded.load)
@@ -144,7 +144,7 @@ def test_a_run_and_its_c3d_give_the_activations_that_moved_him(by_muscles: Path,
 
 
 def test_a_c3d_that_begins_later_is_loaded_at_the_times_of_the_run(
-    run: Path, c3d: Path, recorded: Result, tmp_path: Path
+    run: Path, c3d: Path, recorded: MuscleLoadResult, tmp_path: Path
 ) -> None:
     file = ezc3d.c3d(str(c3d))
     rate = file["parameters"]["POINT"]["RATE"]["value"][0]
@@ -158,7 +158,9 @@ def test_a_c3d_that_begins_later_is_loaded_at_the_times_of_the_run(
     assert rms(found, recorded.load) <= 1e-3
 
 
-def test_opensim_opens_its_files_and_has_the_forces_in_its_ground(run: Path, recorded: Result, tmp_path: Path) -> None:
+def test_opensim_opens_its_files_and_has_the_forces_in_its_ground(
+    run: Path, recorded: MuscleLoadResult, tmp_path: Path
+) -> None:
     paths = {path.stem: path for path in muscle_load.write(recorded, tmp_path)}
     assert {"activation", "force", "torque", "joint_reactions"} <= set(paths)
     load = recorded.load
@@ -238,7 +240,7 @@ def test_what_is_missing_is_one_error_that_names_what_is_needed(
         muscle_load.of_c3d(tmp_path / "other.c3d", muscle_load.described_by(str(run)))
 
 
-def test_what_is_beyond_the_range_of_muscle_paths_is_left_out(recorded: Result, tmp_path: Path) -> None:
+def test_what_is_beyond_the_range_of_muscle_paths_is_left_out(recorded: MuscleLoadResult, tmp_path: Path) -> None:
     load, n = recorded.load, len(recorded.load.time)
     outside = np.arange(n) < n // 2
     known = replace(load, outside={"right": outside}, activation=np.where(outside[:, None], 0.9, load.activation))

@@ -206,7 +206,7 @@ def test_a_time_code_is_no_muscle(run: RunFolder) -> None:
 
 def test_the_robot_has_the_colours_of_its_meshes(run: RunFolder) -> None:
     blob = scene.Blob()
-    drawn = scene.Scene(blob)
+    drawn = scene.PageScene(blob)
     drawn.add(moving.robot(run_data.load(run, report_html.metrics_of(run)), 60.0, []))
     hand = next(link for link in drawn.data()["robots"][0]["links"] if link["name"] == "panda_hand")
     shades = {round(sum(visual["rgba"][:3]), 2) for visual in hand["visuals"]}
@@ -222,8 +222,8 @@ def test_a_chain_of_joints_that_mimic_each_other_is_drawn_by_the_column_at_its_e
             ("first", "a", "b", ""),
         )
     )
-    drawn = scene.Scene(scene.Blob())
-    drawn.add(scene.Robot("", f"{text}</robot>", ("first",), np.zeros(1), np.zeros((1, 1))))
+    drawn = scene.PageScene(scene.Blob())
+    drawn.add(scene.SceneRobot("", f"{text}</robot>", ("first",), np.zeros(1), np.zeros((1, 1))))
     joints = {joint["name"]: joint for joint in drawn.data()["robots"][0]["joints"]}
     assert (joints["last"]["column"], joints["last"]["multiplier"]) == (0, -6.0)
     assert joints["last"]["offset"] == pytest.approx(0.8)

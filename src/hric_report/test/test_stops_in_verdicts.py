@@ -8,14 +8,14 @@ import pytest
 
 from hric_assessment.findings import NotAssessableError
 from hric_assessment.separation import stopping
-from hric_assessment.separation.stopping import MEASUREMENT, Row, StopTable
-from hric_assessment.verdict.choices import Braking
+from hric_assessment.separation.stopping import MEASUREMENT, StopRow, StopTable
+from hric_assessment.verdict.choices import BrakingChoice
 from hric_core.command import main, perform
 from hric_core.errors import HricError
 
 
 def table(speed: float) -> StopTable:
-    rows = (Row(speed, 0.0, 0.21, 0.07),)
+    rows = (StopRow(speed, 0.0, 0.21, 0.07),)
     return StopTable(title="our arm", kind=MEASUREMENT, source="us", reaction_time=0.02, stops=rows)
 
 
@@ -36,11 +36,11 @@ def separation(run: Path, path: Path) -> dict[str, object]:
 
 
 def test_without_a_file_the_assumption_is_named_as_one() -> None:
-    assert "chosen here; nothing is known of its braking" in Braking().text(0.0)
+    assert "chosen here; nothing is known of its braking" in BrakingChoice().text(0.0)
 
 
 def test_perception_comes_on_top_of_the_arms_own_reaction() -> None:
-    stop = Braking(table(1.0)).stop(np.array([0.0, 0.5]), 0.0)
+    stop = BrakingChoice(table(1.0)).stop(np.array([0.0, 0.5]), 0.0)
     assert stop.reaction_time == pytest.approx(0.12)
     assert np.asarray(stop.time).tolist() == [0.0, 0.21] and np.asarray(stop.distance).tolist() == [0.0, 0.07]
 
@@ -68,7 +68,7 @@ def test_an_arm_that_is_faster_than_the_file_is_not_assessable(run: Path, tmp_pa
     found = separation(run, path)
     assert found["outcome"] == "not assessable" and "a file of stops that has them" in str(found["reason"])
     with pytest.raises(NotAssessableError):
-        Braking(table(0.001)).stop(np.array([1.0]), 0.0)
+        BrakingChoice(table(0.001)).stop(np.array([1.0]), 0.0)
 
 
 def test_a_wrong_file_is_a_mistake(run: Path, tmp_path: Path) -> None:

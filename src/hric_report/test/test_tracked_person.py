@@ -17,7 +17,7 @@ from hric_human.muscles.after_run import MuscleLoad
 from hric_msgs.msg import JointTorque
 from hric_report import headless as runner
 from hric_report import muscle_load
-from hric_report.muscle_load import MuscleLoadError, Result
+from hric_report.muscle_load import MuscleLoadError, MuscleLoadResult
 from hric_run.definition import experiment, parameters
 
 ENDS = 0.3
@@ -51,7 +51,7 @@ def run(folder: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def found(run: Path) -> Result:
+def found(run: Path) -> MuscleLoadResult:
     return muscle_load.of_tracked(str(run))
 
 
@@ -71,7 +71,7 @@ def off(load: MuscleLoad, record: HumanRecord) -> np.ndarray:
     return np.asarray(load.torque[inside] - np.transpose(logged))
 
 
-def test_joint_torque_of_who_was_tracked_is_what_moved_him(run: Path, found: Result) -> None:
+def test_joint_torque_of_who_was_tracked_is_what_moved_him(run: Path, found: MuscleLoadResult) -> None:
     error = off(found.load, truth(run))
     rms = np.sqrt((error**2).mean(axis=0))
     print(f"joint torque, tracked, with the robot's estimate of the force: {rms.max():.3f} N m RMS of the worst joint")
@@ -80,7 +80,9 @@ def test_joint_torque_of_who_was_tracked_is_what_moved_him(run: Path, found: Res
     assert "NOT calibrated" in found.notes[0] and "measured by the robot" in found.notes[1]
 
 
-def test_without_the_force_on_his_hand_the_torque_would_be_another(run: Path, found: Result, tmp_path: Path) -> None:
+def test_without_the_force_on_his_hand_the_torque_would_be_another(
+    run: Path, found: MuscleLoadResult, tmp_path: Path
+) -> None:
     copy = tmp_path / run.name
     shutil.copytree(run, copy)
     content = yaml.safe_load((copy / "run.yaml").read_text())

@@ -28,7 +28,7 @@ NODES = Path(__file__).parents[2] / "hric_experiments" / "nodes"
 JOINTS = [f"panda_joint{i}" for i in range(1, 8)]
 
 
-def run(folder: Path, name: str, *overrides: str) -> headless.Result:
+def run(folder: Path, name: str, *overrides: str) -> headless.HeadlessResult:
     definition = experiment.load(name, overrides)
     return headless.run(definition, overrides, root=folder, progress=False, figures=False)
 
@@ -72,9 +72,9 @@ def _plain(record: bag_reader.RunRecord) -> dict[str, Any]:
 def test_what_a_run_still_has_in_memory_is_what_its_bag_says(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, overrides: tuple[str, ...]
 ) -> None:
-    taken: list[bag_reader.Messages] = []
+    taken: list[bag_reader.RunMessages] = []
 
-    def tell(folder: RunFolder, *, known: bag_reader.Messages, **options: Any) -> dict[str, Any]:
+    def tell(folder: RunFolder, *, known: bag_reader.RunMessages, **options: Any) -> dict[str, Any]:
         taken.append(known)
         return analyse(folder, known=known, **options)
 

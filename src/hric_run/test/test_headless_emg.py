@@ -14,7 +14,7 @@ from sweeping_muscles import GREATEST, LEAST, PERIOD, PHASES, correlations, mess
 from hric_core.errors import HricError
 from hric_msgs.msg import MuscleActivation, SampleChunk
 from hric_perception.chunk import read_chunk
-from hric_perception.emg.envelope import Settings, lag
+from hric_perception.emg.envelope import EnvelopeSettings, lag
 from hric_report import headless as runner
 from hric_run.definition import experiment
 from hric_run.definition.experiment import Experiment
@@ -65,7 +65,7 @@ def test_the_envelope_follows_an_activation_that_sweeps_after_the_stated_lag(
 ) -> None:
     channels, times, smooth = envelope(lambda time: message(time, SWEEP), DURATION)
     assert channels == tuple(PHASES) and times[-1] > DURATION - 0.2
-    kept, late = times > SETTLED, lag(Settings(), 2000.0)
+    kept, late = times > SETTLED, lag(EnvelopeSettings(), 2000.0)
     found = correlations(channels, times[kept], smooth[kept], SWEEP, late)
     figure("lag of the EMG envelope", 1e3 * late, "ms")
     figure(

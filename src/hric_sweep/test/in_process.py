@@ -4,11 +4,11 @@ from concurrent.futures import Future
 from pathlib import Path
 
 from hric_sweep import definition
-from hric_sweep.engines.engine import Engine
+from hric_sweep.engines.engine import SweepEngine
 from hric_sweep.engines.pebble_engine import InProcessEngine
 from hric_sweep.journal import Journal
 from hric_sweep.records import RunResponse, RunRow, RunTask
-from hric_sweep.supervisor import Supervisor
+from hric_sweep.supervisor import SweepSupervisor
 
 
 class Here(InProcessEngine):
@@ -31,9 +31,9 @@ class Here(InProcessEngine):
         return super().submit(task)
 
 
-def carried_out(folder: Path, plan: definition.Plan, engine: Engine) -> list[RunRow]:
+def carried_out(folder: Path, plan: definition.SweepPlan, engine: SweepEngine) -> list[RunRow]:
     """Supervise a sweep in this process; returns its rows in the order of their indices."""
     with Journal(folder) as journal:
-        supervisor = Supervisor(plan, folder, journal, engine, "code")
+        supervisor = SweepSupervisor(plan, folder, journal, engine, "code")
         supervisor.run()
     return [supervisor.rows[index] for index in sorted(supervisor.rows)]

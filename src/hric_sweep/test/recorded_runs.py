@@ -7,7 +7,7 @@ from bag_mutations import RawBag
 from mutation_law import Recorded
 from std_msgs.msg import String
 
-from hric_assessment.verdict.choices import Choices
+from hric_assessment.verdict.choices import AssessmentChoices
 from hric_bags.memory import MemoryBag
 from hric_run import provenance
 from hric_run.definition import experiment
@@ -38,7 +38,9 @@ def recorded(name: str, what: Experiment, seed: int = 0, area: float = AREA) -> 
             "limits": simulation.limits,
         }
         description = simulation.tree["robot_description"]
-    return Recorded(name, RawBag(bag.messages(), bag.connections), run, description, Choices(contact_area=area))
+    return Recorded(
+        name, RawBag(bag.messages(), bag.connections), run, description, AssessmentChoices(contact_area=area)
+    )
 
 
 def shipped(name: str, *overrides: str, seed: int = 0, area: float = AREA) -> Recorded:

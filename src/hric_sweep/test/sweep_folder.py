@@ -12,7 +12,7 @@ import pyarrow
 import yaml
 
 from hric_sweep import table
-from hric_sweep.definition import Plan, Sweep
+from hric_sweep.definition import Sweep, SweepPlan
 from hric_sweep.records import RunRow
 from hric_sweep.samplers.sampler import SamplerResult
 from hric_sweep.space import Space
@@ -54,7 +54,9 @@ COST = {"processor": 0.3, "wall": 0.3, "host": "alpha", "attempt": 1}
 REASONS = ("cartesian_reflex at {:.3f} s", "<b>unstable</b>: joint 3 at {:.3f} rad/s")
 
 
-def plan(sampler: Mapping[str, Any], runs: int, vary: Mapping[str, Any] | None = None, limit: float = LIMIT) -> Plan:
+def plan(
+    sampler: Mapping[str, Any], runs: int, vary: Mapping[str, Any] | None = None, limit: float = LIMIT
+) -> SweepPlan:
     """Of the sweep; sampler: its section; vary: likewise, None: VARY; limit: of the peak [N]."""
     content = {
         "description": "Peak force of a hand that meets the arm",
@@ -72,7 +74,7 @@ def plan(sampler: Mapping[str, Any], runs: int, vary: Mapping[str, Any] | None =
         },
     }
     sweep = Sweep.of(content, "")
-    return Plan(sweep, content, {"duration": 4.0}, Space(sweep.sweep.vary, ()))
+    return SweepPlan(sweep, content, {"duration": 4.0}, Space(sweep.sweep.vary, ()))
 
 
 def values(runs: int, seed: int = 0, failing: float = 0.02) -> dict[str, Any]:
@@ -143,7 +145,7 @@ def write(
     return _written(folder, made, rows, estimate)
 
 
-def _row(made: Plan, index: int, one: dict[str, Any]) -> RunRow:
+def _row(made: SweepPlan, index: int, one: dict[str, Any]) -> RunRow:
     """A run as the supervisor has it."""
     outputs = {name: None if np.isnan(value := one.pop(name)) else value for name in OUTPUTS}
     values = {name: one.pop(name) for name in made.section.vary}
@@ -151,7 +153,7 @@ def _row(made: Plan, index: int, one: dict[str, Any]) -> RunRow:
     return assessed(made, RunRow(**about, values=values, outputs=outputs))
 
 
-def _written(folder: Path, made: Plan, rows: Sequence[RunRow], estimate: Mapping[str, Any] | None) -> Path:
+def _written(folder: Path, made: SweepPlan, rows: Sequence[RunRow], estimate: Mapping[str, Any] | None) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     table.write(folder, made, rows, estimate)
     told = {"name": folder.name, "definition": made.content, "experiment": dict(made.experiment), "code": "0.2.0"}
@@ -160,7 +162,7 @@ def _written(folder: Path, made: Plan, rows: Sequence[RunRow], estimate: Mapping
 
 
 def sampled(
-    folder: Path, made: Plan, measured: Callable[[Mapping[str, Any]], Mapping[str, float]], told: int | None = None
+    folder: Path, made: SweepPlan, measured: Callable[[Mapping[str, Any]], Mapping[str, float]], told: int | None = None
 ) -> Path:
     """Write the folder of a sweep whose sampler is carried out to its end.
 

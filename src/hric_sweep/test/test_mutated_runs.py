@@ -8,7 +8,7 @@ import pytest
 from mutation_law import Recorded, Tally, tally
 from recorded_runs import benchmark, of_benchmark, shipped
 
-from hric_assessment.verdict.choices import Choices
+from hric_assessment.verdict.choices import AssessmentChoices
 
 FAST = "parameters.joint_pd_controller.profile.velocity:=2.0"
 SHORT = "duration:=1.8"
@@ -42,7 +42,7 @@ def test_no_mutation_of_any_run_of_the_benchmark_improves_its_verdict(
     found = Tally()
     for number, recorded in enumerate(benchmark()):
         area = TIP if number % 2 else recorded.choices.contact_area
-        own = tally(replace(recorded, choices=Choices(contact_area=area)), seed=number)
+        own = tally(replace(recorded, choices=AssessmentChoices(contact_area=area)), seed=number)
         print("\n".join([f"{number + 1}: {recorded.name}: {own}", *own.faults]), flush=True)
         found.add_all(own)
     print(found)

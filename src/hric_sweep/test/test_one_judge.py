@@ -15,10 +15,10 @@ from std_msgs.msg import Header
 import panda_description
 from hric_analysis import contacts
 from hric_assessment.findings import Finding, Outcome
-from hric_assessment.verdict import Choices, assess
+from hric_assessment.verdict import AssessmentChoices, assess
 from hric_assessment.verdict.result import Verdict
 from hric_bags.memory import MemoryBag, nanoseconds
-from hric_bags.reader import LOG_TYPE, Messages
+from hric_bags.reader import LOG_TYPE, RunMessages
 from hric_bags.reader import read as read_record
 from hric_core.parameters import read_yaml
 from hric_core.robot_time.stamps import to_time
@@ -32,7 +32,7 @@ from hric_sweep import definition as sweep
 from hric_sweep.approaches import command
 from hric_sweep.benchmark import definition as benchmark
 from hric_sweep.observed import Observations
-from hric_sweep.outputs import Output
+from hric_sweep.outputs import SweepOutput
 from hric_sweep.records import RunResponse
 
 HAND = "hand, fingers"
@@ -72,7 +72,7 @@ def touched(time: float, region: str, force: float, kind: str) -> RegionContact:
 
 def record_of(force: float, region: str, kind: str) -> tuple[MemoryBag, Any]:
     """Bag and control log of a run in which a standing arm presses one region with a force [N] for HELD seconds."""
-    bag, messages = MemoryBag(), Messages()
+    bag, messages = MemoryBag(), RunMessages()
     body = describe(HumanSettings.of({"parts": "right_arm"}, "human").person)
     names, zeros = list(body.joints), [0.0] * len(body.joints)
     for k in range(round(END * 1000.0)):
@@ -102,7 +102,7 @@ def judged(force: float = 200.0, region: str = HAND, kind: str = "penalty") -> S
     run["parameters"] = {"robot": {"plant": {}}}
     description = panda_description.load(hand=True)
     given = contacts.given_of(run, bag, description)
-    verdict = assess(given, Choices(contact_area=contacts.CONTACT_AREA))
+    verdict = assess(given, AssessmentChoices(contact_area=contacts.CONTACT_AREA))
     return SimpleNamespace(verdict=verdict, observed=Observations(run, bag, record, description))
 
 
@@ -117,7 +117,7 @@ def contact_of(verdict: Verdict) -> Finding:
 
 
 def number(path: str, values: Observations, **about: Any) -> float:
-    return Output.of({"path": path, **about}, "output").measured(values)
+    return SweepOutput.of({"path": path, **about}, "output").measured(values)
 
 
 def test_200_newton_on_a_hand_for_1_2_seconds_is_above_the_quasi_static_limit(clamp: SimpleNamespace) -> None:

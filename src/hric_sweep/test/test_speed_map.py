@@ -17,12 +17,12 @@ from hric_core.errors import FailureError, HricError
 from hric_run.definition import experiment
 from hric_run.simulation import Simulation
 from hric_sweep.speed_map import grid
-from hric_sweep.speed_map.blow import Arm, Blows
-from hric_sweep.speed_map.device import Body, Device
+from hric_sweep.speed_map.blow import ArmBehaviour, Blows
+from hric_sweep.speed_map.device import HitBody, MeasuringDevice
 from hric_sweep.speed_map.grid import DIRECTIONS, Postures
-from hric_sweep.speed_map.measured import Request, limit_speed, measure
+from hric_sweep.speed_map.measured import MapRequest, limit_speed, measure
 
-HAND, CHEST = Body(0.6, 75e3), Body(40.0, 25e3)
+HAND, CHEST = HitBody(0.6, 75e3), HitBody(40.0, 25e3)
 POINTS = grid.points((0.35, 0.6, 2), (-0.3, 0.3, 2), (0.3, 0.5, 2))
 STEP = 1e-3
 
@@ -36,9 +36,9 @@ def robot() -> Iterator[FrankaHWSim]:
 # -- the device --------------------------------------------------------------------------------------------------------
 
 
-def pushed(body: Body, mass: float, speed: float, approach: float = 0.0) -> float:
+def pushed(body: HitBody, mass: float, speed: float, approach: float = 0.0) -> float:
     """Peak of a free mass that meets the device, stepped as a plant does."""
-    device, x, v = Device(body, mass, STEP, approach), 0.0, speed
+    device, x, v = MeasuringDevice(body, mass, STEP, approach), 0.0, speed
     for _ in range(500):
         a = -device.push(x, v) / mass
         x, v = x + STEP * (v + 0.5 * STEP * a), v + STEP * a
@@ -49,7 +49,7 @@ def pushed(body: Body, mass: float, speed: float, approach: float = 0.0) -> floa
 
 @pytest.mark.parametrize("body", [HAND, CHEST])
 @pytest.mark.parametrize("mass", [2.0, 8.0])
-def test_two_masses_on_its_spring_give_the_closed_form(body: Body, mass: float) -> None:
+def test_two_masses_on_its_spring_give_the_closed_form(body: HitBody, mass: float) -> None:
     mu = 1.0 / (1.0 / mass + 1.0 / body.mass)
     assert pushed(body, mass, 0.7) == pytest.approx(0.7 * math.sqrt(mu * body.stiffness), rel=5e-3)
 
@@ -59,7 +59,7 @@ def test_who_of_both_moves_does_not_matter() -> None:
 
 
 def test_its_damping_is_that_of_an_integrated_oscillator() -> None:
-    body, mass, speed = Body(0.6, 75e3, 60.0), 4.0, 1.0
+    body, mass, speed = HitBody(0.6, 75e3, 60.0), 4.0, 1.0
     mu = 1.0 / (1.0 / mass + 1.0 / body.mass)
 
     def motion(_: float, state: np.ndarray) -> list[float]:
@@ -74,8 +74,8 @@ def test_its_damping_is_that_of_an_integrated_oscillator() -> None:
 
 
 @pytest.mark.parametrize(("body", "bound"), [(HAND, 0.006), (CHEST, 0.02)])
-def test_a_passive_arm_meets_it_with_its_reflected_mass(robot: FrankaHWSim, body: Body, bound: float) -> None:
-    postures, blows, ratios = Postures(robot), Blows(robot, Arm.PASSIVE), []
+def test_a_passive_arm_meets_it_with_its_reflected_mass(robot: FrankaHWSim, body: HitBody, bound: float) -> None:
+    postures, blows, ratios = Postures(robot), Blows(robot, ArmBehaviour.PASSIVE), []
     for q in map(postures.at, POINTS):
         if q is None:
             continue
@@ -88,24 +88,24 @@ def test_a_passive_arm_meets_it_with_its_reflected_mass(robot: FrankaHWSim, body
 
 
 def test_a_posture_has_the_hand_where_the_point_is_turned_as_at_the_start(robot: FrankaHWSim) -> None:
-    from franka_hw_interface.model import Frame
+    from franka_hw_interface.model import FrankaFrame
 
-    start = robot.model.pose(Frame.END_EFFECTOR, robot.q_start)
+    start = robot.model.pose(FrankaFrame.END_EFFECTOR, robot.q_start)
     q = Postures(robot).at(np.array([0.5, 0.2, 0.4]))
     assert q is not None
-    T = robot.model.pose(Frame.END_EFFECTOR, q)
+    T = robot.model.pose(FrankaFrame.END_EFFECTOR, q)
     assert T[:3, 3] == pytest.approx([0.5, 0.2, 0.4], abs=1e-5) and T[:3, :3] == pytest.approx(start[:3, :3], abs=1e-4)
     assert Postures(robot).at(np.array([1.2, 0.0, 0.4])) is None
 
 
 def test_an_arm_that_drives_on_is_permitted_less_than_one_that_does_not(robot: FrankaHWSim) -> None:
     lowest = {}
-    for arm in Arm:
-        request = Request("chest", Limits.named(), 0.0, arm)
+    for arm in ArmBehaviour:
+        request = MapRequest("chest", Limits.named(), 0.0, arm)
         found = dict((tuple(point), cells) for point, cells in measure(robot, request, POINTS[:2]))
         lowest[arm] = [cell.speed / cell.closed_form for cells in found.values() for cell in cells]
-    assert np.allclose(lowest[Arm.PASSIVE], 1.0, atol=0.02)
-    assert max(lowest[Arm.DRIVEN]) < min(lowest[Arm.PASSIVE])
+    assert np.allclose(lowest[ArmBehaviour.PASSIVE], 1.0, atol=0.02)
+    assert max(lowest[ArmBehaviour.DRIVEN]) < min(lowest[ArmBehaviour.PASSIVE])
 
 
 # -- the search --------------------------------------------------------------------------------------------------------
@@ -158,4 +158,4 @@ def test_what_gives_no_map_is_refused(words: list[str], told: str, capsys: pytes
 
 def test_a_region_that_the_table_lacks_is_refused() -> None:
     with pytest.raises(HricError):
-        Request("foot, toes, ankle", Limits.named(), 0.0, Arm.PASSIVE).check()
+        MapRequest("foot, toes, ankle", Limits.named(), 0.0, ArmBehaviour.PASSIVE).check()

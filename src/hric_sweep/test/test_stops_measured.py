@@ -15,7 +15,7 @@ from hric_core.command import main, perform
 from hric_core.errors import HricError
 from hric_run.definition import experiment
 from hric_run.simulation import Simulation
-from hric_sweep.stops.measuring import LOAD_RADIUS, POSES, STANDSTILL, Stopping, StopStart, standing
+from hric_sweep.stops.measuring import LOAD_RADIUS, POSES, STANDSTILL, StoppedArm, StopStart, standing
 
 DECELERATION = np.array([15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0])
 """Franka's limits of a Panda's joint acceleration [rad/s^2] (its documentation of the control interface)."""
@@ -71,7 +71,7 @@ def integrated(simulation: Simulation, begun: StopStart, mass: float) -> tuple[f
 def test_time_and_distance_agree_with_an_independent_integration_of_the_same_stop(
     simulation: Simulation, mass: float, pose: int, number: int, speed: float
 ) -> None:
-    arm = Stopping(simulation.app.hw)
+    arm = StoppedArm(simulation.app.hw)
     arm.carry(mass)
     begun = list(arm.begins(np.array(POSES[pose]), speed, [np.inf] * 7))[number]
     stopped, (time, distance) = arm.stop(begun), integrated(simulation, begun, mass)
@@ -81,7 +81,7 @@ def test_time_and_distance_agree_with_an_independent_integration_of_the_same_sto
 
 
 def test_a_motion_begins_at_the_speed_that_was_asked_for_within_the_joints_limits(simulation: Simulation) -> None:
-    arm, limit = Stopping(simulation.app.hw), simulation.app.hw.box.config.limits.velocity
+    arm, limit = StoppedArm(simulation.app.hw), simulation.app.hw.box.config.limits.velocity
     begun = list(arm.begins(np.array(POSES[0]), 0.5, limit))
     assert len(begun) > 6
     for one in begun:

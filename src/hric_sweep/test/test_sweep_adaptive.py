@@ -11,10 +11,10 @@ import sweep_folder
 import test_sweep as sweeps
 
 from hric_sweep import definition, table
-from hric_sweep.definition import Plan
+from hric_sweep.definition import SweepPlan
 from hric_sweep.journal import Journal
 from hric_sweep.records import ReferenceRun, RunResponse, RunTask
-from hric_sweep.supervisor import Supervisor
+from hric_sweep.supervisor import SweepSupervisor
 
 KP = "parameters.joint_pd_controller.kp"
 RARE = {"exceedance": {"output": "speed", "above": 0.763}, "keep": {"worst": 0}}
@@ -66,12 +66,12 @@ def answer(task: RunTask, duration: float) -> RunResponse:
     return RunResponse(task.id, task.index, outputs, failure, f"{kp}", 0.0, 0.0, "here")
 
 
-def results(folder: Path, plan: Plan, *engines: AnyOrder) -> tuple[str, Any]:
+def results(folder: Path, plan: SweepPlan, *engines: AnyOrder) -> tuple[str, Any]:
     """Hash and estimate of a sweep that each engine but the last one is cut off in, within a line of the journal."""
     folder.mkdir()
     for number, engine in enumerate(engines):
         with Journal(folder) as journal:
-            supervisor = Supervisor(plan, folder, journal, engine, "code")
+            supervisor = SweepSupervisor(plan, folder, journal, engine, "code")
             if number == len(engines) - 1:
                 supervisor.run()
             else:

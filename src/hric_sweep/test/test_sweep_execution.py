@@ -11,7 +11,7 @@ import pytest
 from hric_sweep.engines.engine import Died, TimedOut
 from hric_sweep.execution import TRIES, execute
 from hric_sweep.journal import Journal
-from hric_sweep.outputs import Output
+from hric_sweep.outputs import SweepOutput
 from hric_sweep.records import ReferenceRun, RunResponse, RunTask
 
 WINDOW = 3
@@ -54,7 +54,7 @@ def answer(task: RunTask) -> RunResponse:
 
 
 def some(*ids: str) -> list[RunTask]:
-    outputs = {"x": Output(path="stability.x")}
+    outputs = {"x": SweepOutput(path="stability.x")}
     return [RunTask(index, name, {}, {}, 0, outputs, 1.0, "code") for index, name in enumerate(ids)]
 
 

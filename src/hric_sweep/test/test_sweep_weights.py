@@ -16,7 +16,7 @@ from scipy import stats
 
 from hric_sweep.page import build as page
 from hric_sweep.page import sample, sensitivity, spread
-from hric_sweep.page.study import Study, load
+from hric_sweep.page.study import RecordedSweep, load
 from hric_sweep.statistics.sensitivity import rank_correlation
 
 MASS = 3.0
@@ -43,7 +43,7 @@ def folder(root: Path, kind: str, runs: int, batches: int | None = None) -> Path
     return sweep_folder.sampled(root / kind, sweep_folder.plan({"kind": kind}, runs, VARY, LIMIT), contact, batches)
 
 
-def shown(study: Study, output: str, share: float) -> tuple[float, float, float]:
+def shown(study: RecordedSweep, output: str, share: float) -> tuple[float, float, float]:
     """A quantile on the page with its interval."""
     (found,) = (one for one in spread.spreads(study, sample.of(study)) if one.name == output)
     value, low, high = re.findall(r"[\d.]+", found.row[2 + spread.SHARES.index(share)])

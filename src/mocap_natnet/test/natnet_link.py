@@ -6,9 +6,9 @@ import itertools
 
 import numpy as np
 
+from mocap_natnet.client import ClientSettings as ClientSettings
 from mocap_natnet.client import Received, Session
-from mocap_natnet.client import Settings as ClientSettings
-from mocap_natnet.server import Body, Motive, Scene, Settings, Sinusoid
+from mocap_natnet.server import Motive, MotiveSettings, SceneBody, ServedScene, SinusoidSource
 
 NS = 1_000_000_000
 CLIENT = ("10.0.0.2", 50000)
@@ -17,7 +17,7 @@ START = 7_000 * NS
 
 
 def one_body(**settings: object) -> Motive:
-    return Motive(Settings(**settings), Scene((Body("marker", Sinusoid()),)))
+    return Motive(MotiveSettings(**settings), ServedScene((SceneBody("marker", SinusoidSource()),)))
 
 
 class Link:

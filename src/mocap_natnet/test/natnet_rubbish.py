@@ -6,7 +6,14 @@ import struct
 from natnet_samples import Sample, one_body_frame
 
 from mocap_natnet.codec import Codec, Version
-from mocap_natnet.codec.packets import HEADER, Message, ServerInfo, encode_echo_response, encode_server_info, packet
+from mocap_natnet.codec.packets import (
+    HEADER,
+    NatNetMessage,
+    ServerInfo,
+    encode_echo_response,
+    encode_server_info,
+    packet,
+)
 
 DATAGRAM = 300
 """Longest random one [bytes]."""
@@ -27,10 +34,10 @@ class Rubbish:
             codec.encode_frame(one_body_frame()),
             codec.encode_frame(Sample(seed).frame()),
             codec.encode_model(Sample(seed + 1).model()),
-            packet(Message.SERVERINFO, encode_server_info(info)),
-            packet(Message.ECHO_RESPONSE, encode_echo_response(1, 2)),
-            packet(Message.RESPONSE, b"\1\0\0\0"),
-            packet(Message.MESSAGESTRING, b"hello\0"),
+            packet(NatNetMessage.SERVERINFO, encode_server_info(info)),
+            packet(NatNetMessage.ECHO_RESPONSE, encode_echo_response(1, 2)),
+            packet(NatNetMessage.RESPONSE, b"\1\0\0\0"),
+            packet(NatNetMessage.MESSAGESTRING, b"hello\0"),
         ]
 
     def datagram(self, genuine: bytes) -> bytes:

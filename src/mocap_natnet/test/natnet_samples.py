@@ -71,14 +71,14 @@ class Sample:
             self.name(), self.integer(), self.integer(), self.numbers(3), self.numbers(4), markers
         )
 
-    def model(self) -> d.Model:
+    def model(self) -> d.ServerModel:
         corners = tuple(self.numbers(3) for _ in range(4))
         asset_markers = self.several(
             lambda: d.AssetMarkerDescription(
                 self.name(), self.integer(), self.numbers(3), *self.numbers(1), self.flags()
             )
         )
-        return d.Model(
+        return d.ServerModel(
             (
                 d.MarkerSetDescription(self.name(), self.several(self.name)),
                 self.described_body(),

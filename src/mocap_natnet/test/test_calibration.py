@@ -19,7 +19,7 @@ from hric_core.geometry.quaternions import difference
 from hric_core.local.node import LocalNode
 from hric_msgs.msg import MocapData, RigidBodyState
 from mocap_natnet.node.calibrate import AVERAGED, CalibrateNode
-from mocap_natnet.tracking.calibration import Calibration, save
+from mocap_natnet.tracking.calibration import FrameCalibration, save
 
 BASE = Placed((0.5, -0.3, 0.2), from_rotation_vector((0.1, -0.2, 1.0)))
 PLACES = [(0.4, 0.0, 0.3), (0.5, 0.2, 0.4), (0.3, -0.2, 0.6), (0.6, 0.1, 0.2)]
@@ -83,7 +83,7 @@ def test_what_cannot_be_a_pair_is_refused_in_words(bench: Bench) -> None:
 
 
 def test_residuals_show_noise_and_the_bad_pair() -> None:
-    random, calibration = np.random.default_rng(0), Calibration()
+    random, calibration = np.random.default_rng(0), FrameCalibration()
     for place in random.uniform(-0.5, 0.5, (20, 3)):
         calibration.add(transformed(inverse(BASE), tuple(place)), tuple(place + 0.001 * random.standard_normal(3)))
     pose, rms, _ = calibration.solve()

@@ -16,12 +16,12 @@ from real_master import free_port
 
 from hric_core.errors import CommandError, HricError
 from hric_core.geometry import Pose
-from mocap_natnet.client import NatNetClient, Received, Settings
+from mocap_natnet.client import ClientSettings, NatNetClient, Received
 from mocap_natnet.client.client import ERROR, OK
-from mocap_natnet.codec.descriptions import Model
-from mocap_natnet.codec.packets import Message, packet
-from mocap_natnet.server import Body, Motive, MotiveServer, Scene, Sinusoid
-from mocap_natnet.server import Settings as ServerSettings
+from mocap_natnet.codec.descriptions import ServerModel
+from mocap_natnet.codec.packets import NatNetMessage, packet
+from mocap_natnet.server import Motive, MotiveServer, SceneBody, ServedScene, SinusoidSource
+from mocap_natnet.server import MotiveSettings as ServerSettings
 from mocap_natnet.tracking.tracking import Tracker
 from mocap_natnet.tracking.validity import PoseValidator
 
@@ -50,11 +50,11 @@ def wait(condition: Callable[[], bool]) -> None:
 
 def server(ports: tuple[int, int], **settings: object) -> MotiveServer:
     made = ServerSettings(command_port=ports[0], data_port=ports[1], **settings)
-    return MotiveServer(Motive(made, Scene((Body("marker", Sinusoid()),))))
+    return MotiveServer(Motive(made, ServedScene((SceneBody("marker", SinusoidSource()),))))
 
 
 def client(ports: tuple[int, int], frames: list[Received], **settings: object) -> NatNetClient:
-    return NatNetClient(Settings(**{"command_port": ports[0], "local": "127.0.0.1", **settings}), frames.append)
+    return NatNetClient(ClientSettings(**{"command_port": ports[0], "local": "127.0.0.1", **settings}), frames.append)
 
 
 @pytest.mark.parametrize("transport", ["multicast", "unicast"])
@@ -160,7 +160,7 @@ def test_twenty_thousand_bad_datagrams_are_counted_and_move_nothing(stack: ExitS
         )
 
     there = stack.enter_context(server(ports, transport="unicast", version=(3, 0)))
-    one = stack.enter_context(NatNetClient(Settings(command_port=ports[0]), take))
+    one = stack.enter_context(NatNetClient(ClientSettings(command_port=ports[0]), take))
     wait(lambda: len(frames) > 20)
     random = np.random.default_rng(0)
     everything = one.session._codec.encode_frame(Sample(1).frame())
@@ -188,13 +188,17 @@ def test_of_a_stranger_nothing_is_taken_and_its_address_is_logged_once(
 ) -> None:
     ports, frames, models = (free_port(), free_port()), [], []
     stack.enter_context(server(ports, transport=transport))
-    settings = Settings(command_port=ports[0], local="127.0.0.1")
+    settings = ClientSettings(command_port=ports[0], local="127.0.0.1")
     one = stack.enter_context(NatNetClient(settings, frames.append, models.append))
     wait(lambda: len(frames) > 20 and len(models) > 0)
     before, codec, session = len(models), one.session._codec, one.session
     forged = frames[-1].frame._replace(number=frames[-1].frame.number + 1_000_000)
     endpoint = one._command.getsockname()[1]
-    said = [codec.encode_model(Model(())), packet(Message.RESPONSE, b"4.1"), packet(Message.DISCONNECT_BY_TIMEOUT)]
+    said = [
+        codec.encode_model(ServerModel(())),
+        packet(NatNetMessage.RESPONSE, b"4.1"),
+        packet(NatNetMessage.DISCONNECT_BY_TIMEOUT),
+    ]
     out = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
     out.bind((source, 0))
     for number in range(300):

@@ -73,7 +73,7 @@ def test_a_description_is_read_again(codec: Codec) -> None:
 
 def test_a_body_description_loses_only_what_the_bitstream_lacks(codec: Codec) -> None:
     body = Sample(3).described_body()._replace(markers=(d.DescribedMarker((1.0, 2.0, 3.0), 4, "tip"),))
-    (read,) = codec.decode_model(codec.encode_model(d.Model((body,)))).descriptions
+    (read,) = codec.decode_model(codec.encode_model(d.ServerModel((body,)))).descriptions
     assert isinstance(read, d.RigidBodyDescription)
     assert read[:4] == body[:4]
     assert read.rotation == (body.rotation if codec.layout.version >= (4, 2) else d.IDENTITY)
@@ -150,10 +150,10 @@ def test_a_section_that_is_longer_than_what_is_known_of_it_is_passed_over() -> N
 
 def test_a_description_of_an_unknown_type_is_skipped_by_its_size() -> None:
     codec = Codec((4, 1))
-    datagram = codec.encode_model(d.Model((d.MarkerSetDescription("all"),)))
+    datagram = codec.encode_model(d.ServerModel((d.MarkerSetDescription("all"),)))
     unknown = struct.pack("<ii", 99, 3) + b"abc"
     model = codec.decode_model(HEADER.pack(5, 0) + struct.pack("<i", 2) + unknown + datagram[8:])
-    assert model == d.Model((d.MarkerSetDescription("all"),), skipped=3)
+    assert model == d.ServerModel((d.MarkerSetDescription("all"),), skipped=3)
 
 
 def test_a_description_of_an_unknown_type_without_size_is_refused() -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from mocap_natnet.codec import REASONS, Codec, CodecError
 from mocap_natnet.codec.packets import (
-    Message,
+    NatNetMessage,
     decode_connect,
     decode_echo_request,
     decode_echo_response,
@@ -28,17 +28,17 @@ def read(codec: Codec, datagram: bytes) -> str:
     """Read a datagram as a client and as a server would; "read" or the reason of the refusal."""
     try:
         message, end = split(datagram)
-        if message == Message.FRAMEOFDATA:
+        if message == NatNetMessage.FRAMEOFDATA:
             codec.decode_frame(datagram, end)
-        elif message == Message.MODELDEF:
+        elif message == NatNetMessage.MODELDEF:
             codec.decode_model(datagram, end)
-        elif message == Message.SERVERINFO:
+        elif message == NatNetMessage.SERVERINFO:
             decode_server_info(datagram[4:end])
-        elif message == Message.ECHO_REQUEST:
+        elif message == NatNetMessage.ECHO_REQUEST:
             decode_echo_request(datagram[4:end])
-        elif message == Message.ECHO_RESPONSE:
+        elif message == NatNetMessage.ECHO_RESPONSE:
             decode_echo_response(datagram[4:end])
-        elif message == Message.CONNECT:
+        elif message == NatNetMessage.CONNECT:
             decode_connect(datagram[4:end])
     except CodecError as error:
         return error.reason

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from real_master import free_port
 
-from mocap_natnet.client import NatNetClient, Received, Settings
+from mocap_natnet.client import ClientSettings, NatNetClient, Received
 from mocap_natnet.client.client import ERROR, OK
-from mocap_natnet.server import Body, Motive, MotiveServer, Scene, Sinusoid
-from mocap_natnet.server import Settings as ServerSettings
+from mocap_natnet.server import Motive, MotiveServer, SceneBody, ServedScene, SinusoidSource
+from mocap_natnet.server import MotiveSettings as ServerSettings
 
 sys.path.insert(0, str(Path(__file__).parent))
 from motive_process import motive
@@ -40,7 +40,7 @@ def words(where: Ports, *more: str) -> tuple[str, ...]:
 
 
 def client(where: Ports, frames: list[Received], **settings: object) -> NatNetClient:
-    return NatNetClient(Settings(**{"command_port": where[0], "local": "127.0.0.1", **settings}), frames.append)
+    return NatNetClient(ClientSettings(**{"command_port": where[0], "local": "127.0.0.1", **settings}), frames.append)
 
 
 def seconds_until(condition: Callable[[], bool]) -> float:
@@ -91,7 +91,10 @@ def test_a_server_that_is_killed_is_missed_and_one_that_comes_in_its_place_is_fo
 def test_a_bitstream_that_changes_in_mid_stream_is_followed(transport: str, limit: float) -> None:
     where, frames = ports(), []
     settings = ServerSettings(command_port=where[0], data_port=where[1], transport=transport)
-    with MotiveServer(Motive(settings, Scene((Body("marker", Sinusoid()),)))) as server, client(where, frames) as one:
+    with (
+        MotiveServer(Motive(settings, ServedScene((SceneBody("marker", SinusoidSource()),)))) as server,
+        client(where, frames) as one,
+    ):
         seconds_until(receives(one, frames))
         server.motive.change_version((3, 0))
         followed = seconds_until(lambda: one.session.info.version == (3, 0)) + seconds_until(receives(one, frames))
@@ -156,7 +159,9 @@ def test_each_stamp_is_that_of_its_exposure_in_spite_of_drift_and_latency(second
     where, frames = ports(), []
     settings = ServerSettings(command_port=where[0], data_port=where[1], drift=50.0, latency=0.0055)
     with ExitStack() as stack:
-        server = stack.enter_context(MotiveServer(Motive(settings, Scene((Body("marker", Sinusoid()),)))))
+        server = stack.enter_context(
+            MotiveServer(Motive(settings, ServedScene((SceneBody("marker", SinusoidSource()),))))
+        )
         one = stack.enter_context(client(where, frames))
         seconds_until(lambda: len(frames) > 0)
         time.sleep(seconds)

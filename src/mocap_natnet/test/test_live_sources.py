@@ -19,9 +19,9 @@ from hric_core.geometry import Pose
 from hric_core.robot_time import stamps
 from hric_msgs.msg import MocapData, RigidBodyState
 from mocap_natnet.server.bag_source import from_bag
-from mocap_natnet.server.scene import Faults
+from mocap_natnet.server.scene import CameraFaults
 from mocap_natnet.server.scene_file import load
-from mocap_natnet.server.sources import AHEAD, MAX_AGE, History
+from mocap_natnet.server.sources import AHEAD, MAX_AGE, PoseHistory
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -36,7 +36,7 @@ def at(x: float) -> Pose:
 
 
 def test_a_body_is_at_its_poses_between_them_and_shortly_after_and_then_not_seen() -> None:
-    history = History()
+    history = PoseHistory()
     assert history(0.0) is None
     for step in range(11):
         history.add(step * 0.01, at(step * 0.02))
@@ -47,7 +47,7 @@ def test_a_body_is_at_its_poses_between_them_and_shortly_after_and_then_not_seen
 
 
 def test_a_run_that_restarts_is_followed_again() -> None:
-    history = History()
+    history = PoseHistory()
     for time_ in (50.0, 50.1, 0.0, 0.1):
         history.add(time_, at(time_))
     assert history(50.05) is None
@@ -122,7 +122,7 @@ def test_a_motion_that_cannot_be_is_an_error_with_what_is_valid(bag: Path, motio
     scene = bag.parent / "scene.yaml"
     scene.write_text(f"bodies: [{{name: hand, motion: {motion}}}]\n")
     with pytest.raises(HricError, match=text):
-        load(scene, Faults(), "z")
+        load(scene, CameraFaults(), "z")
 
 
 class Moving:

@@ -8,9 +8,9 @@ import pytest
 
 from hric_core.command import main
 from mocap_natnet.codec import Codec, packets
-from mocap_natnet.codec.packets import Connect, Message, packet, split
+from mocap_natnet.codec.packets import Connect, NatNetMessage, packet, split
 from mocap_natnet.codec.types import EDIT_MODE, RECORDING, VERSION_CHANGED
-from mocap_natnet.server import Body, Motive, Scene, Settings, Sinusoid
+from mocap_natnet.server import Motive, MotiveSettings, SceneBody, ServedScene, SinusoidSource
 from mocap_natnet.server.motive import Address
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -20,14 +20,14 @@ CLIENT: Address = ("10.0.0.2", 50000)
 
 
 def ask(motive: Motive, words: str, client: Address = CLIENT) -> tuple[int, bytes]:
-    ((datagram, to),) = motive.respond(packet(Message.REQUEST, words.encode() + b"\0"), client, 1.0)
+    ((datagram, to),) = motive.respond(packet(NatNetMessage.REQUEST, words.encode() + b"\0"), client, 1.0)
     assert to == client
     message, end = split(datagram)
     return message, datagram[4:end]
 
 
 def connect(motive: Motive, payload: bytes = b"", client: Address = CLIENT) -> packets.ServerInfo:
-    ((datagram, _),) = motive.respond(packet(Message.CONNECT, payload), client, 0.0)
+    ((datagram, _),) = motive.respond(packet(NatNetMessage.CONNECT, payload), client, 0.0)
     return packets.decode_server_info(datagram[4:])
 
 
@@ -47,30 +47,30 @@ def test_every_form_of_connect_gets_a_response(payload: bytes) -> None:
 
 def test_a_server_below_3_0_sends_264_bytes_and_responds_to_no_echo_nor_discovery() -> None:
     motive = one_body(version=(2, 9))
-    ((datagram, _),) = motive.respond(packet(Message.CONNECT), CLIENT, 0.0)
+    ((datagram, _),) = motive.respond(packet(NatNetMessage.CONNECT), CLIENT, 0.0)
     assert len(datagram) == 268
-    assert motive.respond(packet(Message.ECHO_REQUEST, bytes(8)), CLIENT, 0.0) == []
-    assert motive.respond(packet(Message.DISCOVERY), CLIENT, 0.0) == []
+    assert motive.respond(packet(NatNetMessage.ECHO_REQUEST, bytes(8)), CLIENT, 0.0) == []
+    assert motive.respond(packet(NatNetMessage.DISCOVERY), CLIENT, 0.0) == []
 
 
 def test_responses_are_those_of_motive() -> None:
     motive = one_body(rate=120.0)
-    assert ask(motive, "FrameRate") == (Message.RESPONSE, struct.pack("<f", 120.0))
-    assert ask(motive, "UnitsToMillimeters") == (Message.RESPONSE, struct.pack("<f", 1000.0))
-    assert ask(motive, "Bitstream") == (Message.RESPONSE, b"Bitstream,4.1\0")
-    assert ask(motive, "services2,abc")[0] == Message.UNRECOGNIZED_REQUEST
-    assert ask(motive, "")[0] == Message.UNRECOGNIZED_REQUEST
+    assert ask(motive, "FrameRate") == (NatNetMessage.RESPONSE, struct.pack("<f", 120.0))
+    assert ask(motive, "UnitsToMillimeters") == (NatNetMessage.RESPONSE, struct.pack("<f", 1000.0))
+    assert ask(motive, "Bitstream") == (NatNetMessage.RESPONSE, b"Bitstream,4.1\0")
+    assert ask(motive, "services2,abc")[0] == NatNetMessage.UNRECOGNIZED_REQUEST
+    assert ask(motive, "")[0] == NatNetMessage.UNRECOGNIZED_REQUEST
 
 
 def test_recording_and_live_mode_are_controlled() -> None:
     motive = one_body()
-    assert ask(motive, "SetRecordTakeName,run_7") == (Message.RESPONSE, bytes(4))
-    assert ask(motive, "StartRecording") == (Message.RESPONSE, bytes(4))
+    assert ask(motive, "SetRecordTakeName,run_7") == (NatNetMessage.RESPONSE, bytes(4))
+    assert ask(motive, "StartRecording") == (NatNetMessage.RESPONSE, bytes(4))
     assert motive.take == "run_7" and motive.frame(1).suffix.flags == RECORDING
     ask(motive, "EditMode")
     assert not motive.recording and motive.frame(2).suffix.flags == EDIT_MODE
     assert motive.stream(motive.frame(3), 0.0) == []
-    assert ask(motive, "StartRecording") == (Message.RESPONSE, struct.pack("<i", 1))
+    assert ask(motive, "StartRecording") == (NatNetMessage.RESPONSE, struct.pack("<i", 1))
     ask(motive, "LiveMode")
     assert len(motive.stream(motive.frame(4), 0.0)) == 1
 
@@ -85,7 +85,7 @@ def test_unicast_frames_go_where_they_are_requested_until_the_client_falls_silen
         assert motive.stream(motive.frame(0), 0.0) == []
         connect(motive)
         assert [to for _, to in motive.stream(motive.frame(1), 1.0)] == wanted
-        motive.respond(packet(Message.KEEPALIVE) + b"\0", CLIENT, 4.0)
+        motive.respond(packet(NatNetMessage.KEEPALIVE) + b"\0", CLIENT, 4.0)
         assert motive.stream(motive.frame(2), 8.9)
         assert motive.stream(motive.frame(3), 9.1) == [] and motive.clients == ()
 
@@ -96,10 +96,10 @@ def test_each_unicast_client_has_its_bitstream_and_leaves_when_it_says_so() -> N
     assert connect(motive, client=other).version == (4, 2)
     sent = {to: datagram for datagram, to in motive.stream(motive.frame(1), 1.0)}
     assert Codec((3, 0)).decode_frame(sent[CLIENT]).bodies == Codec((4, 2)).decode_frame(sent[other]).bodies
-    assert ask(motive, "Bitstream,4.0") == (Message.RESPONSE, bytes(4))
+    assert ask(motive, "Bitstream,4.0") == (NatNetMessage.RESPONSE, bytes(4))
     assert motive.frame(2).suffix.flags & VERSION_CHANGED
-    assert ask(motive, "Bitstream,4.5") == (Message.RESPONSE, struct.pack("<i", 1))
-    motive.respond(packet(Message.DISCONNECT), CLIENT, 2.0)
+    assert ask(motive, "Bitstream,4.5") == (NatNetMessage.RESPONSE, struct.pack("<i", 1))
+    motive.respond(packet(NatNetMessage.DISCONNECT), CLIENT, 2.0)
     assert motive.clients == (other,)
 
 
@@ -109,15 +109,17 @@ def test_what_is_no_request_is_left_unanswered() -> None:
         b"",
         b"\1",
         b"\xff" * 20,
-        packet(Message.FRAMEOFDATA, bytes(50)),
-        packet(Message.ECHO_REQUEST, b"1234"),
+        packet(NatNetMessage.FRAMEOFDATA, bytes(50)),
+        packet(NatNetMessage.ECHO_REQUEST, b"1234"),
     ):
         assert motive.respond(datagram, CLIENT, 0.0) == []
 
 
 def test_the_same_seed_gives_the_same_bytes() -> None:
     def stream() -> list[bytes]:
-        motive = Motive(Settings(jitter=0.002, loss=0.1, seed=5), Scene((Body("marker", Sinusoid()),)))
+        motive = Motive(
+            MotiveSettings(jitter=0.002, loss=0.1, seed=5), ServedScene((SceneBody("marker", SinusoidSource()),))
+        )
         return [motive.datagram(motive.frame(n)) for n in range(50)] + [
             repr(motive.delay(n)).encode() for n in range(50)
         ]

@@ -5,7 +5,7 @@ import struct
 import pytest
 
 from mocap_natnet.codec import CodecError, packets
-from mocap_natnet.codec.packets import Connect, Message, ServerInfo
+from mocap_natnet.codec.packets import Connect, NatNetMessage, ServerInfo
 
 INFO = ServerInfo("Motive", (3, 1, 0, 0), (4, 1), 10_000_000, 1511, True, "239.255.42.99")
 
@@ -55,14 +55,14 @@ def test_echoes_carry_the_stamps() -> None:
 
 
 def test_a_datagram_may_be_longer_than_its_header_says_but_not_shorter() -> None:
-    assert packets.split(struct.pack("<HH", 10, 0) + b"\0") == (Message.KEEPALIVE, 4)
+    assert packets.split(struct.pack("<HH", 10, 0) + b"\0") == (NatNetMessage.KEEPALIVE, 4)
     with pytest.raises(CodecError) as error:
         packets.split(struct.pack("<HH", 7, 5) + b"abcd")
     assert error.value.reason == "length"
 
 
 def test_an_unrecognized_request_may_have_any_length() -> None:
-    assert packets.split(struct.pack("<HH", 100, 9999) + b"stale") == (Message.UNRECOGNIZED_REQUEST, 9)
+    assert packets.split(struct.pack("<HH", 100, 9999) + b"stale") == (NatNetMessage.UNRECOGNIZED_REQUEST, 9)
 
 
 @pytest.mark.parametrize(
@@ -76,4 +76,4 @@ def test_what_is_no_message_is_refused(datagram: bytes, reason: str) -> None:
 
 def test_a_payload_that_no_datagram_holds_is_refused() -> None:
     with pytest.raises(CodecError):
-        packets.packet(Message.FRAMEOFDATA, bytes(65504))
+        packets.packet(NatNetMessage.FRAMEOFDATA, bytes(65504))

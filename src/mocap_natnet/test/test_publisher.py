@@ -15,16 +15,16 @@ from hric_core.geometry import Pose, compose, from_rotation_vector
 from hric_core.geometry.quaternions import difference, rotated
 from hric_core.local.node import LocalNode
 from hric_msgs.msg import MocapData
+from mocap_natnet.client import ClientSettings as ClientSettings
 from mocap_natnet.client import Received
-from mocap_natnet.client import Settings as ClientSettings
-from mocap_natnet.codec.descriptions import Model, RigidBodyDescription, SkeletonDescription
+from mocap_natnet.codec.descriptions import RigidBodyDescription, ServerModel, SkeletonDescription
 from mocap_natnet.codec.types import Frame, RigidBody, Skeleton
 from mocap_natnet.headless import HeadlessMocap, robot_time
 from mocap_natnet.node.parameters import Publishing
 from mocap_natnet.node.publisher import MocapPublisher, ros_name, static_transform
-from mocap_natnet.server import Body, Faults, Motive, Scene, Settings, Sinusoid
+from mocap_natnet.server import CameraFaults, Motive, MotiveSettings, SceneBody, ServedScene, SinusoidSource
 
-TURNING = Sinusoid((0.4, 0.1, 1.0), (0.1, 0.05, 0.02), 0.25, 0.0, (0.5, -0.4, 0.3))
+TURNING = SinusoidSource((0.4, 0.1, 1.0), (0.1, 0.05, 0.02), 0.25, 0.0, (0.5, -0.4, 0.3))
 TOPICS = {
     "/hric/perception/mocap": MocapData,
     "/mocap/marker": Point,
@@ -40,14 +40,14 @@ BASE = {
 }
 
 
-def run(params: dict, faults: Faults | None = None, up: str = "y", seconds: float = 1.0) -> dict[str, list]:
+def run(params: dict, faults: CameraFaults | None = None, up: str = "y", seconds: float = 1.0) -> dict[str, list]:
     node = LocalNode({"mocap": params}, "/mocap")
     seen: dict[str, list] = {topic: [] for topic in TOPICS}
     for topic, kind in TOPICS.items():
         node.subscribe(topic, kind, seen[topic].append)
     publisher = MocapPublisher(node, Publishing.read(node), robot_time)
-    scene = Scene((Body("hand", TURNING), Body("tool 2", TURNING, 2)), (), faults or Faults(), up)
-    headless = HeadlessMocap(Motive(Settings(), scene), publisher)
+    scene = ServedScene((SceneBody("hand", TURNING), SceneBody("tool 2", TURNING, 2)), (), faults or CameraFaults(), up)
+    headless = HeadlessMocap(Motive(MotiveSettings(), scene), publisher)
     for millisecond in range(round(1000 * seconds) + 1):
         headless.advance(millisecond / 1000)
     return seen
@@ -86,7 +86,7 @@ def test_a_message_without_subscribers_is_not_made(monkeypatch: pytest.MonkeyPat
         monkeypatch.setattr(f"mocap_natnet.node.publisher.{name}", made)
     node = LocalNode({"mocap": {}}, "/mocap")
     publisher = MocapPublisher(node, Publishing.read(node), robot_time)
-    headless = HeadlessMocap(Motive(Settings(), Scene((Body("hand", TURNING),))), publisher)
+    headless = HeadlessMocap(Motive(MotiveSettings(), ServedScene((SceneBody("hand", TURNING),))), publisher)
     headless.advance(0.1)
     seen: list[MocapData] = []
     node.subscribe("/hric/perception/mocap", MocapData, seen.append)
@@ -108,7 +108,7 @@ def test_in_the_base_positions_and_orientations_turn_together(up: str) -> None:
 
 
 def test_without_tracking_there_is_data_and_nothing_else() -> None:
-    seen = run({}, Faults(occlusions=((0.25, 0.5, ""),)))
+    seen = run({}, CameraFaults(occlusions=((0.25, 0.5, ""),)))
     data = seen["/hric/perception/mocap"]
     hidden = [message for message in data if 0.25 <= message.header.stamp.to_sec() < 0.75]
     assert len(hidden) == 120 and not any(message.tracking_valid for message in hidden)
@@ -133,7 +133,7 @@ def test_transforms_and_balls_keep_their_rates() -> None:
 def test_the_same_seed_gives_the_same_messages() -> None:
     def content(seed: int) -> bytes:
         buffer = io.BytesIO()
-        for messages in run({}, Faults(noise=1e-4, marker_noise=1e-4, occlusion_rate=1.0, seed=seed)).values():
+        for messages in run({}, CameraFaults(noise=1e-4, marker_noise=1e-4, occlusion_rate=1.0, seed=seed)).values():
             for message in messages:
                 message.serialize(buffer)
         return buffer.getvalue()
@@ -155,8 +155,10 @@ def test_the_names_of_other_drivers_are_found(preset: str, topic: str, frame: st
     node.subscribe("/tf", TFMessage, transforms.append)
     node.subscribe("/hand/ground_pose", Pose2D, ground.append)
     publisher = MocapPublisher(node, Publishing.read(node), robot_time)
-    turned = Sinusoid(frequency=0.25, rotation=(0.0, 0.0, 0.8))
-    HeadlessMocap(Motive(Settings(), Scene((Body("hand", turned),), up="z")), publisher).advance(1.0055)
+    turned = SinusoidSource(frequency=0.25, rotation=(0.0, 0.0, 0.8))
+    HeadlessMocap(Motive(MotiveSettings(), ServedScene((SceneBody("hand", turned),), up="z")), publisher).advance(
+        1.0055
+    )
     assert poses[-1].header.frame_id == transforms[-1].transforms[0].header.frame_id == frame
     assert transforms[-1].transforms[0].child_frame_id == child
     if preset == "mocap_optitrack":
@@ -170,7 +172,9 @@ def test_bones_of_a_skeleton_become_transforms() -> None:
     node.subscribe("/tf", TFMessage, transforms.append)
     publisher = MocapPublisher(node, Publishing.read(node), robot_time)
     publisher.describe(
-        Model((SkeletonDescription("Anna", 3, (RigidBodyDescription("Hip", 1), RigidBodyDescription("Left Arm", 2))),))
+        ServerModel(
+            (SkeletonDescription("Anna", 3, (RigidBodyDescription("Hip", 1), RigidBodyDescription("Left Arm", 2))),)
+        )
     )
     q = (0.0, 0.0, 0.0, 1.0)
     lost = RigidBody(3 << 16 | 3, (0.0, 0.0, 1.0), q, 0.0, 0)
@@ -188,7 +192,7 @@ def test_nothing_is_published_before_the_time_of_the_run_is_known() -> None:
     node, seen = LocalNode(), []
     node.subscribe("/hric/perception/mocap", MocapData, seen.append)
     publisher = MocapPublisher(node, Publishing.read(node), lambda monotonic: None)
-    HeadlessMocap(Motive(Settings(), Scene((Body("hand", TURNING),))), publisher).advance(0.1)
+    HeadlessMocap(Motive(MotiveSettings(), ServedScene((SceneBody("hand", TURNING),))), publisher).advance(0.1)
     assert seen == [] and publisher.untimed == 23
 
 
@@ -203,7 +207,7 @@ def test_stamps_rise_where_the_clocks_relation_is_found_again_and_go_back_with_t
         Publishing.read(node),
         lambda monotonic: 10.0 + robot_time(monotonic) + (jump if robot_time(monotonic) > 0.5 else 0.0),
     )
-    HeadlessMocap(Motive(Settings(), Scene((Body("hand", TURNING),))), publisher).advance(1.0)
+    HeadlessMocap(Motive(MotiveSettings(), ServedScene((SceneBody("hand", TURNING),))), publisher).advance(1.0)
     times = [message.header.stamp.to_sec() for message in seen]
     assert len(times) > 200 and (times == sorted(set(times))) == rises
     assert publisher.held == (4 if rises else 0)  # frames in 20 ms at 240 Hz
@@ -257,7 +261,7 @@ def test_on_a_busy_machine_and_in_a_pause_each_stamp_is_later_than_the_one_befor
     driver, node, seen = BusyDriver(BusyRun(seed, 1.0, load=1.0)), LocalNode(), []
     node.subscribe("/hric/perception/mocap", MocapData, seen.append)
     publisher = MocapPublisher(node, Publishing.read(node), lambda monotonic: driver.robot_time(monotonic / 1e9))
-    HeadlessMocap(Motive(Settings(), Scene((Body("hand", TURNING),))), publisher).advance(OVER)
+    HeadlessMocap(Motive(MotiveSettings(), ServedScene((SceneBody("hand", TURNING),))), publisher).advance(OVER)
     stamps = [message.header.stamp.to_nsec() for message in seen]
     assert len(stamps) > 7000 and min(np.diff(stamps)) > 0
     assert publisher.held > 400 and stamps[-1] - stamps[-400] < 1e4

@@ -13,13 +13,23 @@ from hric_core.geometry.quaternions import difference, from_rotation_vector
 from mocap_natnet.codec import Codec
 from mocap_natnet.codec.types import TRACKED
 from mocap_natnet.rigid_body import Fit
-from mocap_natnet.server import Body, Faults, Motive, Plate, Scene, Settings, Sinusoid, Track, from_file
+from mocap_natnet.server import (
+    CameraFaults,
+    Motive,
+    MotiveSettings,
+    SceneBody,
+    ServedPlate,
+    ServedScene,
+    SinusoidSource,
+    Track,
+    from_file,
+)
 from mocap_natnet.server.scene import TRIANGLE
 from mocap_natnet.server.scene_file import load
 from mocap_natnet.tracking.tracking import MAX_NAMES, Tracker
 from mocap_natnet.tracking.validity import PoseValidator
 
-TURNING = Sinusoid((0.4, 0.1, 1.0), (0.1, 0.05, 0.02), 0.25, 0.0, (0.5, -0.4, 0.3))
+TURNING = SinusoidSource((0.4, 0.1, 1.0), (0.1, 0.05, 0.02), 0.25, 0.0, (0.5, -0.4, 0.3))
 
 
 def tracker(up: str, base: Pose | None = None) -> Tracker:
@@ -35,7 +45,7 @@ def test_y_up_and_z_up_streams_give_the_same_motion_in_the_base() -> None:
     base = Pose((0.5, -0.2, 0.1), from_rotation_vector((0.1, 0.2, 1.2)))
     codec, found = Codec((4, 1)), {}
     for up in ("y", "z"):
-        scene, judge = Scene((Body("hand", TURNING),), up=up), tracker(up, base)
+        scene, judge = ServedScene((SceneBody("hand", TURNING),), up=up), tracker(up, base)
         judge.describe(codec.decode_model(codec.encode_model(scene.model())))
         frames = [codec.decode_frame(codec.encode_frame(scene.frame(n, n / 240, 1 / 240))) for n in range(480)]
         found[up] = [(judge.bodies(frame, n / 240, n / 240)[0], judge.markers(frame)) for n, frame in enumerate(frames)]
@@ -53,7 +63,7 @@ def test_y_up_and_z_up_streams_give_the_same_motion_in_the_base() -> None:
 
 @pytest.mark.parametrize("up", ["y", "z"])
 def test_the_body_from_three_markers_by_kabsch_is_the_streamed_one(up: str) -> None:
-    codec, scene = Codec((4, 2)), Scene((Body("hand", TURNING),), up=up)
+    codec, scene = Codec((4, 2)), ServedScene((SceneBody("hand", TURNING),), up=up)
     (body,) = codec.decode_model(codec.encode_model(scene.model())).bodies.values()
     for n in range(0, 960, 40):
         frame = codec.decode_frame(codec.encode_frame(scene.frame(n, n / 240, 1 / 240)))
@@ -88,7 +98,7 @@ def test_markers_that_give_no_pose_are_refused(points: tuple, words: str) -> Non
 
 def test_noise_has_the_requested_size_and_repeats_with_the_seed() -> None:
     def positions(seed: int) -> np.ndarray:
-        scene = Scene((Body("hand", Track([0.0], [Pose()])),), (), Faults(noise=1e-4, seed=seed), "z")
+        scene = ServedScene((SceneBody("hand", Track([0.0], [Pose()])),), (), CameraFaults(noise=1e-4, seed=seed), "z")
         return np.array([scene.frame(n, n / 240, 1 / 240).bodies[0].position for n in range(2000)])
 
     assert positions(1).std(axis=0) == pytest.approx([1e-4] * 3, rel=0.1)
@@ -96,9 +106,9 @@ def test_noise_has_the_requested_size_and_repeats_with_the_seed() -> None:
 
 
 def test_noise_of_a_frame_is_the_same_in_any_order_of_frames() -> None:
-    faults = Faults(noise=1e-3, rotation_noise=1e-3, marker_noise=1e-3)
-    bodies = (Body("hand", TURNING), Body("tool", TURNING, 2))
-    told, back = Scene(bodies, (), faults), Scene(bodies, (), faults)
+    faults = CameraFaults(noise=1e-3, rotation_noise=1e-3, marker_noise=1e-3)
+    bodies = (SceneBody("hand", TURNING), SceneBody("tool", TURNING, 2))
+    told, back = ServedScene(bodies, (), faults), ServedScene(bodies, (), faults)
     forwards = [told.frame(n, n / 100, 0.01) for n in range(200)]
     assert [back.frame(n, n / 100, 0.01) for n in reversed(range(200))] == forwards[::-1]
     positions = [marker.position for frame in forwards for marker in frame.markers]
@@ -106,7 +116,9 @@ def test_noise_of_a_frame_is_the_same_in_any_order_of_frames() -> None:
 
 
 def test_an_occluded_body_keeps_its_last_pose_without_the_flag_and_its_markers_are_gone() -> None:
-    scene = Scene((Body("hand", TURNING), Body("tool", TURNING, 2)), (), Faults(occlusions=((0.5, 0.25, "hand"),)))
+    scene = ServedScene(
+        (SceneBody("hand", TURNING), SceneBody("tool", TURNING, 2)), (), CameraFaults(occlusions=((0.5, 0.25, "hand"),))
+    )
     seen = [scene.frame(n, n / 100, 0.01) for n in range(100)]
     assert [bool(frame.bodies[0].flags & TRACKED) for frame in seen] == [not 50 <= n < 75 for n in range(100)]
     assert all(frame.bodies[1].flags & TRACKED for frame in seen)
@@ -115,13 +127,15 @@ def test_an_occluded_body_keeps_its_last_pose_without_the_flag_and_its_markers_a
 
 
 def test_random_occlusions_have_the_requested_share() -> None:
-    scene = Scene((Body("hand", TURNING),), (), Faults(occlusion_rate=1.0, occlusion_length=0.25, seed=1))
+    scene = ServedScene(
+        (SceneBody("hand", TURNING),), (), CameraFaults(occlusion_rate=1.0, occlusion_length=0.25, seed=1)
+    )
     hidden = [not scene.frame(n, n / 20, 0.05).bodies[0].flags & TRACKED for n in range(8000)]
     assert np.mean(hidden) == pytest.approx(0.25 / 1.25, abs=0.05)
 
 
 def test_a_force_plate_streams_its_samples_and_its_description() -> None:
-    scene = Scene((), (Plate(lambda t: (t, 0.0, -700.0, 0.0, 0.0, 0.0), samples=4),))
+    scene = ServedScene((), (ServedPlate(lambda t: (t, 0.0, -700.0, 0.0, 0.0, 0.0), samples=4),))
     codec = Codec((4, 1))
     (plate,) = codec.decode_frame(codec.encode_frame(scene.frame(10, 1.0, 0.1))).force_plates
     assert plate.channels[0] == pytest.approx([0.925, 0.95, 0.975, 1.0])
@@ -187,7 +201,7 @@ def test_a_bad_scene_is_refused_by_name(tmp_path: Path, text: str, words: str) -
     path = tmp_path / "scene.yaml"
     path.write_text(text)
     with pytest.raises(HricError, match=words):
-        load(path, Faults(), "y")
+        load(path, CameraFaults(), "y")
 
 
 def test_implausible_poses_count_as_lost_by_reason() -> None:
@@ -223,29 +237,29 @@ def test_a_frame_that_lies_about_its_time_cannot_make_a_jump_valid() -> None:
 )
 def test_a_wrong_setting_is_refused_by_name(wrong: dict) -> None:
     with pytest.raises(HricError, match="5\\.0" if "version" in wrong else next(iter(wrong))):
-        Motive(Settings(**wrong), Scene())
+        Motive(MotiveSettings(**wrong), ServedScene())
 
 
 # -- what is told of ---------------------------------------------------------------------------------------------------
 
 
 def test_a_body_that_the_description_lacks_is_left_out_and_counted() -> None:
-    judge, scene = tracker("z"), Scene((Body("hand", TURNING), Body("tool", TURNING, 2)), up="z")
-    judge.describe(Scene((Body("hand", TURNING),), up="z").model())
+    judge, scene = tracker("z"), ServedScene((SceneBody("hand", TURNING), SceneBody("tool", TURNING, 2)), up="z")
+    judge.describe(ServedScene((SceneBody("hand", TURNING),), up="z").model())
     assert [body.name for body in judge.bodies(scene.frame(1, 0.01, 0.01), 0.01, 0.01)] == ["hand"]
     assert judge.validator.refused == {"not described": 1}
 
 
 def test_without_a_description_bodies_have_the_names_of_their_numbers() -> None:
-    judge, scene = tracker("z"), Scene((Body("hand", TURNING), Body("tool", TURNING, 2)), up="z")
+    judge, scene = tracker("z"), ServedScene((SceneBody("hand", TURNING), SceneBody("tool", TURNING, 2)), up="z")
     assert [body.name for body in judge.bodies(scene.frame(1, 0.01, 0.01), 0.01, 0.01)] == ["body_1", "body_2"]
 
 
 def test_there_is_an_end_to_the_number_of_names_since_each_takes_a_topic() -> None:
     judge, still = tracker("z"), Track([0.0], [Pose()])
     told = sum(
-        len(judge.bodies(Scene((Body("x", still, number),), up="z").frame(1, 0.0, 0.01), number, number))
+        len(judge.bodies(ServedScene((SceneBody("x", still, number),), up="z").frame(1, 0.0, 0.01), number, number))
         for number in range(1, 700)
     )
     assert told == MAX_NAMES and judge.validator.refused == {"too many bodies": 699 - MAX_NAMES}
-    assert len(judge.bodies(Scene((Body("x", still, 1),), up="z").frame(2, 0.1, 0.01), 701.0, 701.0)) == 1
+    assert len(judge.bodies(ServedScene((SceneBody("x", still, 1),), up="z").frame(2, 0.1, 0.01), 701.0, 701.0)) == 1

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mocap_natnet.client import Settings
+from mocap_natnet.client import ClientSettings
 from mocap_natnet.client.client import ERROR, OK, health
 from mocap_natnet.codec import Codec
-from mocap_natnet.codec.packets import Message, ServerInfo, encode_server_info, packet
-from mocap_natnet.server import Body, Faults, Motive, Scene, Sinusoid
-from mocap_natnet.server import Settings as ServerSettings
+from mocap_natnet.codec.packets import NatNetMessage, ServerInfo, encode_server_info, packet
+from mocap_natnet.server import CameraFaults, Motive, SceneBody, ServedScene, SinusoidSource
+from mocap_natnet.server import MotiveSettings as ServerSettings
 
 sys.path.insert(0, str(Path(__file__).parent))
 from natnet_link import NS, START, Link, one_body
@@ -80,7 +80,7 @@ def test_another_bitstream_in_mid_stream_is_followed(
 
 
 def test_a_client_may_request_an_older_bitstream_by_unicast() -> None:
-    link = Link(one_body(version=(4, 1), transport="unicast"), Settings(bitstream=(3, 1)))
+    link = Link(one_body(version=(4, 1), transport="unicast"), ClientSettings(bitstream=(3, 1)))
     link.run(0.5)
     assert link.session.info is not None and link.session.info.version == (3, 1)
     assert len(link.frames) > 80
@@ -91,7 +91,7 @@ def test_an_unknown_bitstream_is_refused_in_words() -> None:
     link.serving = False
     link.run(0.1)
     info = ServerInfo("Motive", (9, 0, 0, 0), (5, 0), 10_000_000, 1511, True, "239.255.42.99")
-    link.session.receive(packet(Message.SERVERINFO, encode_server_info(info)), link.now)
+    link.session.receive(packet(NatNetMessage.SERVERINFO, encode_server_info(info)), link.now)
     state = health(link.session, "10.0.0.1", link.now)
     assert state.level == ERROR and "5.0" in state.text and "2.5 to 4.5" in state.text
     assert link.session.statistics.refused["version"] == 1
@@ -102,7 +102,9 @@ def test_lost_frames_are_counted() -> None:
     link.motive.delay = lambda number: 0.0055  # type: ignore[method-assign]
     link.run(0.5)
     datagrams = iter(range(10**9))
-    link.keep = lambda datagram: None if datagram[0] == Message.FRAMEOFDATA and next(datagrams) % 10 == 0 else datagram
+    link.keep = lambda datagram: (
+        None if datagram[0] == NatNetMessage.FRAMEOFDATA and next(datagrams) % 10 == 0 else datagram
+    )
     link.run(1.0)
     assert 20 <= link.session.statistics.lost <= 26
 
@@ -132,7 +134,7 @@ def test_a_single_frame_with_a_wrong_number_does_not_restart_the_stream() -> Non
 def test_a_changed_description_is_requested() -> None:
     link = Link(one_body())
     link.run(0.5)
-    link.motive.change_scene(Scene((Body("hand", Sinusoid()), Body("tool", Sinusoid(), 2))))
+    link.motive.change_scene(ServedScene((SceneBody("hand", SinusoidSource()), SceneBody("tool", SinusoidSource(), 2))))
     link.run(0.2)
     assert link.session.model is not None and {body.name for body in link.session.model.bodies.values()} == {
         "hand",
@@ -151,8 +153,8 @@ def test_a_changed_description_is_requested() -> None:
     ],
 )
 def test_a_silent_data_channel_is_explained(server: dict, client: dict, words: list[str]) -> None:
-    link = Link(one_body(**server), Settings(**client))
-    link.keep = lambda datagram: None if datagram[0] == Message.FRAMEOFDATA else datagram
+    link = Link(one_body(**server), ClientSettings(**client))
+    link.keep = lambda datagram: None if datagram[0] == NatNetMessage.FRAMEOFDATA else datagram
     link.run(2.0)
     state = health(link.session, "10.0.0.1", link.now)
     assert state.level == ERROR and state.text.startswith("data channel silent")
@@ -190,7 +192,9 @@ def test_damaged_datagrams_do_no_harm_and_the_stream_goes_on() -> None:
             changed[int(random.integers(0, len(changed)))] = int(random.integers(0, 256))
         return bytes(changed[: int(random.integers(0, len(changed) + 1))] if random.random() < 0.3 else changed)
 
-    link = Link(Motive(ServerSettings(), Scene((Body("marker", Sinusoid()),), (), Faults(noise=1e-4))))
+    link = Link(
+        Motive(ServerSettings(), ServedScene((SceneBody("marker", SinusoidSource()),), (), CameraFaults(noise=1e-4)))
+    )
     link.run(0.5)
     link.keep = damage
     link.run(3.0)

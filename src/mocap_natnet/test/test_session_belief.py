@@ -8,9 +8,9 @@ import pytest
 
 from mocap_natnet.client.client import OK, health
 from mocap_natnet.codec import Codec
-from mocap_natnet.codec.packets import Message, ServerInfo, encode_server_info, packet
-from mocap_natnet.server import Body, Motive, Scene, Sinusoid
-from mocap_natnet.server import Settings as ServerSettings
+from mocap_natnet.codec.packets import NatNetMessage, ServerInfo, encode_server_info, packet
+from mocap_natnet.server import Motive, SceneBody, ServedScene, SinusoidSource
+from mocap_natnet.server import MotiveSettings as ServerSettings
 
 sys.path.insert(0, str(Path(__file__).parent))
 from natnet_link import NS, START, Link, one_body
@@ -31,7 +31,7 @@ def test_each_datagram_is_counted_as_taken_or_refused() -> None:
 
 def other_server(version: tuple[int, int] = (3, 0), **changes: object) -> bytes:
     info = ServerInfo("Motive", (3, 1, 0, 0), version, 10_000_000, 1511, True, "239.255.42.99")._replace(**changes)
-    return packet(Message.SERVERINFO, encode_server_info(info))
+    return packet(NatNetMessage.SERVERINFO, encode_server_info(info))
 
 
 @pytest.mark.parametrize("version", [(3, 0), (9, 9)])
@@ -60,7 +60,7 @@ def test_the_complaint_about_a_bitstream_ends_when_the_server_speaks_another() -
 def test_a_description_that_was_not_requested_changes_nothing() -> None:
     link = Link(one_body())
     link.run(0.5)
-    other = Motive(ServerSettings(), Scene((Body("stranger", Sinusoid()),)))
+    other = Motive(ServerSettings(), ServedScene((SceneBody("stranger", SinusoidSource()),)))
     link.session.receive(Codec((4, 1)).encode_model(other.scene.model()), link.now)
     assert link.session.model is not None and link.session.model.bodies[1].name == "marker"
     assert link.session.statistics.refused == {"unasked": 1}
@@ -69,7 +69,9 @@ def test_a_description_that_was_not_requested_changes_nothing() -> None:
 def test_a_body_that_the_description_lacks_makes_the_client_request_it_again() -> None:
     link = Link(one_body())
     link.run(0.5)
-    link.motive.scene = Scene((Body("hand", Sinusoid()), Body("tool", Sinusoid(), 2)))  # and no frame says so
+    link.motive.scene = ServedScene(
+        (SceneBody("hand", SinusoidSource()), SceneBody("tool", SinusoidSource(), 2))
+    )  # and no frame says so
     link.run(0.6)
     assert link.session.model is not None and {body.name for body in link.session.model.bodies.values()} == {
         "hand",
@@ -80,7 +82,7 @@ def test_a_body_that_the_description_lacks_makes_the_client_request_it_again() -
 def test_a_clock_frequency_that_was_misread_is_requested_again() -> None:
     link = Link(one_body())
     link.keep = lambda datagram: (
-        other_server((4, 1), clock_frequency=9_000_000) if datagram[0] == Message.SERVERINFO else datagram
+        other_server((4, 1), clock_frequency=9_000_000) if datagram[0] == NatNetMessage.SERVERINFO else datagram
     )
     link.run(0.1)
     link.keep = lambda datagram: datagram
@@ -128,7 +130,7 @@ def test_where_no_echo_is_good_enough_frames_are_used_after_a_second() -> None:
 
 def test_where_no_echo_comes_frames_are_used_after_a_second_and_it_is_said() -> None:
     link = Link(one_body())
-    link.keep = lambda datagram: None if datagram[0] == Message.ECHO_RESPONSE else datagram
+    link.keep = lambda datagram: None if datagram[0] == NatNetMessage.ECHO_RESPONSE else datagram
     link.run(2.0)
     assert len(link.frames) == pytest.approx(240, abs=10)
     assert "does not respond to echoes" in health(link.session, "10.0.0.1", link.now).text

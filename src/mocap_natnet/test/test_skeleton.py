@@ -10,12 +10,12 @@ from hric_core.geometry.quaternions import Vector, difference, from_rotation_vec
 from mocap_natnet.codec import Codec
 from mocap_natnet.codec.packets import HEADER
 from mocap_natnet.codec.types import Suffix
-from mocap_natnet.server import Body, Bone, Faults, Scene, Sinusoid, Skeleton
+from mocap_natnet.server import Bone, CameraFaults, SceneBody, ServedScene, ServedSkeleton, SinusoidSource
 from mocap_natnet.tracking.tracking import Tracker
 from mocap_natnet.tracking.validity import PoseValidator
 
 BONES = (Bone("trunk"), Bone("upper_arm", "trunk", (0.0, -0.2, 0.4)), Bone("forearm", "upper_arm", (0.0, 0.0, -0.3)))
-HAND = Body("hand", Sinusoid())
+HAND = SceneBody("hand", SinusoidSource())
 
 
 def where(time: float) -> tuple[list[Pose], list[Vector]]:
@@ -25,8 +25,10 @@ def where(time: float) -> tuple[list[Pose], list[Vector]]:
     return poses, [(0.5 + time, 0.25, 1.5), (0.25, 0.5, 1.25)]
 
 
-def scene(**faults: object) -> Scene:
-    return Scene((HAND,), (), Faults(**faults), "y", skeletons=(Skeleton("S07", 3, BONES, ("RELB", "RWRA"), where),))
+def scene(**faults: object) -> ServedScene:
+    return ServedScene(
+        (HAND,), (), CameraFaults(**faults), "y", skeletons=(ServedSkeleton("S07", 3, BONES, ("RELB", "RWRA"), where),)
+    )
 
 
 @pytest.mark.parametrize("version", [(2, 7), (3, 0), (4, 0), (4, 1), (4, 2)])
@@ -93,6 +95,6 @@ def test_an_occlusion_hides_the_skeleton_as_a_whole_and_noise_repeats_with_the_s
 
 def test_a_skeleton_that_cannot_be_is_refused() -> None:
     with pytest.raises(ParameterError, match="bone 'forearm' of S07 hangs on 'upper_arm'; valid: a bone before it"):
-        Skeleton("S07", 3, BONES[2:], (), where)
+        ServedSkeleton("S07", 3, BONES[2:], (), where)
     with pytest.raises(ParameterError, match=r"share one of the streaming ids: hand \(1\), S07 \(1\)"):
-        Scene((HAND,), skeletons=(Skeleton("S07", 1, BONES, (), where),))
+        ServedScene((HAND,), skeletons=(ServedSkeleton("S07", 1, BONES, (), where),))

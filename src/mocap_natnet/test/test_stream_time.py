@@ -9,9 +9,9 @@ from real_master import free_port
 
 from hric_core.robot_time.clock import NS, RunClock
 from hric_core.robot_time.stream_time import StreamTime
+from mocap_natnet.client import ClientSettings as ClientSettings
 from mocap_natnet.client import NatNetClient, Received
-from mocap_natnet.client import Settings as ClientSettings
-from mocap_natnet.server import Body, Motive, MotiveServer, Scene, Settings, Sinusoid
+from mocap_natnet.server import Motive, MotiveServer, MotiveSettings, SceneBody, ServedScene, SinusoidSource
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -44,8 +44,8 @@ class PacedRun:
 def test_frames_come_at_the_pace_of_the_run_and_their_ticks_give_when_that_was() -> None:
     run, ports = PacedRun(0.5), (free_port(), free_port())
     motive = Motive(
-        Settings(transport="unicast", rate=200.0, command_port=ports[0], data_port=ports[1]),
-        Scene((Body("marker", Sinusoid()),)),
+        MotiveSettings(transport="unicast", rate=200.0, command_port=ports[0], data_port=ports[1]),
+        ServedScene((SceneBody("marker", SinusoidSource()),)),
     )
     frames: list[Received] = []
     with (
@@ -68,8 +68,8 @@ def test_frames_come_at_the_pace_of_the_run_and_their_ticks_give_when_that_was()
 
 
 def test_a_stream_whose_frames_take_long_leaves_none_out(caplog: pytest.LogCaptureFixture) -> None:
-    settings = Settings(transport="unicast", rate=100.0, latency=1.3, command_port=0, data_port=free_port())
-    with MotiveServer(Motive(settings, Scene((Body("marker", Sinusoid()),)))) as server:
+    settings = MotiveSettings(transport="unicast", rate=100.0, latency=1.3, command_port=0, data_port=free_port())
+    with MotiveServer(Motive(settings, ServedScene((SceneBody("marker", SinusoidSource()),)))) as server:
         begin = time.monotonic()
         _wait(lambda: server.sent > 20)
         latest, sent = server.progress

@@ -15,7 +15,7 @@ from hric_core.trial.c3d import read_trial
 from mocap_natnet.codec import Codec, parse
 from mocap_natnet.codec.descriptions import ForcePlateDescription
 from mocap_natnet.codec.types import TRACKED
-from mocap_natnet.server import Faults, Motive, Settings
+from mocap_natnet.server import CameraFaults, Motive, MotiveSettings
 from mocap_natnet.server.c3d_source import RecordedBody
 from mocap_natnet.server.scene_file import load
 from mocap_natnet.tracking.tracking import Tracker
@@ -148,7 +148,7 @@ plates:
 def test_an_emulated_motive_streams_the_trial_and_leaves_out_what_was_not_seen(file: Path) -> None:
     scene_file = file.parent / "scene.yaml"
     scene_file.write_text(SCENE)
-    motive = Motive(Settings(rate=RATE), load(scene_file, Faults(), "y"))
+    motive = Motive(MotiveSettings(rate=RATE), load(scene_file, CameraFaults(), "y"))
     codec, trial = Codec(parse("4.1")), read_trial(file)
     tracker = Tracker("y", Pose(), PoseValidator())
     tracker.describe(codec.decode_model(codec.encode_model(motive.scene.model())))
@@ -190,7 +190,7 @@ def test_a_scene_that_cannot_be_is_one_line(file: Path, motion: str, told: str) 
     scene_file = file.parent / "scene.yaml"
     scene_file.write_text(f"bodies:\n  - name: foot\n    motion: {motion}\n")
     with pytest.raises(HricError) as error:
-        load(scene_file, Faults(), "y")
+        load(scene_file, CameraFaults(), "y")
     assert told in str(error.value) and "\n" not in str(error.value)
 
 

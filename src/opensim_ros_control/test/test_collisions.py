@@ -6,7 +6,7 @@ from two_link import two_link_urdf
 
 from hric_core.errors import DescriptionError
 from opensim_ros_control.collision import MARGIN, Collisions
-from opensim_ros_control.contact import Point, RigidContact
+from opensim_ros_control.contact import ContactPoint, RigidContact
 from opensim_ros_control.shapes import Pairing, pose
 
 TABLE = "package://pybullet_ros_control/worlds/table.yaml"
@@ -51,7 +51,7 @@ def on_a_floor(x, y, friction, depth=0.0):
     """A point of a rigid body of 1 kg whose speeds are those of its centre; turning about y by the third speed, with
     0.01 kg m^2."""
     J = np.array([[1.0, 0.0, 0.0, y], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -x]])
-    return Point(
+    return ContactPoint(
         "a", "b", (1, 0), np.zeros(3), np.array([0.0, 0.0, 1.0]), depth, J, (None, 0.0, friction), (x,), np.zeros(3)
     )
 

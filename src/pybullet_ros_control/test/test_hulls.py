@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from hric_core.meshes.canonical import Surface
+from hric_core.meshes.canonical import MeshSurface
 from pybullet_ros_control.hulls import SKIN, without_skin
 from pybullet_ros_control.plant import PyBulletPlant
 
@@ -18,9 +18,11 @@ ROBOT = """<robot name="r"><link name="base"/>
 LIMIT = '<limit lower="-1" upper="1" effort="9" velocity="9"/>'
 
 
-def cuboid(x: float, y: float, z: float) -> Surface:
+def cuboid(x: float, y: float, z: float) -> MeshSurface:
     """By its edges [m]; what its faces are does not matter here."""
-    return Surface(np.array(list(product((-x / 2, x / 2), (-y / 2, y / 2), (-z / 2, z / 2)))), np.zeros((0, 3), int))
+    return MeshSurface(
+        np.array(list(product((-x / 2, x / 2), (-y / 2, y / 2), (-z / 2, z / 2)))), np.zeros((0, 3), int)
+    )
 
 
 def test_the_sides_of_a_hull_lie_inwards_by_the_skin() -> None:

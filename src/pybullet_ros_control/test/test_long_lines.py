@@ -9,7 +9,7 @@ import pytest
 from hric_core.errors import DescriptionError
 from hric_core.geometry import FloatArray
 from hric_core.urdf import read
-from pybullet_ros_control.engine import Engine
+from pybullet_ros_control.engine import PhysicsClient
 from pybullet_ros_control.urdf_model import PIECE, prepare
 
 LINKS = 24
@@ -43,7 +43,7 @@ def chain(seed: int, word: Padding) -> str:
     return f'<robot name="chain">{"".join(parts)}</robot>'
 
 
-def tip(engine: Engine, urdf_xml: str) -> FloatArray:
+def tip(engine: PhysicsClient, urdf_xml: str) -> FloatArray:
     """Pose of the last link at q = 0, shape (4, 4) [m]."""
     body = engine.load("chain", prepare(read(urdf_xml)), np.eye(4), fixed_base=True, self_collision=False)
     pose = engine.pose(body, body.links[f"link{LINKS - 1}"])
@@ -53,7 +53,7 @@ def tip(engine: Engine, urdf_xml: str) -> FloatArray:
 
 @pytest.mark.parametrize("seed", range(7))
 def test_padding_of_a_description_moves_no_link(seed: int) -> None:
-    engine, word = Engine(False, 1e-3, (0.0, 0.0, 0.0)), padding(np.random.default_rng(seed))
+    engine, word = PhysicsClient(False, 1e-3, (0.0, 0.0, 0.0)), padding(np.random.default_rng(seed))
     try:
         plain = tip(engine, chain(seed, lambda longest: ""))
         errors = [float(np.max(np.abs(tip(engine, chain(seed, word)) - plain))) for _ in range(VARIANTS)]

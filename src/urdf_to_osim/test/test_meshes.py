@@ -13,7 +13,7 @@ import pytest
 
 from hric_core.errors import DescriptionError
 from hric_core.geometry import FloatArray
-from hric_core.meshes.canonical import Surface
+from hric_core.meshes.canonical import MeshSurface
 from hric_core.meshes.files import read_coloured, read_surface
 from urdf_to_osim.meshes import MeshRequest, MeshResult, convert_meshes, write_whole
 
@@ -55,7 +55,7 @@ def collada(unit: float = 1.0, up: str = "Z_UP", library: str = "", binding: str
     return DAE.format(unit=unit, up=up, library=library, binding=binding).encode()
 
 
-def volume(surface: Surface) -> float:
+def volume(surface: MeshSurface) -> float:
     """Signed: positive where the faces are counter-clockwise seen from outside [m^3]."""
     a, b, c = (surface.vertices[surface.faces[:, i]] for i in range(3))
     return float(np.sum(a * np.cross(b, c)) / 6.0)

@@ -43,7 +43,7 @@ class CollisionThresholds(Settings):
         return [list(getattr(self, item.name)) for item in fields(self)]
 
 
-class Arm(Protocol):
+class ServedArm(Protocol):
     """Arm behind these services.
 
     Each method refuses with a HricError that gives the reason; all are called through `request`.
@@ -96,7 +96,7 @@ class ArmServices:
         root_node: the robot's namespace.
     """
 
-    def __init__(self, arm: Arm, root_node: Node) -> None:
+    def __init__(self, arm: ServedArm, root_node: Node) -> None:
         self._arm = arm
         node = self._node = root_node.child("franka_control")
         services: dict[str, tuple[Any, Callable[[Any], None]]] = {

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from franka_hw_interface.interfaces import FrankaPoseCartesianInterface, FrankaVelocityCartesianInterface
-from franka_hw_interface.modes import HOLD, Kind, Mode
+from franka_hw_interface.modes import HOLD, ArmMode, Kind
 from franka_hw_interface.rate_limits import MAX_CUTOFF, JointSmoother, RateLimits
 from franka_hw_interface.robot_state import RobotState, identity16
 from hric_control.hardware_interface import (
@@ -109,7 +109,7 @@ class CommandSet:
             self._twist,
         ]
 
-    def enter(self, mode: Mode) -> None:
+    def enter(self, mode: ArmMode) -> None:
         """Start a mode, without motion until the first command.
 
         Positions and poses start at the desired ones, torques and velocities at zero.
@@ -127,7 +127,7 @@ class CommandSet:
         """Report the joints that start outside their ranges, once."""
         self._effort.limiter.check_start()
 
-    def limited_command(self, mode: Mode) -> ArmCommand:
+    def limited_command(self, mode: ArmMode) -> ArmCommand:
         """Return the command of this cycle, within the joint limits; the object is always the same."""
         command, generator = self._command, mode.generator
         command.elbow = None

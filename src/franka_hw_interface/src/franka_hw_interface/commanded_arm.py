@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from franka_hw_interface.command_set import CommandSet
 from franka_hw_interface.interfaces import FrankaModelInterface, FrankaStateInterface
 from franka_hw_interface.model import FrankaModel
-from franka_hw_interface.modes import HOLD, Mode, check_one_commander, claimed_modes
+from franka_hw_interface.modes import HOLD, ArmMode, check_one_commander, claimed_modes
 from franka_hw_interface.robot_state import RobotState
 from hric_control.hardware_interface import JointStateInterface, JointStates
 from hric_control.limits import LimitCounts
@@ -37,18 +37,18 @@ class CommandedArm(RobotHW):
     arm_id: str
     states: JointStates
     robot_state: RobotState
-    mode: Mode
+    mode: ArmMode
     error: str
     _node: Node
     _commands: CommandSet
-    _requested: Mode
+    _requested: ArmMode
 
     @property
     def _running(self) -> bool:
         """True while `run` drives the arm."""
         raise NotImplementedError
 
-    def _check_mode(self, mode: Mode) -> None:
+    def _check_mode(self, mode: ArmMode) -> None:
         """Refuse a mode that this arm does not have [HricError]."""
 
     def _register(self, model: FrankaModel) -> None:
@@ -58,7 +58,7 @@ class CommandedArm(RobotHW):
         for interface in self._commands.interfaces():
             self.register_interface(interface)
 
-    def _claimed(self, controllers: Sequence[ControllerInfo]) -> list[Mode]:
+    def _claimed(self, controllers: Sequence[ControllerInfo]) -> list[ArmMode]:
         return claimed_modes(controllers, self.arm_id, self.states.names)
 
     def check_for_conflict(self, controllers: Sequence[ControllerInfo]) -> None:

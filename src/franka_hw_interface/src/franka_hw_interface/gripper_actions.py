@@ -19,7 +19,7 @@ from franka_gripper.msg import (
     StopResult,
 )
 from franka_hw_interface.arm_parameters import ARM_ID
-from franka_hw_interface.hand import Hand, HandMotion, HandOutcome
+from franka_hw_interface.hand import FrankaHand, HandMotion, HandOutcome
 from hric_core.node import GoalHandle, Node, Registration
 from hric_core.parameters import Settings, names, number, text
 
@@ -93,7 +93,7 @@ class GripperActions:
         settings: parameters of the node.
     """
 
-    def __init__(self, node: Node, hand: Hand, settings: GripperSettings) -> None:
+    def __init__(self, node: Node, hand: FrankaHand, settings: GripperSettings) -> None:
         self._node, self._hand, self._settings = node, hand, settings
         self._inbox: deque[Callable[[], None]] = deque()
         self._running: list[_Running] = []

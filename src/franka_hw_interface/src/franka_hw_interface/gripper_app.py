@@ -4,12 +4,12 @@ from collections.abc import Callable
 from functools import partial
 
 from franka_hw_interface.gripper_actions import GripperActions, GripperSettings
-from franka_hw_interface.hand import Hand
+from franka_hw_interface.hand import FrankaHand
 from hric_core.node import Node
 from hric_core.parameters import Settings
 from hric_core.ros.process import NodeApp, run
 
-MakeHand = Callable[[Node], tuple[Hand, Callable[[], None]]]
+MakeHand = Callable[[Node], tuple[FrankaHand, Callable[[], None]]]
 """Function that maps the private node to the hand and a function that closes it; may raise a HricError."""
 
 

@@ -37,7 +37,7 @@ class HandMotion:
         self.outcome = outcome
 
 
-class Hand(Protocol):
+class FrankaHand(Protocol):
     """Franka hand. A new request aborts the previous one. Speeds are rates of the opening [m/s].
 
     Attributes:

@@ -6,7 +6,7 @@ import numpy as np
 import PyKDL
 
 from franka_hw_interface.kdl_chain import GRAVITY, KdlChain, from_kdl_frame, from_kdl_jacobian, to_kdl_frame
-from franka_hw_interface.model import Frame, Vector
+from franka_hw_interface.model import FrankaFrame, Vector
 from franka_hw_interface.transforms import check_load, check_transform, column_major
 from franka_hw_interface.urdf_chain import chain_of
 from hric_core.errors import DescriptionError, UnknownNameError
@@ -15,7 +15,7 @@ from hric_core.geometry.transforms import inverse
 from hric_core.urdf import read
 
 JOINTS = 7
-_JOINT_FRAMES = {Frame(f"joint{i}"): i for i in range(1, JOINTS + 1)}
+_JOINT_FRAMES = {FrankaFrame(f"joint{i}"): i for i in range(1, JOINTS + 1)}
 
 
 class KdlFrankaModel:
@@ -66,11 +66,11 @@ class KdlFrankaModel:
         flange = self.chain.T_last_tip
         end_effector = flange * to_kdl_frame(self.F_T_EE)
         offsets = {
-            Frame.FLANGE: flange,
-            Frame.END_EFFECTOR: end_effector,
-            Frame.STIFFNESS: end_effector * to_kdl_frame(self.EE_T_K),
+            FrankaFrame.FLANGE: flange,
+            FrankaFrame.END_EFFECTOR: end_effector,
+            FrankaFrame.STIFFNESS: end_effector * to_kdl_frame(self.EE_T_K),
         }
-        self._frames: dict[Frame, tuple[int, PyKDL.Frame | None]] = {
+        self._frames: dict[FrankaFrame, tuple[int, PyKDL.Frame | None]] = {
             **{frame: (i, None) for frame, i in _JOINT_FRAMES.items()},
             **{frame: (JOINTS, offset) for frame, offset in offsets.items()},
         }
@@ -124,32 +124,32 @@ class KdlFrankaModel:
         """Return the torque against gravity, shape (7,) [N m]; gravity_base: in the base frame, 3 floats [m/s^2]."""
         return self.chain.gravity(q, gravity_base)
 
-    def _frame(self, frame: Frame) -> tuple[int, PyKDL.Frame | None]:
+    def _frame(self, frame: FrankaFrame) -> tuple[int, PyKDL.Frame | None]:
         if frame not in self._frames:
-            raise UnknownNameError("frame", frame, [f"Frame.{item.name}" for item in Frame], "KdlFrankaModel")
+            raise UnknownNameError("frame", frame, [f"Frame.{item.name}" for item in FrankaFrame], "KdlFrankaModel")
         return self._frames[frame]
 
-    def _kdl_pose(self, frame: Frame, q: Vector) -> PyKDL.Frame:
+    def _kdl_pose(self, frame: FrankaFrame, q: Vector) -> PyKDL.Frame:
         segments, offset = self._frame(frame)
         pose = self.chain.kdl_pose(q, segments)
         return pose if offset is None else pose * offset
 
-    def pose(self, frame: Frame, q: Vector) -> FloatArray:
+    def pose(self, frame: FrankaFrame, q: Vector) -> FloatArray:
         """Return T_base_frame, shape (4, 4)."""
         return from_kdl_frame(self._kdl_pose(frame, q))
 
-    def _kdl_jacobian(self, frame: Frame, q: Vector) -> PyKDL.Jacobian:
+    def _kdl_jacobian(self, frame: FrankaFrame, q: Vector) -> PyKDL.Jacobian:
         segments, offset = self._frame(frame)
         jacobian = self.chain.kdl_jacobian(q, segments)
         if offset is not None:
             jacobian.changeRefPoint(self.chain.kdl_pose(q, segments).M * offset.p)
         return jacobian
 
-    def zero_jacobian(self, frame: Frame, q: Vector) -> FloatArray:
+    def zero_jacobian(self, frame: FrankaFrame, q: Vector) -> FloatArray:
         """Return the Jacobian of the frame's origin in the base frame, linear above angular, shape (6, 7)."""
         return from_kdl_jacobian(self._kdl_jacobian(frame, q), self.chain.jacobian_indices)
 
-    def body_jacobian(self, frame: Frame, q: Vector) -> FloatArray:
+    def body_jacobian(self, frame: FrankaFrame, q: Vector) -> FloatArray:
         """Return the Jacobian of the frame's origin in the frame itself, linear above angular, shape (6, 7)."""
         jacobian = self._kdl_jacobian(frame, q)
         jacobian.changeBase(self._kdl_pose(frame, q).M.Inverse())

@@ -12,7 +12,7 @@ from hric_core.geometry import FloatArray
 Vector = Sequence[float] | FloatArray
 
 
-class Frame(Enum):
+class FrankaFrame(Enum):
     """Frames of libfranka: joints, flange, end effector (flange * F_T_EE), stiffness frame (end effector * EE_T_K)."""
 
     JOINT1 = "joint1"
@@ -51,13 +51,13 @@ class FrankaModel(Protocol):
     def gravity(self, q: Vector, gravity_base: Sequence[float] | None = None) -> FloatArray:
         """Return the torque against gravity, shape (7,) [N m]; gravity_base: in the base frame, 3 floats [m/s^2]."""
 
-    def pose(self, frame: Frame, q: Vector) -> FloatArray:
+    def pose(self, frame: FrankaFrame, q: Vector) -> FloatArray:
         """Return T_base_frame, shape (4, 4)."""
 
-    def zero_jacobian(self, frame: Frame, q: Vector) -> FloatArray:
+    def zero_jacobian(self, frame: FrankaFrame, q: Vector) -> FloatArray:
         """Return the Jacobian of the frame's origin in the base frame, linear above angular, shape (6, 7)."""
 
-    def body_jacobian(self, frame: Frame, q: Vector) -> FloatArray:
+    def body_jacobian(self, frame: FrankaFrame, q: Vector) -> FloatArray:
         """Return the Jacobian of the frame's origin in the frame itself, linear above angular, shape (6, 7)."""
 
     def set_load(self, mass: float, com: Vector, inertia: Vector | FloatArray) -> None:
@@ -104,14 +104,14 @@ class FrankaModelHandle:
         """Return the torque against gravity with the configured load, shape (7,) [N m]."""
         return self._cached("gravity", lambda: np.array(self._model.gravity_list(self._state.q)))
 
-    def pose(self, frame: Frame) -> FloatArray:
+    def pose(self, frame: FrankaFrame) -> FloatArray:
         """Return T_base_frame, shape (4, 4)."""
         return self._cached(("pose", frame), lambda: self._model.pose(frame, self._state.q))
 
-    def zero_jacobian(self, frame: Frame) -> FloatArray:
+    def zero_jacobian(self, frame: FrankaFrame) -> FloatArray:
         """Return the Jacobian of the frame's origin in the base frame, linear above angular, shape (6, 7)."""
         return self._cached(("zero", frame), lambda: self._model.zero_jacobian(frame, self._state.q))
 
-    def body_jacobian(self, frame: Frame) -> FloatArray:
+    def body_jacobian(self, frame: FrankaFrame) -> FloatArray:
         """Return the Jacobian of the frame's origin in the frame itself, linear above angular, shape (6, 7)."""
         return self._cached(("body", frame), lambda: self._model.body_jacobian(frame, self._state.q))

@@ -32,7 +32,7 @@ _BY_INTERFACE = {
 
 
 @dataclass(frozen=True)
-class Mode:
+class ArmMode:
     """Command mode of the arm.
 
     Attributes:
@@ -59,10 +59,10 @@ class Mode:
         return " + ".join(parts) or "hold"
 
 
-HOLD = Mode()
+HOLD = ArmMode()
 
 
-def claimed_mode(controller: ControllerInfo, arm_id: str, joint_names: Sequence[str]) -> Mode:
+def claimed_mode(controller: ControllerInfo, arm_id: str, joint_names: Sequence[str]) -> ArmMode:
     """Return the mode that a controller needs, HOLD if it claims nothing of the arm.
 
     Raises:
@@ -92,10 +92,10 @@ def claimed_mode(controller: ControllerInfo, arm_id: str, joint_names: Sequence[
             f"{controller.name} claims {both}; the arm takes one motion generator at a time, alone or with "
             "joint torques"
         )
-    return Mode(Kind.EFFORT in kinds, generators[0] if generators else None)
+    return ArmMode(Kind.EFFORT in kinds, generators[0] if generators else None)
 
 
-def claimed_modes(controllers: Sequence[ControllerInfo], arm_id: str, joint_names: Sequence[str]) -> list[Mode]:
+def claimed_modes(controllers: Sequence[ControllerInfo], arm_id: str, joint_names: Sequence[str]) -> list[ArmMode]:
     """Return the modes of those controllers that command the arm. Raises the errors of `claimed_mode`."""
     modes = [claimed_mode(controller, arm_id, joint_names) for controller in controllers]
     return [mode for mode in modes if mode.commanded]

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from franka_hw_interface.arm_services import CollisionThresholds
 from franka_hw_interface.model import FrankaModel
 from franka_hw_interface.transforms import check_transform, from_column_major
-from franka_real.connection import Connection
+from franka_real.connection import ArmConnection
 from franka_real.state import LibfrankaState
 from hric_control.loop_requests import LoopRequests
 
@@ -23,7 +23,7 @@ class ArmAdapter:
 
     def __init__(
         self,
-        connection: Connection,
+        connection: ArmConnection,
         requests: LoopRequests,
         state: LibfrankaState,
         models: Sequence[FrankaModel],

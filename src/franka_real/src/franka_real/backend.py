@@ -7,8 +7,8 @@ from typing import Any, ClassVar
 
 from franka_hw_interface.arm_services import CollisionThresholds
 from franka_hw_interface.command_set import ArmCommand
-from franka_hw_interface.modes import Mode
-from franka_real.settings import Settings
+from franka_hw_interface.modes import ArmMode
+from franka_real.settings import FrankaRealSettings
 from hric_core.errors import FailureError
 from hric_core.native.sockets import confine
 
@@ -17,7 +17,7 @@ class RobotError(FailureError):
     """Error of an arm that ended or refused a motion or a setting, and still responds; the text is libfranka's."""
 
 
-class ConnectionLostError(FailureError):
+class ArmLostError(FailureError):
     """Error of an arm that no longer responds."""
 
 
@@ -56,7 +56,7 @@ class Backend(ABC):
     library: ClassVar[Any]
     network_errors: ClassVar[tuple[type[Exception], ...]] = ()
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: FrankaRealSettings) -> None:
         self.settings = settings
         config = self.library.RealtimeConfig
         keep_local(settings.robot_ip)
@@ -64,12 +64,10 @@ class Backend(ABC):
         try:
             self._robot = self.library.Robot(settings.robot_ip, realtime)
         except RuntimeError as error:
-            raise ConnectionLostError(
-                f"the {self.title} at {settings.robot_ip} cannot be used: {clean(error)}"
-            ) from error
+            raise ArmLostError(f"the {self.title} at {settings.robot_ip} cannot be used: {clean(error)}") from error
 
-    def _lost(self, error: Exception) -> ConnectionLostError:
-        return ConnectionLostError(f"the {self.title} at {self.settings.robot_ip} is lost: {clean(error)}")
+    def _lost(self, error: Exception) -> ArmLostError:
+        return ArmLostError(f"the {self.title} at {self.settings.robot_ip} is lost: {clean(error)}")
 
     def read_once(self) -> Any:
         """Wait for the newest received state and return it [ConnectionLostError].
@@ -86,11 +84,11 @@ class Backend(ABC):
         """Return the arm's own time of a state [ms]."""
 
     @abstractmethod
-    def check(self, mode: Mode) -> None:
+    def check(self, mode: ArmMode) -> None:
         """Refuse a mode that this arm does not have. Raises HricError."""
 
     @abstractmethod
-    def control(self, mode: Mode, cycle: Cycle) -> None:
+    def control(self, mode: ArmMode, cycle: Cycle) -> None:
         """Run a motion until a command is `finished`.
 
         Raises:

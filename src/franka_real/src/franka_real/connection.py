@@ -9,9 +9,9 @@ from franka_hw_interface.model import FrankaModel
 from franka_hw_interface.robot_state import RobotState
 from franka_hw_interface.transforms import from_column_major
 from franka_real import probe
-from franka_real.backend import Backend, ConnectionLostError
+from franka_real.backend import ArmLostError, Backend
 from franka_real.realtime_setup import priority_kept
-from franka_real.settings import Settings
+from franka_real.settings import FrankaRealSettings
 from franka_real.watchdog import Watchdog
 from hric_core.errors import CommandError, FailureError
 
@@ -20,7 +20,7 @@ MASS_TOLERANCE = 0.1
 
 
 @dataclass
-class Connection:
+class ArmConnection:
     """Connection to an arm, with its watchdog.
 
     Attributes:
@@ -43,7 +43,7 @@ class Connection:
             self.watchdog.close()
 
 
-def open_connection(settings: Settings) -> Connection:
+def open_connection(settings: FrankaRealSettings) -> ArmConnection:
     """Connect to the arm.
 
     Raises:
@@ -58,16 +58,16 @@ def open_connection(settings: Settings) -> Connection:
         )
     try:
         with priority_kept(), nullcontext() if watchdog is None else watchdog.patiently(settings.connect_timeout):
-            return Connection(backend(settings), watchdog)
+            return ArmConnection(backend(settings), watchdog)
     except BaseException as error:
         if watchdog is not None:
             watchdog.close()
-        if isinstance(error, ConnectionLostError) and "TCP connection got interrupted" in str(error):
-            raise ConnectionLostError(f"{error} Does another program control the arm?") from error
+        if isinstance(error, ArmLostError) and "TCP connection got interrupted" in str(error):
+            raise ArmLostError(f"{error} Does another program control the arm?") from error
         raise
 
 
-def _backend(robot: str) -> Callable[[Settings], Backend]:
+def _backend(robot: str) -> Callable[[FrankaRealSettings], Backend]:
     wheel = "pylibfranka" if robot == "fr3" else "panda-python"
     try:
         if robot == "fr3":
@@ -102,7 +102,7 @@ def learn(model: KdlFrankaModel, state: RobotState) -> list[str]:
     return problems
 
 
-def models(settings: Settings, arm: Backend, kdl: KdlFrankaModel, description: str) -> list[FrankaModel]:
+def models(settings: FrankaRealSettings, arm: Backend, kdl: KdlFrankaModel, description: str) -> list[FrankaModel]:
     """Return the model for controllers first; if that is libfranka's, then also KDL's."""
     if settings.model == "kdl":
         return [kdl]

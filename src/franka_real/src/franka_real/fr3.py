@@ -7,7 +7,7 @@ import pylibfranka as libfranka
 
 from franka_hw_interface.arm_services import CollisionThresholds
 from franka_hw_interface.command_set import ArmCommand
-from franka_hw_interface.modes import Kind, Mode
+from franka_hw_interface.modes import ArmMode, Kind
 from franka_hw_interface.rate_limits import JointSmoother, TorqueSmoother
 from franka_real.backend import Backend, Cycle, RobotError, clean
 from franka_real.settings import fr3_limits
@@ -47,14 +47,14 @@ class Fr3Backend(Backend):
         seconds: float = raw.time.to_sec()
         return round(1e3 * seconds)
 
-    def check(self, mode: Mode) -> None:
+    def check(self, mode: ArmMode) -> None:
         """Refuse torques together with a motion generator, which pylibfranka does not have."""
         if mode.torque and mode.generator is not None:
             raise HricError(
                 f"the FR3 cannot be commanded by {mode}: pylibfranka takes joint torque or one motion generator"
             )
 
-    def control(self, mode: Mode, cycle: Cycle) -> None:
+    def control(self, mode: ArmMode, cycle: Cycle) -> None:
         """Run a motion until a command is `finished`."""
         self.check(mode)
         try:
@@ -64,7 +64,7 @@ class Fr3Backend(Backend):
         except _REFUSALS as error:
             raise RobotError(clean(error)) from error
 
-    def _loop(self, mode: Mode, cycle: Cycle) -> None:
+    def _loop(self, mode: ArmMode, cycle: Cycle) -> None:
         # A motion object must not be used again after an abort, or it would wait forever: it is deleted at the end of
         # this call, which stops the arm.
         if mode.generator is None:
@@ -79,7 +79,7 @@ class Fr3Backend(Backend):
             built.motion_finished = finished = command.finished
             write(built)
 
-    def _builder(self, mode: Mode) -> Build:
+    def _builder(self, mode: ArmMode) -> Build:
         """Return a function that converts commands for pylibfranka, smoothed like libfranka's own loops do."""
         limits = fr3_limits() if self.settings.rate_limiting else None
         cutoff = self.settings.cutoff_frequency

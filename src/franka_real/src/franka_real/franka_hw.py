@@ -10,14 +10,14 @@ from franka_hw_interface.arm_services import ArmServices
 from franka_hw_interface.command_set import PERIOD, ArmCommand, CommandSet
 from franka_hw_interface.commanded_arm import CommandedArm
 from franka_hw_interface.kdl_model import KdlFrankaModel
-from franka_hw_interface.modes import HOLD, Mode
+from franka_hw_interface.modes import HOLD, ArmMode
 from franka_hw_interface.robot_state import RobotMode
 from franka_real import connection
 from franka_real.arm_adapter import ArmAdapter
 from franka_real.backend import RobotError
 from franka_real.realtime_setup import Measure, priority_kept, realtime, take_priority
-from franka_real.robot_time import RobotTime
-from franka_real.settings import Settings
+from franka_real.robot_time import ArmTime
+from franka_real.settings import FrankaRealSettings
 from franka_real.state import LibfrankaState
 from hric_control.hardware_interface import JointStates
 from hric_control.loop_requests import LoopRequests
@@ -54,7 +54,7 @@ class FrankaHW(CommandedArm):
     def init(self, root_node: Node, robot_hw_node: Node) -> None:
         """Read the parameters, then connect."""
         node = self._node = robot_hw_node
-        self._settings = config = Settings.read(node)
+        self._settings = config = FrankaRealSettings.read(node)
         self.arm_id, self.rotor_inertia = config.arm_id, [config.rotor_inertia] * 7
         self.description = root_node.search_param("robot_description")
         self.model = KdlFrankaModel(self.description, self.arm_id)
@@ -64,7 +64,7 @@ class FrankaHW(CommandedArm):
         self.losses: list[int] = []
         self._requested, self._stop, self._in_run = HOLD, False, False
         self._requests = LoopRequests()
-        self._robot_time = RobotTime([root_node, node])
+        self._robot_time = ArmTime([root_node, node])
         self._connection = connection.open_connection(config)
         try:
             self._start(limits, root_node)
@@ -90,7 +90,7 @@ class FrankaHW(CommandedArm):
     def _running(self) -> bool:
         return self._in_run
 
-    def _check_mode(self, mode: Mode) -> None:
+    def _check_mode(self, mode: ArmMode) -> None:
         self._arm.check(mode)
 
     # -- the cycle -----------------------------------------------------------------------------------------------------
@@ -161,7 +161,7 @@ class FrankaHW(CommandedArm):
                 self._requests.serve()
                 on_cycle(self.time, period, False)
 
-    def _command(self, mode: Mode, on_cycle: OnCycle) -> None:
+    def _command(self, mode: ArmMode, on_cycle: OnCycle) -> None:
         """Run one of libfranka's loops until another mode is requested."""
 
         def first(raw: Any) -> None:
@@ -205,7 +205,7 @@ class FrankaHW(CommandedArm):
                 break
         return f"{text} [{', '.join(sorted(self.robot_state.current_errors))}]"
 
-    def _report_losses(self, mode: Mode) -> None:
+    def _report_losses(self, mode: ArmMode) -> None:
         if self.losses:
             text = f"{mode}: {sum(self.losses)} states lost, at most {max(self.losses)} in a row"
             messages.defer(self._node, lambda: self._node.log_warn(text), "log")

@@ -8,7 +8,7 @@ import numpy as np
 
 from franka_hw_interface.kdl_chain import GRAVITY
 from franka_hw_interface.kdl_model import KdlFrankaModel
-from franka_hw_interface.model import Frame, Vector
+from franka_hw_interface.model import FrankaFrame, Vector
 from franka_hw_interface.transforms import check_load, check_transform, column_major, from_column_major
 from franka_real.model_functions import Fr3Functions, ModelFunctions, PandaFunctions, Total
 from hric_core.errors import CommandError, UnknownNameError
@@ -154,20 +154,20 @@ class LibfrankaModel:
         down = self.gravity_base.tolist() if gravity_base is None else _gravity(gravity_base)
         return np.array(self._functions.gravity(_joints(q, "joint position"), self._total, down))
 
-    def pose(self, frame: Frame, q: Vector) -> FloatArray:
+    def pose(self, frame: FrankaFrame, q: Vector) -> FloatArray:
         """Return T_base_frame, shape (4, 4)."""
         return from_column_major(
             self._functions.pose(_frame(frame), _joints(q, "joint position"), self._F_T_EE, self._EE_T_K)
         )
 
-    def zero_jacobian(self, frame: Frame, q: Vector) -> FloatArray:
+    def zero_jacobian(self, frame: FrankaFrame, q: Vector) -> FloatArray:
         """Return the Jacobian of the frame's origin in the base frame, linear above angular, shape (6, 7)."""
         return from_column_major(
             self._functions.zero_jacobian(_frame(frame), _joints(q, "joint position"), self._F_T_EE, self._EE_T_K),
             JOINTS,
         )
 
-    def body_jacobian(self, frame: Frame, q: Vector) -> FloatArray:
+    def body_jacobian(self, frame: FrankaFrame, q: Vector) -> FloatArray:
         """Return the Jacobian of the frame's origin in the frame itself, linear above angular, shape (6, 7)."""
         return from_column_major(
             self._functions.body_jacobian(_frame(frame), _joints(q, "joint position"), self._F_T_EE, self._EE_T_K),
@@ -189,9 +189,9 @@ def _gravity(values: Sequence[float]) -> list[float]:
     return plain
 
 
-def _frame(frame: Frame) -> Frame:
-    if not isinstance(frame, Frame):
-        raise UnknownNameError("frame", frame, [f"Frame.{item.name}" for item in Frame], "LibfrankaModel")
+def _frame(frame: FrankaFrame) -> FrankaFrame:
+    if not isinstance(frame, FrankaFrame):
+        raise UnknownNameError("frame", frame, [f"Frame.{item.name}" for item in FrankaFrame], "LibfrankaModel")
     return frame
 
 

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from franka_hw_interface.kdl_model import KdlFrankaModel
-from franka_hw_interface.model import Frame
+from franka_hw_interface.model import FrankaFrame
 from franka_hw_interface.transforms import column_major, from_column_major
 from hric_core.errors import DescriptionError
 from hric_core.geometry import FloatArray, MassProperties
@@ -67,7 +67,7 @@ class PandaFunctions:
         from panda_py.libfranka import Frame as Name  # a binary wheel that only this class needs
 
         self._model = model
-        self._names = dict(zip(Frame, (getattr(Name, name) for name in _NAMES), strict=True))
+        self._names = dict(zip(FrankaFrame, (getattr(Name, name) for name in _NAMES), strict=True))
 
     def mass(self, q: Floats, total: Total) -> list[float]:
         """Return M(q) [kg m^2]."""
@@ -81,21 +81,21 @@ class PandaFunctions:
         """Return g(q) [N m]."""
         return self._model.gravity(q, total.mass, total.com, gravity_base)
 
-    def pose(self, frame: Frame, q: Floats, F_T_EE: list[float], EE_T_K: list[float]) -> list[float]:
+    def pose(self, frame: FrankaFrame, q: Floats, F_T_EE: list[float], EE_T_K: list[float]) -> list[float]:
         """Return T_base_frame."""
         return self._model.pose(self._names[frame], q, F_T_EE, EE_T_K)
 
-    def zero_jacobian(self, frame: Frame, q: Floats, F_T_EE: list[float], EE_T_K: list[float]) -> list[float]:
+    def zero_jacobian(self, frame: FrankaFrame, q: Floats, F_T_EE: list[float], EE_T_K: list[float]) -> list[float]:
         """Return the Jacobian in base axes."""
         return self._model.zero_jacobian(self._names[frame], q, F_T_EE, EE_T_K)
 
-    def body_jacobian(self, frame: Frame, q: Floats, F_T_EE: list[float], EE_T_K: list[float]) -> list[float]:
+    def body_jacobian(self, frame: FrankaFrame, q: Floats, F_T_EE: list[float], EE_T_K: list[float]) -> list[float]:
         """Return the Jacobian in the frame's own axes."""
         return self._model.body_jacobian(self._names[frame], q, F_T_EE, EE_T_K)
 
 
 _NAMES = (*(f"kJoint{i}" for i in range(1, 8)), "kFlange", "kEndEffector", "kStiffness")
-"""Names of libfranka's frames in the order of `Frame`."""
+"""Names of libfranka's frames in the order of `FrankaFrame`."""
 
 
 class Fr3Functions:
@@ -119,7 +119,7 @@ class Fr3Functions:
         self._model, self._state, self._kinematics = model, state, kinematics
         for q in _PROBES:
             there = from_column_major(self._flange_jacobian(q, _IDENTITY), 7)
-            apart = float(np.abs(there - kinematics.zero_jacobian(Frame.FLANGE, q)).max())
+            apart = float(np.abs(there - kinematics.zero_jacobian(FrankaFrame.FLANGE, q)).max())
             if not apart < SAME_KINEMATICS:
                 flange = f"{kinematics.arm_id}_link8"
                 raise DescriptionError(
@@ -154,25 +154,27 @@ class Fr3Functions:
         state.q, state.F_T_EE = q, F_T_X
         return self._model.zero_jacobian(state)
 
-    def _pose(self, frame: Frame, q: Floats, F_T_EE: list[float], EE_T_K: list[float]) -> FloatArray:
+    def _pose(self, frame: FrankaFrame, q: Floats, F_T_EE: list[float], EE_T_K: list[float]) -> FloatArray:
         F_T_X = _beyond_flange(frame, F_T_EE, EE_T_K)
-        return self._kinematics.pose(frame, q) if F_T_X is None else self._kinematics.pose(Frame.FLANGE, q) @ F_T_X
+        return (
+            self._kinematics.pose(frame, q) if F_T_X is None else self._kinematics.pose(FrankaFrame.FLANGE, q) @ F_T_X
+        )
 
-    def _jacobian(self, frame: Frame, q: Floats, F_T_EE: list[float], EE_T_K: list[float]) -> FloatArray:
+    def _jacobian(self, frame: FrankaFrame, q: Floats, F_T_EE: list[float], EE_T_K: list[float]) -> FloatArray:
         F_T_X = _beyond_flange(frame, F_T_EE, EE_T_K)
         if F_T_X is None:
             return self._kinematics.zero_jacobian(frame, q)
         return from_column_major(self._flange_jacobian(q, column_major(F_T_X)), 7)
 
-    def pose(self, frame: Frame, q: Floats, F_T_EE: list[float], EE_T_K: list[float]) -> list[float]:
+    def pose(self, frame: FrankaFrame, q: Floats, F_T_EE: list[float], EE_T_K: list[float]) -> list[float]:
         """Return T_base_frame."""
         return column_major(self._pose(frame, q, F_T_EE, EE_T_K))
 
-    def zero_jacobian(self, frame: Frame, q: Floats, F_T_EE: list[float], EE_T_K: list[float]) -> list[float]:
+    def zero_jacobian(self, frame: FrankaFrame, q: Floats, F_T_EE: list[float], EE_T_K: list[float]) -> list[float]:
         """Return the Jacobian in base axes."""
         return column_major(self._jacobian(frame, q, F_T_EE, EE_T_K))
 
-    def body_jacobian(self, frame: Frame, q: Floats, F_T_EE: list[float], EE_T_K: list[float]) -> list[float]:
+    def body_jacobian(self, frame: FrankaFrame, q: Floats, F_T_EE: list[float], EE_T_K: list[float]) -> list[float]:
         """Return the Jacobian in the frame's own axes."""
         R_frame_base = self._pose(frame, q, F_T_EE, EE_T_K)[:3, :3].T
         zero = self._jacobian(frame, q, F_T_EE, EE_T_K)
@@ -182,13 +184,13 @@ class Fr3Functions:
 _IDENTITY = column_major(np.eye(4))
 
 
-def _beyond_flange(frame: Frame, F_T_EE: list[float], EE_T_K: list[float]) -> FloatArray | None:
+def _beyond_flange(frame: FrankaFrame, F_T_EE: list[float], EE_T_K: list[float]) -> FloatArray | None:
     """Return the pose of a frame in the flange frame, shape (4, 4), None for a joint frame."""
-    if frame is Frame.FLANGE:
+    if frame is FrankaFrame.FLANGE:
         return np.eye(4)
-    if frame is Frame.END_EFFECTOR:
+    if frame is FrankaFrame.END_EFFECTOR:
         return from_column_major(F_T_EE)
-    return from_column_major(F_T_EE) @ from_column_major(EE_T_K) if frame is Frame.STIFFNESS else None
+    return from_column_major(F_T_EE) @ from_column_major(EE_T_K) if frame is FrankaFrame.STIFFNESS else None
 
 
 ModelFunctions = PandaFunctions | Fr3Functions

@@ -7,7 +7,7 @@ import panda_py.libfranka as libfranka
 
 from franka_hw_interface.arm_services import CollisionThresholds
 from franka_hw_interface.command_set import ArmCommand
-from franka_hw_interface.modes import Kind, Mode
+from franka_hw_interface.modes import ArmMode, Kind
 from franka_real.backend import Backend, Cycle, RobotError, clean
 
 Build = Callable[[ArmCommand], Any]
@@ -52,10 +52,10 @@ class PandaBackend(Backend):
         """Return the arm's own time of a state [ms]."""
         return int(raw.time.to_msec())
 
-    def check(self, mode: Mode) -> None:
+    def check(self, mode: ArmMode) -> None:
         """Accept any mode: libfranka 0.9.2 has all of them."""
 
-    def control(self, mode: Mode, cycle: Cycle) -> None:
+    def control(self, mode: ArmMode, cycle: Cycle) -> None:
         """Run a motion until a command is `finished`."""
         arguments: dict[str, Any] = {
             "limit_rate": self.settings.rate_limiting,

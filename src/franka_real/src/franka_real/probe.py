@@ -4,7 +4,7 @@ import socket
 import threading
 import time
 
-from franka_real.backend import ConnectionLostError
+from franka_real.backend import ArmLostError
 
 PORT = 1337
 """TCP port of the control interface; fixed in libfranka."""
@@ -12,7 +12,7 @@ RETRY = 0.1
 """Time between two attempts while an arm refuses the connection [s]."""
 
 
-class RefusedError(ConnectionLostError):
+class RefusedError(ArmLostError):
     """Error of a machine that responds but has no control interface, or not yet."""
 
 
@@ -64,7 +64,7 @@ def check(address: str, timeout: float, port: int = PORT) -> None:
     thread.join(timeout + 0.1)
     failure = outcome[0] if outcome else TimeoutError()
     if failure is not None:
-        kind = RefusedError if isinstance(failure, ConnectionRefusedError) else ConnectionLostError
+        kind = RefusedError if isinstance(failure, ConnectionRefusedError) else ArmLostError
         raise kind(f"no Franka arm at {address}: {_reason(failure, address, port, timeout)}")
 
 

@@ -13,7 +13,7 @@ EARLY = 0.002
 """Maximum lead of the arm's time over this machine's [s]; project default, unconfirmed."""
 
 
-class RobotTime:
+class ArmTime:
     """Clock that counts from the first state of the loop, in the arm's own milliseconds, and never goes back.
 
     ROS stamps are the ROS time of the first state plus robot time. So they are those of the measurement, without the

@@ -31,7 +31,7 @@ def fr3_limits() -> RateLimits:
 
 
 @dataclass(frozen=True)
-class Settings(Base):
+class FrankaRealSettings(Base):
     """Parameters of the robot node; the other defaults are in config/franka_real.yaml."""
 
     robot_ip: str = ROBOT_IP

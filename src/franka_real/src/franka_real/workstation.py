@@ -35,7 +35,7 @@ LIMITS_TEXT = f"@realtime - rtprio 98\n@realtime - memlock {REQUIRED_MEMLOCK // 
 
 
 @dataclass(frozen=True)
-class Finding:
+class WorkstationFinding:
     """Result of one check.
 
     Attributes:
@@ -53,14 +53,14 @@ class Finding:
     fix: Callable[[], str] | None = None
 
 
-def kernel(root: Path = Path("/")) -> Finding:
+def kernel(root: Path = Path("/")) -> WorkstationFinding:
     """Check if the kernel is fully preemptible."""
     release = os.uname().release
     if _read(root / "sys/kernel/realtime") == "1" or "PREEMPT_RT" in os.uname().version:
-        return Finding("kernel", True, f"{release}, PREEMPT_RT")
+        return WorkstationFinding("kernel", True, f"{release}, PREEMPT_RT")
     model = re.search(r"\bPREEMPT(?:_DYNAMIC)?\b", os.uname().version)
     result = f"{release}, {model.group() if model else 'preemption not known'}"
-    return Finding(
+    return WorkstationFinding(
         "kernel",
         False,
         result,
@@ -68,23 +68,23 @@ def kernel(root: Path = Path("/")) -> Finding:
     )
 
 
-def governor(root: Path = Path("/")) -> Finding:
+def governor(root: Path = Path("/")) -> WorkstationFinding:
     """Check if the processors run at a constant frequency."""
     files = sorted(root.glob("sys/devices/system/cpu/cpu[0-9]*/cpufreq/scaling_governor"))
     if not files:
-        return Finding(
+        return WorkstationFinding(
             "governor", None, "the frequency of the processors is not under this system's control (a virtual machine?)"
         )
     others = {_read(file) for file in files} - {"performance"}
     if not others:
-        return Finding("governor", True, f"performance on {len(files)} processors")
+        return WorkstationFinding("governor", True, f"performance on {len(files)} processors")
 
     def fix() -> str:
         for file in files:
             file.write_text("performance")
         return f"performance on {len(files)} processors, until the next start"
 
-    return Finding(
+    return WorkstationFinding(
         "governor",
         False,
         f"{', '.join(sorted(others))}",
@@ -93,21 +93,21 @@ def governor(root: Path = Path("/")) -> Finding:
     )
 
 
-def priority() -> Finding:
+def priority() -> WorkstationFinding:
     """Check if this account may take a real-time priority."""
     soft, _ = resource.getrlimit(resource.RLIMIT_RTPRIO)
     if os.geteuid() == 0 or soft == resource.RLIM_INFINITY or soft >= REQUIRED_PRIORITY:
-        return Finding("rtprio", True, "root" if os.geteuid() == 0 else f"up to {soft}")
+        return WorkstationFinding("rtprio", True, "root" if os.geteuid() == 0 else f"up to {soft}")
     advice = f"allow {REQUIRED_PRIORITY} or more to the group realtime and join it: {_limits_advice()}"
-    return Finding("rtprio", False, f"up to {soft}", advice, _fix_limits)
+    return WorkstationFinding("rtprio", False, f"up to {soft}", advice, _fix_limits)
 
 
-def memlock() -> Finding:
+def memlock() -> WorkstationFinding:
     """Check if this account may lock its memory."""
     soft, _ = resource.getrlimit(resource.RLIMIT_MEMLOCK)
     if os.geteuid() == 0 or soft == resource.RLIM_INFINITY or soft >= REQUIRED_MEMLOCK:
-        return Finding("memlock", True, "root" if os.geteuid() == 0 else f"{soft // 2**20} MiB")
-    return Finding(
+        return WorkstationFinding("memlock", True, "root" if os.geteuid() == 0 else f"{soft // 2**20} MiB")
+    return WorkstationFinding(
         "memlock",
         False,
         f"{soft // 1024} KiB",
@@ -116,24 +116,30 @@ def memlock() -> Finding:
     )
 
 
-def throttling(root: Path = Path("/")) -> Finding:
+def throttling(root: Path = Path("/")) -> WorkstationFinding:
     """Check the share of a second that real-time threads may take."""
     value = _read(root / "proc/sys/kernel/sched_rt_runtime_us")
-    return Finding("real-time share", None if not value else True, f"{value or 'unknown'} us of each second (-1: all)")
+    return WorkstationFinding(
+        "real-time share", None if not value else True, f"{value or 'unknown'} us of each second (-1: all)"
+    )
 
 
-def network(address: str) -> Finding:
+def network(address: str) -> WorkstationFinding:
     """Check the round trip to the arm with many pings, since the slowest ones matter."""
     command = ["ping", "-n", "-c", str(PINGS), "-i", str(INTERVAL), "-W", "1", address]
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=30.0)
     except FileNotFoundError:
-        return Finding("network", None, "ping is not installed", "install iputils-ping")
+        return WorkstationFinding("network", None, "ping is not installed", "install iputils-ping")
     except subprocess.TimeoutExpired:
-        return Finding("network", False, f"no response from {address}", "check address, cable, and the control box")
+        return WorkstationFinding(
+            "network", False, f"no response from {address}", "check address, cable, and the control box"
+        )
     times = sorted(float(value) for value in re.findall(r"time=([\d.]+) ms", done.stdout))
     if not times:
-        return Finding("network", False, f"no response from {address}", "check address, cable, and the control box")
+        return WorkstationFinding(
+            "network", False, f"no response from {address}", "check address, cable, and the control box"
+        )
     spread = statistics.pstdev(times)
     result = (
         f"{address}: {len(times)} of {PINGS} pings, median {statistics.median(times):.3f} ms, largest "
@@ -145,10 +151,10 @@ def network(address: str) -> Finding:
         if good
         else f"no ping should take above {ROUND_TRIP_LIMIT} ms: a cable of its own, no switch, no power saving"
     )
-    return Finding("network", good, result, advice)
+    return WorkstationFinding("network", good, result, advice)
 
 
-def look(address: str = "") -> Iterator[Finding]:
+def look(address: str = "") -> Iterator[WorkstationFinding]:
     """Yield all findings, one after the other."""
     yield kernel()
     yield governor()
@@ -178,7 +184,7 @@ def _fix_limits() -> str:
 _MARK = {True: "ok  ", False: "BAD ", None: "?   "}
 
 
-def line(finding: Finding) -> str:
+def line(finding: WorkstationFinding) -> str:
     """Return one finding as text."""
     return f"{_MARK[finding.good]} {finding.what}: {finding.result}" + (
         f"\n       {finding.advice}" if finding.advice else ""
@@ -218,7 +224,7 @@ class CheckWorkstationCommand(Command):
         return 0 if all(finding.good is not False for finding in findings) else NOT_GOOD
 
 
-def _fix(findings: Sequence[Finding]) -> None:
+def _fix(findings: Sequence[WorkstationFinding]) -> None:
     for fix in dict.fromkeys(finding.fix for finding in findings if finding.good is False and finding.fix is not None):
         try:
             print(f"fixed: {fix()}")

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 from franka_hw_interface.arm_services import CollisionThresholds
 from franka_sim.box.control_box import ControlBox
-from franka_sim.box.requests import Outcome
+from franka_sim.box.requests import RequestOutcome
 from hric_control.sim.sim_loop import SimLoop
 from hric_core.errors import CommandError
 
@@ -21,14 +21,14 @@ class BoxAdapter:
     def __init__(self, loop: SimLoop, box: ControlBox, recover: Callable[[], None]) -> None:
         self._box, self.request, self.recover = box, loop.request, recover
 
-    def _send(self, request: Callable[[], Outcome]) -> None:
+    def _send(self, request: Callable[[], RequestOutcome]) -> None:
         box, reasons = self._box, list[str]()
         before, box.report = box.report, reasons.append
         try:
             outcome = request()
         finally:
             box.report = before
-        if outcome is not Outcome.SUCCESS:
+        if outcome is not RequestOutcome.SUCCESS:
             raise CommandError(reasons[-1] if reasons else outcome.value)
 
     def set_load(self, mass: float, com: Sequence[float], inertia: Sequence[float]) -> None:

@@ -6,12 +6,12 @@ from franka_hw_interface.arm_parameters import read_limits
 from franka_hw_interface.arm_services import ArmServices
 from franka_hw_interface.command_set import CommandSet
 from franka_hw_interface.commanded_arm import CommandedArm
-from franka_hw_interface.modes import HOLD, Kind, Mode
+from franka_hw_interface.modes import HOLD, ArmMode, Kind
 from franka_hw_interface.robot_state import RobotMode
 from franka_sim import sensors, settings
 from franka_sim.box.compiled_arm import CompiledArm
 from franka_sim.box.control_box import ControlBox
-from franka_sim.box.requests import ControllerMode, GeneratorMode, MoveRequest, Outcome
+from franka_sim.box.requests import ControllerMode, GeneratorMode, MoveRequest, RequestOutcome
 from franka_sim.box_adapter import BoxAdapter
 from hric_control.limits import check_start
 from hric_control.robot_hw import OnCycle
@@ -29,7 +29,7 @@ _GENERATORS = {
 }
 
 
-def _move_request(mode: Mode) -> MoveRequest:
+def _move_request(mode: ArmMode) -> MoveRequest:
     """Return the box's motion for a mode, as libfranka's control loops request it.
 
     The controller is external torque, or the internal joint impedance; a motion generator can be combined with both.
@@ -59,7 +59,7 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
         """Read the parameters, build plant, model and box, and put the arm at its start pose."""
         node = self._node = robot_hw_node
         self.description = root_node.search_param("robot_description")
-        parameters, realism = settings.read(node, settings.ArmSettings)
+        parameters, realism = settings.read(node, settings.SimulatedArmSettings)
         self.arm_id, self.q_start = parameters.arm_id, list(parameters.q_start)
         plant_config = realism.with_friction(parameters.plant, self.arm_id)
         self.model = settings.make_model(node, self.description, self.arm_id, plant_config)
@@ -112,7 +112,7 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
     def _begin(self) -> bool:
         """Start the requested motion; return True if running controllers have to restart."""
         outcome = self.box.move(_move_request(self._requested))
-        if outcome is not Outcome.STARTED:
+        if outcome is not RequestOutcome.STARTED:
             self._fail(f"a motion by {self._requested} is refused: {outcome.value}")
             return False
         self.mode = self._requested
@@ -136,7 +136,7 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
         """End the mode's motion, and report an error unless it ended as requested."""
         self.mode = HOLD
         self._commands.enter(HOLD)
-        if self.box.take_finished() is not Outcome.SUCCESS:
+        if self.box.take_finished() is not RequestOutcome.SUCCESS:
             names = ", ".join(sorted(self.robot_state.last_motion_errors)) or self.robot_state.robot_mode.name.lower()
             self._fail(f"the motion was aborted: {names}")
 
@@ -145,7 +145,7 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
         if self.mode.commanded:
             raise HricError("the arm is moving: there is nothing to recover from")
         outcome = self.box.recover()
-        if outcome is not Outcome.SUCCESS:
+        if outcome is not RequestOutcome.SUCCESS:
             raise HricError(f"recovery is refused: {outcome.value} ({self.robot_state.robot_mode.name.lower()})")
         self.error, self._restart = "", True
 

@@ -84,7 +84,7 @@ AnyBoxSettings = TypeVar("AnyBoxSettings", bound=BoxSettings)
 
 
 @dataclass(frozen=True)
-class ArmSettings(BoxSettings):
+class SimulatedArmSettings(BoxSettings):
     """Parameters of the simulated arm."""
 
     real_time_factor: float = REAL_TIME_FACTOR

@@ -187,7 +187,7 @@ def _excess(
 
 
 @dataclass(frozen=True)
-class Spread:
+class ShareSpread:
     """Mean, smallest and largest value of a share [1]."""
 
     mean: float
@@ -214,7 +214,7 @@ class TransportMetrics:
     object: str
     weight: float | None
     time: float
-    load_share: dict[str, Spread] | None
+    load_share: dict[str, ShareSpread] | None
     squeeze_max: float
     stretch_max: float
     squeeze_mean: float
@@ -260,5 +260,5 @@ def metrics(transport: Transport, begin: float, end: float) -> TransportMetrics 
     )
 
 
-def _spread(share: FloatArray) -> Spread:
-    return Spread(float(share.mean()), float(share.min()), float(share.max()))
+def _spread(share: FloatArray) -> ShareSpread:
+    return ShareSpread(float(share.mean()), float(share.min()), float(share.max()))

@@ -9,9 +9,9 @@ import math
 import numpy as np
 
 from hric_analysis import contacts
-from hric_analysis.human import Person, moved
+from hric_analysis.human import SimulatedPerson, moved
 from hric_assessment.findings import NotAssessableError, Outcome
-from hric_assessment.verdict.choices import Choices
+from hric_assessment.verdict.choices import AssessmentChoices
 from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.person import people_of
 from hric_assessment.verdict.separating import TOUCHING, PersonSeparation, separated, separation_finding
@@ -26,7 +26,7 @@ AT_REST = 5e-3
 """Distance from its final position within which a hand is at rest [m] (project default, unconfirmed)."""
 
 
-def values(source: AssessmentInput, person: Person | None) -> dict[str, dict[str, float] | None] | None:
+def values(source: AssessmentInput, person: SimulatedPerson | None) -> dict[str, dict[str, float] | None] | None:
     """Return the metrics of a run; None: there was no person.
 
     Args:
@@ -59,7 +59,7 @@ def _separation(source: AssessmentInput) -> dict[str, float] | None:
     distances = []
     for person in people_of(source):
         try:
-            apart = separated(source, person, Choices())
+            apart = separated(source, person, AssessmentChoices())
         except NotAssessableError:
             return None
         if apart is None or separation_finding(apart).outcome == Outcome.NOT_ASSESSABLE:
@@ -78,7 +78,7 @@ def below(apart: PersonSeparation) -> float:
     return float(sum(violation.end - violation.begin for violation in apart.distances.violations(apart.protective)))
 
 
-def _hand(run: RunFile, person: Person) -> dict[str, float] | None:
+def _hand(run: RunFile, person: SimulatedPerson) -> dict[str, float] | None:
     meant = _reference(run, person)
     if meant is None:
         return None
@@ -94,7 +94,7 @@ def _hand(run: RunFile, person: Person) -> dict[str, float] | None:
     }
 
 
-def _reference(run: RunFile, person: Person) -> tuple[FloatArray, FloatArray, FloatArray, float] | None:
+def _reference(run: RunFile, person: SimulatedPerson) -> tuple[FloatArray, FloatArray, FloatArray, float] | None:
     """Return times, actual and reference hand positions, and the end of the reference; None: reference not known.
 
     Times start with the motion, shape (n,) [s]; positions are in the world frame, shape (n, 3) [m].

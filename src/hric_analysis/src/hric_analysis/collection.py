@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
-from hric_analysis.collection_record import TIME_CODE, Collection, Counts, Numbered, Stream
+from hric_analysis.collection_record import TIME_CODE, Collection, Numbered, SourceCounts, SynchronisedStream
 from hric_analysis.tracking import late_by
 from hric_bags.reader import ControlRecord, RobotTime
 
@@ -171,7 +171,7 @@ def _within(log: ControlRecord, first: int, inside: BoolArray) -> bool:
     return bool(0 <= before < len(inside) and inside[before])
 
 
-def source_metrics(samples: Numbered, counts: Counts | None, begin: float, end: float) -> SourceMetrics:
+def source_metrics(samples: Numbered, counts: SourceCounts | None, begin: float, end: float) -> SourceMetrics:
     """Return the counts of one source within the interval [s]."""
     inside = (samples.stamps >= begin) & (samples.stamps <= end)
     numbers = samples.numbers[inside]
@@ -195,7 +195,7 @@ def distinct(numbers: IntArray) -> int:
     return int(np.count_nonzero(np.diff(np.sort(numbers, kind="stable")))) + bool(len(numbers))
 
 
-def source_sequence(samples: Numbered, counts: Counts | None) -> IntArray | None:
+def source_sequence(samples: Numbered, counts: SourceCounts | None) -> IntArray | None:
     """Return the source's sequence number of each sample that has one; None: not known.
 
     A time code within the second restarts every second. The seconds between two samples follow from the numbers of the
@@ -219,7 +219,7 @@ def source_sequence(samples: Numbered, counts: Counts | None) -> IntArray | None
     return numbers
 
 
-def sent_between(counts: Counts, begin: float, end: float) -> tuple[int, int, int] | None:
+def sent_between(counts: SourceCounts, begin: float, end: float) -> tuple[int, int, int] | None:
     """Return (first number, number after the last, count) of the samples sent in an interval [s]; None: not known.
 
     The samples are those between the first and the last message of the counts in the interval.
@@ -248,7 +248,7 @@ def _time_error(errors: FloatArray, uncertainty: float | None = None) -> TimeErr
 
 
 def stream_metrics(
-    stream: Stream, data: Collection, log: ControlRecord, robot_time: RobotTime, begin: float, end: float
+    stream: SynchronisedStream, data: Collection, log: ControlRecord, robot_time: RobotTime, begin: float, end: float
 ) -> StreamMetrics:
     """Return the tick counts of a synchronised stream, and the skew of each of its sources."""
     inside = (stream.stamps >= begin - ROUNDING) & (stream.stamps <= end + ROUNDING)
@@ -292,7 +292,7 @@ def _skew(
     stamps: FloatArray,
     values: FloatArray,
     valid: BoolArray,
-    stream: Stream,
+    stream: SynchronisedStream,
     data: Collection,
     log: ControlRecord,
     robot_time: RobotTime,

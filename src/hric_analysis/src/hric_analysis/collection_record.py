@@ -49,7 +49,7 @@ class Numbered:
 
 
 @dataclass
-class Counts:
+class SourceCounts:
     """Messages (n) with the counts of the samples that a source sent, in order.
 
     Attributes:
@@ -66,7 +66,7 @@ class Counts:
 
 
 @dataclass
-class Stream:
+class SynchronisedStream:
     """Synchronised samples (n) of one stream.
 
     Attributes:
@@ -104,8 +104,8 @@ class Collection:
     """
 
     sources: dict[str, Numbered]
-    counts: dict[str, Counts]
-    streams: dict[str, Stream]
+    counts: dict[str, SourceCounts]
+    streams: dict[str, SynchronisedStream]
     truth: tuple[FloatArray, FloatArray, str] | None = None
     frame: str = ""
 
@@ -260,9 +260,9 @@ class _Ticks:
             self._values.frombytes(block["values"][:, self._columns].tobytes())
             self._valid += block["valid"].tobytes()
 
-    def stream(self) -> Stream:
+    def stream(self) -> SynchronisedStream:
         layout, n = self._layout, len(self)
-        return Stream(
+        return SynchronisedStream(
             float(layout.rate),
             [str(layout.names[k]) for k in self._columns],
             [str(layout.sources[k]) for k in self._columns],
@@ -288,12 +288,12 @@ def _layout_of(sample: Any) -> np.dtype[Any]:
     )
 
 
-def _counts(messages: list[Any]) -> dict[str, Counts]:
+def _counts(messages: list[Any]) -> dict[str, SourceCounts]:
     by_source: dict[str, list[Any]] = {}
     for message in messages:
         by_source.setdefault(str(message.source), []).append(message)
     return {
-        source: Counts(
+        source: SourceCounts(
             float(messages[-1].rate),
             np.array([seconds(message.header.stamp) for message in messages]),
             np.array([message.next for message in messages], np.int64),

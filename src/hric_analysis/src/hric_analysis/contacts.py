@@ -4,7 +4,7 @@ import math
 from pathlib import Path
 
 from hric_assessment.findings import Finding, Outcome
-from hric_assessment.verdict.choices import Choices
+from hric_assessment.verdict.choices import AssessmentChoices
 from hric_assessment.verdict.contacts import contact_findings
 from hric_assessment.verdict.inputs import AssessmentInput
 from hric_bags.parts import Bag
@@ -29,7 +29,7 @@ def given_of(run: RunFile, bag: Bag, description: str) -> AssessmentInput:
 
 def findings(source: AssessmentInput) -> list[Finding]:
     """Return the verdict's findings of all contacts; CONTACT_AREA replaces an unknown area."""
-    return contact_findings(source, Choices(contact_area=CONTACT_AREA))
+    return contact_findings(source, AssessmentChoices(contact_area=CONTACT_AREA))
 
 
 def counted_share(finding: Finding) -> float:

@@ -17,7 +17,7 @@ from hric_assessment.contact.impact import ExpectedContact, expected_contacts
 from hric_assessment.ergonomics.effort import effort, log_dimensionless_jerk
 from hric_bags.parts import Bag
 from hric_bags.reader import FloatArray, RunRecord
-from hric_bags.records.human_record import Event, GripRecord, HumanRecord, read
+from hric_bags.records.human_record import GripRecord, HumanRecord, RecordedHumanEvent, read
 from hric_bags.run_file import Definition, NodeParameters, RunFile
 from hric_core.geometry import Vector
 from hric_core.json_values import from_json
@@ -32,7 +32,7 @@ SETTLES, UNSTABLE = "settles", "unstable"
 
 
 @dataclass(frozen=True)
-class Person:
+class SimulatedPerson:
     """Simulated human of a run.
 
     Attributes:
@@ -233,10 +233,10 @@ class HumanMetrics:
     hand: HandMetrics
     settling: Settling | None
     contacts: tuple[ContactMetrics, ...]
-    events: tuple[Event, ...]
+    events: tuple[RecordedHumanEvent, ...]
 
 
-def analyse(bag: Path | Bag, run: RunFile, description: str, record: RunRecord) -> Person | None:
+def analyse(bag: Path | Bag, run: RunFile, description: str, record: RunRecord) -> SimulatedPerson | None:
     """Analyse the simulated human of a run; None: there was none.
 
     Args:
@@ -250,7 +250,7 @@ def analyse(bag: Path | Bag, run: RunFile, description: str, record: RunRecord) 
     if recorded is None:
         return None
     contacts = tuple(expected_contacts(run, description, record, recorded))
-    return Person(recorded, contacts, transports_in(recorded, definition))
+    return SimulatedPerson(recorded, contacts, transports_in(recorded, definition))
 
 
 def transports_in(record: HumanRecord, definition: Definition) -> list[Transport]:
@@ -259,7 +259,7 @@ def transports_in(record: HumanRecord, definition: Definition) -> list[Transport
     return carrying.transports(record.grips.values(), definition.get("human") or {}, plant)
 
 
-def metrics(person: Person, section: NodeParameters) -> HumanMetrics:
+def metrics(person: SimulatedPerson, section: NodeParameters) -> HumanMetrics:
     """Return the metrics of the person; section: `human` of the experiment, for the body."""
     record = person.record
     hand = hand_positions(record, section)
@@ -291,7 +291,7 @@ def hand_positions(record: HumanRecord, section: NodeParameters) -> FloatArray:
     return np.array([hand.pose(q).position for q in record.position.tolist()])
 
 
-def moved(events: Sequence[Event], time: FloatArray) -> tuple[float, float]:
+def moved(events: Sequence[RecordedHumanEvent], time: FloatArray) -> tuple[float, float]:
     """Return begin and end of the motion from its events; default: those of the recording [s]."""
     begins = [event.time for event in events if event.kind == "started"]
     ends = [event.time for event in events if event.kind == "ended"]
@@ -299,7 +299,7 @@ def moved(events: Sequence[Event], time: FloatArray) -> tuple[float, float]:
     return begin, ends[-1] if ends and ends[-1] > begin else float(time[-1])
 
 
-def _grip(grip: GripRecord, events: Sequence[Event]) -> GripMetrics:
+def _grip(grip: GripRecord, events: Sequence[RecordedHumanEvent]) -> GripMetrics:
     used = effort(grip)
     if used is None:
         return GripMetrics(grip.held, grip.holder, 0.0, None)

@@ -28,7 +28,7 @@ CONDITIONS = {0: "good", 1: "warning", 2: "error", 3: "stale"}
 
 
 @dataclass(frozen=True)
-class Event:
+class RunEvent:
     """Event of a run.
 
     Attributes:
@@ -95,7 +95,7 @@ class Recordings:
 
     signals: list[Signal] = field(default_factory=list)
     moving: list[Moving] = field(default_factory=list)
-    events: list[Event] = field(default_factory=list)
+    events: list[RunEvent] = field(default_factory=list)
     statics: dict[str, tuple[str, list[float], list[float]]] = field(default_factory=dict)
     layouts: dict[str, Any] = field(default_factory=dict)
     statuses: dict[str, Any] = field(default_factory=dict)
@@ -206,7 +206,7 @@ class _Reading:
         return self._result
 
     def _event(self, time: float, kind: str, source: str, text: str) -> None:
-        self._result.events.append(Event(time, kind, source, text))
+        self._result.events.append(RunEvent(time, kind, source, text))
 
     def _mocap(self, topic: str, time: float, message: Any) -> None:
         frame = message.header.frame_id.lstrip("/")

@@ -10,7 +10,7 @@ from hric_bags.records.safety_record import SLOWED, STOPPED, SafetyRecord
 
 
 @dataclass(frozen=True)
-class Interval:
+class TimeInterval:
     """Begin and end of an interval, robot time [s]."""
 
     begin: float
@@ -62,7 +62,7 @@ class SupervisorMetrics:
     share_slowed: float
     scale_mean: float
     separation_min: float | None
-    violations: tuple[Interval, ...]
+    violations: tuple[TimeInterval, ...]
     margin_min_violated: float | None
     latency: Latency
     events: tuple[SupervisorEvent, ...]
@@ -79,7 +79,7 @@ def metrics(record: SafetyRecord | None) -> SupervisorMetrics | None:
         record.share(SLOWED),
         float(np.mean(record.scale)),
         _smallest(record.separation),
-        tuple(Interval(begin, end) for begin, end in record.violations),
+        tuple(TimeInterval(begin, end) for begin, end in record.violations),
         _smallest(record.margin[record.violation]),
         Latency(*np.percentile(late, [50, 99]).tolist()) if len(late) else Latency(None, None),
         tuple(

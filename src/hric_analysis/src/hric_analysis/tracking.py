@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
-from hric_analysis.tracking_record import Frames, States, TrackingRecord
+from hric_analysis.tracking_record import CapturedFrames, States, TrackingRecord
 
 FloatArray = npt.NDArray[np.float64]
 THESIS_ROTATION = ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
@@ -33,7 +33,7 @@ STAMP_WINDOW = 2.0
 
 
 @dataclass(frozen=True)
-class Followed:
+class FollowedMarker:
     """Marker and end effector on a common time axis with n samples.
 
     Attributes:
@@ -67,7 +67,7 @@ class Followed:
 
 def followed(
     record: TrackingRecord, times: FloatArray, ee: FloatArray, R_base_marker: FloatArray, *, catch_up: bool = False
-) -> Followed | None:
+) -> FollowedMarker | None:
     """Resample marker and end effector to a common time axis, from the first marker on; None: no valid marker.
 
     Args:
@@ -96,7 +96,7 @@ def followed(
     stretches = [(int(np.searchsorted(time, a)), int(np.searchsorted(time, min(b, end)))) for a, b in anchors]
     stretches = [(a, b) for a, b in stretches if b - a > 1]
     origins = [path[a] if k == 0 else _target(record.states, float(time[a])) for k, (a, _) in enumerate(stretches)]
-    return Followed(time, path, marker, record.truth is not None, tuple(stretches), tuple(origins))
+    return FollowedMarker(time, path, marker, record.truth is not None, tuple(stretches), tuple(origins))
 
 
 def _target(states: States, time: float) -> FloatArray:
@@ -108,7 +108,7 @@ def _target(states: States, time: float) -> FloatArray:
     return target
 
 
-def _anchors(frames: Frames, states: States, catch_up: bool) -> list[tuple[float, float]]:
+def _anchors(frames: CapturedFrames, states: States, catch_up: bool) -> list[tuple[float, float]]:
     """Return (time of the frame that became the origin, time of the loss) of each stretch [s]."""
     valid = frames.time[frames.valid]
     if valid.size == 0:
@@ -126,7 +126,7 @@ def _anchors(frames: Frames, states: States, catch_up: bool) -> list[tuple[float
     return [*anchors, (begin, np.inf)]
 
 
-def lag_of(data: Followed) -> tuple[float, float] | None:
+def lag_of(data: FollowedMarker) -> tuple[float, float] | None:
     """Return (lag [s], normalised cross-correlation at it); None if the marker or the end effector hardly moves.
 
     The maximum is searched in increments of COARSE steps, then in steps, then by a parabola through the best three.
@@ -146,7 +146,7 @@ def lag_of(data: Followed) -> tuple[float, float] | None:
     return STEP * (best + shift), values[best]
 
 
-def _likeness(data: Followed, lag: int) -> float | None:
+def _likeness(data: FollowedMarker, lag: int) -> float | None:
     """Return the normalised cross-correlation at a lag; None if marker or end effector hardly moves."""
     desired = data.desired(lag)
     both = ~np.isnan(desired[:, 0])
@@ -231,7 +231,7 @@ class Accelerations:
 
 
 @dataclass(frozen=True)
-class Phase:
+class HumanPhase:
     """Phase of the emulated human that starts at a robot time [s]."""
 
     time: float
@@ -264,7 +264,7 @@ class TrackingMetrics:
     ignored: int
     clamped: int
     refused: dict[str, int]
-    phases: tuple[Phase, ...]
+    phases: tuple[HumanPhase, ...]
     first_marker: float | None
     lag: float | None
     correlation: float | None
@@ -273,7 +273,7 @@ class TrackingMetrics:
     acceleration: Accelerations | None
 
 
-def frames_metrics(frames: Frames) -> FramesMetrics:
+def frames_metrics(frames: CapturedFrames) -> FramesMetrics:
     """Return the numbers of received, lost, unordered and untracked frames, their rate and latency."""
     steps = np.diff(frames.number)
     known = frames.latency[np.isfinite(frames.latency)]
@@ -320,7 +320,7 @@ def late_by(speed: FloatArray, apart: FloatArray) -> tuple[float, float]:
 
 
 def metrics(
-    data: Followed | None, record: TrackingRecord, times: FloatArray, ee: FloatArray, R_base_marker: FloatArray
+    data: FollowedMarker | None, record: TrackingRecord, times: FloatArray, ee: FloatArray, R_base_marker: FloatArray
 ) -> TrackingMetrics:
     """Return the metrics of a recording; `times` and `ee` are those of each cycle, not resampled."""
     last, lag, error = record.states.last, None if data is None else lag_of(data), None
@@ -336,7 +336,7 @@ def metrics(
         ignored=int(last.ignored),
         clamped=int(last.clamped),
         refused=dict(zip(map(str, last.refused_reasons), map(int, last.refused_counts), strict=True)),
-        phases=tuple(Phase(time, phase) for time, phase in record.phases),
+        phases=tuple(HumanPhase(time, phase) for time, phase in record.phases),
         first_marker=None if data is None else float(data.time[0]),
         lag=None if lag is None else lag[0],
         correlation=None if lag is None else lag[1],
@@ -346,7 +346,7 @@ def metrics(
     )
 
 
-def _ideal(data: Followed, record: TrackingRecord) -> float | None:
+def _ideal(data: FollowedMarker, record: TrackingRecord) -> float | None:
     """Return the RMS acceleration of the marker [m/s^2]; None: the true motion is not known.
 
     It is computed in the marker's clock: the drift of another clock would distort the motion.
@@ -359,7 +359,7 @@ def _ideal(data: Followed, record: TrackingRecord) -> float | None:
     return acceleration(time, scipy.interpolate.CubicSpline(marker_time, record.truth[1])(time), SMOOTHED)
 
 
-def _accelerations(data: Followed, record: TrackingRecord, times: FloatArray, ee: FloatArray) -> Accelerations:
+def _accelerations(data: FollowedMarker, record: TrackingRecord, times: FloatArray, ee: FloatArray) -> Accelerations:
     use = (times >= data.time[0]) & (times <= data.time[-1])
     measured, smoothed = (acceleration(times[use], ee[use], cycles) for cycles in (1, SMOOTHED))
     ideal = _ideal(data, record)

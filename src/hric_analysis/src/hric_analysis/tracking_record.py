@@ -18,7 +18,7 @@ STATE_TYPE, ROBOT_TYPE = "hric_msgs/msg/MarkerTrackingState", "franka_msgs/msg/F
 
 
 @dataclass(frozen=True)
-class Frames:
+class CapturedFrames:
     """Motion capture frames (n) as they were published.
 
     Attributes:
@@ -76,7 +76,7 @@ class TrackingRecord:
             real robot.
     """
 
-    frames: Frames
+    frames: CapturedFrames
     states: States
     truth: tuple[FloatArray, FloatArray] | None
     phases: tuple[tuple[float, str], ...]
@@ -142,13 +142,13 @@ def _truth(hand: list[Any], robot_time: RobotTime) -> tuple[tuple[FloatArray, Fl
     return (times, np.array([_xyz(message.pose.position) for message in hand])[order]), stamps - stamps[0]
 
 
-def _frames(messages: list[Any], robot_time: RobotTime, body: str) -> Frames:
+def _frames(messages: list[Any], robot_time: RobotTime, body: str) -> CapturedFrames:
     bodies = [
         next((marker_body for marker_body in message.rigid_bodies if body in ("", marker_body.name)), None)
         for message in messages
     ]
     name = body or next((marker_body.name for marker_body in bodies if marker_body is not None), "")
-    return Frames(
+    return CapturedFrames(
         _times(messages, robot_time),
         np.array([message.frame_number for message in messages], dtype=np.int64),
         np.array([b is not None and bool(b.tracking_valid) for b in bodies]),

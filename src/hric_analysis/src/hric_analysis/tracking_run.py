@@ -8,7 +8,7 @@ import numpy.typing as npt
 import scipy
 
 from hric_analysis import tracking, tracking_record
-from hric_analysis.tracking import Followed, TrackingMetrics
+from hric_analysis.tracking import FollowedMarker, TrackingMetrics
 from hric_analysis.tracking_record import TrackingRecord
 from hric_bags.parts import Bag
 from hric_bags.reader import BagError, ControlRecord, RunRecord
@@ -19,7 +19,7 @@ FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Tracking:
+class MarkerTracking:
     """Marker tracking of a run.
 
     Attributes:
@@ -29,11 +29,11 @@ class Tracking:
     """
 
     record: TrackingRecord
-    data: Followed | None
+    data: FollowedMarker | None
     values: TrackingMetrics
 
 
-def analyse(description: str, bag: Path | Bag, run: RunFile, record: RunRecord) -> Tracking | None:
+def analyse(description: str, bag: Path | Bag, run: RunFile, record: RunRecord) -> MarkerTracking | None:
     """Analyse the marker tracking of a run; None: no controller followed a marker.
 
     Args:
@@ -60,7 +60,7 @@ def analyse(description: str, bag: Path | Bag, run: RunFile, record: RunRecord) 
     arm_id = str(parameters.get("arm_id") or "panda")
     ee = tip_positions(description, record.log, f"{arm_id}_link0", f"{arm_id}_link8", tracked.p_flange_ee)
     data = tracking.followed(tracked, record.log.time, ee, R, catch_up=parameters.get("on_return") == "catch_up")
-    return Tracking(tracked, data, tracking.metrics(data, tracked, record.log.time, ee, R))
+    return MarkerTracking(tracked, data, tracking.metrics(data, tracked, record.log.time, ee, R))
 
 
 def tip_positions(description: str, log: ControlRecord, base: str, tip: str, p_tip: FloatArray) -> FloatArray:

@@ -9,12 +9,12 @@ from hric_analysis import collection, collection_record, differences, human, met
 from hric_analysis import tracking_run as tracking_analysis
 from hric_analysis.collection import CollectionMetrics, SourceMetrics, StreamMetrics
 from hric_analysis.differences import Difference
-from hric_analysis.human import HumanMetrics, Person
+from hric_analysis.human import HumanMetrics, SimulatedPerson
 from hric_analysis.metrics import MotionMetrics
 from hric_analysis.stability import Stability
 from hric_analysis.supervised import SupervisorMetrics
 from hric_analysis.tracking import TrackingMetrics
-from hric_analysis.tracking_run import Tracking
+from hric_analysis.tracking_run import MarkerTracking
 from hric_bags.parts import Bag
 from hric_bags.reader import RunRecord
 from hric_bags.records import contact_record, safety_record
@@ -34,7 +34,7 @@ class Reflex:
 
 
 @dataclass(frozen=True)
-class Reference:
+class ReferenceSetup:
     """Reference set-up: its name, and the title for a report."""
 
     name: str
@@ -66,7 +66,7 @@ class RunMetrics(MotionMetrics):
     human: HumanMetrics | None
     supervisor: SupervisorMetrics | None
     tracking: TrackingMetrics | None
-    reference: Reference | None = None
+    reference: ReferenceSetup | None = None
     differences: tuple[Difference, ...] | None = None
 
 
@@ -114,12 +114,12 @@ class Values(Mapping[str, object]):
         return RunMetrics(**{key: self._part(key) for key in self})
 
     @cached_property
-    def followed(self) -> Tracking | None:
+    def followed(self) -> MarkerTracking | None:
         """Marker tracking of the run; None: no marker was followed."""
         return tracking_analysis.analyse(self._description, self._bag, self._run, self._record)
 
     @cached_property
-    def person(self) -> Person | None:
+    def person(self) -> SimulatedPerson | None:
         """Human of the run, with contacts and transports; None: there was none."""
         return human.analyse(self._bag, self._run, self._description, self._record)
 
@@ -143,12 +143,12 @@ class Values(Mapping[str, object]):
         return None if self.person is None else human.metrics(self.person, self._definition["human"] or {})
 
     @cached_property
-    def _compared(self) -> tuple[Reference, tuple[Difference, ...]]:
+    def _compared(self) -> tuple[ReferenceSetup, tuple[Difference, ...]]:
         reference = differences.reference(self._reference)
         setpoints, parameters = self._definition.get("setpoints") or [], self._run.get("parameters") or {}
         controller = parameters.get(setpoints[0]["controller"], {}) if setpoints else {}
         setup = differences.Setup(reference, self._definition.get("robot") or {}, controller, self._motion)
-        return Reference(self._reference, reference["title"]), differences.compare(setup)
+        return ReferenceSetup(self._reference, reference["title"]), differences.compare(setup)
 
     def _stability(self) -> Stability:
         judged = stability.judge(self._run, self._record.log, self._limits)

@@ -183,7 +183,7 @@ class Finding:
 
 
 @dataclass(frozen=True)
-class Figure:
+class UnjudgedValue:
     """Number without a limit: it neither passes nor fails.
 
     Attributes:

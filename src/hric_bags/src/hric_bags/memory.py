@@ -14,7 +14,7 @@ from hric_core.robot_time.stamps import to_time
 
 
 @dataclass(eq=False)
-class Connection:
+class MemoryConnection:
     """Topic of a bag in memory.
 
     Attributes:
@@ -43,15 +43,17 @@ class MemoryBag:
     bag = Path("the messages of this run")
 
     def __init__(self) -> None:
-        self.connections: list[Connection] = []
-        self._by_topic: dict[str, Connection] = {}
-        self._messages: list[tuple[Connection, int, bytes]] = []
+        self.connections: list[MemoryConnection] = []
+        self._by_topic: dict[str, MemoryConnection] = {}
+        self._messages: list[tuple[MemoryConnection, int, bytes]] = []
 
-    def announce(self, topic: str, kind: Any) -> Connection:
+    def announce(self, topic: str, kind: Any) -> MemoryConnection:
         """Return the connection of a topic, made by the first call; kind: class of its messages."""
         if topic not in self._by_topic:
             package, name = kind._type.split("/")
-            made = Connection(len(self.connections), topic, f"{package}/msg/{name}", kind._full_text, kind._md5sum)
+            made = MemoryConnection(
+                len(self.connections), topic, f"{package}/msg/{name}", kind._full_text, kind._md5sum
+            )
             self._by_topic[topic] = made
             self.connections.append(made)
         return self._by_topic[topic]
@@ -74,20 +76,20 @@ class MemoryBag:
         """Return a message as rosbags reads it."""
         return self.typestore.deserialize_ros1(raw, kind)
 
-    def messages(self, connections: Collection[Any] = ()) -> Iterator[tuple[Connection, int, bytes]]:
+    def messages(self, connections: Collection[Any] = ()) -> Iterator[tuple[MemoryConnection, int, bytes]]:
         """Iterate over (connection, recording time [ns], serialised message) of some or all connections."""
         chosen = set(map(id, connections or self.connections))
         return (item for item in self._messages if id(item[0]) in chosen)
 
     def chosen(
-        self, chooses: Callable[[Connection], bool], progress: str = ""
-    ) -> Iterator[tuple[Connection, int, bytes]]:
+        self, chooses: Callable[[MemoryConnection], bool], progress: str = ""
+    ) -> Iterator[tuple[MemoryConnection, int, bytes]]:
         """Iterate over the messages of the connections that `chooses` accepts; progress: ignored."""
         selected = [connection for connection in self.connections if chooses(connection)]
         return self.messages(selected) if selected else iter(())
 
     @property
-    def topics(self) -> dict[str, Connection]:
+    def topics(self) -> dict[str, MemoryConnection]:
         """Topics by name, with their message counts."""
         return {connection.topic: connection for connection in self.connections if connection.msgcount}
 

@@ -150,7 +150,7 @@ def _check_file(path: Path) -> None:
         raise BagError(f"no bag {path.name} in {path.parent}{hint}")
 
 
-class Messages:
+class RunMessages:
     """Collector of the messages that a report needs, in the order of the bag.
 
     They may be messages as rosbags reads them, or as ROS had them when they were written.
@@ -213,7 +213,7 @@ class Messages:
         )
 
 
-def read(bag: Path | Bag, known: Messages | None = None) -> RunRecord:
+def read(bag: Path | Bag, known: RunMessages | None = None) -> RunRecord:
     """Read a bag with all its parts.
 
     Args:
@@ -225,7 +225,7 @@ def read(bag: Path | Bag, known: Messages | None = None) -> RunRecord:
     """
     with opened(bag) as reader:
         if known is None:
-            known = Messages()
+            known = RunMessages()
             for connection, stamp, raw in reader.chosen(lambda c: c.msgtype in TYPES):
                 known.add(connection.topic, connection.msgtype, stamp, reader.deserialize(raw, connection.msgtype))
         return known.record(reader)

@@ -34,7 +34,7 @@ def stopping_time(scale: float) -> float:
     return scale / RATE + RATE / ACCELERATION
 
 
-class Request(NamedTuple):
+class ScaleRequest(NamedTuple):
     """Limits that a supervisor requests of the robot.
 
     Attributes:
@@ -50,7 +50,7 @@ class Request(NamedTuple):
     force: float = math.inf
     valid_for: float = math.inf
 
-    def check(self) -> "Request":
+    def check(self) -> "ScaleRequest":
         """Return the request if it is valid. Raises CommandError."""
         if not 0.0 <= self.scale <= 1.0:
             raise CommandError(f"speed scale is {self.scale}; valid: 0 to 1")
@@ -60,7 +60,7 @@ class Request(NamedTuple):
         return self
 
 
-UNLIMITED = Request()
+UNLIMITED = ScaleRequest()
 """Request that limits nothing and never expires: it gives a lease back."""
 LONGEST_LEASE = 3600.0
 """Longest time without another request of a holder [s], so that no limit outlives a lost holder for long.
@@ -73,15 +73,15 @@ All others, and those without a name, share the lease `OTHERS`, in which a reque
 OTHERS = "others"
 
 
-def _smaller(before: Request | None, request: Request) -> Request:
+def _smaller(before: ScaleRequest | None, request: ScaleRequest) -> ScaleRequest:
     """Return the smaller of each limit."""
-    return request if before is None else Request(*map(min, before, request))
+    return request if before is None else ScaleRequest(*map(min, before, request))
 
 
 class _Lease(NamedTuple):
     """Request of a holder and the time at which it expires [s of robot time]."""
 
-    request: Request
+    request: ScaleRequest
     expires: float
 
 
@@ -105,7 +105,7 @@ class SpeedScale:
         self.value, self._rate, self.target = 1.0, 0.0, 1.0
         self.stiffness = self.force = self._next_expiry = math.inf
         self._now = -math.inf
-        self._pending: dict[str, Request] = {}
+        self._pending: dict[str, ScaleRequest] = {}
         self._leases: dict[str, _Lease] = {}
         self.active, self.holder = False, ""
         self.lost: tuple[str, ...] = ()
@@ -115,7 +115,7 @@ class SpeedScale:
         """True if the robot stops because a holder's lease has expired."""
         return bool(self.lost)
 
-    def request(self, request: Request, holder: str = "") -> None:
+    def request(self, request: ScaleRequest, holder: str = "") -> None:
         """Replace the previous request of this holder. Raises CommandError."""
         request.check()
         self._pending[holder] = _smaller(self._pending.get(holder), request) if holder == OTHERS else request

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from hric_control.speed_scale import OTHERS, Request, SpeedScale
+from hric_control.speed_scale import OTHERS, ScaleRequest, SpeedScale
 from hric_core import realtime
 from hric_core.node import Node, publisher_of
 from hric_core.robot_time import stamps
@@ -32,7 +32,7 @@ class SpeedScaleTopics:
     def _on_request(self, message: Any) -> None:
         """Pass a request on. An invalid one is refused; the publisher's last one stays until it expires."""
         valid_for = message.valid_for or math.inf
-        request = Request(message.scale, message.stiffness, message.force, valid_for)
+        request = ScaleRequest(message.scale, message.stiffness, message.force, valid_for)
         self._scale.request(request, publisher_of(message) or OTHERS)
         self._request.set(message.header.stamp)
 

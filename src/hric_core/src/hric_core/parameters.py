@@ -25,7 +25,7 @@ Kinds: `number`, `whole`, `flag`, `text`, `choice`, `numbers` (a list of them), 
 `mapping` (to anything, or to a kind), `section` (nested Settings), `variant` (of several Settings, by a word in them),
 `per_joint` (one value, a list, or a mapping by joint), `either` (the first kind that fits), `anything`. Each has a
 default; without one the parameter is required, with None it may be left out. The other arguments of all kinds are those
-of `About`. `Settings.defaults` may give defaults of a file.
+of `ParameterOptions`. `Settings.defaults` may give defaults of a file.
 
 Text such as 1e-3, which YAML 1.1 does not take for a number, is one; a bool is none; NaN and infinity are refused, and
 without a maximum of its own what is larger than any value of the unit can be (`magnitudes`).
@@ -57,7 +57,7 @@ Convert = Callable[[Any, str, Sequence[str]], Any]
 """Converter (value, its full name, the joints) -> checked value; a ValueError refuses the value."""
 
 
-class About(TypedDict, total=False):
+class ParameterOptions(TypedDict, total=False):
     """Options of parameters of all kinds.
 
     Attributes:
@@ -108,7 +108,7 @@ class Parameter:
 
     Attributes:
         shape: JSON schema of its values, without range and text; by default anything.
-        nested: settings of a section. The others: see `About`.
+        nested: settings of a section. The others: see `ParameterOptions`.
     """
 
     kind: str
@@ -441,7 +441,7 @@ def _shape(**schema: Any) -> Callable[[], JsonSchema]:
     return lambda: dict(schema)
 
 
-def number(default: Any = REQUIRED, **about: Unpack[About]) -> Any:
+def number(default: Any = REQUIRED, **about: Unpack[ParameterOptions]) -> Any:
     """Declare a finite number."""
     shape = _shape(type="number")
     return Parameter(
@@ -449,12 +449,12 @@ def number(default: Any = REQUIRED, **about: Unpack[About]) -> Any:
     )
 
 
-def whole(default: Any = REQUIRED, **about: Unpack[About]) -> Any:
+def whole(default: Any = REQUIRED, **about: Unpack[ParameterOptions]) -> Any:
     """Declare a whole number."""
     return Parameter("int", "a whole number", _integer, default, shape=_shape(type="integer"), **about)
 
 
-def flag(default: Any = REQUIRED, **about: Unpack[About]) -> Any:
+def flag(default: Any = REQUIRED, **about: Unpack[ParameterOptions]) -> Any:
     """Declare a boolean."""
     return Parameter("bool", "true or false", _flag, default, shape=_shape(type="boolean"), **about)
 
@@ -465,7 +465,7 @@ def text(
     valid: str = "a text",
     empty: bool = True,
     figures: bool = False,
-    **about: Unpack[About],
+    **about: Unpack[ParameterOptions],
 ) -> Any:
     """Declare a text or path; `empty`: may be empty; `figures`: also 4.1, a YAML number; `valid`: text for errors."""
     types = (Path, int, float) if figures else Path
@@ -480,7 +480,7 @@ def text(
     return Parameter("string", valid if empty else f"{valid} that is not empty", convert, default, shape=shape, **about)
 
 
-def choice(*valid: str, default: Any = ..., **about: Unpack[About]) -> Any:
+def choice(*valid: str, default: Any = ..., **about: Unpack[ParameterOptions]) -> Any:
     """Declare one of several words, by default the first."""
 
     def convert(value: Any, where: str, joints: Sequence[str]) -> str:
@@ -500,7 +500,7 @@ def listing(
     *,
     different: bool = False,
     single: bool = False,
-    **about: Unpack[About],
+    **about: Unpack[ParameterOptions],
 ) -> Any:
     """Declare a list of values of a kind, as a tuple; None counts as empty.
 
@@ -550,7 +550,7 @@ def _label(item: Any, index: int) -> Any:
 
 
 def numbers(
-    count: int | Iterable[int] = (), default: Any = REQUIRED, *, single: bool = False, **about: Unpack[About]
+    count: int | Iterable[int] = (), default: Any = REQUIRED, *, single: bool = False, **about: Unpack[ParameterOptions]
 ) -> Any:
     """Declare a list of finite numbers, as a tuple; `single`: a single number counts as a list."""
     counts = (count,) if isinstance(count, int) else tuple(count)
@@ -562,7 +562,7 @@ def numbers(
     return Parameter(f"list of {many}floats", f"a list of {many}finite numbers", convert, default, shape=shape, **about)
 
 
-def names(count: int | Iterable[int] | None = None, default: Any = REQUIRED, **about: Unpack[About]) -> Any:
+def names(count: int | Iterable[int] | None = None, default: Any = REQUIRED, **about: Unpack[ParameterOptions]) -> Any:
     """Declare a list of different, non-empty texts, at least one, as a tuple; a single text counts as a list."""
     counts = () if count is None else (count,) if isinstance(count, int) else tuple(count)
     many, item = _many(counts), text(empty=False)
@@ -571,12 +571,12 @@ def names(count: int | Iterable[int] | None = None, default: Any = REQUIRED, **a
     return made
 
 
-def anything(default: Any = REQUIRED, **about: Unpack[About]) -> Any:
+def anything(default: Any = REQUIRED, **about: Unpack[ParameterOptions]) -> Any:
     """Declare a parameter of any value."""
     return Parameter("any", "anything", lambda value, where, joints: value, default, **about)
 
 
-def mapping(of: Parameter | None = None, default: Any = REQUIRED, **about: Unpack[About]) -> Any:
+def mapping(of: Parameter | None = None, default: Any = REQUIRED, **about: Unpack[ParameterOptions]) -> Any:
     """Declare a mapping of names to anything, or to values of a kind, as a shallow copy; None counts as empty."""
 
     def convert(value: Any, where: str, joints: Sequence[str]) -> dict[str, object]:
@@ -599,7 +599,7 @@ def mapping(of: Parameter | None = None, default: Any = REQUIRED, **about: Unpac
     return Parameter("mapping", accepts, convert, default, shape=shape, **about)
 
 
-def section(of: type[Settings], default: Any = (), **about: Unpack[About]) -> Any:
+def section(of: type[Settings], default: Any = (), **about: Unpack[ParameterOptions]) -> Any:
     """Declare nested settings, by default with their own defaults."""
 
     def convert(value: Any, where: str, joints: Sequence[str]) -> Settings:
@@ -618,7 +618,7 @@ def variant(
     kinds: Mapping[str, type[Settings]],
     usual: str = "",
     default: Any = REQUIRED,
-    **about: Unpack[About],
+    **about: Unpack[ParameterOptions],
 ) -> Any:
     """Declare nested settings whose kind is given by the word at `key`; usual: word if there is none."""
 
@@ -646,7 +646,9 @@ def variant(
     return Parameter("mapping", accepts, convert, default, shape=shape, **about)
 
 
-def per_joint(of: Parameter, default: Any = REQUIRED, *, others: Any = REQUIRED, **about: Unpack[About]) -> Any:
+def per_joint(
+    of: Parameter, default: Any = REQUIRED, *, others: Any = REQUIRED, **about: Unpack[ParameterOptions]
+) -> Any:
     """Declare a value for each joint, as a tuple, from one for all, a list in the joints' order, or a mapping by joint.
 
     `others` is for joints that a mapping does not name, one value or a tuple of all; without it all must be named.
@@ -684,7 +686,7 @@ def _by_joint(value: Mapping[str, object], where: str, joints: Sequence[str], ot
     return [value.get(joint, other) for joint, other in zip(joints, rest, strict=True)]
 
 
-def either(*kinds: Parameter, default: Any = REQUIRED, **about: Unpack[About]) -> Any:
+def either(*kinds: Parameter, default: Any = REQUIRED, **about: Unpack[ParameterOptions]) -> Any:
     """Declare a value of the first matching kind."""
 
     def convert(value: Any, where: str, joints: Sequence[str]) -> Any:

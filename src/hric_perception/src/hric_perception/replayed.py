@@ -60,7 +60,7 @@ class RecentRows(Generic[Row]):
             return list(self._rows)
 
 
-class Track(RecentRows[FloatArray]):
+class ValueTrack(RecentRows[FloatArray]):
     """Values at increasing times, shape (columns,) each, linear in between, constant before and after.
 
     Args:

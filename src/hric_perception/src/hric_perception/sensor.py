@@ -12,7 +12,7 @@ from hric_perception.replayed import START_TOPIC
 from hric_perception.sampled import Closable, DeviceSettings, DriverSettings
 from hric_perception.sent import SentCounts
 from hric_perception.simulated import KnownTime
-from hric_perception.stream import ERROR, OK, WARN, Health, SampleStream, StreamHealth
+from hric_perception.stream import ERROR, OK, WARN, SampleStream, StreamHealth, StreamReport
 
 
 class SensorNode(NodeApp):
@@ -91,13 +91,13 @@ class EmulatedNode(NodeApp):
         sends = isinstance(self._source, Emulator)
         values = {"samples sent": str(sensor.sent), "samples dropped": str(sensor.dropped)} if sends else {}
         if self._robot_time.standing:
-            health = Health(WARN, "the run is paused or has not begun", values)
+            health = StreamReport(WARN, "the run is paused or has not begun", values)
         elif self._clock.now() is None:
-            health = Health(WARN, "nothing is known of the human in the robot's plant", values)
+            health = StreamReport(WARN, "nothing is known of the human in the robot's plant", values)
         elif replayed is not None and replayed.waits:
-            health = Health(OK, f"streams; the trial begins with the emulated human, {START_TOPIC}", values)
+            health = StreamReport(OK, f"streams; the trial begins with the emulated human, {START_TOPIC}", values)
         else:
-            health = Health(OK, "streams", values)
+            health = StreamReport(OK, "streams", values)
         self._reporter.report(health)
 
     def close(self) -> None:
@@ -133,7 +133,7 @@ class Reporter:
         self._publisher = node.advertise("/diagnostics", DiagnosticArray)
         self._level = OK
 
-    def report(self, health: Health) -> None:
+    def report(self, health: StreamReport) -> None:
         """Publish a health report, and log each change of its level."""
         if health.level != self._level:
             self._level = health.level

@@ -30,7 +30,7 @@ BREAK = 1.5
 """Difference between stamps that is a gap, in sample periods more than the others (project default, unconfirmed)."""
 
 
-class Health(NamedTuple):
+class StreamReport(NamedTuple):
     """Level, text and values of a health report."""
 
     level: int
@@ -103,7 +103,7 @@ class StreamHealth:
         self._last = time.monotonic()
         self._event_once("samples arrive, but robot time is not known yet")
 
-    def report(self, standing: bool = False) -> Health:
+    def report(self, standing: bool = False) -> StreamReport:
         """Return the health report. standing: the run is paused, and an emulated source with it."""
         now = time.monotonic()
         values = {
@@ -117,14 +117,14 @@ class StreamHealth:
         recent = list(dict.fromkeys(text for at, text in list(self._events) if at > now - MEMORY))
         if self._trouble or self._layout is None:
             starts = not self.begun and now - self._made < START
-            return Health(WARN if starts else ERROR, "; ".join([self._trouble, *recent]), values)
+            return StreamReport(WARN if starts else ERROR, "; ".join([self._trouble, *recent]), values)
         if now - self._last > SILENT:
             if standing:
-                return Health(WARN, "the run is paused or has not begun; no samples", values)
-            return Health(ERROR, f"{self._layout.source} has been silent for {now - self._last:.1f} s", values)
+                return StreamReport(WARN, "the run is paused or has not begun; no samples", values)
+            return StreamReport(ERROR, f"{self._layout.source} has been silent for {now - self._last:.1f} s", values)
         if recent:
-            return Health(WARN, "; ".join(recent), values)
-        return Health(
+            return StreamReport(WARN, "; ".join(recent), values)
+        return StreamReport(
             OK, f"{self._layout.source}: {len(self._layout.channels)} channels at {self._layout.rate:g} Hz", values
         )
 

@@ -41,7 +41,7 @@ SMALL = 5e-3
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 ROW, ALONE = 24.0, 52.0
 """Height of a panel in a figure with several rows, and in a figure with one row [mm]."""
-Sheets: TypeAlias = "dict[Layout, tuple[Drawing, list[Axes]]]"
+Sheets: TypeAlias = "dict[PanelLayout, tuple[Drawing, list[Axes]]]"
 STYLE = {
     "axes.grid": True,
     "axes.linewidth": 0.6,
@@ -65,7 +65,7 @@ STYLE = {
 }
 
 
-class Layout(NamedTuple):
+class PanelLayout(NamedTuple):
     """Arrangement of panels: their number, columns, figure width and top margin [mm], and equal scales of all axes."""
 
     panels: int
@@ -154,7 +154,7 @@ def drawn(figure: Figure, sheets: Sheets) -> Drawing:
     # Fixed margins: matplotlib's layout engines take longer than all the drawing.
     per_row, legend_rows = _legend_rows(names, width)
     top = TOP + TITLE * any(panel.title for panel in figure.panels) + LEGEND * legend_rows
-    layout = Layout(count, columns, width, top, equal=figure.equal)
+    layout = PanelLayout(count, columns, width, top, equal=figure.equal)
     if layout in sheets:
         _wipe(*sheets[layout])
     else:
@@ -169,7 +169,7 @@ def drawn(figure: Figure, sheets: Sheets) -> Drawing:
     return drawing
 
 
-def _sheet(layout: Layout) -> tuple[Drawing, list[Axes]]:
+def _sheet(layout: PanelLayout) -> tuple[Drawing, list[Axes]]:
     """Return a drawing with empty panels, and their axes."""
     count, columns, width, top, equal = layout
     rows = -(-count // columns)

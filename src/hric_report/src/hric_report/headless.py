@@ -13,7 +13,7 @@ from std_msgs.msg import String
 from hric_assessment.typed_json import JsonObject
 from hric_bags import files
 from hric_bags.files import FileError
-from hric_bags.reader import Messages
+from hric_bags.reader import RunMessages
 from hric_bags.run_file import RunFile, RunNotes
 from hric_bags.run_folder import COMPLETED, INTERRUPTED, RunFolder, iso_now
 from hric_bags.text import Steps
@@ -26,7 +26,7 @@ from hric_run.simulation import Simulation
 
 
 @dataclass(frozen=True)
-class Result:
+class HeadlessResult:
     """Result of a headless run.
 
     Attributes:
@@ -48,7 +48,7 @@ def run(
     root: Path,
     progress: bool = True,
     figures: bool = True,
-) -> Result:
+) -> HeadlessResult:
     """Run an experiment and analyse it.
 
     Args:
@@ -75,13 +75,13 @@ def run(
         shown = step if progress and sys.stderr.isatty() else str
         metrics = analyse(folder, figures=figures, step=shown, known=messages)
     folder.update(state_sha256=metrics["state_sha256"])
-    return Result(folder, metrics, interrupted)
+    return HeadlessResult(folder, metrics, interrupted)
 
 
-def _record(simulation: Simulation, folder: RunFolder, progress: bool) -> tuple[Messages, bool]:
+def _record(simulation: Simulation, folder: RunFolder, progress: bool) -> tuple[RunMessages, bool]:
     """Run the simulation and write the bag; return the messages for the report, and True if it was interrupted."""
     app, node = simulation.app, simulation.node
-    interrupted, messages = False, Messages()
+    interrupted, messages = False, RunMessages()
     failure: HricError | None = None
     with BagWriter(folder.bag_path) as bag:
 

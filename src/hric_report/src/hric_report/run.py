@@ -3,12 +3,12 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from hric_analysis.human import Person
+from hric_analysis.human import SimulatedPerson
 from hric_analysis.values import Values
 from hric_assessment.typed_json import JsonObject
 from hric_bags import files
 from hric_bags import reader as bag_reader
-from hric_bags.reader import Messages, RunRecord
+from hric_bags.reader import RunMessages, RunRecord
 from hric_bags.run_file import RunFile, robot_parameters
 from hric_bags.run_folder import RunFolder
 from hric_control.plants import WindowlessConfig
@@ -26,7 +26,7 @@ def analyse(
     *,
     figures: bool = True,
     step: Callable[[str], object] = str,
-    known: Messages | None = None,
+    known: RunMessages | None = None,
 ) -> JsonObject:
     """Write metrics.json, summary.txt and the figures of a run, overwriting old files; return the metrics.
 
@@ -67,7 +67,7 @@ def analyse(
     return {**to_json(result), "report": report}
 
 
-def _export(folder: RunFolder, run: RunFile, record: RunRecord, person: Person | None) -> None:
+def _export(folder: RunFolder, run: RunFile, record: RunRecord, person: SimulatedPerson | None) -> None:
     """Write the files that OpenSim's tools replay, for a run on the OpenSim plant."""
     definition = run.get("definition") or {}
     if (definition.get("robot") or {}).get("plant_type") != OPENSIM:

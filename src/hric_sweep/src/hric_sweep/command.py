@@ -14,13 +14,13 @@ from tqdm import tqdm
 from hric_core.command import Argument, Command, perform
 from hric_core.errors import NOT_GOOD, HricError
 from hric_sweep import definition, table
-from hric_sweep.definition import Plan
-from hric_sweep.engines.engine import Engine, same
+from hric_sweep.definition import SweepPlan
+from hric_sweep.engines.engine import SweepEngine, same
 from hric_sweep.engines.make import engine_arguments, engine_session, resume_command
 from hric_sweep.folder import create, opened
 from hric_sweep.journal import Journal
 from hric_sweep.records import ReferenceRun
-from hric_sweep.supervisor import Supervisor
+from hric_sweep.supervisor import SweepSupervisor
 
 
 class SweepCommand(Command):
@@ -72,7 +72,7 @@ def _resume_study(folder: Path, arguments: argparse.Namespace) -> int:
     return running.resume(folder, progress=not arguments.quiet)
 
 
-def _run(folder: Path | None, plan: Plan, before: ReferenceRun | None, options: argparse.Namespace) -> int:
+def _run(folder: Path | None, plan: SweepPlan, before: ReferenceRun | None, options: argparse.Namespace) -> int:
     """Run a new sweep, or resume one: `folder` and `before` are its folder and its reference run."""
     memory, total, started = 1e9 * plan.section.memory, plan.sampler().total, None
     with engine_session(options, memory, total, lambda: resume_command(started)) as engine:
@@ -90,7 +90,7 @@ def _run(folder: Path | None, plan: Plan, before: ReferenceRun | None, options: 
     return NOT_GOOD if any(row.failure for row in supervisor.rows.values()) else 0
 
 
-def _probe(plan: Plan, engine: Engine, code: str) -> None:
+def _probe(plan: SweepPlan, engine: SweepEngine, code: str) -> None:
     """Probe the variables. Raises HricError: a variable has no effect, or the experiment refuses its values."""
     from hric_sweep import probe
 
@@ -99,7 +99,9 @@ def _probe(plan: Plan, engine: Engine, code: str) -> None:
         print(f"warning: {warning}", file=sys.stderr)
 
 
-def _supervise(folder: Path, plan: Plan, journal: Journal, engine: Engine, code: str, quiet: bool) -> Supervisor:
+def _supervise(
+    folder: Path, plan: SweepPlan, journal: Journal, engine: SweepEngine, code: str, quiet: bool
+) -> SweepSupervisor:
     from hric_sweep.page import build as page
 
     def show(folder: Path) -> None:
@@ -107,7 +109,7 @@ def _supervise(folder: Path, plan: Plan, journal: Journal, engine: Engine, code:
             page.write(folder, running=True)
 
     with closing(tqdm(total=plan.sampler().total, unit=" runs", disable=quiet or None)) as bar:
-        supervisor = Supervisor(plan, folder, journal, engine, code, lambda _: bar.update(), show)
+        supervisor = SweepSupervisor(plan, folder, journal, engine, code, lambda _: bar.update(), show)
         try:
             supervisor.run()
         finally:

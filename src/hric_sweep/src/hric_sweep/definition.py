@@ -30,7 +30,7 @@ from hric_core.parameters import (
 from hric_run.definition import experiment, overrides
 from hric_run.definition.experiment import ExperimentError
 from hric_run.definition.overrides import in_yaml, once
-from hric_sweep.outputs import Output
+from hric_sweep.outputs import SweepOutput
 from hric_sweep.records import PlainData, RunTask
 from hric_sweep.registry import FileSettings, file_of, imported
 from hric_sweep.samplers.make import SAMPLER, make
@@ -148,7 +148,7 @@ class SweepSection(FileSettings):
         text="end of a run: the duration of the experiment; or the end of the first contact with the person, at the "
         "latest 1 s after its start, and without a contact 1 s before the duration",
     )
-    outputs: Mapping[str, Output] = mapping(section(Output), text="numbers of each run, by name")
+    outputs: Mapping[str, SweepOutput] = mapping(section(SweepOutput), text="numbers of each run, by name")
     exceedance: Exceedance | None = section(Exceedance, None, text="event whose probability is estimated")
     objective: Objective | None = section(Objective, None, text="objective of a search")
     timeout: float = number(
@@ -197,7 +197,7 @@ class Sweep(FileSettings):
 
 
 @dataclass(frozen=True)
-class Plan:
+class SweepPlan:
     """Checked sweep that is ready to run.
 
     Attributes:
@@ -271,7 +271,7 @@ def names() -> list[str]:
     return experiment.names("sweeps")
 
 
-def load(name: str, *, quick: bool = False) -> Plan:
+def load(name: str, *, quick: bool = False) -> SweepPlan:
     """Read and check a sweep, including everything that its runs need.
 
     Args:
@@ -296,7 +296,7 @@ def find(name: str) -> Path:
     return file_of(name, "sweep", experiment.config_path("sweeps"))
 
 
-def plan(name: str, content: PlainData, *, quick: bool = False, base: PlainData | None = None) -> Plan:
+def plan(name: str, content: PlainData, *, quick: bool = False, base: PlainData | None = None) -> SweepPlan:
     """Check the content of a sweep file, its experiment, and one run with all variables at their medians.
 
     Args:
@@ -309,7 +309,7 @@ def plan(name: str, content: PlainData, *, quick: bool = False, base: PlainData 
         ExperimentError: mistakes, all of them at once.
     """
     mistakes = Mistakes()
-    made: Plan | None = None
+    made: SweepPlan | None = None
     try:
         with _noted(mistakes):
             sweep = replace(Sweep.of(content, ""), name=name)
@@ -318,7 +318,7 @@ def plan(name: str, content: PlainData, *, quick: bool = False, base: PlainData 
                 sweep = replace(Sweep.of(content, ""), name=name)
             base = experiment.read(sweep.extends) if base is None else base
             space = Space(sweep.sweep.vary, sweep.sweep.correlation)
-            made = Plan(sweep, _plain({**content}), _plain(base), space)
+            made = SweepPlan(sweep, _plain({**content}), _plain(base), space)
         _check_names(content, mistakes)
         fits = _check_paths(content, base, mistakes)
         if made is not None:
@@ -386,7 +386,7 @@ def _check_paths(content: PlainData, base: PlainData | None, mistakes: Mistakes)
     return fits
 
 
-def _check_run(checked: Plan, mistakes: Mistakes) -> None:
+def _check_run(checked: SweepPlan, mistakes: Mistakes) -> None:
     """Refuse an experiment that is invalid with all variables at their medians."""
     with _noted(mistakes, "a run with all variables at their medians: "):
         changes = written(checked.changes(checked.middle()))

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from queue import SimpleQueue
 
-from hric_sweep.engines.engine import Died, Engine, TimedOut, arrived
+from hric_sweep.engines.engine import Died, SweepEngine, TimedOut, arrived
 from hric_sweep.journal import Journal
 from hric_sweep.records import RunResponse, RunTask
 
@@ -24,7 +24,7 @@ Ended = tuple[Future[RunResponse], RunTask, int]
 
 def execute(
     tasks: Sequence[RunTask],
-    engine: Engine,
+    engine: SweepEngine,
     journal: Journal | None,
     on_response: Callable[[RunResponse], object] = lambda response: None,
     on_check: Callable[[], object] = lambda: None,
@@ -83,7 +83,7 @@ def _uninterrupted() -> Iterator[None]:
 
 
 def _executed(
-    tasks: Sequence[RunTask], engine: Engine, on_check: Callable[[], object]
+    tasks: Sequence[RunTask], engine: SweepEngine, on_check: Callable[[], object]
 ) -> Iterator[list[tuple[RunTask, RunResponse]]]:
     """Yield finished tasks with their responses, in one list per check of the queue."""
     waiting: deque[tuple[RunTask, int]] = deque((task, 1) for task in tasks)
@@ -116,5 +116,5 @@ def _executed(
         on_check()
 
 
-def _begin(engine: Engine, task: RunTask, attempt: int, ended: "SimpleQueue[Ended]") -> None:
+def _begin(engine: SweepEngine, task: RunTask, attempt: int, ended: "SimpleQueue[Ended]") -> None:
     engine.submit(task).add_done_callback(lambda future: ended.put((future, task, attempt)))

@@ -7,13 +7,13 @@ from hric_bags.run_folder import RunFolder, iso_now
 from hric_core.parameters import read_yaml
 from hric_run import provenance
 from hric_sweep import definition
-from hric_sweep.definition import Plan
+from hric_sweep.definition import SweepPlan
 from hric_sweep.records import PlainData, ReferenceRun
 
 FILE = "sweep.yaml"
 
 
-def create(plan: Plan, reference: ReferenceRun, root: Path) -> Path:
+def create(plan: SweepPlan, reference: ReferenceRun, root: Path) -> Path:
     """Create the run folder of a sweep with sweep.yaml in the folder of all runs; return its path."""
     folder = RunFolder.create(root, plan.name).path
     content = {
@@ -38,7 +38,7 @@ def provenance_of(code: str) -> PlainData:
     }
 
 
-def opened(folder: Path) -> tuple[Plan, ReferenceRun]:
+def opened(folder: Path) -> tuple[SweepPlan, ReferenceRun]:
     """Return the plan and the reference run of an existing sweep.
 
     Raises:

@@ -18,7 +18,7 @@ from hric_bags.reader import (
     STATE_TYPE,
     TYPES,
     ControlRecord,
-    Messages,
+    RunMessages,
     RunRecord,
 )
 from hric_bags.reader import read as read_record
@@ -65,7 +65,7 @@ class Observed:
 
     def __init__(self, simulation: Simulation, groups: Collection[str]) -> None:
         self._simulation, self._groups = simulation, groups
-        self._bag, self._messages = MemoryBag(), Messages()
+        self._bag, self._messages = MemoryBag(), RunMessages()
         needed = [NEEDS.get(group, ALL) for group in groups]
         self._types = None if None in needed else {kind for kinds in needed if kinds for kind in kinds}
         for topic, message, at in simulation.early:

@@ -35,7 +35,7 @@ COUNT = "count"
 
 
 @dataclass(frozen=True)
-class Output(FileSettings):
+class SweepOutput(FileSettings):
     """Definition of one number that each run yields."""
 
     path: str = text(

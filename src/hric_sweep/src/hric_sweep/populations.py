@@ -27,7 +27,7 @@ HALVINGS = 60
 """Steps of the bisection that inverts the distribution of a mixture: enough for the precision of a double."""
 
 
-class Spread(Protocol):
+class QuantityDistribution(Protocol):
     """Distribution of a quantity in a population."""
 
     def ppf(self, u: FloatArray) -> FloatArray:
@@ -64,7 +64,7 @@ class Quantity(Settings):
     shape: str = choice("normal", "log_normal", text="shape of the distribution")
     anchors: tuple[Anchor, ...] = listing(section(Anchor), 2, text="percentiles that it passes through")
 
-    def spread(self, name: str) -> Spread:
+    def spread(self, name: str) -> QuantityDistribution:
         """Return the distribution of a quantity in QUANTITIES: the normal or log-normal one through the anchors."""
         values = np.array([anchor.of_quantity(name) for anchor in self.anchors])
         scores = stats.norm.ppf([anchor.percentile / 100.0 for anchor in self.anchors])
@@ -72,7 +72,7 @@ class Quantity(Settings):
         ends = np.log(values) if log else values
         std = (ends[1] - ends[0]) / (scores[1] - scores[0])
         mean = ends[0] - std * scores[0]
-        frozen: Spread = stats.lognorm(std, scale=np.exp(mean)) if log else stats.norm(mean, std)
+        frozen: QuantityDistribution = stats.lognorm(std, scale=np.exp(mean)) if log else stats.norm(mean, std)
         return frozen
 
 
@@ -98,7 +98,7 @@ class Mixture:
         parts: share of each group with its distribution; the shares are normalised to a sum of 1.
     """
 
-    def __init__(self, parts: list[tuple[float, Spread]]) -> None:
+    def __init__(self, parts: list[tuple[float, QuantityDistribution]]) -> None:
         total = sum(share for share, _ in parts)
         self._parts = [(share / total, spread) for share, spread in parts]
 
@@ -125,7 +125,7 @@ def names() -> tuple[str, ...]:
 
 
 @cache
-def quantity(of: str, name: str) -> Spread:
+def quantity(of: str, name: str) -> QuantityDistribution:
     """Return the distribution of a quantity in a population.
 
     Args:

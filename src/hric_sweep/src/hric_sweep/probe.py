@@ -13,8 +13,8 @@ import numpy as np
 from hric_core.errors import ParameterError, message_about
 from hric_core.parameters import Mistakes
 from hric_run.definition.experiment import ExperimentError
-from hric_sweep.definition import ROW, Plan
-from hric_sweep.engines.engine import Died, Engine, TimedOut
+from hric_sweep.definition import ROW, SweepPlan
+from hric_sweep.engines.engine import Died, SweepEngine, TimedOut
 from hric_sweep.records import PlainData, RunResponse
 from hric_sweep.variables import Variable
 
@@ -25,7 +25,7 @@ MAX_REFUSED = 1
 
 
 @dataclass(frozen=True)
-class Trial:
+class ProbeRun:
     """Run of the probe: value of its variable, and the response."""
 
     value: Any
@@ -37,7 +37,7 @@ class Trial:
         return *self.response.outputs.items(), self.response.failure
 
 
-def probe(plan: Plan, engine: Engine, code: str) -> list[str]:
+def probe(plan: SweepPlan, engine: SweepEngine, code: str) -> list[str]:
     """Test all variables and return warnings for the user.
 
     Args:
@@ -54,7 +54,7 @@ def probe(plan: Plan, engine: Engine, code: str) -> list[str]:
     responses = iter(_responses(plan, engine, code, runs))
     central, mistakes, warnings = next(responses), Mistakes(), []
     for name, (low, high) in points.items():
-        trials = [Trial(low, next(responses)), Trial(middle[name], central), Trial(high, next(responses))]
+        trials = [ProbeRun(low, next(responses)), ProbeRun(middle[name], central), ProbeRun(high, next(responses))]
         with mistakes.noted():
             warnings += _judged(plan, name, trials)
     try:
@@ -64,7 +64,7 @@ def probe(plan: Plan, engine: Engine, code: str) -> list[str]:
     return warnings
 
 
-def runs_of(plan: Plan) -> int:
+def runs_of(plan: SweepPlan) -> int:
     """Return the number of runs of the probe."""
     return 1 + 2 * sum(bool(_ends(variable)) for variable in plan.section.vary.values())
 
@@ -79,7 +79,7 @@ def _ends(variable: Variable) -> tuple[Any, Any] | None:
     return None if last is None else (values[0], last)
 
 
-def _responses(plan: Plan, engine: Engine, code: str, runs: list[PlainData]) -> list[RunResponse]:
+def _responses(plan: SweepPlan, engine: SweepEngine, code: str, runs: list[PlainData]) -> list[RunResponse]:
     tasks = [replace(plan.task(0, values, code), index=index) for index, values in enumerate(runs)]
     futures = [engine.submit(task) for task in tasks]
     engine.flush()
@@ -92,7 +92,7 @@ def _responses(plan: Plan, engine: Engine, code: str, runs: list[PlainData]) -> 
     return responses
 
 
-def _judged(plan: Plan, name: str, trials: list[Trial]) -> list[str]:
+def _judged(plan: SweepPlan, name: str, trials: list[ProbeRun]) -> list[str]:
     """Return warnings about a variable. Raises ParameterError: it has no effect, or its values are refused."""
     refused = [trial for trial in trials if trial.response.refused]
     if len(refused) > MAX_REFUSED:

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import Any
 
-from hric_sweep.outputs import Output
+from hric_sweep.outputs import SweepOutput
 
 PlainData = Mapping[str, Any]
 """Content of a YAML or JSON file: mappings, lists, texts, numbers, booleans and None."""
@@ -38,7 +38,7 @@ class RunTask:
     content: PlainData
     changes: PlainData
     seed: int
-    outputs: Mapping[str, Output]
+    outputs: Mapping[str, SweepOutput]
     timeout: float
     code: str
     until: str = "duration"

@@ -10,8 +10,8 @@ import numpy as np
 
 from hric_bags import files
 from hric_sweep import table
-from hric_sweep.definition import Plan
-from hric_sweep.engines.engine import Engine
+from hric_sweep.definition import SweepPlan
+from hric_sweep.engines.engine import SweepEngine
 from hric_sweep.execution import execute
 from hric_sweep.journal import Journal
 from hric_sweep.records import PlainData, RunResponse, RunRow, RunTask
@@ -22,7 +22,7 @@ REFRESH = 20.0
 COLUMNS = "columns"
 
 
-class Supervisor:
+class SweepSupervisor:
     """Execution of one sweep in its run folder.
 
     Args:
@@ -41,10 +41,10 @@ class Supervisor:
 
     def __init__(
         self,
-        plan: Plan,
+        plan: SweepPlan,
         folder: Path,
         journal: Journal,
-        engine: Engine,
+        engine: SweepEngine,
         code: str,
         on_row: Callable[[RunRow], object] = lambda row: None,
         on_table: Callable[[Path], object] = lambda folder: None,
@@ -123,7 +123,7 @@ def _write_signals(response: RunResponse, folder: Path) -> None:
             temporary.write_bytes(response.signals)
 
 
-def assessed(plan: Plan, row: RunRow) -> RunRow:
+def assessed(plan: SweepPlan, row: RunRow) -> RunRow:
     """Return a row with margin and objective; None if they are not known."""
     exceedance, objective = plan.section.exceedance, plan.section.objective
     value = None if exceedance is None else row.outputs.get(exceedance.output)
@@ -134,7 +134,7 @@ def assessed(plan: Plan, row: RunRow) -> RunRow:
     )
 
 
-def rows_with_signals(plan: Plan, rows: Sequence[RunRow]) -> list[RunRow]:
+def rows_with_signals(plan: SweepPlan, rows: Sequence[RunRow]) -> list[RunRow]:
     """Return the rows whose signals are stored: the worst runs, and failed runs that ended with a response."""
     keep = plan.section.keep
     worst = [row for row in rows if not row.failure and badness(plan, row) > -math.inf]
@@ -143,7 +143,7 @@ def rows_with_signals(plan: Plan, rows: Sequence[RunRow]) -> list[RunRow]:
     return worst + sorted(failed, key=lambda row: row.index)[: keep.worst]
 
 
-def badness(plan: Plan, row: RunRow) -> float:
+def badness(plan: SweepPlan, row: RunRow) -> float:
     """Return the sort key for the worst runs, which is largest for the worst one."""
     objective, value = plan.section.objective, next(iter(row.outputs.values()))
     if objective is not None:

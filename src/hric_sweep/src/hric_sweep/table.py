@@ -12,7 +12,7 @@ import pyarrow.parquet
 from hric_bags import files
 from hric_bags.run_folder import runs_root
 from hric_core.errors import HricError
-from hric_sweep.definition import Plan
+from hric_sweep.definition import SweepPlan
 from hric_sweep.journal import JournalError
 from hric_sweep.records import PlainData, RunRow
 
@@ -50,7 +50,7 @@ _TYPES = {
 }
 
 
-def columns(plan: Plan) -> dict[str, dict[str, str]]:
+def columns(plan: SweepPlan) -> dict[str, dict[str, str]]:
     """Return role, unit and text of each column, in the order of the columns."""
     section = plan.section
     about = {name: {"role": "run", "unit": "", "text": text} for name, text in RUN.items()}
@@ -62,7 +62,7 @@ def columns(plan: Plan) -> dict[str, dict[str, str]]:
     return about | {name: {"role": "cost", "unit": UNITS.get(name, ""), "text": text} for name, text in COST.items()}
 
 
-def write(folder: Path, plan: Plan, rows: Sequence[RunRow], estimate: PlainData | None) -> Path:
+def write(folder: Path, plan: SweepPlan, rows: Sequence[RunRow], estimate: PlainData | None) -> Path:
     """Replace the table.
 
     Args:

@@ -206,7 +206,7 @@ class Choice(Distribution):
 
 
 @dataclass(frozen=True)
-class Population(Distribution):
+class PopulationDistribution(Distribution):
     """Distribution of a quantity in a named population."""
 
     people: str = choice(*populations.names(), default=REQUIRED, name="of", text="named population")
@@ -242,7 +242,7 @@ KINDS = Kinds(
         "normal": Normal,
         "log_normal": LogNormal,
         "choice": Choice,
-        "population": Population,
+        "population": PopulationDistribution,
     }
 )
 """Distribution classes, by the value of `kind`; `kind: MODULE:CLASS` is one of another package."""
@@ -260,7 +260,7 @@ class Variable(Settings):
 
     def check(self, where: str) -> None:
         """Set the unit of a population's quantity; refuse a different one."""
-        if not isinstance(self.distribution, Population):
+        if not isinstance(self.distribution, PopulationDistribution):
             return
         unit = populations.QUANTITIES[self.distribution.quantity]
         if self.unit not in ("", unit):

@@ -7,16 +7,16 @@ ten times as long.
 from collections.abc import Sequence
 from typing import Protocol
 
-from hric_control.plants import Bushings, Motion
+from hric_control.plants import Bushings, LinkMotion
 from hric_core.geometry import quaternion_from_rotation
 from hric_core.geometry.quaternions import Quaternion, Vector
 from hric_core.native import load
-from mujoco_ros_control.scene import Scene
+from mujoco_ros_control.scene import CompiledScene
 
 _built = load("hric_mujoco_links")
 
 
-class Links(Protocol):
+class MujocoBushingLinks(Protocol):
     """Interface of the link pairs in C, one pair after the other."""
 
     def motions(self) -> list[tuple[Vector, Quaternion, Vector, Vector]]:
@@ -32,14 +32,14 @@ class Links(Protocol):
         """
 
 
-def make_links(scene: Scene, names: Sequence[str]) -> Links:
+def make_links(scene: CompiledScene, names: Sequence[str]) -> MujocoBushingLinks:
     """Return the links of a compiled scene by "model::link", two of each pair."""
     rows = []
     for name in names:
         frame = scene.built.frames[name]
         T = frame.T_body_link
         rows.append([scene.bodies[frame.body], *T[:3, 3].tolist(), *quaternion_from_rotation(T[:3, :3])])
-    made: Links = _built.Links(scene.m._address, scene.d._address, rows, (scene.m, scene.d))
+    made: MujocoBushingLinks = _built.Links(scene.m._address, scene.d._address, rows, (scene.m, scene.d))
     return made
 
 
@@ -50,7 +50,7 @@ class SceneBushings(Bushings):
         any: True if there is a bushing.
     """
 
-    def bind(self, scene: Scene) -> None:
+    def bind(self, scene: CompiledScene) -> None:
         """Bind to another scene, or after a change of the connections."""
         pairs = list(self.pairs())
         self.any = bool(pairs)
@@ -61,5 +61,5 @@ class SceneBushings(Bushings):
         """Apply the bushing forces of the present positions and velocities in the coming step."""
         motions = self._links.motions()
         for i, law in enumerate(self.laws.values()):
-            load = law.step(Motion(*motions[2 * i]), Motion(*motions[2 * i + 1]))
+            load = law.step(LinkMotion(*motions[2 * i]), LinkMotion(*motions[2 * i + 1]))
             self._links.push(i, load.force, load.torque, load.point)

@@ -23,7 +23,7 @@ OPTICAL = "camera_optical_frame"
 
 
 @dataclass(frozen=True)
-class NodeSettings(CameraSettings):
+class CameraNodeSettings(CameraSettings):
     """Parameters of the node."""
 
     rate: float = number(10.0, above=0.0, maximum=60.0, unit="Hz of wall time", text="of the pictures")
@@ -44,7 +44,7 @@ class CameraNode(NodeApp):
     """
 
     def __init__(self, node: RosNode) -> None:
-        self._settings, root = NodeSettings.read(node), RosNode()
+        self._settings, root = CameraNodeSettings.read(node), RosNode()
         self._description = str(root.param(self._settings.robot_description))
         self._world = str(root.param("robot/plant/world", ""))
         self._positions: dict[str, float] = {}
@@ -128,4 +128,4 @@ def _image(stamp: Any, values: Any, encoding: str) -> Any:
 
 def main(text_of_help: str) -> int:
     """Run the node and return its exit code."""
-    return run("camera", text_of_help, CameraNode, NodeSettings)
+    return run("camera", text_of_help, CameraNode, CameraNodeSettings)

@@ -15,7 +15,7 @@ import numpy as np
 from hric_control.plant import Contact
 from hric_control.plants import Springs, faces
 from hric_core.geometry.transforms import FloatArray, cross
-from mujoco_ros_control.scene import Scene
+from mujoco_ros_control.scene import CompiledScene
 from mujoco_ros_control.scene_spec import Geom, Law
 
 
@@ -31,7 +31,7 @@ class _Near:
     depth: float
 
 
-class PenaltyContact:
+class MujocoPenaltyContact:
     """Pairs of shapes with penalty contact, and their contacts in the last step.
 
     Args:
@@ -46,7 +46,7 @@ class PenaltyContact:
         self.last: list[Contact] = []
         self._speeds: FloatArray | None = None
 
-    def bind(self, scene: Scene) -> None:
+    def bind(self, scene: CompiledScene) -> None:
         """Bind to another scene."""
         self._scene, self._speeds = scene, None
         self.any = bool(scene.springs)
@@ -140,14 +140,14 @@ class PenaltyContact:
         return float(row @ self._scene.response(row[None])[0])
 
 
-def act(scene: Scene, body: int, force: FloatArray, torque: FloatArray, point: FloatArray) -> None:
+def act(scene: CompiledScene, body: int, force: FloatArray, torque: FloatArray, point: FloatArray) -> None:
     """Apply a force [N] at a point [m] and a torque [N m] to a body in the coming step, world frame."""
     applied = scene.d.xfrc_applied[body]
     applied[:3] += force
     applied[3:] += torque + cross(point - scene.d.xipos[body], force)
 
 
-def rigid_contacts(scene: Scene, time_step: float) -> list[Contact]:
+def rigid_contacts(scene: CompiledScene, time_step: float) -> list[Contact]:
     """Return MuJoCo's contacts of the last step that carry a force or overlap."""
     d = scene.d
     if not d.ncon:

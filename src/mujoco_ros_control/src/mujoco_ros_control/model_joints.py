@@ -3,10 +3,10 @@
 from hric_control.plants import DrivenJoints, Model
 from mujoco_ros_control.joints import make_joints
 from mujoco_ros_control.robot import MujocoConfig
-from mujoco_ros_control.scene import Scene
+from mujoco_ros_control.scene import CompiledScene
 
 
-class ModelJoints(DrivenJoints):
+class MujocoModelJoints(DrivenJoints):
     """Moving joints of one model in a scene.
 
     Args:
@@ -21,7 +21,7 @@ class ModelJoints(DrivenJoints):
         super().__init__(model.name, [joint for joint in model.tree.joints.values() if joint.type != "fixed"], config)
         self.names, self._half = [f"{model.name}::{name}" for name in self.joints.names], config.half_step
 
-    def bind(self, scene: Scene) -> None:
+    def bind(self, scene: CompiledScene) -> None:
         """Bind to another scene, which already has the joints' present positions."""
         self._scene, self._dofs, positions = scene, scene.dofs(self.names), scene.positions(self.names)
         self._engine = make_joints(scene.m, scene.d, self._dofs, positions, self.losses, self._half)

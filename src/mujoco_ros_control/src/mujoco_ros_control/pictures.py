@@ -19,7 +19,7 @@ from hric_core.meshes.canonical import UnreadableMeshError, find
 from hric_core.meshes.files import read_coloured
 from hric_core.parameters import Settings, number, numbers, text, whole
 from hric_core.urdf import Shape, read
-from mujoco_ros_control.scene_spec import Building, Frame, quaternion
+from mujoco_ros_control.scene_spec import Building, SceneFrame, quaternion
 
 WORLD = "world"
 R_CAMERA_OPTICAL: FloatArray = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
@@ -126,7 +126,7 @@ class Camera:
         except Exception as error:  # OpenGL's error types depend on the platform
             raise HricError(f"the camera cannot draw: {error}") from error
 
-    def _add_camera(self, spec: mujoco.MjSpec, frames: Mapping[str, Frame], settings: CameraSettings) -> None:
+    def _add_camera(self, spec: mujoco.MjSpec, frames: Mapping[str, SceneFrame], settings: CameraSettings) -> None:
         T, body = settings.T_parent_camera, spec.worldbody
         if settings.parent != WORLD:
             link = settings.parent if "::" in settings.parent else f"{self._robot}::{settings.parent}"

@@ -9,8 +9,8 @@ from hric_control.plant import Contact, FloatArray, JointReaction, ReactingPlant
 from hric_control.plants import EnginePlant, Model
 from hric_core.geometry import MassProperties
 from mujoco_ros_control.contact import act, rigid_contacts
-from mujoco_ros_control.robot import MujocoConfig, Robot
-from mujoco_ros_control.world import World
+from mujoco_ros_control.robot import MujocoConfig, MujocoRobot
+from mujoco_ros_control.world import MujocoWorld
 
 MANY = 4
 """Number of free objects above which `integrator: auto` is semi-implicit (project default).
@@ -29,8 +29,8 @@ class MujocoPlant(EnginePlant, ReactingPlant):
 
     config_type = MujocoConfig
     config: MujocoConfig
-    robot: Robot
-    world: World
+    robot: MujocoRobot
+    world: MujocoWorld
 
     def __init__(self, urdf_xml: str, joint_names: Sequence[str], config: Mapping[str, object]) -> None:
         super().__init__(urdf_xml, joint_names, config)
@@ -41,9 +41,9 @@ class MujocoPlant(EnginePlant, ReactingPlant):
             crowded = sum(item.mass > 0.0 for item in self._objects) > MANY
             self.integrator = "semi_implicit" if crowded else "accurate"
             self.config = replace(self.config, integrator=self.integrator)
-        self.robot = Robot(self.tree, self.joint_names, self.config)
+        self.robot = MujocoRobot(self.tree, self.joint_names, self.config)
         itself = Model(self.tree.name, urdf_xml, self.tree, np.eye(4), fixed=True)
-        self.world = World(itself, self.robot, self._objects, self._rules, self._masks, self.config)
+        self.world = MujocoWorld(itself, self.robot, self._objects, self._rules, self._masks, self.config)
         self._pushed = False
         self._put([0.0] * len(self.joint_names))
 

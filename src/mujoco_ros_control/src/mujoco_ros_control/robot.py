@@ -12,7 +12,7 @@ from hric_control.plants import EngineRobot, MovingJoints, WindowlessConfig
 from hric_core import urdf
 from hric_core.parameters import choice
 from mujoco_ros_control.joints import HELD, install_friction, make_joints
-from mujoco_ros_control.scene import Scene
+from mujoco_ros_control.scene import CompiledScene
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class MujocoConfig(WindowlessConfig):
         return 0.5 * self.time_step if self.integrator == "semi_implicit" and self.half_step_readout else 0.0
 
 
-class Robot(EngineRobot):
+class MujocoRobot(EngineRobot):
     """Robot in MuJoCo, the first model of a scene; vectors are in the description's order of the moving joints.
 
     Args:
@@ -58,7 +58,7 @@ class Robot(EngineRobot):
 
     # -- the scene -----------------------------------------------------------------------------------------------------
 
-    def bind(self, scene: Scene) -> None:
+    def bind(self, scene: CompiledScene) -> None:
         """Bind to another scene, which already has the robot's present state."""
         self._scene, self._m, self._d = scene, scene.m, scene.d
         self._stepped = False

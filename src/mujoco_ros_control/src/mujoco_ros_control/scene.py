@@ -31,7 +31,7 @@ def _be_silent(_: str) -> None:
 mujoco.set_mju_user_warning(_be_silent)
 
 
-class Scene:
+class CompiledScene:
     """Compiled scene, initially in its start state.
 
     Args:

@@ -44,7 +44,7 @@ LOOK_AHEAD = 5.0
 
 
 @dataclass(frozen=True)
-class Frame:
+class SceneFrame:
     """Link of a description in the scene: the body that carries it, and the pose in that body, shape (4, 4)."""
 
     body: str
@@ -84,7 +84,7 @@ class SceneSpec:
     """
 
     spec: mujoco.MjSpec
-    frames: dict[str, Frame] = field(default_factory=dict)
+    frames: dict[str, SceneFrame] = field(default_factory=dict)
     geoms: dict[str, Geom] = field(default_factory=dict)
     moments: dict[str, FloatArray] = field(default_factory=dict)
     springs: list[tuple[Geom, Geom, Law]] = field(default_factory=list)
@@ -125,7 +125,7 @@ class Building:
         clusters: dict[str, dict[str, FloatArray]] = {}
         for link, (top, T_top_link) in tree.rigid_groups().items():
             clusters.setdefault(top, {})[link] = T_top_link
-            self.result.frames[f"{model.name}::{link}"] = Frame(f"{model.name}::{top}", T_top_link)
+            self.result.frames[f"{model.name}::{link}"] = SceneFrame(f"{model.name}::{top}", T_top_link)
         root = self._add_body(self.result.spec.worldbody, model, tree.root, model.T_world_start)
         bodies[tree.root] = root
         if not model.fixed:

@@ -5,14 +5,14 @@ from collections.abc import Collection, Sequence
 from hric_control.plants import Model, Models, Surfaces, WorldObject
 from hric_core.geometry import MassProperties
 from mujoco_ros_control.bushings import SceneBushings
-from mujoco_ros_control.contact import PenaltyContact
-from mujoco_ros_control.model_joints import ModelJoints
-from mujoco_ros_control.robot import MujocoConfig, Robot
-from mujoco_ros_control.scene import Scene
+from mujoco_ros_control.contact import MujocoPenaltyContact
+from mujoco_ros_control.model_joints import MujocoModelJoints
+from mujoco_ros_control.robot import MujocoConfig, MujocoRobot
+from mujoco_ros_control.scene import CompiledScene
 from mujoco_ros_control.scene_spec import SceneSpec, build
 
 
-class World(Models[ModelJoints]):
+class MujocoWorld(Models[MujocoModelJoints]):
     """Robot and models around it in one scene, which is compiled again for each addition or removal.
 
     Args:
@@ -35,7 +35,7 @@ class World(Models[ModelJoints]):
     def __init__(
         self,
         itself: Model,
-        robot: Robot,
+        robot: MujocoRobot,
         objects: Sequence[WorldObject],
         rules: Surfaces,
         masks: Sequence[tuple[str, str]],
@@ -44,7 +44,7 @@ class World(Models[ModelJoints]):
         super().__init__(itself.tree, objects, rules, config)
         self._itself, self._robot, self._masks = itself, robot, list(masks)
         self._loads: dict[str, MassProperties] = {}
-        self.penalty = PenaltyContact(self.springs)
+        self.penalty = MujocoPenaltyContact(self.springs)
         self.bushings = SceneBushings(self.full_name, self.near)
         self._restore()
         self._compile()
@@ -52,7 +52,7 @@ class World(Models[ModelJoints]):
 
     def _admit(self, model: Model) -> None:
         super()._admit(model)
-        self.joints[model.name] = ModelJoints(model, self._config)
+        self.joints[model.name] = MujocoModelJoints(model, self._config)
 
     def _compile(self) -> None:
         """Compile the scene with the present models and loads, in its start state."""
@@ -72,7 +72,7 @@ class World(Models[ModelJoints]):
 
     def _begin_scene(self, built: SceneSpec) -> None:
         """Create the scene; if that raises HricError, the previous scene stays."""
-        self.scene = Scene(built, self._config.time_step, self._config.gravity, self._config.integrator)
+        self.scene = CompiledScene(built, self._config.time_step, self._config.gravity, self._config.integrator)
 
     def _begin(self, models: Collection[Model]) -> None:
         """Bind everything to a newly compiled scene, with these models in their initial states."""

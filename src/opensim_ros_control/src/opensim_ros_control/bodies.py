@@ -13,7 +13,7 @@ import opensim
 
 from hric_control.plant import JointReaction
 from hric_core.geometry import FloatArray
-from opensim_ros_control.engine import Engine
+from opensim_ros_control.engine import OpenSimEngine
 from opensim_ros_control.robot_model import mass_properties
 from urdf_to_osim.transforms import matrix
 
@@ -25,7 +25,7 @@ class Kinematics:
         engine: the model; positions must be realized at each call.
     """
 
-    def __init__(self, engine: Engine) -> None:
+    def __init__(self, engine: OpenSimEngine) -> None:
         self._engine = engine
         self._matrix = opensim.Matrix()
         body_set = engine.model.getBodySet()
@@ -87,7 +87,7 @@ class Kinematics:
 
 
 @dataclass(frozen=True)
-class Load:
+class BodyForce:
     """External force on a body in a step, ground frame.
 
     Attributes:
@@ -111,7 +111,7 @@ class Reactions:
         kinematics: kinematics of the same engine.
     """
 
-    def __init__(self, engine: Engine, joints: Sequence[tuple[str, str]], kinematics: Kinematics) -> None:
+    def __init__(self, engine: OpenSimEngine, joints: Sequence[tuple[str, str]], kinematics: Kinematics) -> None:
         self._engine, self._kinematics, self._joints = engine, kinematics, list(joints)
         body_set = engine.model.getBodySet()
         bodies = [body_set.get(i) for i in range(body_set.getSize())]
@@ -152,7 +152,7 @@ class Reactions:
         return forces, torques + _cross(poses[:, :3, 3] + arms, forces)
 
     def loads(
-        self, y: FloatArray, du: FloatArray, outside: Sequence[Load], R_ground_world: FloatArray
+        self, y: FloatArray, du: FloatArray, outside: Sequence[BodyForce], R_ground_world: FloatArray
     ) -> list[JointReaction]:
         """Return the joint loads in a state y with du/dt, under external forces."""
         engine, n = self._engine, self._engine.nu

@@ -9,18 +9,18 @@ from typing import Any, Protocol
 
 import opensim
 
-from hric_control.plants import Bushings, Motion
+from hric_control.plants import Bushings, LinkMotion
 from hric_core.geometry import FloatArray
 from hric_core.geometry.quaternions import Quaternion, Vector
 from hric_core.native import load
-from opensim_ros_control.bodies import Kinematics, Load
-from opensim_ros_control.engine import Engine
+from opensim_ros_control.bodies import BodyForce, Kinematics
+from opensim_ros_control.engine import OpenSimEngine
 from opensim_ros_control.stages import view
 
 _built = load("hric_opensim_links")
 
 
-class Links(Protocol):
+class OpenSimBushingLinks(Protocol):
     """Interface of the link pairs in C, one pair after the other."""
 
     def motions(self) -> list[tuple[Vector, Quaternion, Vector, Vector]]:
@@ -40,7 +40,7 @@ def _zero() -> opensim.SpatialVec:
     return opensim.SpatialVec(opensim.Vec3(0.0), opensim.Vec3(0.0))
 
 
-class EngineBushings(Bushings):
+class OpenSimBushings(Bushings):
     """Connected bushings and their forces in OpenSim.
 
     Args:
@@ -58,7 +58,7 @@ class EngineBushings(Bushings):
         super().__init__(full_name, near)
         self._R, self.any = R_ground_world, False
 
-    def bind(self, engine: Engine, kinematics: Kinematics, frame: Callable[[str], str]) -> None:
+    def bind(self, engine: OpenSimEngine, kinematics: Kinematics, frame: Callable[[str], str]) -> None:
         """Bind the bushings to another build of the model, or after a change of the connections.
 
         Args:
@@ -80,12 +80,12 @@ class EngineBushings(Bushings):
         self._efforts_view = view(self._efforts)
         self._links = self._make_links(carriers)
 
-    def _make_links(self, carriers: Sequence[tuple[int, FloatArray]]) -> Links:
+    def _make_links(self, carriers: Sequence[tuple[int, FloatArray]]) -> OpenSimBushingLinks:
         rows = []
         for number, T in carriers:
             held = *self._motion(self._bodies[number]), self._forces[number]
             rows.append((*(int(thing.this) for thing in held), [*T[:3, :3].ravel().tolist(), *T[:3, 3].tolist()]))
-        made: Links = _built.Links(rows, self._R.T.ravel().tolist(), (self._engine, self._forces))
+        made: OpenSimBushingLinks = _built.Links(rows, self._R.T.ravel().tolist(), (self._engine, self._forces))
         return made
 
     def _motion(self, body: opensim.PhysicalFrame) -> tuple[Any, Any]:
@@ -102,18 +102,18 @@ class EngineBushings(Bushings):
             self._motion(body)
         motions = self._links.motions()
         for i, law in enumerate(self.laws.values()):
-            done = law.step(Motion(*motions[2 * i]), Motion(*motions[2 * i + 1]))
+            done = law.step(LinkMotion(*motions[2 * i]), LinkMotion(*motions[2 * i + 1]))
             self._links.push(i, done.force, done.torque, done.point)
         for number, force in self._forces.items():
             self._of_all.set(number, force)
         engine.matter.multiplyBySystemJacobianTranspose(engine.system_state, self._of_all, self._efforts)
         return self._efforts_view.copy()
 
-    def loads(self) -> list[Load]:
+    def loads(self) -> list[BodyForce]:
         """Return the loads on the bodies in the last step."""
         loads = []
         for i, law in enumerate(self.laws.values()):
             force, torque, point = (self._R @ vector for vector in law.load[:3])
             for number, sign in zip(self._numbers[2 * i : 2 * i + 2], (1.0, -1.0), strict=True):
-                loads.append(Load(number, point, sign * force, sign * torque))
+                loads.append(BodyForce(number, point, sign * force, sign * torque))
         return loads

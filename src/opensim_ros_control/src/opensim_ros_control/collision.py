@@ -14,8 +14,8 @@ from hric_core.geometry import FloatArray
 from hric_core.urdf import Robot
 from hric_core.urdf.shapes import FAR
 from opensim_ros_control.bodies import Kinematics
-from opensim_ros_control.engine import Engine
-from opensim_ros_control.shapes import Pairing, Shape, Touch, pose
+from opensim_ros_control.engine import OpenSimEngine
+from opensim_ros_control.shapes import LinkShape, Pairing, Touch, pose
 
 MARGIN = 2e-3
 """Distance below which shapes are checked in every step [m] (project default, unconfirmed)."""
@@ -39,7 +39,7 @@ class Collider:
 
     link: str
     model: str
-    shape: Shape
+    shape: LinkShape
     mobile: int
     T_body_shape: FloatArray
     moved_by: FloatArray
@@ -162,8 +162,8 @@ def moved_by(description: Robot, link: str, reach: float, indices: Mapping[str, 
 
 def make_colliders(
     description: Robot,
-    shapes: Mapping[str, Sequence[Shape]],
-    engine: Engine,
+    shapes: Mapping[str, Sequence[LinkShape]],
+    engine: OpenSimEngine,
     kinematics: Kinematics,
     indices: Mapping[str, Sequence[int]],
     robot: str,

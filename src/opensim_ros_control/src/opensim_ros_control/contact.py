@@ -33,7 +33,7 @@ _SINGULAR = 1e-10
 
 
 @dataclass
-class Point:
+class ContactPoint:
     """One contact point, all in one frame.
 
     Attributes:
@@ -70,7 +70,7 @@ class Point:
 
 
 def push_apart(
-    points: Sequence[Point], u: FloatArray, before: FloatArray, response: FloatArray, springs: Springs
+    points: Sequence[ContactPoint], u: FloatArray, before: FloatArray, response: FloatArray, springs: Springs
 ) -> FloatArray:
     """Return the efforts of all penalty contacts, shape (nu,).
 
@@ -137,7 +137,7 @@ class RigidContact:
         """Forget the previous forces, after bodies were repositioned."""
         self._before.clear()
 
-    def solve(self, points: Sequence[Point], v: FloatArray, gain: FloatArray) -> FloatArray:
+    def solve(self, points: Sequence[ContactPoint], v: FloatArray, gain: FloatArray) -> FloatArray:
         """Return the efforts of all points together, shape (nu,).
 
         Args:

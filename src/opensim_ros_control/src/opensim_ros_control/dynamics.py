@@ -12,11 +12,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from hric_control.plant import FloatArray
-from opensim_ros_control.engine import Engine
+from opensim_ros_control.engine import OpenSimEngine
 from opensim_ros_control.stages import balance, rubbed, solve
 
 
-class Dynamics:
+class EquationsOfMotion:
     """Equations of motion (du/dt) of one model.
 
     Args:
@@ -29,7 +29,7 @@ class Dynamics:
         inertia: inertia that acts in the joints instead of the rotors', shape (nu,) [kg m^2].
     """
 
-    def __init__(self, engine: Engine, inertia: FloatArray, friction: FloatArray | None) -> None:
+    def __init__(self, engine: OpenSimEngine, inertia: FloatArray, friction: FloatArray | None) -> None:
         self.engine, self._friction = engine, friction
         self.rotors = self.inertia = inertia
         self._bare = not inertia.any() and not engine.constraints

@@ -17,7 +17,7 @@ opensim.Logger.setLevelString("Error")
 to_vector = opensim.Vector.createFromMat
 
 
-class Engine:
+class OpenSimEngine:
     """Initialised model.
 
     Attributes:
@@ -178,7 +178,7 @@ class Engine:
         parts = [self.positions(state.getQ()), state.getU().to_numpy()]
         return np.concatenate([*parts, state.getZ().to_numpy()] if self.nz else parts)
 
-    def continue_from(self, before: "Engine") -> None:
+    def continue_from(self, before: "OpenSimEngine") -> None:
         """Copy time and values of all state variables that the previous model also has."""
         state = self.system_state
         state.setTime(before.system_state.getTime())

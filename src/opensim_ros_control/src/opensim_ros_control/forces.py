@@ -9,11 +9,11 @@ from hric_control.plant import Contact, JointReaction
 from hric_control.plants import Springs, Surface, Wrenches, combine
 from hric_control.plants.faces import centre
 from hric_core.geometry.transforms import FloatArray, cross
-from opensim_ros_control.bodies import Kinematics, Load, Reactions
+from opensim_ros_control.bodies import BodyForce, Kinematics, Reactions
 from opensim_ros_control.collision import MARGIN, Collider, Collisions, Meeting
-from opensim_ros_control.contact import Point, RigidContact, push_apart
-from opensim_ros_control.engine import Engine
-from opensim_ros_control.robot import Robot
+from opensim_ros_control.contact import ContactPoint, RigidContact, push_apart
+from opensim_ros_control.engine import OpenSimEngine
+from opensim_ros_control.robot import OpenSimRobot
 
 
 class Forces:
@@ -26,7 +26,7 @@ class Forces:
         springs: springs of penalty contact.
     """
 
-    def __init__(self, robot: Robot, R_ground_world: FloatArray, wrenches: Wrenches, springs: Springs) -> None:
+    def __init__(self, robot: OpenSimRobot, R_ground_world: FloatArray, wrenches: Wrenches, springs: Springs) -> None:
         config = robot.config
         self._robot, self._R, self._dt = robot, R_ground_world, config.time_step
         self._wrenches, self._springs = wrenches, springs
@@ -40,8 +40,8 @@ class Forces:
         """Forget contacts, the previous step and spring memory, after bodies were repositioned."""
         self._rigid.forget()
         self._springs.forget()
-        self._points: list[Point] = []
-        self._pushed: list[Load] = []
+        self._points: list[ContactPoint] = []
+        self._pushed: list[BodyForce] = []
         self._before: FloatArray | None = None
 
     def bind(
@@ -91,12 +91,14 @@ class Forces:
             robot.external = efforts if held is None else efforts + held
         self._wrenches.count_step()
 
-    def _wrench_efforts(self, engine: Engine, frame: Callable[[str], str]) -> FloatArray:
+    def _wrench_efforts(self, engine: OpenSimEngine, frame: Callable[[str], str]) -> FloatArray:
         efforts = np.zeros(engine.nu)
         for wrench in self._wrenches.active:
             number, T_body_link = self._kinematics.carrier(engine.frame(frame(wrench.body)))
             T = self._kinematics.pose(number) @ T_body_link
-            load = Load(number, T[:3, :3] @ wrench.point + T[:3, 3], self._R @ wrench.force, self._R @ wrench.torque)
+            load = BodyForce(
+                number, T[:3, :3] @ wrench.point + T[:3, 3], self._R @ wrench.force, self._R @ wrench.torque
+            )
             efforts += self._kinematics.jacobian(number, load.position).T @ np.concatenate([load.torque, load.force])
             self._pushed.append(load)
         return efforts
@@ -152,7 +154,7 @@ class Forces:
     ) -> None:
         """Add a contact point; where: position, normal, depth; key: the point among those of the two links."""
         J, bodies = self._relative(a, b, where[0]), (a.mobile, b.mobile)
-        self._points.append(Point(a.link, b.link, bodies, *where, J, law, (a.link, b.link, *key), np.zeros(3)))
+        self._points.append(ContactPoint(a.link, b.link, bodies, *where, J, law, (a.link, b.link, *key), np.zeros(3)))
 
     def _relative(self, a: Collider, b: Collider, point: FloatArray) -> FloatArray:
         """Return the Jacobian of the velocity of a relative to b at a point, shape (3, nu); ground is number 0."""
@@ -187,7 +189,7 @@ class Forces:
                 )
         return result
 
-    def reactions(self, held: Sequence[Load]) -> list[JointReaction]:
+    def reactions(self, held: Sequence[BodyForce]) -> list[JointReaction]:
         """Return the loads of the robot's moving joints in the last step; empty before the first step of a build.
 
         `held` are loads on the bodies besides contact and wrenches. The acceleration is the mean over the step;
@@ -200,5 +202,5 @@ class Forces:
         outside = [*self._pushed, *held]
         for point in self._points:
             for number, sign in zip(point.bodies, (1.0, -1.0), strict=True):
-                outside.append(Load(number, point.position, sign * point.force, np.zeros(3)))
+                outside.append(BodyForce(number, point.position, sign * point.force, np.zeros(3)))
         return self._reactions.loads(0.5 * (before + after) if self._accurate else before, du, outside, self._R)

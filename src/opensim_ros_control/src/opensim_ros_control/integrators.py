@@ -13,9 +13,9 @@ import opensim
 
 from hric_control.plant import FloatArray
 from hric_core.errors import FailureError
-from opensim_ros_control.dynamics import Dynamics
-from opensim_ros_control.engine import Engine
-from opensim_ros_control.joint_efforts import JointEfforts, Row
+from opensim_ros_control.dynamics import EquationsOfMotion
+from opensim_ros_control.engine import OpenSimEngine
+from opensim_ros_control.joint_efforts import EffortRow, JointEfforts
 from opensim_ros_control.stages import advanced, ralston
 
 Touch = Callable[[FloatArray, FloatArray], FloatArray]
@@ -36,7 +36,7 @@ class IntegrationError(FailureError):
     """Failure of OpenSim's integrator in a step."""
 
 
-class Step(NamedTuple):
+class IntegrationStep(NamedTuple):
     """Completed step.
 
     Attributes:
@@ -51,7 +51,7 @@ class Step(NamedTuple):
 class OwnSteps:
     """Steps on (M + B), with friction, stops, drives and brakes."""
 
-    def __init__(self, dynamics: Dynamics, joint_efforts: JointEfforts, time_step: float) -> None:
+    def __init__(self, dynamics: EquationsOfMotion, joint_efforts: JointEfforts, time_step: float) -> None:
         self._dynamics, self._rows, self._dt = dynamics, joint_efforts, time_step
         self._engine = dynamics.engine
         n = self._engine.nu
@@ -72,7 +72,7 @@ class OwnSteps:
                 x, tau = x + K @ extra, tau + extra
         return x, tau
 
-    def _extra(self, rows: Sequence[Row], touch: Touch | None, v: FloatArray, gain: FloatArray) -> FloatArray:
+    def _extra(self, rows: Sequence[EffortRow], touch: Touch | None, v: FloatArray, gain: FloatArray) -> FloatArray:
         """Return the efforts of the joints' rows and of rigid contact together."""
         if touch is None:
             return self._rows.solve(rows, v, gain)
@@ -89,7 +89,7 @@ class OwnSteps:
                 break
         return both
 
-    def semi_implicit(self, time: float, y: FloatArray, tau: FloatArray, touch: Touch | None = None) -> Step:
+    def semi_implicit(self, time: float, y: FloatArray, tau: FloatArray, touch: Touch | None = None) -> IntegrationStep:
         """Advance by u += dt du/dt, then q += dt dq/dt with the new u."""
         engine, dt = self._engine, self._dt
         x, _ = self._begin(time, y, tau, touch)
@@ -98,9 +98,9 @@ class OwnSteps:
             end[2 * engine.nu :] += dt * engine.z_rate()
         end[self._u] += dt * x
         end[self._q] += dt * (end[self._u] if engine.straight else engine.velocity_at(y[self._q], end[self._u]))
-        return Step(end, x)
+        return IntegrationStep(end, x)
 
-    def third_order(self, time: float, y: FloatArray, tau: FloatArray, touch: Touch | None = None) -> Step:
+    def third_order(self, time: float, y: FloatArray, tau: FloatArray, touch: Touch | None = None) -> IntegrationStep:
         """Advance by Ralston's Runge-Kutta method of third order: stages at 0, 1/2, 3/4, weights 2/9, 3/9, 4/9.
 
         A. Ralston, Runge-Kutta methods with minimum error bounds, Mathematics of Computation 16 (1962).
@@ -112,7 +112,7 @@ class OwnSteps:
         rate2 = rate(y2, dynamics.evaluate(y2, tau))
         y3 = advanced(y, 0.75 * dt, rate2)
         rate3 = rate(y3, dynamics.evaluate(y3, tau))
-        return Step(ralston(y, dt, rate1, rate2, rate3), x1)
+        return IntegrationStep(ralston(y, dt, rate1, rate2, rate3), x1)
 
 
 class ManagerSteps:
@@ -124,7 +124,7 @@ class ManagerSteps:
         accuracy: accuracy of the error control, as OpenSim defines it.
     """
 
-    def __init__(self, engine: Engine, time_step: float, accuracy: float) -> None:
+    def __init__(self, engine: OpenSimEngine, time_step: float, accuracy: float) -> None:
         self._engine, self._accuracy = engine, accuracy
         self._calls = max(1, math.ceil(time_step / LONGEST_CALL - 1e-9))
         self._part = time_step / self._calls
@@ -153,7 +153,7 @@ class ManagerSteps:
         self._end = engine.y_view(self._running)
         return manager
 
-    def step(self, time: float, y: FloatArray, tau: FloatArray) -> Step:
+    def step(self, time: float, y: FloatArray, tau: FloatArray) -> IntegrationStep:
         """Advance; y is the end of the last step, or was set from outside."""
         manager = self._manager
         if manager is None or y is not self._last:
@@ -169,4 +169,4 @@ class ManagerSteps:
             raise IntegrationError(f"OpenSim could not integrate: {str(error).strip().splitlines()[0]}") from error
         self._running = running
         self._last = end = self._engine.y_of(running) if self._end is None else self._end.copy()
-        return Step(end, None)
+        return IntegrationStep(end, None)

@@ -27,7 +27,7 @@ _TOLERANCE = 1e-12
 
 
 @dataclass(frozen=True)
-class Row:
+class EffortRow:
     """Effort within [low, high] [N m or N] that drives `joint` to `speed` [rad/s or m/s]; drive: it is reported."""
 
     joint: int
@@ -57,7 +57,7 @@ class JointEfforts:
     stops: StopMemory
     stop_joints: list[int]
     time_step: float
-    drives: list[Row] = field(default_factory=list)
+    drives: list[EffortRow] = field(default_factory=list)
     active: bool = True
     driven: dict[int, float] = field(default_factory=dict)
     _before: dict[tuple[int, float], float] = field(default_factory=dict)
@@ -88,27 +88,27 @@ class JointEfforts:
         self._clearance = min(gaps, default=math.inf) - NEAR
         return self._clearance <= 2.0 * fastest
 
-    def rows(self, q: FloatArray, v: FloatArray) -> list[Row]:
+    def rows(self, q: FloatArray, v: FloatArray) -> list[EffortRow]:
         """Return the rows that may act in a step from positions q with end speeds v."""
-        rows = [Row(i, -F, F, 0.0) for i, F in self.coulomb.items()]
+        rows = [EffortRow(i, -F, F, 0.0) for i, F in self.coulomb.items()]
         rows += self.drives
         return rows + self._stop_rows(q, v)
 
-    def _stop_rows(self, q: FloatArray, v: FloatArray) -> list[Row]:
+    def _stop_rows(self, q: FloatArray, v: FloatArray) -> list[EffortRow]:
         rows = []
         for i, (index, (low, high)) in enumerate(zip(self.stop_joints, self.stops.limits, strict=True)):
             below, above = self.stops.waiting.get(i, (False, False))
             margin = NEAR + 2.0 * self.time_step * abs(float(v[index]))
             if not below and q[index] < low + margin:
-                rows.append(Row(index, 0.0, math.inf, self._speed(low - float(q[index]), q[index] >= low)))
+                rows.append(EffortRow(index, 0.0, math.inf, self._speed(low - float(q[index]), q[index] >= low)))
             if not above and q[index] > high - margin:
-                rows.append(Row(index, -math.inf, 0.0, self._speed(high - float(q[index]), q[index] <= high)))
+                rows.append(EffortRow(index, -math.inf, 0.0, self._speed(high - float(q[index]), q[index] <= high)))
         return rows
 
     def _speed(self, distance: float, inside: bool) -> float:
         return distance / self.time_step if inside else RETURN * distance / self.time_step
 
-    def solve(self, rows: Sequence[Row], v: FloatArray, gain: FloatArray) -> FloatArray:
+    def solve(self, rows: Sequence[EffortRow], v: FloatArray, gain: FloatArray) -> FloatArray:
         """Return the efforts of all rows together, shape (nu,) [N m or N].
 
         Args:

@@ -7,11 +7,11 @@ import numpy as np
 from hric_control.plants import DrivenJoints, Model, reciprocals
 from hric_core.geometry import FloatArray
 from hric_core.urdf import ONE_COORDINATE
-from opensim_ros_control.engine import Engine
-from opensim_ros_control.robot import Robot
+from opensim_ros_control.engine import OpenSimEngine
+from opensim_ros_control.robot import OpenSimRobot
 
 
-class ModelJoints(DrivenJoints):
+class OpenSimModelJoints(DrivenJoints):
     """Joints of one model with one coordinate each; damping and friction are in the engine and the robot's rows.
 
     Args:
@@ -19,19 +19,19 @@ class ModelJoints(DrivenJoints):
         robot: holder of the state of all coordinates.
     """
 
-    def __init__(self, model: Model, robot: Robot) -> None:
+    def __init__(self, model: Model, robot: OpenSimRobot) -> None:
         moving = [joint for joint in model.tree.joints.values() if joint.type in ONE_COORDINATE]
         super().__init__(model.name, moving, robot.config)
         self._robot, self._full_names = robot, [f"{model.name}::{joint.name}" for joint in moving]
 
-    def _indices_in(self, engine: Engine) -> list[int]:
+    def _indices_in(self, engine: OpenSimEngine) -> list[int]:
         return [engine.index[engine.built.joints[name][0]] for name in self._full_names]
 
-    def bind(self, engine: Engine) -> None:
+    def bind(self, engine: OpenSimEngine) -> None:
         """Bind to another build of the model, which already has the joints' present positions."""
         self._indices = self._indices_in(engine)
 
-    def write_start(self, engine: Engine, q: FloatArray, u: FloatArray) -> None:
+    def write_start(self, engine: OpenSimEngine, q: FloatArray, u: FloatArray) -> None:
         """Write the last set positions into all coordinates of a build, both of shape (nu,)."""
         self._robot.write(self._indices_in(engine), *self._start, q, u)
         self._stops.restart(self._start[0])

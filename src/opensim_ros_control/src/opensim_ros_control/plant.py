@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 from hric_control.plant import Contact, FloatArray, JointReaction, ReactingPlant
 from hric_control.plants import EnginePlant
 from hric_core.geometry import MassProperties
-from opensim_ros_control.robot import OpenSimConfig, Robot
+from opensim_ros_control.robot import OpenSimConfig, OpenSimRobot
 from opensim_ros_control.robot_model import RobotModel
-from opensim_ros_control.world import World
+from opensim_ros_control.world import OpenSimWorld
 from urdf_to_osim import transforms
 
 
@@ -23,14 +23,14 @@ class OpenSimPlant(EnginePlant, ReactingPlant):
 
     config_type = OpenSimConfig
     config: OpenSimConfig
-    robot: Robot
-    world: World
+    robot: OpenSimRobot
+    world: OpenSimWorld
 
     def __init__(self, urdf_xml: str, joint_names: Sequence[str], config: Mapping[str, object]) -> None:
         super().__init__(urdf_xml, joint_names, config)
         self.T_ground_world = transforms.base_pose("y")
-        self.robot = Robot(RobotModel(urdf_xml, self.gravity), self.joint_names, self.config)
-        self.world = World(self.robot, self._objects, self._rules, self.T_ground_world, self._masks)
+        self.robot = OpenSimRobot(RobotModel(urdf_xml, self.gravity), self.joint_names, self.config)
+        self.world = OpenSimWorld(self.robot, self._objects, self._rules, self.T_ground_world, self._masks)
         self._put([0.0] * len(self.joint_names))
 
     def step(self) -> None:

@@ -10,10 +10,10 @@ from hric_control.plant import FloatArray, Mode
 from hric_control.plants import EngineRobot, Losses, MovingJoints, WindowlessConfig
 from hric_core.parameters import flag, number
 from hric_core.urdf import ONE_COORDINATE
-from opensim_ros_control.dynamics import Dynamics
-from opensim_ros_control.engine import Engine
-from opensim_ros_control.integrators import IntegrationError, ManagerSteps, OwnSteps, Step, Touch
-from opensim_ros_control.joint_efforts import JointEfforts, Row
+from opensim_ros_control.dynamics import EquationsOfMotion
+from opensim_ros_control.engine import OpenSimEngine
+from opensim_ros_control.integrators import IntegrationError, IntegrationStep, ManagerSteps, OwnSteps, Touch
+from opensim_ros_control.joint_efforts import EffortRow, JointEfforts
 from opensim_ros_control.robot_model import RobotModel
 from opensim_ros_control.stages import cut, gripped
 
@@ -31,7 +31,7 @@ class OpenSimConfig(WindowlessConfig):
     effort_limits: bool = flag(True, text="cut efforts to the description's limits")
 
 
-class Robot(EngineRobot):
+class OpenSimRobot(EngineRobot):
     """Robot in an OpenSim model, which may contain other models too.
 
     Vectors are in the description's order of the robot's moving joints, those of all coordinates in the order of
@@ -65,13 +65,13 @@ class Robot(EngineRobot):
         self._rotors = [loss.rotor for loss in self.losses] if any(config.rotor_inertia) else None
         self.external: FloatArray | None = None
         self.touch: Touch | None = None
-        self._bind(Engine(model.build()))
+        self._bind(OpenSimEngine(model.build()))
         self.time = 0.0
         self._set_y(self.engine.y_of(self.engine.system_state))
 
     # -- the model -----------------------------------------------------------------------------------------------------
 
-    def _bind(self, engine: Engine) -> None:
+    def _bind(self, engine: OpenSimEngine) -> None:
         """Bind to a new build of the model."""
         config = self.config
         self.engine = engine
@@ -82,7 +82,7 @@ class Robot(EngineRobot):
         friction = self._friction()
         self._gripping = self._bristles = self._bristle_rows()
         self._bend, self._bent = np.zeros(engine.nu), 0.0
-        self._dynamics = Dynamics(engine, inertia, friction)
+        self._dynamics = EquationsOfMotion(engine, inertia, friction)
         sticking = self._sticking() if config.friction == "coulomb" else {}
         self._rows = JointEfforts(sticking, self.stops, self._indices, config.time_step)
         self._steps = OwnSteps(self._dynamics, self._rows, config.time_step)
@@ -117,10 +117,10 @@ class Robot(EngineRobot):
         rows[self._indices] = [loss.bristle_row() for loss in self.losses]
         return rows
 
-    def build_again(self, prepare: Callable[[Engine], None] | None = None) -> None:
+    def build_again(self, prepare: Callable[[OpenSimEngine], None] | None = None) -> None:
         """Build the model again and continue in the present state; `prepare` may set the states of new components."""
         self._write_state()
-        engine = Engine(self.model.build())
+        engine = OpenSimEngine(self.model.build())
         engine.continue_from(self.engine)
         if prepare is not None:
             prepare(engine)
@@ -140,7 +140,7 @@ class Robot(EngineRobot):
         self.q, self.dq = self._of_joints(self.positions), self._of_joints(self.speeds)
         self.at = [x - half * v for x, v in zip(self.q, self.dq, strict=True)] if half else self.q
 
-    def synchronised(self) -> Engine:
+    def synchronised(self) -> OpenSimEngine:
         """Return the engine with the present state, velocities realized: for poses and twists."""
         self._write_state()
         self.engine.model.realizeVelocity(self.engine.system_state)
@@ -208,14 +208,14 @@ class Robot(EngineRobot):
         if y is not self.y:
             self._set_y(y)
 
-    def _drive_rows(self, values: Sequence[float]) -> list[Row]:
+    def _drive_rows(self, values: Sequence[float]) -> list[EffortRow]:
         rows, step = [], self.config.time_step
         joints = zip(self._indices, self.joints.joints, self._all_modes, self.q, values, strict=True)
         for index, joint, mode, q, speed in joints:
             if mode is Mode.POSITION:
                 speed = min(max((speed - q) / step, -joint.velocity), joint.velocity)
             if mode in (Mode.VELOCITY, Mode.POSITION):
-                rows.append(Row(index, -joint.effort, joint.effort, speed, drive=True))
+                rows.append(EffortRow(index, -joint.effort, joint.effort, speed, drive=True))
         return rows
 
     # -- one step ------------------------------------------------------------------------------------------------------
@@ -253,13 +253,13 @@ class Robot(EngineRobot):
         self._bent = step
         return tau
 
-    def _by_manager(self, tau: FloatArray) -> Step:
+    def _by_manager(self, tau: FloatArray) -> IntegrationStep:
         try:
             return self._manager.step(self.time, self.y, tau)
         except IntegrationError as error:
             raise self._divergence.fail(self.dq, str(error)) from error
 
-    def _finish(self, step: Step, efforts: list[float]) -> None:
+    def _finish(self, step: IntegrationStep, efforts: list[float]) -> None:
         self.time += self.config.time_step
         before = self.dq
         self._set_y(step.y)
@@ -270,7 +270,7 @@ class Robot(EngineRobot):
             rows = zip(self.motor_effort, self._rotors, before, self.dq, strict=True)
             self.effort = [effort - b * rate * (v - u) for effort, b, u, v in rows]
 
-    def _motor_efforts(self, step: Step, efforts: list[float]) -> list[float]:
+    def _motor_efforts(self, step: IntegrationStep, efforts: list[float]) -> list[float]:
         """Return the efforts of the step, with those that brakes and drives needed."""
         if self._any_braked and step.acceleration is not None:
             brakes = self._of_joints(self._dynamics.brake_efforts(step.acceleration).tolist())

@@ -20,7 +20,7 @@ _POINT = 1e-6
 
 
 @dataclass(frozen=True)
-class Shape:
+class LinkShape:
     """One shape of a link.
 
     Attributes:
@@ -59,7 +59,7 @@ def _geometry(shape: Described) -> Any:
     return _convex(hull_of(shape).vertices.tobytes()) if shape.kind == "mesh" else MAKERS[shape.kind](*shape.size)
 
 
-def shapes(collisions: Sequence[Described]) -> list[Shape]:
+def shapes(collisions: Sequence[Described]) -> list[LinkShape]:
     """Return the shapes of a link; a cylinder with spheres at its ends is one capsule, a mesh is its convex hull.
 
     Raises:
@@ -70,7 +70,9 @@ def shapes(collisions: Sequence[Described]) -> list[Shape]:
         geometry, T = _geometry(shape), shape.T_link_shape
         geometry.computeLocalAABB()
         centre = T[:3, :3] @ np.asarray(geometry.aabb_center) + T[:3, 3]
-        result.append(Shape(geometry, T, float(np.linalg.norm(centre)) + float(geometry.aabb_radius), _solid(geometry)))
+        result.append(
+            LinkShape(geometry, T, float(np.linalg.norm(centre)) + float(geometry.aabb_radius), _solid(geometry))
+        )
     return result
 
 
@@ -86,9 +88,9 @@ def _solid(geometry: Any) -> Solid:
     return Solid("hull", (), np.eye(4), np.array(geometry.points()))
 
 
-def plane() -> Shape:
+def plane() -> LinkShape:
     """Return the half-space below z = 0 of the link."""
-    return Shape(coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0), np.eye(4), FAR, Solid("plane", (), np.eye(4)))
+    return LinkShape(coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0), np.eye(4), FAR, Solid("plane", (), np.eye(4)))
 
 
 def pose(T: FloatArray) -> Any:

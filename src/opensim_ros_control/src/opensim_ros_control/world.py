@@ -11,11 +11,11 @@ from hric_core.geometry import FloatArray, homogeneous
 from hric_core.urdf import Robot as Description
 from opensim_ros_control import collision, shapes
 from opensim_ros_control.bodies import Kinematics, Reactions
-from opensim_ros_control.bushings import EngineBushings
-from opensim_ros_control.engine import Engine
+from opensim_ros_control.bushings import OpenSimBushings
+from opensim_ros_control.engine import OpenSimEngine
 from opensim_ros_control.forces import Forces
-from opensim_ros_control.model_joints import ModelJoints
-from opensim_ros_control.robot import Robot
+from opensim_ros_control.model_joints import OpenSimModelJoints
+from opensim_ros_control.robot import OpenSimRobot
 from urdf_to_osim.transforms import matrix
 
 _FAR_ROTATED = 1.0
@@ -26,7 +26,7 @@ At a right angle its three angles are singular.
 _MIDDLE = 1
 
 
-class World(Models[ModelJoints]):
+class OpenSimWorld(Models[OpenSimModelJoints]):
     """Models around the robot, in one OpenSim model with it, which is built again for each addition or removal.
 
     Args:
@@ -41,11 +41,11 @@ class World(Models[ModelJoints]):
         bushings: bushings between links.
     """
 
-    bushings: EngineBushings
+    bushings: OpenSimBushings
 
     def __init__(
         self,
-        robot: Robot,
+        robot: OpenSimRobot,
         objects: Sequence[WorldObject],
         rules: Surfaces,
         T_ground_world: FloatArray,
@@ -54,8 +54,8 @@ class World(Models[ModelJoints]):
         super().__init__(robot.model.robot, objects, rules, robot.config)
         self.robot, self._masks, self._R_ground_world = robot, list(masks), T_ground_world[:3, :3]
         self.forces = Forces(robot, self._R_ground_world, self.wrenches, self.springs)
-        self.bushings = EngineBushings(self.full_name, self.near, self._R_ground_world)
-        self._bound: Engine | None = None
+        self.bushings = OpenSimBushings(self.full_name, self.near, self._R_ground_world)
+        self._bound: OpenSimEngine | None = None
         self._middle: dict[str, int] = {}
         self._shapes = self._shapes_of(robot.model.robot, "") if robot.config.collision else {}
         self._restore()
@@ -65,7 +65,7 @@ class World(Models[ModelJoints]):
     # -- models --------------------------------------------------------------------------------------------------------
 
     @staticmethod
-    def _shapes_of(description: Description | Model, prefix: str) -> dict[str, list[shapes.Shape]]:
+    def _shapes_of(description: Description | Model, prefix: str) -> dict[str, list[shapes.LinkShape]]:
         links = description.tree.links if isinstance(description, Model) else description.links
         by_link = {f"{prefix}{name}": shapes.shapes(link.collisions) for name, link in links.items()}
         if isinstance(description, Model):
@@ -75,7 +75,7 @@ class World(Models[ModelJoints]):
     def _admit(self, model: Model) -> None:
         of_links = self._shapes_of(model, f"{model.name}::")
         super()._admit(model)
-        self.joints[model.name] = ModelJoints(model, self.robot)
+        self.joints[model.name] = OpenSimModelJoints(model, self.robot)
         self._shapes.update(of_links)
         model.T_world_origin = model.T_world_start
 
@@ -89,7 +89,7 @@ class World(Models[ModelJoints]):
         self.robot.model.neighbours = list(self.models.values())
         self.robot.build_again(lambda engine: self._put(engine, begin))
 
-    def _put(self, engine: Engine, models: Sequence[Model]) -> None:
+    def _put(self, engine: OpenSimEngine, models: Sequence[Model]) -> None:
         """Put models in their initial state: free ones at their origins with their initial velocities."""
         q, u = engine.q(), engine.u()
         for model in models:
@@ -102,7 +102,7 @@ class World(Models[ModelJoints]):
         engine.put(q, u)
 
     @staticmethod
-    def _put_free(engine: Engine, model: Model, q: FloatArray, u: FloatArray, twist: FloatArray) -> None:
+    def _put_free(engine: OpenSimEngine, model: Model, q: FloatArray, u: FloatArray, twist: FloatArray) -> None:
         """Set a free joint to zero; its speeds are the body's (angular, linear) velocity in axes of the joint frame."""
         paths, R = engine.built.joints[model.free_joint], model.T_world_origin[:3, :3]
         indices = [engine.index[path] for path in paths]
@@ -129,7 +129,7 @@ class World(Models[ModelJoints]):
             model.T_world_origin = states[model.name][0]
         self.robot.model.neighbours = list(self.models.values())
 
-        def put(engine: Engine) -> None:
+        def put(engine: OpenSimEngine) -> None:
             q, u = engine.q(), engine.u()
             for model in turned:
                 twist = states[model.name][1]

@@ -8,22 +8,22 @@ the middle of the step. So the point where both forces act is advanced with body
 
 from typing import Protocol
 
-from hric_control.plants import BushingLaw, Bushings, Motion, PlantConfig
+from hric_control.plants import BushingLaw, Bushings, LinkMotion, PlantConfig
 from hric_core.geometry import quaternions
 from hric_core.geometry.quaternions import Vector, cross, rotated
 from hric_core.geometry.transforms import inverse, quaternion_from_rotation
-from pybullet_ros_control.engine import Body, Engine
+from pybullet_ros_control.engine import LoadedBody, PhysicsClient
 from pybullet_ros_control.external_forces import ExternalForces
 from pybullet_ros_control.joint_dynamics import frame_of, half_step
-from pybullet_ros_control.model_joints import ModelJoints
-from pybullet_ros_control.robot import Robot
-from pybullet_ros_control.world import World
+from pybullet_ros_control.model_joints import PybulletModelJoints
+from pybullet_ros_control.robot import PybulletRobot
+from pybullet_ros_control.world import PybulletWorld
 
 
 class _End(Protocol):
     """One end of a bushing."""
 
-    def motion(self) -> Motion:
+    def motion(self) -> LinkMotion:
         """Return the motion of the link at the measuring instant."""
 
     def push(self, force: Vector, torque: Vector, point: Vector) -> None:
@@ -33,14 +33,14 @@ class _End(Protocol):
 class _JointedEnd:
     """Link of a body with a fixed base and joints."""
 
-    def __init__(self, joints: Robot | ModelJoints, link: str) -> None:
+    def __init__(self, joints: PybulletRobot | PybulletModelJoints, link: str) -> None:
         assert joints.body.model is not None
         self._joints = joints
         self._joint, self._frame = frame_of(joints.body.model, joints.joints.names, joints.T_world_base, link)
 
-    def motion(self) -> Motion:
+    def motion(self) -> LinkMotion:
         joints = self._joints
-        return Motion(*joints.dynamics.motion(joints.at, joints.dq, self._joint, self._frame))
+        return LinkMotion(*joints.dynamics.motion(joints.at, joints.dq, self._joint, self._frame))
 
     def push(self, force: Vector, torque: Vector, point: Vector) -> None:
         joints = self._joints
@@ -50,20 +50,20 @@ class _JointedEnd:
 class _FreeEnd:
     """Any other link: of a body with a free base, or a fixed one."""
 
-    def __init__(self, engine: Engine, forces: ExternalForces, body: Body, link: str, half: float) -> None:
+    def __init__(self, engine: PhysicsClient, forces: ExternalForces, body: LoadedBody, link: str, half: float) -> None:
         self._engine, self._forces, self._body, self._half = engine, forces, body, half
         self._index, T_body_link = body.frame(link)
         T_com_link = inverse(engine.inertial_frame(body, self._index)) @ T_body_link
         x, y, z = T_com_link[:3, 3].tolist()
         self._lever, self._rotation = (x, y, z), quaternion_from_rotation(T_com_link[:3, :3])
 
-    def motion(self) -> Motion:
+    def motion(self) -> LinkMotion:
         com, (x, y, z, w), linear, spin = self._engine.motion(self._body, self._index)
         orientation, angular = (x, y, z, w), (spin[0], spin[1], spin[2])
         lever = rotated(orientation, self._lever)
         velocity = _moved(_vector(linear), cross(angular, lever), 1.0)
         back = quaternions.from_rotation_vector([-self._half * rate for rate in angular])
-        return Motion(
+        return LinkMotion(
             _moved(_moved(_vector(com), lever, 1.0), velocity, -self._half),
             quaternions.product(back, quaternions.product(orientation, self._rotation)),
             velocity,
@@ -74,7 +74,7 @@ class _FreeEnd:
         self._forces.apply(self._body, self._index, force, torque, point)
 
 
-class EngineBushings(Bushings):
+class PybulletBushings(Bushings):
     """Connected bushings, and their forces in the engine.
 
     Args:
@@ -84,7 +84,7 @@ class EngineBushings(Bushings):
         config: the plant's parameters.
     """
 
-    def __init__(self, engine: Engine, world: World, robot: Robot, config: PlantConfig) -> None:
+    def __init__(self, engine: PhysicsClient, world: PybulletWorld, robot: PybulletRobot, config: PlantConfig) -> None:
         super().__init__(world.full_name, world.near)
         self._engine, self._world, self._robot, self._half = engine, world, robot, half_step(config)
         self._acting: list[tuple[BushingLaw, _End, _End]] = []

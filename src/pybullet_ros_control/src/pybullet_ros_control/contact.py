@@ -17,10 +17,10 @@ import pybullet
 from hric_control.plant import Contact, FloatArray
 from hric_control.plants import Springs, Surface, combine, faces
 from hric_core.geometry.transforms import cross, homogeneous, inverse, rotation_from_quaternion
-from pybullet_ros_control.engine import Body, Engine
+from pybullet_ros_control.engine import LoadedBody, PhysicsClient
 from pybullet_ros_control.external_forces import ExternalForces, Mobility
-from pybullet_ros_control.model_joints import ModelJoints
-from pybullet_ros_control.robot import Robot
+from pybullet_ros_control.model_joints import PybulletModelJoints
+from pybullet_ros_control.robot import PybulletRobot
 
 LOOK_AHEAD = 5.0
 """Approach speed for which links are checked before they touch within a step [m/s] (project default, unconfirmed)."""
@@ -35,8 +35,8 @@ Laws = dict[tuple[int, int], tuple[float, float, float]]
 class PenaltyPair:
     """Two bodies with links that are in penalty contact."""
 
-    a: Body
-    b: Body
+    a: LoadedBody
+    b: LoadedBody
     laws: Laws
 
 
@@ -50,7 +50,7 @@ class _Link:
         linear, angular: velocity of that frame now and one step before, shape (2, 3) each [m/s], [rad/s].
     """
 
-    body: Body
+    body: LoadedBody
     index: int
     T: FloatArray
     linear: FloatArray
@@ -62,11 +62,11 @@ class _Link:
         return np.array([v - cross(point - self.T[:3, 3], w) for v, w in zip(self.linear, self.angular, strict=True)])
 
 
-def _names(body: Body, index: int) -> str:
+def _names(body: LoadedBody, index: int) -> str:
     return f"{body.name}::{body.link_names[index]}"
 
 
-class PenaltyContact:
+class PybulletPenaltyContact:
     """Pairs with penalty contact, and their contacts in the last step.
 
     Args:
@@ -78,7 +78,7 @@ class PenaltyContact:
         last: contacts of the last step.
     """
 
-    def __init__(self, engine: Engine, springs: Springs) -> None:
+    def __init__(self, engine: PhysicsClient, springs: Springs) -> None:
         self._engine, self.springs = engine, springs
         self.pairs: list[PenaltyPair] = []
         self.last: list[Contact] = []
@@ -89,8 +89,8 @@ class PenaltyContact:
 
     def set_pairs(
         self,
-        bodies: Mapping[str, Body],
-        surface: Callable[[Body, int], Surface],
+        bodies: Mapping[str, LoadedBody],
+        surface: Callable[[LoadedBody, int], Surface],
         apart: Collection[tuple[EngineLink, EngineLink]],
     ) -> None:
         """Determine all pairs again, and switch off their rigid contact in the engine.
@@ -125,7 +125,7 @@ class PenaltyContact:
         self.springs.forget()
         self.last, self._links = [], {}
 
-    def apply(self, forces: ExternalForces, robot: Robot, joints: Mapping[str, ModelJoints]) -> None:
+    def apply(self, forces: ExternalForces, robot: PybulletRobot, joints: Mapping[str, PybulletModelJoints]) -> None:
         """Push each overlapping pair of links apart in the coming step; joints: of models around the robot."""
         self.last = []
         self.springs.begin()
@@ -198,7 +198,7 @@ class PenaltyContact:
             self._solids[key] = solids(link.body, link.index, self._engine)
         return self._solids[key]
 
-    def _link(self, body: Body, index: int) -> _Link:
+    def _link(self, body: LoadedBody, index: int) -> _Link:
         key = (body.id, index)
         if key not in self._links:
             position, orientation, linear, angular = self._engine.motion(body, index)
@@ -210,7 +210,7 @@ class PenaltyContact:
         return self._links[key]
 
 
-def rigid_contacts(engine: Engine, bodies: Mapping[int, Body]) -> list[Contact]:
+def rigid_contacts(engine: PhysicsClient, bodies: Mapping[int, LoadedBody]) -> list[Contact]:
     """Return the engine's contacts of the last step that carry a force or overlap."""
     result = []
     for point in pybullet.getContactPoints(physicsClientId=engine.client):
@@ -221,7 +221,7 @@ def rigid_contacts(engine: Engine, bodies: Mapping[int, Body]) -> list[Contact]:
     return result
 
 
-def solids(body: Body, index: int, engine: Engine) -> list[faces.Solid]:
+def solids(body: LoadedBody, index: int, engine: PhysicsClient) -> list[faces.Solid]:
     """Return the shapes of an engine link, in its centre-of-mass frame; a mesh next to other shapes is left out."""
     data = pybullet.getCollisionShapeData(body.id, index, physicsClientId=engine.client)
     shapes = []

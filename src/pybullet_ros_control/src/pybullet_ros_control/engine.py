@@ -29,7 +29,7 @@ SLACK = 1e-12
 
 
 @dataclass
-class Body:
+class LoadedBody:
     """Loaded model.
 
     Attributes:
@@ -90,7 +90,7 @@ def _check_display() -> None:
         )
 
 
-class Engine:
+class PhysicsClient:
     """Separate physics client: several can be in one process without interaction."""
 
     def __init__(self, gui: bool, time_step: float, gravity: Sequence[float]) -> None:
@@ -129,7 +129,7 @@ class Engine:
         *,
         fixed_base: bool,
         self_collision: bool,
-    ) -> Body:
+    ) -> LoadedBody:
         """Load a prepared model with its root link at T_world_root, shape (4, 4).
 
         Raises:
@@ -159,7 +159,7 @@ class Engine:
         self._add_gears(body)
         return body
 
-    def _add_gears(self, body: Body) -> None:
+    def _add_gears(self, body: LoadedBody) -> None:
         """Add gears for mimic joints, so that the engine's contact and stops act on both joints."""
         assert body.model is not None
         for name, law in mimic_laws(body.model.joints).items():
@@ -180,7 +180,7 @@ class Engine:
             )
             body.gears.append(gear)
 
-    def _index(self, name: str, body_id: int, model: EngineModel) -> Body:
+    def _index(self, name: str, body_id: int, model: EngineModel) -> LoadedBody:
         links, joints, parents = {model.base: -1}, {}, {}
         for index in range(pybullet.getNumJoints(body_id, physicsClientId=self.client)):
             info = pybullet.getJointInfo(body_id, index, physicsClientId=self.client)
@@ -188,9 +188,9 @@ class Engine:
             parents[index] = info[16]
             if info[2] != pybullet.JOINT_FIXED:
                 joints[info[1].decode()] = index
-        return Body(name, body_id, model, links, joints, parents)
+        return LoadedBody(name, body_id, model, links, joints, parents)
 
-    def _set_dynamics(self, body: Body) -> None:
+    def _set_dynamics(self, body: LoadedBody) -> None:
         """Switch off the engine's hidden damping, raise its speed limit, and set the true principal moments."""
         assert body.model is not None
         for link, index in body.links.items():
@@ -209,7 +209,7 @@ class Engine:
                     f"PyBullet did not take the mass of {body.name}::{link}: it has {info[0]} kg, {info[2]} kg m^2"
                 )
 
-    def state(self, body: Body) -> BodyState:
+    def state(self, body: LoadedBody) -> BodyState:
         """Return pose, velocity and joint states of a body."""
         position, orientation = pybullet.getBasePositionAndOrientation(body.id, physicsClientId=self.client)
         linear, angular = pybullet.getBaseVelocity(body.id, physicsClientId=self.client)
@@ -218,7 +218,7 @@ class Engine:
         }
         return BodyState(position, orientation, linear, angular, joints)
 
-    def set_state(self, body: Body, state: BodyState) -> None:
+    def set_state(self, body: LoadedBody, state: BodyState) -> None:
         """Put a body into the state of another body of the same model."""
         pybullet.resetBasePositionAndOrientation(
             body.id, state.position, state.orientation, physicsClientId=self.client
@@ -227,7 +227,7 @@ class Engine:
         for name, (q, dq) in state.joints.items():
             pybullet.resetJointState(body.id, body.joints[name], q, dq, physicsClientId=self.client)
 
-    def motors_off(self, body: Body) -> None:
+    def motors_off(self, body: LoadedBody) -> None:
         """Remove the force of the motors with which the engine holds every joint by default."""
         indices = list(body.joints.values())
         if indices:
@@ -235,7 +235,9 @@ class Engine:
                 body.id, indices, pybullet.VELOCITY_CONTROL, forces=[0.0] * len(indices), physicsClientId=self.client
             )
 
-    def joint_states(self, body: Body, joints: MovingJoints, indices: Sequence[int]) -> tuple[tuple[Any, ...], ...]:
+    def joint_states(
+        self, body: LoadedBody, joints: MovingJoints, indices: Sequence[int]
+    ) -> tuple[tuple[Any, ...], ...]:
         """Return the result of `getJointStates`, after correcting mimic joints to their laws.
 
         Args:
@@ -254,13 +256,13 @@ class Engine:
                 corrected[i] = (q, dq, *states[i][2:])
         return tuple(corrected)
 
-    def remove(self, body: Body) -> None:
+    def remove(self, body: LoadedBody) -> None:
         """Remove a body from the world."""
         for gear in body.gears:
             pybullet.removeConstraint(gear, physicsClientId=self.client)
         pybullet.removeBody(body.id, physicsClientId=self.client)
 
-    def pose(self, body: Body, index: int) -> transforms.FloatArray:
+    def pose(self, body: LoadedBody, index: int) -> transforms.FloatArray:
         """Return T_world_link of an engine link's frame (not of its centre of mass), shape (4, 4)."""
         if index < 0:
             position, orientation = pybullet.getBasePositionAndOrientation(body.id, physicsClientId=self.client)
@@ -270,12 +272,12 @@ class Engine:
         state = pybullet.getLinkState(body.id, index, computeForwardKinematics=1, physicsClientId=self.client)
         return transforms.homogeneous(transforms.rotation_from_quaternion(state[5]), state[4])
 
-    def inertial_frame(self, body: Body, index: int) -> transforms.FloatArray:
+    def inertial_frame(self, body: LoadedBody, index: int) -> transforms.FloatArray:
         """Return T_link_inertial of an engine link, shape (4, 4): the engine's base pose is at the centre of mass."""
         info = pybullet.getDynamicsInfo(body.id, index, physicsClientId=self.client)
         return transforms.homogeneous(transforms.rotation_from_quaternion(info[4]), info[3])
 
-    def motion(self, body: Body, index: int) -> tuple[tuple[float, ...], ...]:
+    def motion(self, body: LoadedBody, index: int) -> tuple[tuple[float, ...], ...]:
         """Return the motion of a link's centre of mass in the world frame.
 
         Position [m], quaternion (x, y, z, w), linear [m/s] and angular velocity [rad/s].

@@ -6,9 +6,9 @@ import numpy as np
 import pybullet
 
 from hric_core.geometry.transforms import FloatArray, cross, rotation_from_quaternion, skew
-from pybullet_ros_control.engine import Body, Engine
-from pybullet_ros_control.model_joints import ModelJoints
-from pybullet_ros_control.robot import Robot
+from pybullet_ros_control.engine import LoadedBody, PhysicsClient
+from pybullet_ros_control.model_joints import PybulletModelJoints
+from pybullet_ros_control.robot import PybulletRobot
 
 
 class JointRows:
@@ -24,7 +24,7 @@ class JointRows:
         joints: engine indices.
     """
 
-    def __init__(self, body: Body, client: int) -> None:
+    def __init__(self, body: LoadedBody, client: int) -> None:
         assert body.model is not None
         self._body, self._client = body, client
         self.joints = sorted(body.joints.values())
@@ -76,7 +76,7 @@ class Mobility:
         engine: engine with the bodies, the robot among them.
     """
 
-    def __init__(self, engine: Engine) -> None:
+    def __init__(self, engine: PhysicsClient) -> None:
         self._engine = engine
         self.clear()
 
@@ -85,12 +85,12 @@ class Mobility:
         self._masses: dict[int, tuple[float, FloatArray]] = {}
         self._inertias: dict[int, FloatArray] = {}
 
-    def begin(self, robot: Robot, joints: Mapping[str, ModelJoints], forces: "ExternalForces") -> None:
+    def begin(self, robot: PybulletRobot, joints: Mapping[str, PybulletModelJoints], forces: "ExternalForces") -> None:
         """Start a step with these external forces; joints: of the other models."""
         self._robot, self._joints, self._forces = robot, joints, forces
         self._inertias.clear()
 
-    def inverse_mass(self, body: Body, index: int, point: FloatArray, normal: FloatArray) -> float:
+    def inverse_mass(self, body: LoadedBody, index: int, point: FloatArray, normal: FloatArray) -> float:
         """Return n' J (M + B)^-1 J' n of a point of a link, shape (3,) [m], along a unit vector, shape (3,) [1/kg].
 
         A free body with joints counts as one mass at the point.
@@ -105,7 +105,7 @@ class Mobility:
         row = self._forces.rows(body).efforts(index, normal, None, point)
         return float(row @ self._inverse_inertia(body) @ row)
 
-    def _mass(self, body: Body) -> tuple[float, FloatArray]:
+    def _mass(self, body: LoadedBody) -> tuple[float, FloatArray]:
         """Return (mass [kg], principal moments, shape (3,) [kg m^2]) of a free body; mass 0: its base is fixed."""
         if body.id not in self._masses:
             client = self._engine.client
@@ -117,13 +117,13 @@ class Mobility:
         return self._masses[body.id]
 
     def _of_free_body(
-        self, body: Body, mass: float, moments: FloatArray, point: FloatArray, normal: FloatArray
+        self, body: LoadedBody, mass: float, moments: FloatArray, point: FloatArray, normal: FloatArray
     ) -> float:
         centre, orientation = pybullet.getBasePositionAndOrientation(body.id, physicsClientId=self._engine.client)
         lever = cross(point - centre, normal) @ rotation_from_quaternion(orientation)
         return float(1.0 / mass + (lever * lever) @ (1.0 / moments))
 
-    def _inverse_inertia(self, body: Body) -> FloatArray:
+    def _inverse_inertia(self, body: LoadedBody) -> FloatArray:
         """Return (M + B)^-1 of the joints, shape (n, n); held joints have zeros."""
         if body.id not in self._inertias:
             robot = self._robot
@@ -133,7 +133,7 @@ class Mobility:
         return self._inertias[body.id]
 
 
-def _inverse_inertia(robot: Robot) -> FloatArray:
+def _inverse_inertia(robot: PybulletRobot) -> FloatArray:
     M = robot.mass_matrix() + np.diag([loss.rotor for loss in robot.losses])
     followers = [i for i, *_ in robot.joints.followers]
     J = robot.joints.law_jacobian()[:, [i for i in robot.free_joints if i not in followers]]
@@ -147,7 +147,7 @@ class ExternalForces:
         engine: engine with the bodies.
     """
 
-    def __init__(self, engine: Engine) -> None:
+    def __init__(self, engine: PhysicsClient) -> None:
         self._engine = engine
         self.clear()
 
@@ -156,25 +156,30 @@ class ExternalForces:
         self._rows: dict[int, JointRows] = {}
         self._sums: dict[int, FloatArray | None] = {}
 
-    def begin(self, summed: Iterable[Body]) -> None:
+    def begin(self, summed: Iterable[LoadedBody]) -> None:
         """Start a step; `summed`: bodies with a fixed base and joints whose efforts are summed."""
         self._sums = {body.id: None for body in summed}
         for rows in self._rows.values():
             rows.forget()
 
-    def rows(self, body: Body) -> JointRows:
+    def rows(self, body: LoadedBody) -> JointRows:
         """Return the transposed Jacobian rows of a body in this step."""
         if body.id not in self._rows:
             self._rows[body.id] = JointRows(body, self._engine.client)
         return self._rows[body.id]
 
-    def efforts(self, body: Body) -> list[float] | None:
+    def efforts(self, body: LoadedBody) -> list[float] | None:
         """Return J'F of this step's forces for all moving joints of a body [N m or N]; None without a force."""
         efforts = self._sums.get(body.id)
         return None if efforts is None else efforts.tolist()
 
     def apply(
-        self, body: Body, index: int, force: Sequence[float], torque: Sequence[float] | None, point: Sequence[float]
+        self,
+        body: LoadedBody,
+        index: int,
+        force: Sequence[float],
+        torque: Sequence[float] | None,
+        point: Sequence[float],
     ) -> None:
         """Apply a force [N] at `point` [m] and a torque [N m] to a link in the next step, world frame."""
         client = self._engine.client

@@ -5,7 +5,7 @@ from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
 from hric_core.geometry import FloatArray
-from hric_core.meshes.canonical import Surface
+from hric_core.meshes.canonical import MeshSurface
 
 SKIN = 1e-3
 """Margin that the engine gives each hull [m]. Source: gUrdfDefaultCollisionMargin of PyBullet 3.2.7."""
@@ -13,7 +13,7 @@ _THINNEST = 0.5
 """Largest part of its largest inner sphere's radius that a hull loses [1] (project default, unconfirmed)."""
 
 
-def without_skin(hull: Surface) -> Surface:
+def without_skin(hull: MeshSurface) -> MeshSurface:
     """Return a hull whose sides are moved inwards by the margin, so that the engine's sides are those of the mesh.
 
     Its corners are then round: a body touches a corner of a box 0.7 mm late. A hull thinner than four margins is
@@ -35,8 +35,8 @@ def without_skin(hull: Surface) -> Surface:
         return hull
 
 
-def _surface(points: FloatArray) -> Surface:
+def _surface(points: FloatArray) -> MeshSurface:
     hull = ConvexHull(points)
     numbers = np.full(len(points), -1)
     numbers[hull.vertices] = np.arange(len(hull.vertices))
-    return Surface(points[hull.vertices], numbers[hull.simplices])
+    return MeshSurface(points[hull.vertices], numbers[hull.simplices])

@@ -46,7 +46,7 @@ LinkMotion = tuple[Triple, tuple[float, float, float, float], Triple, Triple]
 """Position [m], quaternion (x, y, z, w), linear [m/s] and angular velocity [rad/s] of a frame, in the world."""
 
 
-class Dynamics(Protocol):
+class CompiledDynamics(Protocol):
     """Compiled dynamics of one robot with memory of one step; vectors are n floats in the engine's joint order."""
 
     def torque(
@@ -138,7 +138,7 @@ def make_dynamics(
     quiet: float = math.inf,
     T_world_base: FloatArray | None = None,
     free: bool = False,
-) -> Dynamics:
+) -> CompiledDynamics:
     """Return the dynamics of a robot.
 
     Args:
@@ -167,7 +167,9 @@ def make_dynamics(
         follows = (-1.0, 0.0) if law is None else (float(number[model.joints[law.joint].child]), law.multiplier)
         slides = joint.type == "prismatic"
         rows.append(_row(number[parent], slides, T_parent_joint, joint.axis, model.bodies[joint.child], loss, follows))
-    dynamics: Dynamics = _built.Dynamics(time_step, PASSES if second_order else 0, half, quiet, list(gravity), rows)
+    dynamics: CompiledDynamics = _built.Dynamics(
+        time_step, PASSES if second_order else 0, half, quiet, list(gravity), rows
+    )
     return dynamics
 
 
@@ -193,7 +195,7 @@ def _free_rows(base: MassProperties) -> list[list[float]]:
 
 
 def frame_of(model: EngineModel, joints: Sequence[str], T_world_base: FloatArray, link: str) -> tuple[int, list[float]]:
-    """Return (joint, frame) of a link of the description, for `Dynamics.motion`.
+    """Return (joint, frame) of a link of the description, for `CompiledDynamics.motion`.
 
     Args:
         model: model of the engine.

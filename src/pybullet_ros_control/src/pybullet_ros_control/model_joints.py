@@ -8,11 +8,11 @@ import pybullet
 from hric_control.plants import DrivenJoints, PlantConfig, reciprocals
 from hric_core import urdf
 from hric_core.geometry import FloatArray
-from pybullet_ros_control.engine import Body, Engine
+from pybullet_ros_control.engine import LoadedBody, PhysicsClient
 from pybullet_ros_control.joint_dynamics import Vector, added, half_step, make_dynamics
 
 
-class ModelJoints(DrivenJoints):
+class PybulletModelJoints(DrivenJoints):
     """Moving joints of one model with a fixed base, in the engine's order.
 
     They have the robot's balance, without rotors: their motion is of second order, and forces on the links may be given
@@ -39,7 +39,7 @@ class ModelJoints(DrivenJoints):
     """Coordinates of the base in the dynamics; their values have no effect."""
 
     def __init__(
-        self, engine: Engine, body: Body, tree: urdf.Robot, T_world_root: FloatArray, config: PlantConfig
+        self, engine: PhysicsClient, body: LoadedBody, tree: urdf.Robot, T_world_root: FloatArray, config: PlantConfig
     ) -> None:
         assert body.model is not None
         self._engine, self._half = engine, half_step(config)
@@ -60,7 +60,7 @@ class ModelJoints(DrivenJoints):
         self.bind(body)
         self.reset()
 
-    def bind(self, body: Body) -> None:
+    def bind(self, body: LoadedBody) -> None:
         """Bind to the body after it was loaded again; the state of its joints stays."""
         self.body = body
         self._indices = [body.joints[name] for name in self.joints.names]
@@ -113,13 +113,13 @@ class ModelJoints(DrivenJoints):
         self.q, self.dq, self.at, _, _ = self.dynamics.read(states, self.joints.zeros)
 
 
-class FreeModelJoints(ModelJoints):
+class FreeModelJoints(PybulletModelJoints):
     """Joints of a model with a free base, of first order as in the engine."""
 
     fixed = False
     _base = (0.0,) * 6
 
-    def bind(self, body: Body) -> None:
+    def bind(self, body: LoadedBody) -> None:
         """Bind to the body after it was loaded again, with the engine's motors at zero speed as Coulomb friction."""
         super().bind(body)
         pybullet.setJointMotorControlArray(

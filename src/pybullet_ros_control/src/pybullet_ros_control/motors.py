@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import pybullet
 
 from hric_control.plant import Mode
-from pybullet_ros_control.engine import Body, Engine
+from pybullet_ros_control.engine import LoadedBody, PhysicsClient
 
 BRAKE_FORCE = 1e6
 """Largest effort of a brake or an unlimited drive [N m]: a constraint, so its size does not make it stiff."""
@@ -25,8 +25,8 @@ class JointMotors:
 
     def __init__(
         self,
-        engine: Engine,
-        body: Body,
+        engine: PhysicsClient,
+        body: LoadedBody,
         joints: Sequence[int],
         max_effort: Sequence[float],
         max_velocity: Sequence[float],
@@ -61,7 +61,7 @@ class JointMotors:
         self._lock = list(q)
         self.restore(self._body)
 
-    def restore(self, body: Body) -> None:
+    def restore(self, body: LoadedBody) -> None:
         """Send all motors to the engine, for example for a body that was loaded again."""
         self._body = body
         for i, joint in enumerate(self._joints):

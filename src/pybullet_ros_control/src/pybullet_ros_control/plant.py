@@ -9,26 +9,26 @@ from hric_control.plant import Contact, FloatArray
 from hric_control.plants import EnginePlant
 from hric_core.errors import FailureError
 from hric_core.geometry import MassProperties
-from pybullet_ros_control.bushings import EngineBushings
+from pybullet_ros_control.bushings import PybulletBushings
 from pybullet_ros_control.contact import rigid_contacts
-from pybullet_ros_control.engine import Engine
-from pybullet_ros_control.robot import Robot
-from pybullet_ros_control.world import World
+from pybullet_ros_control.engine import PhysicsClient
+from pybullet_ros_control.robot import PybulletRobot
+from pybullet_ros_control.world import PybulletWorld
 
 
 class PyBulletPlant(EnginePlant):
     """Plant on PyBullet; see `hric_control.plant.Plant`."""
 
-    robot: Robot
-    world: World
+    robot: PybulletRobot
+    world: PybulletWorld
 
     def __init__(self, urdf_xml: str, joint_names: Sequence[str], config: Mapping[str, object]) -> None:
         super().__init__(urdf_xml, joint_names, config)
-        self._engine = engine = Engine(self.config.gui, self.time_step, self.gravity)
+        self._engine = engine = PhysicsClient(self.config.gui, self.time_step, self.gravity)
         try:
-            self.robot = Robot(engine, self.tree, self.joint_names, self.config, self._masks)
-            self.world = World(engine, self.robot, self.tree, self._objects, self._rules, self.config)
-            self.world.bushings = EngineBushings(engine, self.world, self.robot, self.config)
+            self.robot = PybulletRobot(engine, self.tree, self.joint_names, self.config, self._masks)
+            self.world = PybulletWorld(engine, self.robot, self.tree, self._objects, self._rules, self.config)
+            self.world.bushings = PybulletBushings(engine, self.world, self.robot, self.config)
             self._put([0.0] * len(self.joint_names))
         except BaseException:
             self._engine.close()

@@ -10,13 +10,13 @@ from hric_control.plant import Mode
 from hric_control.plants import EngineRobot, Losses, MovingJoints, PlantConfig, masked
 from hric_core import urdf
 from hric_core.geometry import FloatArray, MassProperties
-from pybullet_ros_control.engine import Body, Engine
-from pybullet_ros_control.joint_dynamics import Dynamics, Vector, added, half_step, make_dynamics
+from pybullet_ros_control.engine import LoadedBody, PhysicsClient
+from pybullet_ros_control.joint_dynamics import CompiledDynamics, Vector, added, half_step, make_dynamics
 from pybullet_ros_control.motors import JointMotors
 from pybullet_ros_control.urdf_model import EngineModel, prepare
 
 
-class Robot(EngineRobot):
+class PybulletRobot(EngineRobot):
     """Robot in PyBullet; vectors are in the engine's order of the moving joints.
 
     Args:
@@ -35,7 +35,7 @@ class Robot(EngineRobot):
 
     def __init__(
         self,
-        engine: Engine,
+        engine: PhysicsClient,
         tree: urdf.Robot,
         joint_names: Sequence[str],
         config: PlantConfig,
@@ -68,7 +68,7 @@ class Robot(EngineRobot):
 
     def _load_body(self) -> None:
         model = self._model
-        self.body: Body = self.engine.load(
+        self.body: LoadedBody = self.engine.load(
             model.name, model, np.eye(4), fixed_base=True, self_collision=self._config.self_collision
         )
         self.mask()
@@ -81,7 +81,7 @@ class Robot(EngineRobot):
     def _bind(self) -> None:
         """Bind to the dynamics of the present model."""
         config = self._config
-        self.dynamics: Dynamics = make_dynamics(
+        self.dynamics: CompiledDynamics = make_dynamics(
             self._model,
             self.joints.names,
             self.losses,
@@ -220,7 +220,7 @@ class Robot(EngineRobot):
 
 
 def apply_masks(
-    engine: Engine, body: Body, neighbours: Collection[frozenset[str]], masks: list[tuple[str, str]]
+    engine: PhysicsClient, body: LoadedBody, neighbours: Collection[frozenset[str]], masks: list[tuple[str, str]]
 ) -> list[tuple[str, str]]:
     """Switch self-collision off for neighbours and for link pairs that match the masks; return the pairs."""
     names = sorted(body.links, key=body.links.__getitem__)

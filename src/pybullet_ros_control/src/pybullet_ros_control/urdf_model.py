@@ -35,7 +35,7 @@ It splits a longer line after each such piece, even inside a number. Source: mea
 
 
 @dataclass(frozen=True)
-class Frame:
+class LinkFrame:
     """Link of the description in the engine's model.
 
     Attributes:
@@ -72,12 +72,12 @@ class EngineModel:
     xml: str
     base: str
     T_root_base: FloatArray
-    frames: dict[str, Frame]
+    frames: dict[str, LinkFrame]
     moments: dict[str, tuple[float, ...]]
     bodies: dict[str, MassProperties]
     joints: dict[str, Joint]
     placements: dict[str, tuple[str, FloatArray]]
-    tops: dict[str, Frame]
+    tops: dict[str, LinkFrame]
     root: str
     description: Robot
     files: dict[str, bytes]
@@ -147,7 +147,7 @@ class _Preparation:
         self.moments: dict[str, tuple[float, ...]] = {}
         self.bodies: dict[str, MassProperties] = {}
         self.placements: dict[str, tuple[str, FloatArray]] = {}
-        self.frames: dict[str, Frame] = {}
+        self.frames: dict[str, LinkFrame] = {}
         self.files: dict[str, bytes] = {}
         self.hulls: dict[str, FloatArray] = {}
 
@@ -203,7 +203,7 @@ class _Preparation:
         top = self.write_link(cluster.top, self.mass(cluster) if moving else MassProperties())
         for name, T in cluster.poses.items():
             link, separate = self.robot.links[name], bool(self.robot.links[name].collisions) and name != cluster.top
-            self.frames[name] = Frame(name, np.eye(4)) if separate else Frame(cluster.top, T)
+            self.frames[name] = LinkFrame(name, np.eye(4)) if separate else LinkFrame(cluster.top, T)
             if self.visual:
                 self.write_shapes(top, link.visuals, T, "visual")
             if separate:
@@ -255,7 +255,7 @@ class _Preparation:
             self.bodies,
             {joint.name: joint for joint in moving},
             self.placements,
-            {name: Frame(cluster.top, cluster.poses[name]) for name, cluster in self.of.items()},
+            {name: LinkFrame(cluster.top, cluster.poses[name]) for name, cluster in self.of.items()},
             self.robot.root,
             self.robot,
             self.files,

@@ -8,15 +8,15 @@ import pybullet
 from hric_control.plants import PLAIN_LINK, Model, Models, PlantConfig, Surfaces, WorldObject
 from hric_core import urdf
 from hric_core.geometry import quaternion_from_rotation
-from pybullet_ros_control.contact import EngineLink, PenaltyContact
-from pybullet_ros_control.engine import Body, BodyState, Engine
+from pybullet_ros_control.contact import EngineLink, PybulletPenaltyContact
+from pybullet_ros_control.engine import BodyState, LoadedBody, PhysicsClient
 from pybullet_ros_control.external_forces import ExternalForces
-from pybullet_ros_control.model_joints import FreeModelJoints, ModelJoints
-from pybullet_ros_control.robot import Robot
+from pybullet_ros_control.model_joints import FreeModelJoints, PybulletModelJoints
+from pybullet_ros_control.robot import PybulletRobot
 from pybullet_ros_control.urdf_model import EngineModel, prepare
 
 if TYPE_CHECKING:  # bushings import this module
-    from pybullet_ros_control.bushings import EngineBushings
+    from pybullet_ros_control.bushings import PybulletBushings
 
 _GEOMETRY = {
     "box": lambda s: {"shapeType": pybullet.GEOM_BOX, "halfExtents": [0.5 * x for x in s]},
@@ -27,7 +27,7 @@ _GEOMETRY = {
 }
 
 
-class World(Models[ModelJoints]):
+class PybulletWorld(Models[PybulletModelJoints]):
     """Bodies by name, the robot first, with their surfaces and the penalty contact between them.
 
     Args:
@@ -46,12 +46,12 @@ class World(Models[ModelJoints]):
         bushings: bushings between links; the plant adds them.
     """
 
-    bushings: "EngineBushings"
+    bushings: "PybulletBushings"
 
     def __init__(
         self,
-        engine: Engine,
-        robot: Robot,
+        engine: PhysicsClient,
+        robot: PybulletRobot,
         tree: urdf.Robot,
         objects: Sequence[WorldObject],
         rules: Surfaces,
@@ -60,11 +60,11 @@ class World(Models[ModelJoints]):
         super().__init__(tree, objects, rules, config)
         self._engine, self._robot = engine, robot
         self._prepared: dict[str, EngineModel] = {}
-        self.bodies: dict[str, Body] = {}
-        self.by_id: dict[int, Body] = {}
+        self.bodies: dict[str, LoadedBody] = {}
+        self.by_id: dict[int, LoadedBody] = {}
         self._apart: set[tuple[str, str]] = set()
         self.forces = ExternalForces(engine)
-        self.penalty = PenaltyContact(engine, self.springs)
+        self.penalty = PybulletPenaltyContact(engine, self.springs)
         self._restore()
         self._fill()
 
@@ -126,26 +126,26 @@ class World(Models[ModelJoints]):
             pybullet.resetBaseVelocity(body.id, model.linear, model.angular, physicsClientId=self._engine.client)
         self._add(body)
 
-    def _load_model(self, model: Model) -> Body:
+    def _load_model(self, model: Model) -> LoadedBody:
         T, prepared = model.T_world_start, self._prepared[model.name]
         body = self._engine.load(model.name, prepared, T, fixed_base=model.fixed, self_collision=False)
         if model.name in self.joints:
             self.joints[model.name].bind(body)
         elif body.joints:
-            kind = ModelJoints if model.fixed else FreeModelJoints
+            kind = PybulletModelJoints if model.fixed else FreeModelJoints
             self.joints[model.name] = kind(self._engine, body, model.tree, T, self._config)
         return body
 
-    def _load_shape(self, item: WorldObject) -> Body:
+    def _load_shape(self, item: WorldObject) -> LoadedBody:
         client, T = self._engine.client, item.T_world_object
         shape = pybullet.createCollisionShape(**_GEOMETRY[item.shape](item.size), physicsClientId=client)
         body_id = pybullet.createMultiBody(
             item.mass, shape, -1, T[:3, 3].tolist(), quaternion_from_rotation(T[:3, :3]), physicsClientId=client
         )
         pybullet.changeDynamics(body_id, -1, linearDamping=0.0, angularDamping=0.0, physicsClientId=client)
-        return Body(item.name, body_id, None, {PLAIN_LINK: -1}, {}, {})
+        return LoadedBody(item.name, body_id, None, {PLAIN_LINK: -1}, {}, {})
 
-    def _add(self, body: Body) -> None:
+    def _add(self, body: LoadedBody) -> None:
         self.bodies[body.name] = body
         for link, index in body.links.items():
             friction = self._surfaces[body.name][link].friction
@@ -190,7 +190,7 @@ class World(Models[ModelJoints]):
         """Bind the bushings after a change of the connections."""
         self.bushings.bind()
 
-    def body_of(self, name: str) -> tuple[Body, str]:
+    def body_of(self, name: str) -> tuple[LoadedBody, str]:
         """Return (body, link) of "link" (of the robot) or "model::link". Raises UnknownNameError."""
         model, link = self.find(name)
         return self.bodies[model], link

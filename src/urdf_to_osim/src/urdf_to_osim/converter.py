@@ -11,7 +11,7 @@ from hric_core.geometry import FloatArray
 from hric_core.urdf import Joint, read
 from urdf_to_osim import forces, joints, shapes, transforms
 from urdf_to_osim.options import Options
-from urdf_to_osim.prepare import ILLEGAL, Plan, prepare
+from urdf_to_osim.prepare import ILLEGAL, ConversionPlan, prepare
 
 
 @dataclass(frozen=True)
@@ -59,9 +59,9 @@ class Conversion:
     joints: dict[str, JointMap]
     frames: dict[str, FrameMap]
     notes: list[str]
-    plan: Plan
+    plan: ConversionPlan
     options: Options
-    meshes: list[shapes.Shape] = field(default_factory=list)
+    meshes: list[shapes.OsimShape] = field(default_factory=list)
     geometry: dict[str, str] = field(default_factory=dict)
     attached: dict[str, tuple[Callable[[str], None], opensim.Component]] = field(default_factory=dict, repr=False)
 
@@ -89,7 +89,7 @@ def convert(urdf_xml: str, options: Options | None = None) -> Conversion:
 class _Builder:
     """Builder of a model's bodies and joints, from the root outwards."""
 
-    def __init__(self, plan: Plan, options: Options) -> None:
+    def __init__(self, plan: ConversionPlan, options: Options) -> None:
         self.plan = plan
         self.notes = list(plan.notes)
         self.joints: dict[str, JointMap] = {}

@@ -57,7 +57,7 @@ class Look(Settings):
 
 
 @dataclass(frozen=True)
-class Scene:
+class DecoratedModel:
     """Model at a pose.
 
     Attributes:
@@ -75,7 +75,7 @@ class Scene:
     missing: list[str]
 
 
-def load_scene(path: Path, pose: Mapping[str, float] | None = None) -> Scene:
+def load_scene(path: Path, pose: Mapping[str, float] | None = None) -> DecoratedModel:
     """Return the scene of a model at a pose.
 
     Args:
@@ -102,7 +102,7 @@ def load_scene(path: Path, pose: Mapping[str, float] | None = None) -> Scene:
         centres, frames = _bodies(model, state)
         gravity = model.getGravity().to_numpy()
     up = -gravity / np.linalg.norm(gravity) if gravity.any() else np.array([0.0, 1.0, 0.0])
-    return Scene(decorations, centres, frames, up, missing)
+    return DecoratedModel(decorations, centres, frames, up, missing)
 
 
 def _set_pose(model: Any, state: Any, pose: Mapping[str, float]) -> None:

@@ -8,12 +8,12 @@ from hric_control.plants import sigmoid_parameters
 from hric_core.urdf import ONE_COORDINATE, Joint
 from urdf_to_osim import joints
 from urdf_to_osim.options import Options
-from urdf_to_osim.prepare import Plan
+from urdf_to_osim.prepare import ConversionPlan
 
 PRISMATIC = "prismatic"
 
 
-def add(model: opensim.Model, plan: Plan, options: Options) -> None:
+def add(model: opensim.Model, plan: ConversionPlan, options: Options) -> None:
     """Add the selected forces to a model that has its joints."""
     # Model.addForce would traverse the complete model each time: with a hundred joints it took most of the
     # conversion.
@@ -112,7 +112,7 @@ def _coupler(joint: Joint, name: str, source: str) -> opensim.Constraint:
     return coupler
 
 
-def _set_mimic_defaults(model: opensim.Model, plan: Plan) -> None:
+def _set_mimic_defaults(model: opensim.Model, plan: ConversionPlan) -> None:
     """Start each mimic joint at its coupler's value, so that opening the model moves no other joint."""
     described = plan.robot.joints
 

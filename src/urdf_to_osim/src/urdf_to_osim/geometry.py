@@ -13,7 +13,7 @@ from hric_core.kept import write_whole
 from urdf_to_osim import transforms
 from urdf_to_osim.converter import Conversion
 from urdf_to_osim.meshes import MeshRequest, convert_meshes
-from urdf_to_osim.shapes import Shape, attach
+from urdf_to_osim.shapes import OsimShape, attach
 
 FACETS = 64
 """Facets of a cylinder or capsule as contact mesh: radius 0.12 % short between edges (project default, unconfirmed)."""
@@ -61,12 +61,12 @@ def refer(conversion: Conversion, folder: Path | None) -> None:
         set_file(_file(conversion, shape, folder))
 
 
-def _file(conversion: Conversion, shape: Shape, folder: Path | None) -> str:
+def _file(conversion: Conversion, shape: OsimShape, folder: Path | None) -> str:
     bare = conversion.geometry[shape.name]
     return bare if folder is None else str(folder / bare)
 
 
-def _request(shape: Shape, source: Path | None) -> MeshRequest:
+def _request(shape: OsimShape, source: Path | None) -> MeshRequest:
     """Return the request for a mesh; its file name, from mesh and source, is shared by links but not by robots."""
     x, y, z = shape.size
     key = hashlib.sha256(f"{source}|{shape.address}|{shape.size}".encode()).hexdigest()[:8]
@@ -74,7 +74,7 @@ def _request(shape: Shape, source: Path | None) -> MeshRequest:
     return MeshRequest(shape.link, shape.address, (x, y, z), f"{stem}_{key}")
 
 
-def _add(model: opensim.Model, shape: Shape, file: str) -> tuple[Callable[[str], None], opensim.Component]:
+def _add(model: opensim.Model, shape: OsimShape, file: str) -> tuple[Callable[[str], None], opensim.Component]:
     """Add a geometry with a file to the model; return the function that sets its file, and the geometry."""
     carrier = opensim.PhysicalFrame.safeDownCast(model.updComponent(shape.carrier))
     if shape.visual:
@@ -88,7 +88,7 @@ def _add(model: opensim.Model, shape: Shape, file: str) -> tuple[Callable[[str],
     return contact.setFilename, contact
 
 
-def _check_closed(shape: Shape, path: Path) -> None:
+def _check_closed(shape: OsimShape, path: Path) -> None:
     """Refuse a surface that is not closed: OpenSim takes only closed surfaces as contact geometry."""
     import trimesh
 
@@ -100,7 +100,7 @@ def _check_closed(shape: Shape, path: Path) -> None:
         )
 
 
-def _write_primitive(shape: Shape, folder: Path) -> str:
+def _write_primitive(shape: OsimShape, folder: Path) -> str:
     """Write a box, cylinder or capsule as a mesh: OpenSim's own contact primitives do not contact all other shapes."""
     import trimesh
 

@@ -26,7 +26,7 @@ RESERVED = ("ground", "frame_geometry", "wrapobjectset", "components", "..", "."
 
 
 @dataclass(frozen=True)
-class Plan:
+class ConversionPlan:
     """Description ready to be built.
 
     Attributes:
@@ -55,7 +55,7 @@ class Plan:
         return any(link.mass is not self.described.links[name].mass for name, link in self.robot.links.items())
 
 
-def prepare(robot: Robot, options: Options) -> Plan:
+def prepare(robot: Robot, options: Options) -> ConversionPlan:
     """Decide names, inertias and bodies.
 
     Raises:
@@ -75,7 +75,7 @@ def prepare(robot: Robot, options: Options) -> Plan:
     bodies = frozenset(moved | set(with_mass))
     velocities = friction.transition_velocities(settled, options)
     notes += [friction.note(velocities)] if velocities else []
-    return Plan(robot, settled, links, joints, bodies, with_mass, tuple(notes), velocities)
+    return ConversionPlan(robot, settled, links, joints, bodies, with_mass, tuple(notes), velocities)
 
 
 def legal_names(kind: str, names: Iterable[str], choice: str, notes: list[str]) -> dict[str, str]:

@@ -10,7 +10,7 @@ from hric_core.errors import DescriptionError
 from hric_core.geometry import FloatArray, homogeneous
 from urdf_to_osim import transforms
 from urdf_to_osim.options import Options
-from urdf_to_osim.prepare import Plan
+from urdf_to_osim.prepare import ConversionPlan
 
 Carriers = dict[str, tuple[opensim.PhysicalFrame, FloatArray]]
 GREY = (0.7, 0.7, 0.7, 1.0)  # where a visual has no material; project default, unconfirmed
@@ -19,7 +19,7 @@ Z_TO_Y = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 
 
 
 @dataclass(frozen=True)
-class Shape:
+class OsimShape:
     """Visual or collision element.
 
     Attributes:
@@ -46,7 +46,9 @@ class Shape:
     colour: tuple[float, ...] = GREY
 
 
-def add(model: opensim.Model, plan: Plan, options: Options, carriers: Carriers, notes: list[str]) -> list[Shape]:
+def add(
+    model: opensim.Model, plan: ConversionPlan, options: Options, carriers: Carriers, notes: list[str]
+) -> list[OsimShape]:
     """Attach the selected shapes; return those that wait for a mesh file (`geometry.lay`).
 
     Args:
@@ -74,7 +76,7 @@ def add(model: opensim.Model, plan: Plan, options: Options, carriers: Carriers, 
 
 
 def attach(
-    carrier: opensim.PhysicalFrame, shape: Shape, geometry: opensim.Geometry, T_carrier_geometry: FloatArray
+    carrier: opensim.PhysicalFrame, shape: OsimShape, geometry: opensim.Geometry, T_carrier_geometry: FloatArray
 ) -> None:
     """Draw a geometry at a pose on a body or ground, in the shape's colour."""
     frame = opensim.PhysicalOffsetFrame()
@@ -87,7 +89,7 @@ def attach(
     carrier.addComponent(frame)
 
 
-def _drawn(shape: Shape) -> Iterator[tuple[opensim.Geometry, FloatArray]]:
+def _drawn(shape: OsimShape) -> Iterator[tuple[opensim.Geometry, FloatArray]]:
     """Yield the OpenSim primitives of a shape, with poses in the carrier."""
     if shape.kind == "box":
         pieces = [(opensim.Brick(transforms.vec3(0.5 * np.array(shape.size))), np.eye(4))]
@@ -105,7 +107,7 @@ def _drawn(shape: Shape) -> Iterator[tuple[opensim.Geometry, FloatArray]]:
         yield geometry, shape.T_carrier_shape @ T_shape_piece
 
 
-def _included(plan: Plan, options: Options, carriers: Carriers, notes: list[str]) -> Iterator[Shape]:
+def _included(plan: ConversionPlan, options: Options, carriers: Carriers, notes: list[str]) -> Iterator[OsimShape]:
     for link in plan.robot.links.values():
         carrier, T_carrier_link = carriers[link.name]
         for purpose, shapes in (
@@ -118,7 +120,7 @@ def _included(plan: Plan, options: Options, carriers: Carriers, notes: list[str]
                         raise DescriptionError(f"{shape.where}: a {shape.measures}; all must be above 0")
                     notes.append(f"{shape.where}: left out, since a {shape.measures} shows nothing")
                     continue
-                yield Shape(
+                yield OsimShape(
                     link.name,
                     f"{plan.links[link.name]}_{purpose}_{number}",
                     purpose == "visual",

@@ -11,7 +11,7 @@ from franka_sim.box.config import BoxConfig, CollisionBehavior
 from franka_sim.box.estimates import ExternalTorque
 from franka_sim.box.internal_impedance import CartesianImpedanceLaw, ImpedanceLaw, JointImpedanceLaw
 from franka_sim.box.reflexes import Reflexes
-from franka_sim.box.requests import ControllerMode, Outcome
+from franka_sim.box.requests import ControllerMode, RequestOutcome
 from franka_sim.box.self_collision import SelfCollision
 from franka_sim.box.state import BoxState
 from hric_control.plants import sigmoid_parameters
@@ -118,23 +118,23 @@ class ConfiguredBox:
             return self.joint_impedance
         return self.cartesian_impedance if controller is ControllerMode.CARTESIAN_IMPEDANCE else None
 
-    def _set(self, what: str, change: Callable[[], object]) -> Outcome:
+    def _set(self, what: str, change: Callable[[], object]) -> RequestOutcome:
         if self.state.robot_mode is RobotMode.MOVE and not self.config.settings_while_moving:
             self.report(f"{what} refused: not possible while a motion runs")
-            return Outcome.NOT_POSSIBLE
+            return RequestOutcome.NOT_POSSIBLE
         try:
             change()
         except HricError as error:
             self.report(f"{what} refused: {error}")
-            return Outcome.INVALID_ARGUMENT
-        return Outcome.SUCCESS
+            return RequestOutcome.INVALID_ARGUMENT
+        return RequestOutcome.SUCCESS
 
     def _take_model(self) -> None:
         """Use the present values of the model."""
         self._compiled.take_model(self.model)
         self._gravity_torque: list[float] | None = None
 
-    def _set_model(self, what: str, change: Callable[[], object]) -> Outcome:
+    def _set_model(self, what: str, change: Callable[[], object]) -> RequestOutcome:
         def all_of_it() -> None:
             change()
             self._take_model()
@@ -142,29 +142,29 @@ class ConfiguredBox:
 
         return self._set(what, all_of_it)
 
-    def set_load(self, mass: float, com: Floats, inertia: Floats) -> Outcome:
+    def set_load(self, mass: float, com: Floats, inertia: Floats) -> RequestOutcome:
         """Set the payload: mass [kg], centre of mass in the flange [m], inertia about it, 9 floats [kg m^2]."""
         return self._set_model("set_load", lambda: self.model.set_load(mass, com, inertia))
 
-    def set_NE_T_EE(self, NE_T_EE: Floats) -> Outcome:
+    def set_NE_T_EE(self, NE_T_EE: Floats) -> RequestOutcome:
         """Set the end effector in the nominal end-effector frame, 16 floats, column-major."""
         return self._set_model(
             "set_NE_T_EE", lambda: self.model.set_ee(self.model.F_T_NE @ check_transform(NE_T_EE, "NE_T_EE"))
         )
 
-    def set_EE_T_K(self, EE_T_K: Floats) -> Outcome:
+    def set_EE_T_K(self, EE_T_K: Floats) -> RequestOutcome:
         """Set the stiffness frame in the end-effector frame, 16 floats, column-major."""
         return self._set_model("set_EE_T_K", lambda: self.model.set_stiffness_frame(check_transform(EE_T_K, "EE_T_K")))
 
-    def set_joint_impedance(self, K_theta: Floats) -> Outcome:
+    def set_joint_impedance(self, K_theta: Floats) -> RequestOutcome:
         """Set the stiffness of the internal joint impedance, 7 floats [N m/rad]."""
         return self._set("set_joint_impedance", lambda: self.joint_impedance.set_stiffness(K_theta))
 
-    def set_cartesian_impedance(self, K_x: Floats) -> Outcome:
+    def set_cartesian_impedance(self, K_x: Floats) -> RequestOutcome:
         """Set the stiffness of the internal Cartesian impedance, 3 [N/m] and 3 [N m/rad], stiffness-frame axes."""
         return self._set("set_cartesian_impedance", lambda: self.cartesian_impedance.set_stiffness(K_x))
 
-    def set_collision_behavior(self, *thresholds: Floats) -> Outcome:
+    def set_collision_behavior(self, *thresholds: Floats) -> RequestOutcome:
         """Set eight lists in the order of `CollisionBehavior`; torques [N m], forces [N], moments [N m]."""
 
         def change() -> None:
@@ -175,7 +175,7 @@ class ConfiguredBox:
 
         return self._set("set_collision_behavior", change)
 
-    def set_guiding_mode(self, axes: Sequence[bool], elbow: bool) -> Outcome:
+    def set_guiding_mode(self, axes: Sequence[bool], elbow: bool) -> RequestOutcome:
         """Store which of the six axes, and if the elbow, may be guided by hand; without effect on the simulated arm."""
 
         def change() -> None:
@@ -185,7 +185,7 @@ class ConfiguredBox:
 
         return self._set("set_guiding_mode", change)
 
-    def set_filters(self, cutoffs: Floats) -> Outcome:
+    def set_filters(self, cutoffs: Floats) -> RequestOutcome:
         """Set the cut-off frequencies of FILTERS, 1 to 1000 Hz (off); only the controller's filter has an effect."""
 
         def change() -> None:

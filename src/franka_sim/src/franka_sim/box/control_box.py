@@ -7,21 +7,21 @@ from franka_hw_interface.robot_state import NO_ERRORS, Errors, RobotMode, errors
 from franka_sim.box.compiled_arm import CompiledArm
 from franka_sim.box.config import BoxConfig
 from franka_sim.box.configuration import ConfiguredBox
-from franka_sim.box.hold import Braking
+from franka_sim.box.hold import MotionBraking
 from franka_sim.box.motion.run import MotionRun, PacketCount, invalid
 from franka_sim.box.reflexes import describe
-from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand, MoveRequest, Outcome
-from franka_sim.box.state_machine import Event, next_mode
+from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand, MoveRequest, RequestOutcome
+from franka_sim.box.state_machine import BoxEvent, next_mode
 from hric_core.errors import CommandError
 from hric_core.native.vectors import add
 
 _ZEROS = [0.0] * 7
 _OUTCOMES = {
-    Event.FINISH: Outcome.SUCCESS,
-    Event.STOP: Outcome.PREEMPTED,
-    Event.REFLEX: Outcome.REFLEX_ABORTED,
-    Event.USER_STOP_PRESSED: Outcome.EMERGENCY_ABORTED,
-    Event.CONNECTION_LOST: Outcome.ABORTED,
+    BoxEvent.FINISH: RequestOutcome.SUCCESS,
+    BoxEvent.STOP: RequestOutcome.PREEMPTED,
+    BoxEvent.REFLEX: RequestOutcome.REFLEX_ABORTED,
+    BoxEvent.USER_STOP_PRESSED: RequestOutcome.EMERGENCY_ABORTED,
+    BoxEvent.CONNECTION_LOST: RequestOutcome.ABORTED,
 }
 _COLLISIONS = frozenset(("joint_reflex", "cartesian_reflex"))
 _WATCHED = (RobotMode.MOVE, RobotMode.GUIDING)
@@ -53,9 +53,9 @@ class ControlBox(ConfiguredBox):
         report: Callable[[str], None] | None = None,
     ) -> None:
         super().__init__(model, compiled, config or BoxConfig(), report)
-        self.finished: Outcome | None = None
+        self.finished: RequestOutcome | None = None
         self._packets = PacketCount(self.config.success_window)
-        self._braking = Braking(self.config)
+        self._braking = MotionBraking(self.config)
         self._run = MotionRun(self.state, model, self.config)
         self._friction_torque: list[float] | None = None
         self._fresh = True
@@ -65,30 +65,30 @@ class ControlBox(ConfiguredBox):
         """Present mode of the arm."""
         return self.state.robot_mode
 
-    def take_finished(self) -> Outcome | None:
+    def take_finished(self) -> RequestOutcome | None:
         """Return the outcome of a motion that ended since the last call, or None."""
         finished, self.finished = self.finished, None
         return finished
 
     # -- requests ------------------------------------------------------------------------------------------------------
 
-    def move(self, request: MoveRequest) -> Outcome:
+    def move(self, request: MoveRequest) -> RequestOutcome:
         """Start a motion and return STARTED, or the reason of the refusal.
 
         If the motion generator does not allow the start, this returns STARTED and the first command ends the motion, so
         that the name of the error reaches the client.
         """
-        if next_mode(self.mode, Event.MOVE) is None:
-            return Outcome.NOT_POSSIBLE
+        if next_mode(self.mode, BoxEvent.MOVE) is None:
+            return RequestOutcome.NOT_POSSIBLE
         if reason := invalid(request):
             self.report(f"move refused: {reason}")
-            return Outcome.INVALID_ARGUMENT
+            return RequestOutcome.INVALID_ARGUMENT
         state = self.state
         state.q_d[:], state.dq_d[:], state.ddq_d[:], state.tau_J_d[:] = state.q, _ZEROS, _ZEROS, _ZEROS
         state.desired_changed()
         if not self._run.start(request, self.impedance(request.controller), self.torque_filter_gain()):
             self.report("move refused: it would begin in a singular pose")
-            return Outcome.SINGULAR_START
+            return RequestOutcome.SINGULAR_START
         self._packets.reset()
         self._reflexes.start(state)
         state.robot_mode, state.controller_mode, state.generator_mode = (
@@ -98,41 +98,41 @@ class ControlBox(ConfiguredBox):
         )
         state.last_motion_errors, state.control_command_success_rate = NO_ERRORS, 0.0
         self.finished = None
-        return Outcome.STARTED
+        return RequestOutcome.STARTED
 
-    def stop_move(self) -> Outcome:
+    def stop_move(self) -> RequestOutcome:
         """End the motion as preempted; without effect in idle mode."""
-        return self._change(Event.STOP)
+        return self._change(BoxEvent.STOP)
 
     def connection_lost(self) -> None:
         """Abort the client's motion, if any, since the connection is lost."""
-        self._change(Event.CONNECTION_LOST)
+        self._change(BoxEvent.CONNECTION_LOST)
 
-    def recover(self) -> Outcome:
+    def recover(self) -> RequestOutcome:
         """Run automatic error recovery: clear errors and collisions; the errors of the last motion stay readable."""
-        outcome = self._change(Event.RECOVER)
+        outcome = self._change(BoxEvent.RECOVER)
         if self.mode is RobotMode.AUTOMATIC_ERROR_RECOVERY:
             self._clear_errors()
-            self._change(Event.RECOVERED)
+            self._change(BoxEvent.RECOVERED)
             self.report("recovered from errors")
         return outcome
 
-    def set_user_stop(self, pressed: bool) -> Outcome:
+    def set_user_stop(self, pressed: bool) -> RequestOutcome:
         """Press or release the user stop; a second press changes nothing."""
         if pressed == (self.mode is RobotMode.USER_STOPPED):
-            return Outcome.SUCCESS
-        outcome = self._change(Event.USER_STOP_PRESSED if pressed else Event.USER_STOP_RELEASED)
-        if outcome is Outcome.SUCCESS:
+            return RequestOutcome.SUCCESS
+        outcome = self._change(BoxEvent.USER_STOP_PRESSED if pressed else BoxEvent.USER_STOP_RELEASED)
+        if outcome is RequestOutcome.SUCCESS:
             self.report("user stop pressed" if pressed else "user stop released")
             if not pressed:
                 self._clear_errors()
         return outcome
 
-    def set_guiding(self, on: bool) -> Outcome:
+    def set_guiding(self, on: bool) -> RequestOutcome:
         """Press or release the guiding buttons: the arm is then free, with gravity and friction compensated."""
         if on == (self.mode is RobotMode.GUIDING):
-            return Outcome.SUCCESS
-        outcome = self._change(Event.GUIDING_ON if on else Event.GUIDING_OFF)
+            return RequestOutcome.SUCCESS
+        outcome = self._change(BoxEvent.GUIDING_ON if on else BoxEvent.GUIDING_OFF)
         if self.mode is RobotMode.GUIDING:
             self._reflexes.start(self.state)
         return outcome
@@ -141,7 +141,7 @@ class ControlBox(ConfiguredBox):
         """Adopt q (7 floats [rad]) at rest, set by the simulation: idle mode, no errors, any motion aborted."""
         if len(q) != 7:
             raise CommandError(f"a pose is 7 numbers [rad]; got {len(q)}")
-        self._end_motion(Outcome.ABORTED, NO_ERRORS)
+        self._end_motion(RequestOutcome.ABORTED, NO_ERRORS)
         self._clear_errors()
         self._put(q)
         self.state.robot_mode = RobotMode.IDLE
@@ -149,7 +149,7 @@ class ControlBox(ConfiguredBox):
     def break_down(self, q: Sequence[float]) -> None:
         """Adopt q (7 floats [rad]) at rest after the simulation became unstable: a reflex in modes that have it."""
         self._put(q)
-        if next_mode(self.mode, Event.REFLEX) is not None:
+        if next_mode(self.mode, BoxEvent.REFLEX) is not None:
             self._protect(_UNSTABLE)
 
     def _put(self, q: Sequence[float]) -> None:
@@ -170,18 +170,18 @@ class ControlBox(ConfiguredBox):
     # -- transitions
     # -----------------------------------------------------------------------------------------------------
 
-    def _change(self, event: Event, why: Errors = NO_ERRORS) -> Outcome:
+    def _change(self, event: BoxEvent, why: Errors = NO_ERRORS) -> RequestOutcome:
         """Apply the transition of an event and return SUCCESS, or NOT_POSSIBLE if there is none."""
         before, after = self.mode, next_mode(self.mode, event)
         if after is None:
-            return Outcome.NOT_POSSIBLE
-        self._end_motion(_OUTCOMES.get(event, Outcome.ABORTED), why)
+            return RequestOutcome.NOT_POSSIBLE
+        self._end_motion(_OUTCOMES.get(event, RequestOutcome.ABORTED), why)
         self.state.robot_mode = after
         if before is RobotMode.GUIDING:
             self._braking.start(self.state)
-        return Outcome.SUCCESS
+        return RequestOutcome.SUCCESS
 
-    def _end_motion(self, outcome: Outcome, why: Errors) -> None:
+    def _end_motion(self, outcome: RequestOutcome, why: Errors) -> None:
         state = self.state
         if state.robot_mode is not RobotMode.MOVE:
             return
@@ -192,7 +192,9 @@ class ControlBox(ConfiguredBox):
             getattr(state, name)[:] = _ZEROS[:6]
         state.delbow_c[:], state.ddelbow_c[:] = _ZEROS[:2], _ZEROS[:2]
         state.desired_changed()
-        if outcome is not Outcome.REFLEX_ABORTED:  # the client of an aborted motion reads how many commands arrived
+        if (
+            outcome is not RequestOutcome.REFLEX_ABORTED
+        ):  # the client of an aborted motion reads how many commands arrived
             state.control_command_success_rate = 0.0
         state.last_motion_errors, self.finished = why, outcome
 
@@ -201,7 +203,7 @@ class ControlBox(ConfiguredBox):
         self.state.current_errors = names
         if self.mode is RobotMode.GUIDING:
             self.state.last_motion_errors = names
-        self._change(Event.REFLEX, errors(names))
+        self._change(BoxEvent.REFLEX, errors(names))
 
     def _reflex(self, names: Errors, reason: str = "") -> None:
         """Enter the reflex mode and report the cause; reason: text in addition to the errors' names."""
@@ -237,7 +239,7 @@ class ControlBox(ConfiguredBox):
 
     def _begin(self, q: Sequence[float]) -> None:
         self._fresh = False
-        if self._change(Event.START) is Outcome.SUCCESS:
+        if self._change(BoxEvent.START) is RequestOutcome.SUCCESS:
             self.state.q_d[:] = q
 
     def write(self, command: MotionCommand | None) -> list[float]:
@@ -284,7 +286,7 @@ class ControlBox(ConfiguredBox):
             self._reflex(wrong, self._run.reason)
             return self._hold()
         if command is not None and command.finished:
-            self._change(Event.FINISH)
+            self._change(BoxEvent.FINISH)
             return self._hold()
         state.tau_J_d[:] = tau
         return tau

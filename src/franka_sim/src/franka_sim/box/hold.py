@@ -4,7 +4,7 @@ from franka_sim.box.config import BoxConfig
 from franka_sim.box.state import BoxState
 
 
-class Braking:
+class MotionBraking:
     """Deceleration of the desired joint motion with the acceleration limits, e.g. after an aborted motion.
 
     q_d' = q_d + dt dq_d, dq_d' = dq_d reduced by at most dt * deceleration * limit; ddq_d is the change of dq_d per

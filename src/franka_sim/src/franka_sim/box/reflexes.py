@@ -5,7 +5,7 @@ from array import array
 from collections.abc import Callable, Sequence
 from operator import mul
 
-from franka_hw_interface.model import Frame
+from franka_hw_interface.model import FrankaFrame
 from franka_hw_interface.robot_state import NO_ERRORS, Errors
 from franka_sim.box.config import BoxConfig
 from franka_sim.box.self_collision import SelfCollision
@@ -93,7 +93,7 @@ class Reflexes:
         return SELF_COLLISION if self._bodies.too_near(state.q, speed * self._config.time_step) else NO_ERRORS
 
     def _end_effector_speed(self, state: BoxState) -> float:
-        twist = state.model.zero_jacobian(Frame.END_EFFECTOR, state.q) @ state.dq
+        twist = state.model.zero_jacobian(FrankaFrame.END_EFFECTOR, state.q) @ state.dq
         return math.hypot(*twist[:3])
 
     def _collision(self, state: BoxState) -> Errors:

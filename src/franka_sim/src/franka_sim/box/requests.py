@@ -41,7 +41,7 @@ class MoveRequest:
     max_goal_deviation: tuple[float, float, float] = (10.0, 3.12, 6.283185307179586)
 
 
-class Outcome(Enum):
+class RequestOutcome(Enum):
     """Response to a request, and end of a motion. A protocol without a number for it uses its nearest one."""
 
     SUCCESS = "success"

@@ -6,7 +6,7 @@ import numpy as np
 
 import panda_description
 from franka_hw_interface.kdl_model import KdlFrankaModel
-from franka_hw_interface.model import Frame
+from franka_hw_interface.model import FrankaFrame
 from franka_sim.box.config import BoxConfig
 from hric_core.geometry import FloatArray
 from panda_description.parameters import config as description_file
@@ -97,12 +97,12 @@ class SelfCollision:
         return self._free < 0.0
 
 
-def _shapes(hand: bool) -> dict[str, tuple[Frame | None, _Rows]]:
+def _shapes(hand: bool) -> dict[str, tuple[FrankaFrame | None, _Rows]]:
     """Return frame and capsules of each link, in frames of the model."""
     rows = description_file("collision")["links"]
-    shapes: dict[str, tuple[Frame | None, _Rows]] = {"link0": (None, rows["link0"])}
+    shapes: dict[str, tuple[FrankaFrame | None, _Rows]] = {"link0": (None, rows["link0"])}
     for i in range(1, 8):
-        shapes[f"link{i}"] = Frame(f"joint{i}"), rows[f"link{i}"]
+        shapes[f"link{i}"] = FrankaFrame(f"joint{i}"), rows[f"link{i}"]
     if hand:
         in_flange = [
             {
@@ -112,7 +112,7 @@ def _shapes(hand: bool) -> dict[str, tuple[Frame | None, _Rows]]:
             }
             for row in [*rows["hand"], _FINGERS]
         ]
-        shapes["hand"] = Frame.FLANGE, in_flange
+        shapes["hand"] = FrankaFrame.FLANGE, in_flange
     return shapes
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from franka_hw_interface.kdl_model import KdlFrankaModel
-from franka_hw_interface.model import Frame
+from franka_hw_interface.model import FrankaFrame
 from franka_hw_interface.robot_state import RobotState, lazy_field
 from franka_hw_interface.transforms import column_major
 from franka_sim.box.config import CollisionBehavior
@@ -39,7 +39,9 @@ def _pose(state: BoxState, q: list[float]) -> list[float]:
 def _desired_twist(state: BoxState) -> list[float]:
     if not any(state.dq_d):
         return [0.0] * 6
-    twist: list[float] = (state.model.zero_jacobian(Frame.END_EFFECTOR, state.q_d) @ np.array(state.dq_d)).tolist()
+    twist: list[float] = (
+        state.model.zero_jacobian(FrankaFrame.END_EFFECTOR, state.q_d) @ np.array(state.dq_d)
+    ).tolist()
     return twist
 
 

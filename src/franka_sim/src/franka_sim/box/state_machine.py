@@ -6,7 +6,7 @@ from enum import Enum
 from franka_hw_interface.robot_state import RobotMode
 
 
-class Event(Enum):
+class BoxEvent(Enum):
     """Events of the box."""
 
     START = "the first state of the arm arrives"
@@ -23,40 +23,40 @@ class Event(Enum):
     GUIDING_OFF = "the guiding buttons are released"
 
 
-TRANSITIONS: Mapping[RobotMode, Mapping[Event, RobotMode]] = {
+TRANSITIONS: Mapping[RobotMode, Mapping[BoxEvent, RobotMode]] = {
     RobotMode.OTHER: {
-        Event.START: RobotMode.IDLE,
+        BoxEvent.START: RobotMode.IDLE,
     },
     RobotMode.IDLE: {
-        Event.MOVE: RobotMode.MOVE,
-        Event.STOP: RobotMode.IDLE,
-        Event.RECOVER: RobotMode.IDLE,
-        Event.USER_STOP_PRESSED: RobotMode.USER_STOPPED,
-        Event.GUIDING_ON: RobotMode.GUIDING,
+        BoxEvent.MOVE: RobotMode.MOVE,
+        BoxEvent.STOP: RobotMode.IDLE,
+        BoxEvent.RECOVER: RobotMode.IDLE,
+        BoxEvent.USER_STOP_PRESSED: RobotMode.USER_STOPPED,
+        BoxEvent.GUIDING_ON: RobotMode.GUIDING,
     },
     RobotMode.MOVE: {
-        Event.FINISH: RobotMode.IDLE,
-        Event.STOP: RobotMode.IDLE,
-        Event.CONNECTION_LOST: RobotMode.IDLE,
-        Event.REFLEX: RobotMode.REFLEX,
-        Event.USER_STOP_PRESSED: RobotMode.USER_STOPPED,
+        BoxEvent.FINISH: RobotMode.IDLE,
+        BoxEvent.STOP: RobotMode.IDLE,
+        BoxEvent.CONNECTION_LOST: RobotMode.IDLE,
+        BoxEvent.REFLEX: RobotMode.REFLEX,
+        BoxEvent.USER_STOP_PRESSED: RobotMode.USER_STOPPED,
     },
     RobotMode.GUIDING: {
-        Event.REFLEX: RobotMode.REFLEX,
-        Event.USER_STOP_PRESSED: RobotMode.USER_STOPPED,
-        Event.GUIDING_OFF: RobotMode.IDLE,
+        BoxEvent.REFLEX: RobotMode.REFLEX,
+        BoxEvent.USER_STOP_PRESSED: RobotMode.USER_STOPPED,
+        BoxEvent.GUIDING_OFF: RobotMode.IDLE,
     },
     RobotMode.REFLEX: {
-        Event.RECOVER: RobotMode.AUTOMATIC_ERROR_RECOVERY,
-        Event.USER_STOP_PRESSED: RobotMode.USER_STOPPED,
+        BoxEvent.RECOVER: RobotMode.AUTOMATIC_ERROR_RECOVERY,
+        BoxEvent.USER_STOP_PRESSED: RobotMode.USER_STOPPED,
     },
     RobotMode.AUTOMATIC_ERROR_RECOVERY: {
-        Event.RECOVERED: RobotMode.IDLE,
-        Event.REFLEX: RobotMode.REFLEX,
-        Event.USER_STOP_PRESSED: RobotMode.USER_STOPPED,
+        BoxEvent.RECOVERED: RobotMode.IDLE,
+        BoxEvent.REFLEX: RobotMode.REFLEX,
+        BoxEvent.USER_STOP_PRESSED: RobotMode.USER_STOPPED,
     },
     RobotMode.USER_STOPPED: {
-        Event.USER_STOP_RELEASED: RobotMode.IDLE,
+        BoxEvent.USER_STOP_RELEASED: RobotMode.IDLE,
     },
 }
 """Mapping (mode, event) -> mode. Without a transition, the event changes nothing and a request is refused.
@@ -67,6 +67,6 @@ the arm has no reflexes and holds its position.
 """
 
 
-def next_mode(mode: RobotMode, event: Event) -> RobotMode | None:
+def next_mode(mode: RobotMode, event: BoxEvent) -> RobotMode | None:
     """Return the mode that the event leads to, None if there is no such transition."""
     return TRANSITIONS[mode].get(event)

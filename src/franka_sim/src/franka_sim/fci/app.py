@@ -13,8 +13,8 @@ from franka_sim.fci.arguments import care_arguments, network_arguments, physics_
 from franka_sim.fci.complaints import LOG
 from franka_sim.fci.console import HELP, Console
 from franka_sim.fci.device import ConstantDevice, Device
-from franka_sim.fci.faults import Faults
-from franka_sim.fci.robots import ROBOTS, Robot
+from franka_sim.fci.faults import NetworkFaults
+from franka_sim.fci.robots import ROBOTS, RobotKind
 from franka_sim.fci.server import FciServer
 from franka_sim.gripper import Gripper
 from hric_core.command import Argument, Command
@@ -41,7 +41,7 @@ def _take_priority(priority: int) -> None:
         ) from None
 
 
-def make_device(options: argparse.Namespace, robot: Robot) -> tuple[Device, Callable[[], None]]:
+def make_device(options: argparse.Namespace, robot: RobotKind) -> tuple[Device, Callable[[], None]]:
     """Return the robot, and a function that releases it. Raises HricError."""
     if options.constant:
         return ConstantDevice(robot.served_urdf(), None if options.no_hand else Gripper()), lambda: None
@@ -60,7 +60,7 @@ def serve(options: argparse.Namespace) -> None:
     """Run until SIGINT or SIGTERM. Raises HricError."""
     _check(options)
     robot = ROBOTS[options.robot]
-    faults = Faults(options.latency, options.jitter, options.loss, options.seed, where="--")
+    faults = NetworkFaults(options.latency, options.jitter, options.loss, options.seed, where="--")
     device, close = make_device(options, robot)
     try:
         server = FciServer(device, options.ip, robot.version, options.clock, options.real_time_factor, faults)

@@ -9,11 +9,11 @@ from xml.etree import ElementTree
 from franka_sim import sensors
 from franka_sim.box.compiled_arm import CompiledArm
 from franka_sim.box.control_box import ControlBox
-from franka_sim.box.requests import MotionCommand, MoveRequest, Outcome
+from franka_sim.box.requests import MotionCommand, MoveRequest, RequestOutcome
 from franka_sim.fci.arguments import MAX_LOST_PACKETS
 from franka_sim.fci.clock import PERIOD
 from franka_sim.fci.complaints import LOG
-from franka_sim.fci.robots import Robot
+from franka_sim.fci.robots import RobotKind
 from franka_sim.fci.wire import StateCodec
 from franka_sim.gripper import Gripper
 from franka_sim.model_library import library_for
@@ -72,7 +72,7 @@ class ArmDevice:
         self._q, self._dq, self._tau = [0.0] * 7, [0.0] * 7, [0.0] * 7
         self._period, self._cycles, self._time = plant.time_step, 0, 0.0
         # Requests of clients go to the box unchanged.
-        self.move: Callable[[MoveRequest], Outcome] = box.move
+        self.move: Callable[[MoveRequest], RequestOutcome] = box.move
         self.stop_move, self.recover, self.take_finished = box.stop_move, box.recover, box.take_finished
         self.connection_lost = box.connection_lost
         self.set_user_stop, self.set_guiding = box.set_user_stop, box.set_guiding
@@ -111,7 +111,7 @@ class ArmDevice:
         if self.on_cycle is not None:
             self.on_cycle(self._time)
 
-    def set_load(self, mass: float, com: Sequence[float], inertia: Sequence[float]) -> Outcome:
+    def set_load(self, mass: float, com: Sequence[float], inertia: Sequence[float]) -> RequestOutcome:
         """Set the payload of the box, within bounds that keep its torques finite."""
         if mass > MAX_LOAD or max(map(abs, com)) > MAX_LOAD_DISTANCE or max(map(abs, inertia)) > MAX_LOAD_INERTIA:
             bounds = f"{MAX_LOAD:g} kg, {MAX_LOAD_DISTANCE:g} m, {MAX_LOAD_INERTIA:g} kg m^2"
@@ -143,7 +143,7 @@ class ArmDevice:
 def build_arm(
     settings: BoxSettings,
     realism: Realism,
-    robot: Robot,
+    robot: RobotKind,
     urdf_xml: str,
     node: Node,
     max_lost_packets: int | None = MAX_LOST_PACKETS,
@@ -190,7 +190,7 @@ def _has_hand(urdf_xml: str, arm_id: str) -> bool:
     return any(link.get("name") == f"{arm_id}_hand" for link in ElementTree.fromstring(urdf_xml).iterfind("link"))
 
 
-def make_arm(options: argparse.Namespace, robot: Robot) -> ArmDevice:
+def make_arm(options: argparse.Namespace, robot: RobotKind) -> ArmDevice:
     """Build the arm from the command's arguments. Raises HricError."""
     plant_config = {name: getattr(options, name) for name in ("world", "gui", "friction") if getattr(options, name)}
     plant_config |= {"rotor_inertia": options.rotor_inertia, "seed": options.seed}

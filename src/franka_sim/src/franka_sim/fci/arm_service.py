@@ -7,13 +7,13 @@ import struct
 from collections.abc import Callable
 
 from franka_hw_interface.robot_state import RobotMode
-from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand, MoveRequest, Outcome
-from franka_sim.fci.clock import Phase
+from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand, MoveRequest, RequestOutcome
+from franka_sim.fci.clock import MotionPhase
 from franka_sim.fci.complaints import LOG
-from franka_sim.fci.connection import Message
+from franka_sim.fci.connection import FciMessage
 from franka_sim.fci.device import Device
-from franka_sim.fci.faults import Faults
-from franka_sim.fci.protocol import Protocol, Request
+from franka_sim.fci.faults import NetworkFaults
+from franka_sim.fci.protocol import FciRequest, Protocol
 from franka_sim.fci.session import Service
 from franka_sim.fci.wire import ARM_FRAMING
 from hric_core.errors import HricError
@@ -49,49 +49,49 @@ class ArmService(Service):
     """
 
     def __init__(
-        self, selector: selectors.BaseSelector, protocol: Protocol, device: Device, ip: str, faults: Faults
+        self, selector: selectors.BaseSelector, protocol: Protocol, device: Device, ip: str, faults: NetworkFaults
     ) -> None:
         self._protocol, self._device = protocol, device
         self.message_id = self.late = 0
         self._command: MotionCommand | None = None
-        self._moving: Message | None = None
+        self._moving: FciMessage | None = None
         self._started = False
-        self._stopping: list[Message] = []
-        self._recovering: list[Message] = []
+        self._stopping: list[FciMessage] = []
+        self._recovering: list[FciMessage] = []
         self._handlers = self._make_handlers()
         super().__init__(selector, "arm", ARM_FRAMING, protocol.version, (ip, PORT), faults)
 
-    def _make_handlers(self) -> dict[Request, Callable[[Message, Vectors], Outcome | None]]:
+    def _make_handlers(self) -> dict[FciRequest, Callable[[FciMessage, Vectors], RequestOutcome | None]]:
         device = self._device
         return {
-            Request.MOVE: self._move,
-            Request.STOP_MOVE: lambda message, _: self._when_done(self._stopping, message, device.stop_move()),
-            Request.GET_CARTESIAN_LIMIT: lambda _, __: Outcome.SUCCESS,
-            Request.SET_COLLISION_BEHAVIOR: lambda _, vectors: device.set_collision_behavior(*vectors),
-            Request.SET_JOINT_IMPEDANCE: lambda _, vectors: device.set_joint_impedance(vectors[0]),
-            Request.SET_CARTESIAN_IMPEDANCE: lambda _, vectors: device.set_cartesian_impedance(vectors[0]),
-            Request.SET_GUIDING_MODE: lambda _, vectors: device.set_guiding_mode(
+            FciRequest.MOVE: self._move,
+            FciRequest.STOP_MOVE: lambda message, _: self._when_done(self._stopping, message, device.stop_move()),
+            FciRequest.GET_CARTESIAN_LIMIT: lambda _, __: RequestOutcome.SUCCESS,
+            FciRequest.SET_COLLISION_BEHAVIOR: lambda _, vectors: device.set_collision_behavior(*vectors),
+            FciRequest.SET_JOINT_IMPEDANCE: lambda _, vectors: device.set_joint_impedance(vectors[0]),
+            FciRequest.SET_CARTESIAN_IMPEDANCE: lambda _, vectors: device.set_cartesian_impedance(vectors[0]),
+            FciRequest.SET_GUIDING_MODE: lambda _, vectors: device.set_guiding_mode(
                 [bool(x) for x in vectors[0]], bool(vectors[1][0])
             ),
-            Request.SET_EE_TO_K: lambda _, vectors: device.set_EE_T_K(vectors[0]),
-            Request.SET_NE_TO_EE: lambda _, vectors: device.set_NE_T_EE(vectors[0]),
-            Request.SET_LOAD: lambda _, vectors: device.set_load(vectors[0][0], vectors[1], vectors[2]),
-            Request.SET_FILTERS: lambda _, vectors: device.set_filters(vectors[0]),
-            Request.AUTOMATIC_ERROR_RECOVERY: lambda message, _: self._when_done(
+            FciRequest.SET_EE_TO_K: lambda _, vectors: device.set_EE_T_K(vectors[0]),
+            FciRequest.SET_NE_TO_EE: lambda _, vectors: device.set_NE_T_EE(vectors[0]),
+            FciRequest.SET_LOAD: lambda _, vectors: device.set_load(vectors[0][0], vectors[1], vectors[2]),
+            FciRequest.SET_FILTERS: lambda _, vectors: device.set_filters(vectors[0]),
+            FciRequest.AUTOMATIC_ERROR_RECOVERY: lambda message, _: self._when_done(
                 self._recovering, message, device.recover()
             ),
-            Request.LOAD_MODEL_LIBRARY: self._load_model_library,
-            Request.GET_ROBOT_MODEL: self._robot_model,
+            FciRequest.LOAD_MODEL_LIBRARY: self._load_model_library,
+            FciRequest.GET_ROBOT_MODEL: self._robot_model,
         }
 
     @property
-    def phase(self) -> Phase:
+    def phase(self) -> MotionPhase:
         """Event that the clock waits for."""
         if self._moving is None:
-            return Phase.IDLE
+            return MotionPhase.IDLE
         if self._command is not None:
-            return Phase.ARRIVED
-        return Phase.AWAITING if self._started else Phase.STARTING
+            return MotionPhase.ARRIVED
+        return MotionPhase.AWAITING if self._started else MotionPhase.STARTING
 
     def size_of(self, command: int) -> int | None:
         """Return the payload size of a command [bytes], None if it does not exist."""
@@ -136,7 +136,7 @@ class ArmService(Service):
 
     # -- requests ------------------------------------------------------------------------------------------------------
 
-    def handle(self, message: Message) -> None:
+    def handle(self, message: FciMessage) -> None:
         """Execute a request between two cycles; wrong values get an error status, with the reason in the log."""
         row = self._protocol.requests[message.command]
         vectors = row.decode(message.payload)
@@ -146,21 +146,21 @@ class ArmService(Service):
             outcome = self._handlers[row.request](message, vectors)
         except (HricError, ArithmeticError, ValueError) as error:  # beyond the range of the arithmetic: wrong as well
             self.complaints.warn(row.request.value, f"{row.request.value} refused: {error}")
-            outcome = Outcome.INVALID_ARGUMENT
+            outcome = RequestOutcome.INVALID_ARGUMENT
         if outcome is not None:
-            tail = NO_CARTESIAN_LIMIT if row.request is Request.GET_CARTESIAN_LIMIT else b""
+            tail = NO_CARTESIAN_LIMIT if row.request is FciRequest.GET_CARTESIAN_LIMIT else b""
             self._respond(message, outcome, tail)
 
-    def _respond(self, message: Message, outcome: Outcome, tail: bytes = b"") -> None:
+    def _respond(self, message: FciMessage, outcome: RequestOutcome, tail: bytes = b"") -> None:
         request = self._protocol.requests[message.command].request
         self.respond(message, self._protocol.status(request, outcome), tail)
 
-    def _respond_all(self, messages: list[Message]) -> None:
+    def _respond_all(self, messages: list[FciMessage]) -> None:
         waiting, messages[:] = messages[:], []
         for message in waiting:
-            self._respond(message, Outcome.SUCCESS)
+            self._respond(message, RequestOutcome.SUCCESS)
 
-    def _move(self, message: Message, vectors: Vectors) -> Outcome:
+    def _move(self, message: FciMessage, vectors: Vectors) -> RequestOutcome:
         try:
             # The request counts generators from 0, the state from 1 (0 is idle).
             controller, generator = ControllerMode(int(vectors[0][0])), GeneratorMode(int(vectors[1][0]) + 1)
@@ -174,31 +174,33 @@ class ArmService(Service):
         outcome = self._device.move(
             MoveRequest(controller, generator, (path[0], path[1], path[2]), (goal[0], goal[1], goal[2]))
         )
-        if outcome is Outcome.STARTED:
+        if outcome is RequestOutcome.STARTED:
             self._moving, self._started, self._command = message, False, None
         return outcome
 
-    def _when_done(self, waiting: list[Message], message: Message, outcome: Outcome) -> Outcome | None:
+    def _when_done(
+        self, waiting: list[FciMessage], message: FciMessage, outcome: RequestOutcome
+    ) -> RequestOutcome | None:
         """Delay the response to an accepted request until it has ended; the response to Move precedes it."""
-        if outcome is not Outcome.SUCCESS:
+        if outcome is not RequestOutcome.SUCCESS:
             return outcome
         waiting.append(message)
         self._report()
         return None
 
-    def _load_model_library(self, message: Message, vectors: Vectors) -> Outcome | None:
+    def _load_model_library(self, message: FciMessage, vectors: Vectors) -> RequestOutcome | None:
         library, machine = self._device.model_library, platform.machine()
         if (int(vectors[0][0]), int(vectors[1][0])) != (ARCHITECTURES.get(machine), LINUX):
             refusal = f"there is one for this machine ({machine} Linux) only"
         elif library is None:
             refusal = "this robot has none"
         else:
-            self._respond(message, Outcome.SUCCESS, library)
+            self._respond(message, RequestOutcome.SUCCESS, library)
             return None
         LOG.error("%s %s: no model library: %s", self.name, self._address[0], refusal)
-        return Outcome.NOT_POSSIBLE
+        return RequestOutcome.NOT_POSSIBLE
 
-    def _robot_model(self, message: Message, _: Vectors) -> Outcome | None:
+    def _robot_model(self, message: FciMessage, _: Vectors) -> RequestOutcome | None:
         self.respond(message, 0, self._device.urdf().encode())
         return None
 

@@ -27,7 +27,7 @@ CATCH_UP = 0.02
 """Delay that a paced lock-step clock makes up for afterwards [s]."""
 
 
-class Phase(Enum):
+class MotionPhase(Enum):
     """Phases of a motion, by the command that the robot waits for."""
 
     IDLE = "no motion"
@@ -36,19 +36,19 @@ class Phase(Enum):
     ARRIVED = "the command for the last state has come"
 
 
-class Clock(ABC):
+class CycleClock(ABC):
     """Interface that determines the wait before the next cycle."""
 
     @abstractmethod
-    def left(self, now: float, phase: Phase) -> float:
+    def left(self, now: float, phase: MotionPhase) -> float:
         """Return the time to wait before the next cycle [s], not above 0 if it is due. now: time.monotonic [s]."""
 
     @abstractmethod
-    def ticked(self, now: float, phase: Phase) -> None:
+    def ticked(self, now: float, phase: MotionPhase) -> None:
         """Register that a cycle starts now."""
 
 
-class WallClock(Clock):
+class PeriodicClock(CycleClock):
     """Clock with one state per period, independent of the client.
 
     After a delay of its process there is no burst of states: robot time does not advance during the delay.
@@ -61,16 +61,16 @@ class WallClock(Clock):
         factor = number(above=0.0).checked(real_time_factor, "the real-time factor of the wall clock")
         self._period, self._next = PERIOD / factor, 0.0
 
-    def left(self, now: float, phase: Phase) -> float:
+    def left(self, now: float, phase: MotionPhase) -> float:
         """Return the time to the next deadline [s]."""
         return self._next - now
 
-    def ticked(self, now: float, phase: Phase) -> None:
+    def ticked(self, now: float, phase: MotionPhase) -> None:
         """Set the next deadline."""
         self._next = self._next + self._period if now < self._next + 0.5 * self._period else now + self._period
 
 
-class LockStepClock(Clock):
+class LockStepClock(CycleClock):
     """Clock that waits in a motion for the command for the last state.
 
     A command that does not come within PATIENCE, or within TIME_OUT after a lost one, is lost.
@@ -87,29 +87,29 @@ class LockStepClock(Clock):
         self._starting = 0
         self._lossy, self._lost = lossy, False
 
-    def left(self, now: float, phase: Phase) -> float:
+    def left(self, now: float, phase: MotionPhase) -> float:
         """Return the time to the command's timeout, or to the deadline of the paced clock [s]."""
-        if phase is Phase.AWAITING:
+        if phase is MotionPhase.AWAITING:
             return self._last + (TIME_OUT if self._lossy or self._lost else PATIENCE) - now
-        if phase is Phase.STARTING and self._starting >= STATES_BEFORE_FIRST:
+        if phase is MotionPhase.STARTING and self._starting >= STATES_BEFORE_FIRST:
             wait = FIRST_WAIT * 2.0 ** min(self._starting - STATES_BEFORE_FIRST, 8)
             return self._last + min(wait, PATIENCE) - now
-        if phase is Phase.ARRIVED and not self._paced:
+        if phase is MotionPhase.ARRIVED and not self._paced:
             return 0.0
         return self._next - now
 
-    def ticked(self, now: float, phase: Phase) -> None:
+    def ticked(self, now: float, phase: MotionPhase) -> None:
         """Set the next deadline."""
-        self._starting = self._starting + 1 if phase is Phase.STARTING else 0
-        self._lost = phase is Phase.AWAITING
+        self._starting = self._starting + 1 if phase is MotionPhase.STARTING else 0
+        self._lost = phase is MotionPhase.AWAITING
         self._last = now
         self._next = max(self._next + self._period, now - CATCH_UP) if self._paced else now + self._period
 
 
-def make_clock(name: str, real_time_factor: float, lossy: bool = False) -> Clock:
+def make_clock(name: str, real_time_factor: float, lossy: bool = False) -> CycleClock:
     """Return the clock "lock_step" or "wall"; lossy: on a lossy network. Raises UnknownNameError, ParameterError."""
     if name == "lock_step":
         return LockStepClock(real_time_factor, lossy)
     if name == "wall":
-        return WallClock(real_time_factor)
+        return PeriodicClock(real_time_factor)
     raise UnknownNameError("clock", name, ("lock_step", "wall"))

@@ -24,12 +24,12 @@ class BadMessageError(Exception):
     """
 
 
-class ConnectionLostError(Exception):
+class PeerClosedError(Exception):
     """Error of a connection that the other side has closed."""
 
 
 @dataclass(frozen=True)
-class Message:
+class FciMessage:
     """Request: id of the command, the client's sequence number, payload of the correct size."""
 
     command: int
@@ -37,7 +37,7 @@ class Message:
     payload: bytes
 
 
-class Connection:
+class FciConnection:
     """Messages over a connected socket.
 
     Args:
@@ -60,7 +60,7 @@ class Connection:
         """True if responses wait to be sent."""
         return bool(self._out)
 
-    def receive(self) -> list[Message]:
+    def receive(self) -> list[FciMessage]:
         """Return the complete messages that have been received.
 
         Raises:
@@ -72,16 +72,16 @@ class Connection:
         except (BlockingIOError, InterruptedError):
             return []
         except OSError as error:
-            raise ConnectionLostError(str(error)) from None
+            raise PeerClosedError(str(error)) from None
         if not received:
-            raise ConnectionLostError("closed by the client")
+            raise PeerClosedError("closed by the client")
         self._in += received
         messages = []
         while (message := self._next()) is not None:
             messages.append(message)
         return messages
 
-    def _next(self) -> Message | None:
+    def _next(self) -> FciMessage | None:
         header = self._framing.header
         if len(self._in) < header.size:
             return None
@@ -95,7 +95,7 @@ class Connection:
             return None
         payload = bytes(self._in[header.size : size])
         del self._in[:size]
-        return Message(command, command_id, payload)
+        return FciMessage(command, command_id, payload)
 
     def respond(self, command: int, command_id: int, status: int, tail: bytes = b"") -> None:
         """Queue and send a response; unsent bytes wait for `flush`.
@@ -117,7 +117,7 @@ class Connection:
         except (BlockingIOError, InterruptedError):
             return
         except OSError as error:
-            raise ConnectionLostError(str(error)) from None
+            raise PeerClosedError(str(error)) from None
 
     def close(self) -> None:
         """Close the connection; the system rejects further data of the client."""

@@ -3,7 +3,7 @@
 import os
 from collections.abc import Callable
 
-from franka_sim.box.requests import Outcome
+from franka_sim.box.requests import RequestOutcome
 from franka_sim.fci.complaints import LOG
 from franka_sim.fci.device import Device
 from franka_sim.gripper import Gripper
@@ -62,7 +62,7 @@ class Console:
             if len(words) != count + 1:
                 raise CommandError(f"{words[0]} takes {count} values; got {len(words) - 1}. {HELP}")
             outcome = action(words[1:])
-            text = f": {outcome.value}" if isinstance(outcome, Outcome) else ""
+            text = f": {outcome.value}" if isinstance(outcome, RequestOutcome) else ""
             LOG.info("console: %s%s", " ".join(words), text)
         except HricError as error:
             LOG.error("console: %s", error)

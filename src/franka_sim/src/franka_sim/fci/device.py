@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, TypeAlias
 
 from franka_hw_interface.robot_state import RobotMode, RobotState
-from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand, MoveRequest, Outcome
+from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand, MoveRequest, RequestOutcome
 from franka_sim.fci.wire import StateCodec
 from franka_sim.gripper import Gripper
 from hric_core.errors import CommandError
@@ -28,8 +28,8 @@ class DeviceState(RobotState):
         self.controller_mode, self.generator_mode = ControllerMode.OTHER, GeneratorMode.IDLE
 
 
-def _accept(*_: object) -> Outcome:
-    return Outcome.SUCCESS
+def _accept(*_: object) -> RequestOutcome:
+    return RequestOutcome.SUCCESS
 
 
 class ConstantDevice:
@@ -49,7 +49,7 @@ class ConstantDevice:
         self.state.q[:] = self.state.q_d[:] = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
         self.state.O_ddP_O[:] = [0.0, 0.0, -9.81]
         self.state.elbow[:] = self.state.elbow_d[:] = self.state.elbow_c[:] = [0.0, -1.0]
-        self._finished: Outcome | None = None
+        self._finished: RequestOutcome | None = None
         self._end()
 
     def _end(self) -> None:
@@ -66,13 +66,13 @@ class ConstantDevice:
         self.state.time += 1e-3
         if command is not None and command.finished and self.state.robot_mode is RobotMode.MOVE:
             self._end()
-            self._finished = Outcome.SUCCESS
+            self._finished = RequestOutcome.SUCCESS
 
     def encode(self, codec: StateCodec, message_id: int) -> bytes:
         """Return the state as a datagram."""
         return codec.encode(message_id, self.state)
 
-    def take_finished(self) -> Outcome | None:
+    def take_finished(self) -> RequestOutcome | None:
         """Return the outcome of a motion that ended since the last call, or None."""
         finished, self._finished = self._finished, None
         return finished
@@ -86,29 +86,29 @@ class ConstantDevice:
         """Return the description from the constructor."""
         return self._urdf
 
-    def move(self, request: MoveRequest) -> Outcome:
+    def move(self, request: MoveRequest) -> RequestOutcome:
         """Start a motion."""
         state = self.state
         if state.robot_mode is not RobotMode.IDLE:
-            return Outcome.NOT_POSSIBLE
+            return RequestOutcome.NOT_POSSIBLE
         state.robot_mode, state.controller_mode, state.generator_mode = (
             RobotMode.MOVE,
             request.controller,
             request.generator,
         )
         state.control_command_success_rate = 1.0
-        return Outcome.STARTED
+        return RequestOutcome.STARTED
 
-    def stop_move(self) -> Outcome:
+    def stop_move(self) -> RequestOutcome:
         """End the motion."""
         if self.state.robot_mode is RobotMode.MOVE:
             self._end()
-            self._finished = Outcome.PREEMPTED
-        return Outcome.SUCCESS
+            self._finished = RequestOutcome.PREEMPTED
+        return RequestOutcome.SUCCESS
 
-    def recover(self) -> Outcome:
+    def recover(self) -> RequestOutcome:
         """Return SUCCESS: there are no errors to recover from."""
-        return Outcome.SUCCESS
+        return RequestOutcome.SUCCESS
 
     def reset(self) -> None:
         """Do nothing: the robot never moves."""

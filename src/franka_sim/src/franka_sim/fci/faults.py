@@ -17,7 +17,7 @@ MAX_UNDERWAY = 10000
 
 
 @dataclass(frozen=True)
-class Faults(Settings):
+class NetworkFaults(Settings):
     """Faults of the emulated network, in each direction."""
 
     latency: float = number(0.0, minimum=0.0, unit="s")
@@ -36,7 +36,7 @@ class Faults(Settings):
         return self.latency > 0.0 or self.jitter > 0.0 or self.loss > 0.0
 
 
-class Link:
+class DatagramLink:
     """Datagrams between server and one client, on a connected socket: the system drops those of other senders.
 
     Args:
@@ -89,7 +89,7 @@ class Link:
 class _Network:
     """One direction of the network: datagrams in transit, by their time of arrival."""
 
-    def __init__(self, faults: Faults, seed: str) -> None:
+    def __init__(self, faults: NetworkFaults, seed: str) -> None:
         self._faults, self._random = faults, random.Random(seed)
         self.underway: list[tuple[float, int, bytes]] = []
         self._count = 0
@@ -108,7 +108,7 @@ class _Network:
         return arrived
 
 
-class FaultyLink(Link):
+class FaultyLink(DatagramLink):
     """Link over a network with faults; the same seed loses the same datagrams.
 
     Args:
@@ -117,7 +117,7 @@ class FaultyLink(Link):
         faults: faults to inject.
     """
 
-    def __init__(self, ip: str, client: tuple[str, int], faults: Faults) -> None:
+    def __init__(self, ip: str, client: tuple[str, int], faults: NetworkFaults) -> None:
         super().__init__(ip, client)
         self._out, self._in = _Network(faults, f"{faults.seed} states"), _Network(faults, f"{faults.seed} commands")
 
@@ -143,6 +143,6 @@ class FaultyLink(Link):
         return bool(self._in.underway) and self._in.underway[0][0] <= time.monotonic()
 
 
-def make_link(ip: str, client: tuple[str, int], faults: Faults) -> Link:
+def make_link(ip: str, client: tuple[str, int], faults: NetworkFaults) -> DatagramLink:
     """Return a link with these faults. Raises OSError."""
-    return FaultyLink(ip, client, faults) if faults.any else Link(ip, client)
+    return FaultyLink(ip, client, faults) if faults.any else DatagramLink(ip, client)

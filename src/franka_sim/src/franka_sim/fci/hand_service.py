@@ -5,8 +5,8 @@ import selectors
 import struct
 
 from franka_hw_interface.hand import HandMotion, HandOutcome
-from franka_sim.fci.connection import Message
-from franka_sim.fci.faults import Faults
+from franka_sim.fci.connection import FciMessage
+from franka_sim.fci.faults import NetworkFaults
 from franka_sim.fci.session import Service
 from franka_sim.fci.wire import CONNECT, CONNECT_PAYLOAD, HAND_FRAMING
 from franka_sim.gripper import Gripper
@@ -40,9 +40,9 @@ class HandService(Service):
         faults: faults of the UDP link.
     """
 
-    def __init__(self, selector: selectors.BaseSelector, hand: Gripper, ip: str, faults: Faults) -> None:
+    def __init__(self, selector: selectors.BaseSelector, hand: Gripper, ip: str, faults: NetworkFaults) -> None:
         self._hand = hand
-        self._pending: list[tuple[Message, HandMotion]] = []  # requests without a response
+        self._pending: list[tuple[FciMessage, HandMotion]] = []  # requests without a response
         self._message_id = 0
         self._next_state = 0.0
         super().__init__(selector, "hand", HAND_FRAMING, VERSION, (ip, PORT), faults)
@@ -52,7 +52,7 @@ class HandService(Service):
         payload = PAYLOADS.get(command)
         return None if payload is None else payload.size
 
-    def handle(self, message: Message) -> None:
+    def handle(self, message: FciMessage) -> None:
         """Start a motion; the response to the previous one, which is aborted, goes first."""
         values = PAYLOADS[message.command].unpack(message.payload)
         if not all(map(math.isfinite, values)):

@@ -10,7 +10,7 @@ from franka_sim.fci.arm_device import build_arm
 from franka_sim.fci.epoch import Epoch
 from franka_sim.fci.robots import ROBOTS
 from franka_sim.fci.server import FciServer
-from franka_sim.settings import ArmSettings, BoxSettings, read
+from franka_sim.settings import BoxSettings, SimulatedArmSettings, read
 from hric_control.clock_pairs import TOPIC
 from hric_control.limits import check_start
 from hric_control.robot_app import COMMON_PARAMETERS, RobotSettings
@@ -101,5 +101,5 @@ class EmulatedArm(NodeApp):
 
 def main(text_of_help: str) -> int:
     """Run the node and return its exit code."""
-    of_simulated_arm = (ArmSettings, RobotSettings, *COMMON_PARAMETERS)  # one parameter file serves both
+    of_simulated_arm = (SimulatedArmSettings, RobotSettings, *COMMON_PARAMETERS)  # one parameter file serves both
     return run("emulated_arm", text_of_help, EmulatedArm, EmulatedArmSettings, *of_simulated_arm)

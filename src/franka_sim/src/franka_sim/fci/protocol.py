@@ -5,11 +5,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
-from franka_sim.box.requests import Outcome
+from franka_sim.box.requests import RequestOutcome
 from franka_sim.fci.wire import CommandCodec, StateCodec
 
 
-class Request(Enum):
+class FciRequest(Enum):
     """Requests of a client to the arm."""
 
     CONNECT = "Connect"
@@ -39,7 +39,7 @@ class RequestFormat:
         parts: lengths of the vectors in the payload; a length of 1 gives a vector of one element.
     """
 
-    request: Request
+    request: FciRequest
     layout: str = ""
     parts: tuple[int, ...] = ()
     payload: struct.Struct = field(init=False, repr=False)
@@ -56,7 +56,7 @@ class RequestFormat:
         return vectors
 
 
-Statuses = Mapping[Outcome, int]
+Statuses = Mapping[RequestOutcome, int]
 
 
 @dataclass(frozen=True)
@@ -72,44 +72,44 @@ class Protocol:
 
     version: int
     requests: Mapping[int, RequestFormat]
-    statuses: Mapping[Request, Statuses]
+    statuses: Mapping[FciRequest, Statuses]
     state: StateCodec
     command: CommandCodec
 
-    def status(self, request: Request, outcome: Outcome) -> int:
+    def status(self, request: FciRequest, outcome: RequestOutcome) -> int:
         """Return the status number of an outcome; without one, the request's last number, its most general failure."""
         numbers = self.statuses[request]
         return numbers.get(outcome, max(numbers.values()))
 
 
 SETTERS = (
-    Request.SET_COLLISION_BEHAVIOR,
-    Request.SET_JOINT_IMPEDANCE,
-    Request.SET_CARTESIAN_IMPEDANCE,
-    Request.SET_GUIDING_MODE,
-    Request.SET_EE_TO_K,
-    Request.SET_NE_TO_EE,
-    Request.SET_LOAD,
+    FciRequest.SET_COLLISION_BEHAVIOR,
+    FciRequest.SET_JOINT_IMPEDANCE,
+    FciRequest.SET_CARTESIAN_IMPEDANCE,
+    FciRequest.SET_GUIDING_MODE,
+    FciRequest.SET_EE_TO_K,
+    FciRequest.SET_NE_TO_EE,
+    FciRequest.SET_LOAD,
 )
 """Requests with the same responses in both versions."""
 
-COLLISION_BEHAVIOR = RequestFormat(Request.SET_COLLISION_BEHAVIOR, "52d", (7, 7, 7, 7, 6, 6, 6, 6))
-JOINT_IMPEDANCE = RequestFormat(Request.SET_JOINT_IMPEDANCE, "7d", (7,))
-CARTESIAN_IMPEDANCE = RequestFormat(Request.SET_CARTESIAN_IMPEDANCE, "6d", (6,))
-GUIDING_MODE = RequestFormat(Request.SET_GUIDING_MODE, "7B", (6, 1))
-EE_TO_K = RequestFormat(Request.SET_EE_TO_K, "16d", (16,))
-NE_TO_EE = RequestFormat(Request.SET_NE_TO_EE, "16d", (16,))
-LOAD = RequestFormat(Request.SET_LOAD, "13d", (1, 3, 9))
-CONNECT = RequestFormat(Request.CONNECT, "HH", (1, 1))
+COLLISION_BEHAVIOR = RequestFormat(FciRequest.SET_COLLISION_BEHAVIOR, "52d", (7, 7, 7, 7, 6, 6, 6, 6))
+JOINT_IMPEDANCE = RequestFormat(FciRequest.SET_JOINT_IMPEDANCE, "7d", (7,))
+CARTESIAN_IMPEDANCE = RequestFormat(FciRequest.SET_CARTESIAN_IMPEDANCE, "6d", (6,))
+GUIDING_MODE = RequestFormat(FciRequest.SET_GUIDING_MODE, "7B", (6, 1))
+EE_TO_K = RequestFormat(FciRequest.SET_EE_TO_K, "16d", (16,))
+NE_TO_EE = RequestFormat(FciRequest.SET_NE_TO_EE, "16d", (16,))
+LOAD = RequestFormat(FciRequest.SET_LOAD, "13d", (1, 3, 9))
+CONNECT = RequestFormat(FciRequest.CONNECT, "HH", (1, 1))
 
-_SETTER = {Outcome.SUCCESS: 0, Outcome.NOT_POSSIBLE: 1, Outcome.INVALID_ARGUMENT: 2}
-_TRANSFER = {Outcome.SUCCESS: 0, Outcome.NOT_POSSIBLE: 1}
+_SETTER = {RequestOutcome.SUCCESS: 0, RequestOutcome.NOT_POSSIBLE: 1, RequestOutcome.INVALID_ARGUMENT: 2}
+_TRANSFER = {RequestOutcome.SUCCESS: 0, RequestOutcome.NOT_POSSIBLE: 1}
 
 _REQUESTS_5 = {
     0: CONNECT,
-    1: RequestFormat(Request.MOVE, "II3d3d", (1, 1, 3, 3)),
-    2: RequestFormat(Request.STOP_MOVE),
-    3: RequestFormat(Request.GET_CARTESIAN_LIMIT, "i", (1,)),
+    1: RequestFormat(FciRequest.MOVE, "II3d3d", (1, 1, 3, 3)),
+    2: RequestFormat(FciRequest.STOP_MOVE),
+    3: RequestFormat(FciRequest.GET_CARTESIAN_LIMIT, "i", (1,)),
     4: COLLISION_BEHAVIOR,
     5: JOINT_IMPEDANCE,
     6: CARTESIAN_IMPEDANCE,
@@ -117,40 +117,40 @@ _REQUESTS_5 = {
     8: EE_TO_K,
     9: NE_TO_EE,
     10: LOAD,
-    11: RequestFormat(Request.SET_FILTERS, "5d", (5,)),
-    12: RequestFormat(Request.AUTOMATIC_ERROR_RECOVERY),
-    13: RequestFormat(Request.LOAD_MODEL_LIBRARY, "BB", (1, 1)),
+    11: RequestFormat(FciRequest.SET_FILTERS, "5d", (5,)),
+    12: RequestFormat(FciRequest.AUTOMATIC_ERROR_RECOVERY),
+    13: RequestFormat(FciRequest.LOAD_MODEL_LIBRARY, "BB", (1, 1)),
 }
 _STATUSES_5 = {
-    Request.MOVE: {
-        Outcome.SUCCESS: 0,
-        Outcome.STARTED: 1,
-        Outcome.PREEMPTED: 2,
-        Outcome.NOT_POSSIBLE: 3,
-        Outcome.SINGULAR_START: 4,
-        Outcome.INVALID_ARGUMENT: 5,
-        Outcome.REFLEX_ABORTED: 6,
-        Outcome.EMERGENCY_ABORTED: 7,
-        Outcome.INPUT_ERROR_ABORTED: 8,
-        Outcome.ABORTED: 9,
+    FciRequest.MOVE: {
+        RequestOutcome.SUCCESS: 0,
+        RequestOutcome.STARTED: 1,
+        RequestOutcome.PREEMPTED: 2,
+        RequestOutcome.NOT_POSSIBLE: 3,
+        RequestOutcome.SINGULAR_START: 4,
+        RequestOutcome.INVALID_ARGUMENT: 5,
+        RequestOutcome.REFLEX_ABORTED: 6,
+        RequestOutcome.EMERGENCY_ABORTED: 7,
+        RequestOutcome.INPUT_ERROR_ABORTED: 8,
+        RequestOutcome.ABORTED: 9,
     },
-    Request.STOP_MOVE: {
-        Outcome.SUCCESS: 0,
-        Outcome.NOT_POSSIBLE: 1,
-        Outcome.EMERGENCY_ABORTED: 2,
-        Outcome.REFLEX_ABORTED: 3,
-        Outcome.ABORTED: 4,
+    FciRequest.STOP_MOVE: {
+        RequestOutcome.SUCCESS: 0,
+        RequestOutcome.NOT_POSSIBLE: 1,
+        RequestOutcome.EMERGENCY_ABORTED: 2,
+        RequestOutcome.REFLEX_ABORTED: 3,
+        RequestOutcome.ABORTED: 4,
     },
-    Request.AUTOMATIC_ERROR_RECOVERY: {
-        Outcome.SUCCESS: 0,
-        Outcome.NOT_POSSIBLE: 1,
-        Outcome.MANUAL_RECOVERY_REQUIRED: 2,
-        Outcome.REFLEX_ABORTED: 3,
-        Outcome.EMERGENCY_ABORTED: 4,
-        Outcome.ABORTED: 5,
+    FciRequest.AUTOMATIC_ERROR_RECOVERY: {
+        RequestOutcome.SUCCESS: 0,
+        RequestOutcome.NOT_POSSIBLE: 1,
+        RequestOutcome.MANUAL_RECOVERY_REQUIRED: 2,
+        RequestOutcome.REFLEX_ABORTED: 3,
+        RequestOutcome.EMERGENCY_ABORTED: 4,
+        RequestOutcome.ABORTED: 5,
     },
-    **dict.fromkeys((Request.GET_CARTESIAN_LIMIT, Request.SET_FILTERS, *SETTERS), _SETTER),
-    Request.LOAD_MODEL_LIBRARY: _TRANSFER,
+    **dict.fromkeys((FciRequest.GET_CARTESIAN_LIMIT, FciRequest.SET_FILTERS, *SETTERS), _SETTER),
+    FciRequest.LOAD_MODEL_LIBRARY: _TRANSFER,
 }
 PROTOCOL_5 = Protocol(
     5, _REQUESTS_5, _STATUSES_5, StateCodec("d", accelerometers=False), CommandCodec(torque_flag=False)
@@ -159,8 +159,8 @@ PROTOCOL_5 = Protocol(
 
 _REQUESTS_10 = {
     0: CONNECT,
-    1: RequestFormat(Request.MOVE, "II3d3dB7d", (1, 1, 3, 3, 1, 7)),
-    2: RequestFormat(Request.STOP_MOVE),
+    1: RequestFormat(FciRequest.MOVE, "II3d3dB7d", (1, 1, 3, 3, 1, 7)),
+    2: RequestFormat(FciRequest.STOP_MOVE),
     3: COLLISION_BEHAVIOR,
     4: JOINT_IMPEDANCE,
     5: CARTESIAN_IMPEDANCE,
@@ -168,40 +168,40 @@ _REQUESTS_10 = {
     7: EE_TO_K,
     8: NE_TO_EE,
     9: LOAD,
-    10: RequestFormat(Request.AUTOMATIC_ERROR_RECOVERY),
-    11: RequestFormat(Request.GET_ROBOT_MODEL),
+    10: RequestFormat(FciRequest.AUTOMATIC_ERROR_RECOVERY),
+    11: RequestFormat(FciRequest.GET_ROBOT_MODEL),
 }
 _STATUSES_10 = {
-    Request.MOVE: {
-        Outcome.SUCCESS: 0,
-        Outcome.STARTED: 1,
-        Outcome.PREEMPTED: 2,
+    FciRequest.MOVE: {
+        RequestOutcome.SUCCESS: 0,
+        RequestOutcome.STARTED: 1,
+        RequestOutcome.PREEMPTED: 2,
         # 3, 4: preempted and rejected by the safety function, which the emulated box does not have.
-        Outcome.NOT_POSSIBLE: 5,
-        Outcome.SINGULAR_START: 6,
-        Outcome.INVALID_ARGUMENT: 7,
-        Outcome.REFLEX_ABORTED: 8,
-        Outcome.EMERGENCY_ABORTED: 9,
-        Outcome.INPUT_ERROR_ABORTED: 10,
-        Outcome.ABORTED: 11,
+        RequestOutcome.NOT_POSSIBLE: 5,
+        RequestOutcome.SINGULAR_START: 6,
+        RequestOutcome.INVALID_ARGUMENT: 7,
+        RequestOutcome.REFLEX_ABORTED: 8,
+        RequestOutcome.EMERGENCY_ABORTED: 9,
+        RequestOutcome.INPUT_ERROR_ABORTED: 10,
+        RequestOutcome.ABORTED: 11,
     },
-    Request.STOP_MOVE: {
-        Outcome.SUCCESS: 0,
-        Outcome.NOT_POSSIBLE: 1,
-        Outcome.EMERGENCY_ABORTED: 3,
-        Outcome.REFLEX_ABORTED: 4,
-        Outcome.ABORTED: 5,
+    FciRequest.STOP_MOVE: {
+        RequestOutcome.SUCCESS: 0,
+        RequestOutcome.NOT_POSSIBLE: 1,
+        RequestOutcome.EMERGENCY_ABORTED: 3,
+        RequestOutcome.REFLEX_ABORTED: 4,
+        RequestOutcome.ABORTED: 5,
     },
-    Request.AUTOMATIC_ERROR_RECOVERY: {
-        Outcome.SUCCESS: 0,
-        Outcome.NOT_POSSIBLE: 1,
-        Outcome.MANUAL_RECOVERY_REQUIRED: 3,
-        Outcome.REFLEX_ABORTED: 4,
-        Outcome.EMERGENCY_ABORTED: 5,
-        Outcome.ABORTED: 6,
+    FciRequest.AUTOMATIC_ERROR_RECOVERY: {
+        RequestOutcome.SUCCESS: 0,
+        RequestOutcome.NOT_POSSIBLE: 1,
+        RequestOutcome.MANUAL_RECOVERY_REQUIRED: 3,
+        RequestOutcome.REFLEX_ABORTED: 4,
+        RequestOutcome.EMERGENCY_ABORTED: 5,
+        RequestOutcome.ABORTED: 6,
     },
     **dict.fromkeys(SETTERS, _SETTER),
-    Request.GET_ROBOT_MODEL: _TRANSFER,
+    FciRequest.GET_ROBOT_MODEL: _TRANSFER,
 }
 PROTOCOL_10 = Protocol(
     10, _REQUESTS_10, _STATUSES_10, StateCodec("f", accelerometers=True), CommandCodec(torque_flag=True)

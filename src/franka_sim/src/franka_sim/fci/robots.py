@@ -15,7 +15,7 @@ JOINTS = 7
 
 
 @dataclass(frozen=True)
-class Robot:
+class RobotKind:
     """Kind of robot.
 
     Attributes:
@@ -104,10 +104,10 @@ def _panda_urdf(hand: bool, collision: bool) -> str:
     return panda_description.load(hand=hand, meshes=False, collision=collision)
 
 
-ROBOTS: Mapping[str, Robot] = {
-    "panda": Robot(
+ROBOTS: Mapping[str, RobotKind] = {
+    "panda": RobotKind(
         "panda", 5, _panda_urdf, lambda urdf_xml, _: urdf_xml, lambda: _panda_urdf(False, False), franka_limits
     ),
-    "fr3": Robot("fr3", 10, fr3_urdf, fr3_limited, fr3_served_urdf, fr3_limits),
+    "fr3": RobotKind("fr3", 10, fr3_urdf, fr3_limited, fr3_served_urdf, fr3_limits),
 }
 """Robots by name."""

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from franka_sim.fci.arm_service import ArmService
 from franka_sim.fci.clock import PERIOD, make_clock
 from franka_sim.fci.device import Device
-from franka_sim.fci.faults import Faults
+from franka_sim.fci.faults import NetworkFaults
 from franka_sim.fci.hand_service import STEP, HandService
 from franka_sim.fci.protocol import PROTOCOLS
 from franka_sim.fci.session import Service
@@ -40,11 +40,11 @@ class FciServer:
         version: int = 5,
         clock: str = "lock_step",
         pace: float = 1.0,
-        faults: Faults | None = None,
+        faults: NetworkFaults | None = None,
     ) -> None:
         if version not in PROTOCOLS:
             raise UnknownNameError("protocol version", version, map(str, PROTOCOLS), "FciServer")
-        faults = faults or Faults()
+        faults = faults or NetworkFaults()
         self._clock = make_clock(clock, pace, lossy=faults.loss > 0.0)
         self._selector = selectors.SelectSelector()  # an epoll would round the wait up to a millisecond
         self._services: list[Service] = []

@@ -14,8 +14,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from franka_sim.fci.complaints import LOG, Complaints
-from franka_sim.fci.connection import BadMessageError, Connection, ConnectionLostError, Message
-from franka_sim.fci.faults import Faults, Link, make_link
+from franka_sim.fci.connection import BadMessageError, FciConnection, FciMessage, PeerClosedError
+from franka_sim.fci.faults import DatagramLink, NetworkFaults, make_link
 from franka_sim.fci.wire import CONNECT, CONNECT_PAYLOAD, VERSION, Framing
 from hric_core.errors import FailureError
 
@@ -38,8 +38,8 @@ READ, WRITE = selectors.EVENT_READ, selectors.EVENT_WRITE
 class Client:
     """Client that is served; `since` is time.monotonic at its handshake [s]."""
 
-    connection: Connection
-    link: Link
+    connection: FciConnection
+    link: DatagramLink
     name: str
     since: float
 
@@ -66,7 +66,7 @@ class Service(ABC):
         framing: Framing,
         version: int,
         address: tuple[str, int],
-        faults: Faults,
+        faults: NetworkFaults,
     ) -> None:
         self._selector, self.name, self._framing, self._version, self._address, self._faults = (
             selector,
@@ -79,7 +79,7 @@ class Service(ABC):
         self.complaints = Complaints(f"{name} {address[0]}")
         self._brief = Complaints(f"{name} {address[0]}")  # of clients that leave at once
         self.client: Client | None = None
-        self._waiting: dict[Connection, tuple[str, float]] = {}
+        self._waiting: dict[FciConnection, tuple[str, float]] = {}
         self._listener = listen(address, name)
         selector.register(self._listener, READ, self._on_listener)
 
@@ -88,7 +88,7 @@ class Service(ABC):
         """Return the payload size of a command [bytes], None if it does not exist."""
 
     @abstractmethod
-    def handle(self, message: Message) -> None:
+    def handle(self, message: FciMessage) -> None:
         """Handle a request of the client that is served."""
 
     @abstractmethod
@@ -103,7 +103,7 @@ class Service(ABC):
     def on_datagrams(self) -> None:
         """Read the client's datagrams that wait in its link."""
 
-    def respond(self, message: Message, status: int, tail: bytes = b"") -> None:
+    def respond(self, message: FciMessage, status: int, tail: bytes = b"") -> None:
         """Respond to the client that is served, if any."""
         if self.client is not None:
             connection = self.client.connection
@@ -142,7 +142,7 @@ class Service(ABC):
             self.complaints.warn_of(_host(peer), f"{peer} is turned away: {self.client.name} is connected")
             connected.close()
             return
-        connection = Connection(connected, self._framing, self.size_of)
+        connection = FciConnection(connected, self._framing, self.size_of)
         self._waiting[connection] = peer, time.monotonic()
         self._selector.register(connected, READ, lambda events: self._on_connection(connection, events))
         self._on_connection(connection, READ)
@@ -158,14 +158,14 @@ class Service(ABC):
         if oldest in self._waiting:
             self._drop(oldest, f"{self._waiting[oldest][0]} is turned away: too many connections are shaking hands")
 
-    def _on_connection(self, connection: Connection, events: int) -> None:
+    def _on_connection(self, connection: FciConnection, events: int) -> None:
         if events & WRITE:
             self._guarded(connection, connection.flush)
             self._watch(connection)
         if events & READ and self._known(connection):
             self._guarded(connection, lambda: self._receive(connection))
 
-    def _receive(self, connection: Connection) -> None:
+    def _receive(self, connection: FciConnection) -> None:
         for message in connection.receive():
             if self.client is not None and connection is self.client.connection:
                 if message.command == CONNECT:
@@ -174,7 +174,7 @@ class Service(ABC):
             elif connection in self._waiting:
                 self._shake_hands(connection, message)
 
-    def _shake_hands(self, connection: Connection, message: Message) -> None:
+    def _shake_hands(self, connection: FciConnection, message: FciMessage) -> None:
         if message.command != CONNECT:
             raise BadMessageError(f"command {message.command} came before Connect")
         version, udp_port = CONNECT_PAYLOAD.unpack(message.payload)
@@ -200,27 +200,27 @@ class Service(ABC):
 
     # -- ends ----------------------------------------------------------------------------------------------------------
 
-    def _known(self, connection: Connection) -> bool:
+    def _known(self, connection: FciConnection) -> bool:
         return connection in self._waiting or (self.client is not None and connection is self.client.connection)
 
-    def _guarded(self, connection: Connection, action: Callable[[], None]) -> None:
+    def _guarded(self, connection: FciConnection, action: Callable[[], None]) -> None:
         try:
             action()
-        except (BadMessageError, ConnectionLostError) as error:
+        except (BadMessageError, PeerClosedError) as error:
             bad = isinstance(error, BadMessageError)
             if self.client is not None and connection is self.client.connection:
                 self._end_client(f"let go: {error}" if bad else f"has gone: {error}")
             elif connection in self._waiting:
                 self._drop(connection, f"{self._waiting[connection][0]} is turned away: {error}" if bad else "")
 
-    def _watch(self, connection: Connection) -> None:
+    def _watch(self, connection: FciConnection) -> None:
         with suppress(KeyError, ValueError):  # closed in the meantime
             key = self._selector.get_key(connection.socket)
             events = READ | WRITE if connection.unsent else READ
             if key.events != events:
                 self._selector.modify(connection.socket, events, key.data)
 
-    def _drop(self, connection: Connection, text: str) -> None:
+    def _drop(self, connection: FciConnection, text: str) -> None:
         if text:
             self.complaints.warn_of(_host(self._waiting[connection][0]), text)
         del self._waiting[connection]

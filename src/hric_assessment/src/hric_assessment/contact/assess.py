@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from hric_assessment.contact.episodes import PENALTY, Episode, refusal
-from hric_assessment.contact.limits import NOT_PERMITTED, Limit, Limits, Pair
+from hric_assessment.contact.limits import NOT_PERMITTED, ContactLimit, LimitPair, Limits
 from hric_assessment.contact.speed import check_positive, transfer_energy
 from hric_assessment.findings import Finding, Outcome
 from hric_assessment.tables import UNITS
@@ -145,7 +145,7 @@ def _judged(
     force: Episode | None,
     doubts: Sequence[str],
     site: ContactSite,
-    limit: Limit | None,
+    limit: ContactLimit | None,
     limits: Limits,
     approach: LimitRatio | None,
 ) -> tuple[Outcome, str, list[LimitRatio]]:
@@ -171,7 +171,7 @@ def _unproven(
     force: Episode | None,
     doubts: Sequence[str],
     site: ContactSite,
-    limit: Limit,
+    limit: ContactLimit,
     limits: Limits,
     approach: LimitRatio | None,
 ) -> str:
@@ -192,13 +192,13 @@ def _unproven(
     return ""
 
 
-def _ratios(force: Episode, site: ContactSite, limit: Limit) -> list[LimitRatio]:
+def _ratios(force: Episode, site: ContactSite, limit: ContactLimit) -> list[LimitRatio]:
     """Return all values that have a limit; a transient value without one is compared with the quasi-static limit."""
     held = None if force.quasi_static is None else force.quasi_static.peak
     return _of_pair(force.transient.peak, held, site.contact_area, limit)
 
 
-def _of_pair(peak: float, held: float | None, area: float | None, limit: Limit) -> list[LimitRatio]:
+def _of_pair(peak: float, held: float | None, area: float | None, limit: ContactLimit) -> list[LimitRatio]:
     ratios = _pair("force", peak, held, limit.force, "N", 1.0)
     if area is not None and limit.pressure is not None:
         over_area = None if held is None else held / area
@@ -206,7 +206,7 @@ def _of_pair(peak: float, held: float | None, area: float | None, limit: Limit) 
     return ratios
 
 
-def _pair(name: str, peak: float, held: float | None, pair: Pair, unit: str, scale: float) -> list[LimitRatio]:
+def _pair(name: str, peak: float, held: float | None, pair: LimitPair, unit: str, scale: float) -> list[LimitRatio]:
     short = pair.quasi_static if pair.transient is None else pair.transient
     ratios = [LimitRatio(f"transient {name}", peak, short, pair.label, unit, scale)]
     if held is not None:
@@ -214,7 +214,7 @@ def _pair(name: str, peak: float, held: float | None, pair: Pair, unit: str, sca
     return ratios
 
 
-def _values(force: Episode, site: ContactSite, limit: Limit | None) -> Mapping[str, float | None]:
+def _values(force: Episode, site: ContactSite, limit: ContactLimit | None) -> Mapping[str, float | None]:
     held, area = force.quasi_static, site.contact_area
     energy = None if limit is None else transfer_energy(force.overall.peak, limit.stiffness)
     return {
@@ -230,7 +230,7 @@ def _values(force: Episode, site: ContactSite, limit: Limit | None) -> Mapping[s
     }
 
 
-def _marks(limit: Limit | None) -> tuple[str, ...]:
+def _marks(limit: ContactLimit | None) -> tuple[str, ...]:
     if limit is None:
         return ()
     pairs = [("force", limit.force), ("pressure", limit.pressure)]

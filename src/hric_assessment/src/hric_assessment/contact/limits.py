@@ -15,9 +15,9 @@ from hric_assessment.tables import (
     LIMIT_TABLES,
     REGIONS,
     UNITS,
+    LimitRow,
     LimitTable,
     PressureRow,
-    Row,
     episode_table,
     limit_table,
 )
@@ -36,7 +36,7 @@ PARTED = episode_table()["gap"]
 
 
 @dataclass(frozen=True)
-class Pair:
+class LimitPair:
     """Quasi-static and transient limit of one quantity, both in N or Pa.
 
     Attributes:
@@ -59,7 +59,7 @@ class Pair:
 
 
 @dataclass(frozen=True)
-class Limit:
+class ContactLimit:
     """Limits at one place of a body.
 
     Attributes:
@@ -70,8 +70,8 @@ class Limit:
         missing: quantities that the table lacks for the regions that may be in contact.
     """
 
-    force: Pair
-    pressure: Pair | None
+    force: LimitPair
+    pressure: LimitPair | None
     permitted: bool
     stiffness: float
     missing: tuple[str, ...]
@@ -105,7 +105,7 @@ class Limits:
         limit = self.at(regions)
         return 0.0 if limit is None or not limit.permitted else limit.force.quasi_static
 
-    def at(self, regions: Sequence[str], area: str | None = None, dominant: bool | None = None) -> Limit | None:
+    def at(self, regions: Sequence[str], area: str | None = None, dominant: bool | None = None) -> ContactLimit | None:
         """Return the limits for a contact with one of some regions.
 
         Args:
@@ -125,14 +125,16 @@ class Limits:
             regions = [region for region in regions if area in self.areas([region])]
         hand = None if dominant is None else "dominant" if dominant else "other"
         forces = [row for region in regions for row in self.table.force_rows(region, area)]
-        pressures: Sequence[Row] = [row for region in regions for row in self.table.pressure_rows(region, area, hand)]
+        pressures: Sequence[LimitRow] = [
+            row for region in regions for row in self.table.pressure_rows(region, area, hand)
+        ]
         if not forces:
             return None
         springs = [
             row.stiffness * UNITS["stiffness"] if row.stiffness else REGION_MODELS[row.region].stiffness
             for row in forces
         ]
-        return Limit(
+        return ContactLimit(
             self._lowest(forces, UNITS["force"], self.table.force_factor),
             self._lowest(pressures, UNITS["pressure"], self.table.pressure_factor) if pressures else None,
             not any(region in NOT_PERMITTED for region in regions),
@@ -147,15 +149,15 @@ class Limits:
 
     def areas(self, regions: Iterable[str]) -> list[str]:
         """Return the names of the table areas in some regions."""
-        rows: list[Row] = [*self.table.forces, *self.table.pressures]
+        rows: list[LimitRow] = [*self.table.forces, *self.table.pressures]
         return list(dict.fromkeys(row.area for row in rows if row.region in regions and row.area))
 
-    def _lowest(self, rows: Sequence[Row], unit: float, factor: float | None) -> Pair:
+    def _lowest(self, rows: Sequence[LimitRow], unit: float, factor: float | None) -> LimitPair:
         lowest = min(rows, key=lambda row: row.quasi_static)
         transients = [row.transient_by(factor) for row in rows]
         transient = min(math.inf if value is None else value for value in transients) * unit
         hand = f", {lowest.hand} hand" if isinstance(lowest, PressureRow) and lowest.hand else ""
-        return Pair(
+        return LimitPair(
             lowest.quasi_static * unit,
             None if None in transients else transient,
             lowest.region,

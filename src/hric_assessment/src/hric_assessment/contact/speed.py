@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hric_assessment.contact.limits import Limit, Limits
+from hric_assessment.contact.limits import ContactLimit, Limits
 from hric_assessment.findings import NotAssessableError
 from hric_assessment.tables import REGIONS
 from hric_core.errors import HricError, check_known
@@ -113,7 +113,7 @@ def _of_area(
     )
 
 
-def _forces(limit: Limit, contact_area: float | None) -> tuple[float, float | None, bool]:
+def _forces(limit: ContactLimit, contact_area: float | None) -> tuple[float, float | None, bool]:
     """Return (quasi-static force [N], transient force [N], True if the pressure determines them)."""
     force, pressure = limit.force, limit.pressure
     transient = force.transient if limit.permitted else None

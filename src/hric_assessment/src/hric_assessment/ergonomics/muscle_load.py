@@ -9,8 +9,8 @@ from hric_core.errors import HricError
 from hric_core.geometry import FloatArray, Pose, Vector
 from hric_human.body import Body
 from hric_human.control.kinematics import GRAVITY
-from hric_human.control.whole_body import Load, RootMotion
-from hric_human.muscles.after_run import RATE, AfterRun, Motion, MuscleLoad, of_root_too, smoothed
+from hric_human.control.whole_body import ExternalLoad, RootMotion
+from hric_human.muscles.after_run import RATE, AfterRun, MuscleLoad, RecordedMotion, of_root_too, smoothed
 from hric_human.muscles.anatomy import Anatomy
 from hric_human.muscles.muscle_set import MuscleSet
 
@@ -18,7 +18,7 @@ OWN = "human::"
 """Prefix of the names of the person's links."""
 
 
-def grip_loads(grips: Iterable[GripRecord], time: FloatArray) -> list[Load]:
+def grip_loads(grips: Iterable[GripRecord], time: FloatArray) -> list[ExternalLoad]:
     """Return the loads of grips on the person's links; zero before their first message and after their last.
 
     Args:
@@ -33,16 +33,16 @@ def grip_loads(grips: Iterable[GripRecord], time: FloatArray) -> list[Load]:
     return loads
 
 
-def _load(grip: GripRecord, link: str, sign: float, time: FloatArray) -> Load:
+def _load(grip: GripRecord, link: str, sign: float, time: FloatArray) -> ExternalLoad:
     def at(values: FloatArray, outside: float | None) -> FloatArray:
         return np.stack([np.interp(time, grip.time, column, outside, outside) for column in values.T], axis=1)
 
-    return Load(link, sign * at(grip.force, 0.0), sign * at(grip.torque, 0.0), at(grip.point, None))
+    return ExternalLoad(link, sign * at(grip.force, 0.0), sign * at(grip.torque, 0.0), at(grip.point, None))
 
 
 def motion_of(
     record: HumanRecord, joints: Sequence[str], still: Pose, cutoff: float, rate: float = RATE
-) -> tuple[Motion, Pose | RootMotion]:
+) -> tuple[RecordedMotion, Pose | RootMotion]:
     """Return the smoothed motion of joints, and the motion of the root link, or its pose if it is at rest.
 
     Args:
@@ -69,8 +69,8 @@ def load_of(
     body: Body,
     anatomy: Anatomy,
     root: Pose | RootMotion,
-    motion: Motion,
-    loads: Sequence[Load] = (),
+    motion: RecordedMotion,
+    loads: Sequence[ExternalLoad] = (),
     strength: float = 1.0,
     gravity: Vector = GRAVITY,
 ) -> MuscleLoad:

@@ -28,7 +28,7 @@ NOT_A_BRAKE = "stops of an emulated arm in simulation, not of a real arm's brake
 
 
 @dataclass(frozen=True)
-class Row(Settings):
+class StopRow(Settings):
     """One stop."""
 
     speed: float = number(above=0.0, unit="m/s", text="with which the end effector moves when braking begins")
@@ -57,7 +57,7 @@ class StopTable(Settings):
         unit="s",
         text="from the request to stop until braking begins; perception is not in it",
     )
-    stops: tuple[Row, ...] = listing(section(Row), text="rows, see below")
+    stops: tuple[StopRow, ...] = listing(section(StopRow), text="rows, see below")
 
     def check(self, where: str) -> None:
         """Refuse a duplicate pair of speed and load, and a table without rows."""
@@ -123,7 +123,7 @@ class StopTable(Settings):
         return speeds, best[:, 0], best[:, 1]
 
 
-def _distance(row: Row) -> float:
+def _distance(row: StopRow) -> float:
     return row.speed * row.time if row.distance is None else row.distance
 
 

@@ -17,9 +17,9 @@ from controller_manager_msgs.srv import (
 )
 from hric_assessment.supervisor import topics
 from hric_assessment.supervisor.arm import ArmShape, InForce
-from hric_assessment.supervisor.decision import Decision, Event, Supervisor
+from hric_assessment.supervisor.decision import Decision, DecisionEvent, Supervisor
 from hric_assessment.supervisor.inputs import ArmInput, person_inputs
-from hric_assessment.supervisor.settings import NodeSettings
+from hric_assessment.supervisor.settings import SupervisorNodeSettings
 from hric_control.plants import rotor_inertia
 from hric_control.speed_scale import SpeedScaleInterface
 from hric_control.speed_scale_topics import REQUEST_TOPIC, STATE_TOPIC
@@ -62,7 +62,7 @@ class SupervisorApp:
     def __init__(self, node: Node, call: Call) -> None:
         self._node, self._call = node, call
         self._root = root = robot_namespace(node.namespace)
-        self.settings = settings = NodeSettings.read(node)
+        self.settings = settings = SupervisorNodeSettings.read(node)
         self._check_arm()
         description = node.param(f"{root}robot_description")
         joints = [transmission.joint for transmission in parse_transmissions(description)]
@@ -148,15 +148,17 @@ class SupervisorApp:
             if not self._node.publishes_inline:  # a headless run lists the events in its report
                 self._later(self._node.log_warn if event.kind in WARNED else self._node.log_info, event.text)
 
-    def _of_holders(self) -> list[Event]:
+    def _of_holders(self) -> list[DecisionEvent]:
         """Return an event if another node has limited the speed, or such a node was lost, since the last call."""
         (holder, lost), before = self._holder, self._holder_reported
         self._holder_reported = self._holder
         if self._holder == before or not holder or (holder == self._node.namespace and not lost):
             return []
         if lost:
-            return [Event("holder_lost", f"{holder} requested no speed in time: the arm stops until it does")]
-        return [Event("held", f"{holder} requests a lower speed scale than the supervisor, and limits the speed")]
+            return [DecisionEvent("holder_lost", f"{holder} requested no speed in time: the arm stops until it does")]
+        return [
+            DecisionEvent("held", f"{holder} requests a lower speed scale than the supervisor, and limits the speed")
+        ]
 
     def _on_taken(self, message: Any) -> None:
         """Store the speed scale in force since the robot accepted a request, and the latency since the measurement."""
@@ -191,7 +193,7 @@ class SupervisorApp:
         if done.ok or names not in self._refused:
             self._refused.add(names)
             nothing = Decision(now, math.nan, "", math.nan)
-            self._report(nothing, [Event("controller_stopped" if done.ok else "fault", text)])
+            self._report(nothing, [DecisionEvent("controller_stopped" if done.ok else "fault", text)])
             self._send()
 
     # -- the end -------------------------------------------------------------------------------------------------------

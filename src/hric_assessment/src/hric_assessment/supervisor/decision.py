@@ -14,7 +14,7 @@ from hric_assessment.separation.protective import Terms
 from hric_assessment.supervisor.arm import ArmShape, ArmState, InForce, PlacedCapsules
 from hric_assessment.supervisor.perception import Watch
 from hric_assessment.supervisor.person import HAND, Observation, joined, moved
-from hric_assessment.supervisor.separation import SCALES, STANDING, Nearness, Protective, Stopping, nearness
+from hric_assessment.supervisor.separation import SCALES, STANDING, CapsuleNearness, Protective, StoppingModel, nearness
 from hric_assessment.supervisor.settings import HAND_GUIDED, POWER_AND_FORCE, STANDSTILL, SupervisorSettings
 from hric_core.geometry import FloatArray, Vector
 
@@ -25,7 +25,7 @@ UNHINDERED = InForce()
 _KINDS = {FREE: "freed", SLOWED: "slowed", STOPPED: "stopped"}
 
 
-class Event(NamedTuple):
+class DecisionEvent(NamedTuple):
     """Event for the log.
 
     Attributes:
@@ -57,7 +57,7 @@ class Permitted(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Part:
+class NearestPart:
     """Body part with the smallest margin.
 
     Attributes:
@@ -108,10 +108,10 @@ class Decision:
     fault: str = ""
     reason: str = ""
     separation: float = math.nan
-    part: Part | None = None
+    part: NearestPart | None = None
     violation: bool = False
     contact_speed: float = math.nan
-    events: Sequence[Event] = field(default=())
+    events: Sequence[DecisionEvent] = field(default=())
 
     @property
     def margin(self) -> float:
@@ -119,7 +119,7 @@ class Decision:
         return math.nan if self.part is None else self.part.margin
 
 
-class Motion:
+class PersonMotion:
     """Velocity estimator of one person, from two observations."""
 
     def __init__(self) -> None:
@@ -165,13 +165,13 @@ class Supervisor:
         self.settings, self._arm = settings, arm
         self._rotors = np.zeros(len(arm.joints)) if rotors is None else np.asarray(rotors)
         self._limits, self._half_mass = Limits.named(settings.table), half_mass(arm.moving_mass)
-        self._stopping = Stopping(settings)
+        self._stopping = StoppingModel(settings)
         self._protective = Protective(settings, self._stopping)
         self._watch = Watch(settings, self._frames)
         self._speed = settings.speed
         self._scale, self._since, self._state, self._fault = 1.0, 0.0, FREE, ""
         self._violated = self._moved = self._stood = False
-        self._motions = [Motion() for _ in settings.persons]
+        self._motions = [PersonMotion() for _ in settings.persons]
 
     def decide(
         self,
@@ -255,30 +255,32 @@ class Supervisor:
         return self._scale
 
     def _events(
-        self, scale: float, fault: str, reason: str, moves: tuple[bool, bool], part: Part | None
-    ) -> list[Event]:
+        self, scale: float, fault: str, reason: str, moves: tuple[bool, bool], part: NearestPart | None
+    ) -> list[DecisionEvent]:
         """Return the new events; moves: True if the arm moves although it must not, and True if others move it."""
         events = []
         violation, is_moved = moves
         if fault and fault.split(":")[0] != self._fault.split(":")[0]:
-            events.append(Event("fault", fault))
+            events.append(DecisionEvent("fault", fault))
         elif self._fault and not fault:
-            events.append(Event("recovered", "the fault is cleared; the arm continues when the person is far enough"))
+            events.append(
+                DecisionEvent("recovered", "the fault is cleared; the arm continues when the person is far enough")
+            )
         state = STOPPED if scale == 0.0 else FREE if scale == 1.0 else SLOWED
         if state != self._state:
-            events.append(Event(_KINDS[state], reason))
+            events.append(DecisionEvent(_KINDS[state], reason))
         if violation and not self._violated and part is not None:
             text = f"{part.person_link} is nearer to {part.robot_link} than permitted while the arm moves, by"
-            events.append(Event("violation", f"{text} {-part.margin:.3f} m"))
+            events.append(DecisionEvent("violation", f"{text} {-part.margin:.3f} m"))
         if is_moved and not self._moved:
-            events.append(Event("moved", "the arm must stand still, but something else moves it"))
+            events.append(DecisionEvent("moved", "the arm must stand still, but something else moves it"))
         self._state, self._fault, self._violated, self._moved = state, fault, violation, is_moved
         return events
 
     # -- modes ---------------------------------------------------------------------------------------------------------
 
     def _allowed(
-        self, arm: ArmState, placed: PlacedCapsules, person: Observation, near: Nearness, less: float
+        self, arm: ArmState, placed: PlacedCapsules, person: Observation, near: CapsuleNearness, less: float
     ) -> Permitted:
         """Return the limits of the mode, as if the person were nearer by `less` [m]."""
         mode, distance = self.settings.mode, near.distance - less
@@ -293,7 +295,7 @@ class Supervisor:
         return Permitted(float(by_distance[worst]), worst)
 
     def _by_contact(
-        self, arm: ArmState, placed: PlacedCapsules, person: Observation, near: Nearness, by_distance: FloatArray
+        self, arm: ArmState, placed: PlacedCapsules, person: Observation, near: CapsuleNearness, by_distance: FloatArray
     ) -> Permitted:
         """Return limits: each body part is far enough away, or the arm slow enough for a contact with its region."""
         worst = int(np.argmin(by_distance))
@@ -343,7 +345,7 @@ class Supervisor:
         return Permitted(share * float(others[part]), part, *limits)
 
     def _reason(
-        self, scale: float, allowed: Permitted, placed: PlacedCapsules, person: Observation, near: Nearness
+        self, scale: float, allowed: Permitted, placed: PlacedCapsules, person: Observation, near: CapsuleNearness
     ) -> str:
         part = allowed.part
         where = f"{person.links[part]} is {near.distance[part]:.2f} m from {placed.links[near.arm[part]]}"
@@ -355,13 +357,15 @@ def _is_arm(link: str) -> bool:
     return link.partition("_")[2] in ("shoulder", "elbow", "wrist")
 
 
-def _part(placed: PlacedCapsules, person: Observation, near: Nearness, human: FloatArray, terms: Terms) -> Part:
+def _part(
+    placed: PlacedCapsules, person: Observation, near: CapsuleNearness, human: FloatArray, terms: Terms
+) -> NearestPart:
     margins = near.distance - terms.total
     at = int(np.argmin(margins))
     nearest = Terms(*(float(np.broadcast_to(term, margins.shape)[at]) for term in terms))
     ax, ay, az = near.robot_point[at].tolist()
     bx, by, bz = near.person_point[at].tolist()
-    return Part(
+    return NearestPart(
         nearest,
         float(margins[at]),
         float(near.robot_speed[at]),

@@ -12,7 +12,7 @@ from sensor_msgs.msg import JointState
 from hric_assessment.supervisor.arm import ArmState
 from hric_assessment.supervisor.decision import WORLD
 from hric_assessment.supervisor.person import BodyShape, Observation, hand_ball, unplaced
-from hric_assessment.supervisor.settings import MARKER, PERSON, NodeSettings
+from hric_assessment.supervisor.settings import MARKER, PERSON, SupervisorNodeSettings
 from hric_assessment.typed_json import Content
 from hric_core.errors import HricError, ParameterError
 from hric_core.geometry import Pose
@@ -271,7 +271,7 @@ class TrackedInput(_BodyInput):
         return pose_of(where.root)
 
 
-def person_inputs(node: Node, root: str, settings: NodeSettings, base: str) -> list[PersonInput]:
+def person_inputs(node: Node, root: str, settings: SupervisorNodeSettings, base: str) -> list[PersonInput]:
     """Return an input for each of `settings.persons`.
 
     Args:

@@ -6,7 +6,7 @@ from typing import Any
 import rospy
 
 from hric_assessment.supervisor.app import SupervisorApp
-from hric_assessment.supervisor.settings import NodeSettings
+from hric_assessment.supervisor.settings import SupervisorNodeSettings
 from hric_core.errors import HricError
 from hric_core.ros import RosNode, run
 from hric_core.ros.process import NodeApp
@@ -71,4 +71,4 @@ def _call(name: str, service: type, request: Any) -> Any:
 
 def main(text: str) -> int:
     """Run the node and return its exit code; text: for --help."""
-    return run("supervisor", text, SupervisorNode, NodeSettings)
+    return run("supervisor", text, SupervisorNode, SupervisorNodeSettings)

@@ -26,7 +26,7 @@ _SLOWEST = 1e-6
 
 
 @dataclass(frozen=True)
-class Nearness:
+class CapsuleNearness:
     """Distances and speeds of each of the person's m capsules.
 
     Attributes:
@@ -47,7 +47,7 @@ class Nearness:
     person_speed: FloatArray
 
 
-def nearness(arm: PlacedCapsules, person: Observation, velocities: FloatArray) -> Nearness:
+def nearness(arm: PlacedCapsules, person: Observation, velocities: FloatArray) -> CapsuleNearness:
     """Return distances and speeds; velocities: of the ends of the person's capsules, shape (m, 2, 3) [m/s]."""
     apart = distances(arm.ends[None], arm.radii, person.ends[None], person.radii)[0]
     nearest = np.argmin(apart, axis=0)
@@ -61,7 +61,7 @@ def nearness(arm: PlacedCapsules, person: Observation, velocities: FloatArray) -
     robot = _towards(arm.velocities[nearest], direction, crossing)
     human = _towards(velocities, -direction, crossing)
     distance = apart[nearest, np.arange(len(nearest))]
-    return Nearness(distance, nearest, robot_point, person_point, direction, robot, human)
+    return CapsuleNearness(distance, nearest, robot_point, person_point, direction, robot, human)
 
 
 def _towards(velocities: FloatArray, direction: FloatArray, crossing: FloatArray) -> FloatArray:
@@ -71,7 +71,7 @@ def _towards(velocities: FloatArray, direction: FloatArray, crossing: FloatArray
     return np.asarray(np.maximum(np.where(crossing, full, along), 0.0))
 
 
-class Braking(NamedTuple):
+class RemainingStop(NamedTuple):
     """Remainder of a stop that is requested now or in progress; numbers, or arrays of one shape.
 
     Attributes:
@@ -85,7 +85,7 @@ class Braking(NamedTuple):
     lead: FloatArray | float
 
 
-class Stopping:
+class StoppingModel:
     """Stopping model of the arm: speed scale plus controller lag, or a table of stops.
 
     It tracks the scale from decision to decision, so that a stop in progress has less time and distance left.
@@ -114,22 +114,22 @@ class Stopping:
 
     def _braking(
         self, reaction: float, speed: FloatArray | float, ramp: FloatArray | float, settling: float
-    ) -> Braking:
+    ) -> RemainingStop:
         """Return the braking from a speed of the fastest point [m/s], with scale ramp and settling time [s]."""
         if self._table is None:
             # Half of the ramp at full speed, as at any constant deceleration, plus the complete lag of the controller.
-            return Braking(reaction, ramp + settling, 0.5 * ramp + settling)
+            return RemainingStop(reaction, ramp + settling, 0.5 * ramp + settling)
         stop = self._table.stop(speed, self._table.max_load)
         assert stop.distance is not None, "of a table"
         lead = stop.distance / np.maximum(speed, _SLOWEST)
-        return Braking(reaction, np.maximum(stop.time, ramp), np.maximum(lead, 0.5 * np.asarray(ramp)))
+        return RemainingStop(reaction, np.maximum(stop.time, ramp), np.maximum(lead, 0.5 * np.asarray(ramp)))
 
-    def from_scales(self, scales: FloatArray, speed: float) -> Braking:
+    def from_scales(self, scales: FloatArray, speed: float) -> RemainingStop:
         """Return the braking from scales, shape (k,), of a speed [m/s]."""
         ramps = np.array([stopping_time(scale) for scale in scales])
         return self._braking(self._reaction, speed * scales, ramps, self._settings.settling_time)
 
-    def left(self, now: float, known: float, in_force: InForce, speed: float) -> Braking:
+    def left(self, now: float, known: float, in_force: InForce, speed: float) -> RemainingStop:
         """Return the remaining braking at robot time `now` [s].
 
         Args:
@@ -149,7 +149,7 @@ class Stopping:
         reaction = min(age, self._reaction) if self._brakes else self._reaction
         self._standing_since = min(self._standing_since, in_force.stamp) if in_force.scale == 0.0 else math.inf
         if speed < STANDING:
-            return Braking(reaction, 0.0, 0.0)
+            return RemainingStop(reaction, 0.0, 0.0)
         settling = settings.settling_time - max(now - self._standing_since, 0.0)
         # If the arm is not at rest when it should be, its stop is unknown.
         left = settling if settling > 0.0 else settings.settling_time
@@ -164,10 +164,10 @@ class Protective:
         stopping: stopping model of the arm.
     """
 
-    def __init__(self, settings: SupervisorSettings, stopping: Stopping) -> None:
+    def __init__(self, settings: SupervisorSettings, stopping: StoppingModel) -> None:
         self._settings, self._stopping, self._table = settings, stopping, separation_table()
 
-    def _terms(self, robot: FloatArray, person: FloatArray, braking: Braking) -> tuple[FloatArray, Terms]:
+    def _terms(self, robot: FloatArray, person: FloatArray, braking: RemainingStop) -> tuple[FloatArray, Terms]:
         """Return (v_h, terms) from the arm's speed towards the person and the person's measured speed [m/s].
 
         The measured speed counts if it is higher than that of the table.
@@ -177,7 +177,7 @@ class Protective:
         human = np.maximum(person_speed(robot, stop, *distances, self._table), person)
         return human, protective_distance(robot, human, stop, *distances)
 
-    def measured(self, near: Nearness, braking: Braking) -> tuple[FloatArray, Terms]:
+    def measured(self, near: CapsuleNearness, braking: RemainingStop) -> tuple[FloatArray, Terms]:
         """Return v_h [m/s] and the terms of each capsule at the measured speeds, shape (m,)."""
         return self._terms(near.robot_speed, near.person_speed, braking)
 
@@ -193,7 +193,7 @@ class Protective:
         if not len(scales):
             return np.zeros(len(distance))
         reaction, time, lead = self._stopping.from_scales(scales, speed)
-        braking = Braking(reaction, np.asarray(time)[:, None], np.asarray(lead)[:, None])
+        braking = RemainingStop(reaction, np.asarray(time)[:, None], np.asarray(lead)[:, None])
         _, terms = self._terms(speed * scales[:, None], person, braking)
         permitted_scales = [np.interp(d, row, scales, left=0.0) for d, row in zip(distance, terms.total.T, strict=True)]
         return np.array(permitted_scales)

@@ -136,7 +136,7 @@ class SupervisorSettings(Settings):
 
 
 @dataclass(frozen=True)
-class NodeSettings(SupervisorSettings):
+class SupervisorNodeSettings(SupervisorSettings):
     """Additional parameters of the node."""
 
     human: Any = anything(

@@ -7,7 +7,7 @@ from typing import Any
 from geometry_msgs.msg import Point
 from visualization_msgs.msg import Marker, MarkerArray
 
-from hric_assessment.supervisor.decision import FREE, STOPPED, WORLD, Decision, Event, Part
+from hric_assessment.supervisor.decision import FREE, STOPPED, WORLD, Decision, DecisionEvent, NearestPart
 from hric_assessment.supervisor.settings import SupervisorSettings
 from hric_core.robot_time import stamps
 from hric_msgs.msg import SafetyEvent, SafetyState, SpeedScale
@@ -51,7 +51,7 @@ def state(decision: Decision, settings: SupervisorSettings, latency: float) -> A
     return message
 
 
-def _of_part(part: Part) -> dict[str, object]:
+def _of_part(part: NearestPart) -> dict[str, object]:
     """Return the fields about the deciding body part."""
     numbers = (*part.terms, float(part.terms.total), part.robot_speed, part.person_speed)
     points = {"robot_point": Point(*part.robot_point), "person_point": Point(*part.person_point)}
@@ -59,7 +59,7 @@ def _of_part(part: Part) -> dict[str, object]:
     return dict(zip(_VALUES, numbers, strict=True)) | points | names
 
 
-def event(decision: Decision, item: Event) -> Any:
+def event(decision: Decision, item: DecisionEvent) -> Any:
     """Return a hric_msgs/SafetyEvent."""
     message = SafetyEvent(kind=item.kind, separation=decision.separation, margin=decision.margin, text=item.text)
     message.header.stamp = stamps.to_time(decision.time)

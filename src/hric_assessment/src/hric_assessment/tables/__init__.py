@@ -12,8 +12,8 @@ from functools import cache
 from pathlib import Path
 from typing import TypeVar
 
-from hric_assessment.tables.base import MARKS, AreaTable, NioshTable, Table, ValueTable
-from hric_assessment.tables.limits import FOOT, REGIONS, ForceRow, LimitTable, PressureRow, Row
+from hric_assessment.tables.base import MARKS, AreaTable, NioshTable, TableFile, ValueTable
+from hric_assessment.tables.limits import FOOT, REGIONS, ForceRow, LimitRow, LimitTable, PressureRow
 from hric_assessment.tables.posture import Adder, Band, Condition, PostureTable, RebaTable, RulaTable
 from hric_core.errors import check_known
 from hric_core.parameters import package_yaml, read_yaml, unknown
@@ -29,14 +29,14 @@ __all__ = [
     "Band",
     "Condition",
     "ForceRow",
+    "LimitRow",
     "LimitTable",
     "NioshTable",
     "PostureTable",
     "PressureRow",
     "RebaTable",
-    "Row",
     "RulaTable",
-    "Table",
+    "TableFile",
     "ValueTable",
     "area_table",
     "episode_table",
@@ -49,7 +49,7 @@ __all__ = [
 ]
 LIMIT_TABLES = ("iso_ts_15066", "bgia2011")
 """Limit tables of the package; the first is the default."""
-T = TypeVar("T", bound="Table")
+T = TypeVar("T", bound="TableFile")
 NIOSH_NAMES = (
     "load_constant",
     "horizontal",

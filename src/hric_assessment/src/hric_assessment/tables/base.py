@@ -15,7 +15,7 @@ def _short_names(of: str, default: str = "") -> Any:
 
 
 @dataclass(frozen=True)
-class Table(Settings):
+class TableFile(Settings):
     """Head of a table file."""
 
     title: str = text(empty=False, text="as findings name it")
@@ -65,7 +65,7 @@ class Value(MarkedRow):
 
 
 @dataclass(frozen=True)
-class ValueTable(Table):
+class ValueTable(TableFile):
     """Table of single values, in their printed units; what each of them means is in its file."""
 
     values: Mapping[str, Value] = mapping(section(Value))

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from hric_assessment.tables.base import MarkedRow, Table, check_sources
+from hric_assessment.tables.base import MarkedRow, TableFile, check_sources
 from hric_core.node import REQUIRED
 from hric_core.parameters import Mistakes, choice, either, listing, number, refused, section, text, whole
 from hric_human.body.regions import REGION_MODELS
@@ -20,7 +20,7 @@ NO_TRANSIENT = "none"
 
 
 @dataclass(frozen=True)
-class Row(MarkedRow):
+class LimitRow(MarkedRow):
     """Limit of a region, or of an area of it."""
 
     region: str = choice(*REGIONS, default=REQUIRED, text="of the body")
@@ -42,7 +42,7 @@ class Row(MarkedRow):
 
 
 @dataclass(frozen=True)
-class ForceRow(Row):
+class ForceRow(LimitRow):
     """Force limits [N]."""
 
     stiffness: float | None = number(
@@ -56,7 +56,7 @@ class ForceRow(Row):
 
 
 @dataclass(frozen=True)
-class PressureRow(Row):
+class PressureRow(LimitRow):
     """Pressure limits [N/cm^2]."""
 
     number: int | None = whole(None, minimum=1, text="in the source")
@@ -64,7 +64,7 @@ class PressureRow(Row):
 
 
 @dataclass(frozen=True)
-class LimitTable(Table):
+class LimitTable(TableFile):
     """Biomechanical limits of contacts."""
 
     force_factor: float | None = number(
@@ -84,7 +84,7 @@ class LimitTable(Table):
         """Refuse duplicate rows, rows without a transient limit, and pressures of areas without a force."""
         super().check(where)
         mistakes = Mistakes()
-        kinds: Sequence[tuple[str, Sequence[Row], str, float | None]] = (
+        kinds: Sequence[tuple[str, Sequence[LimitRow], str, float | None]] = (
             ("forces", self.forces, "force_factor", self.force_factor),
             ("pressures", self.pressures, "pressure_factor", self.pressure_factor),
         )
@@ -98,7 +98,7 @@ class LimitTable(Table):
                         raise refused(f"{at}.transient", None, f"a number, {NO_TRANSIENT}, or a {name} for all rows")
         mistakes.raise_all()
 
-    def _check_row(self, row: Row, labels: Sequence[Any], where: str) -> None:
+    def _check_row(self, row: LimitRow, labels: Sequence[Any], where: str) -> None:
         check_sources(row.source, self.sources, where)
         if isinstance(row.transient, float) and row.transient < row.quasi_static:
             raise refused(f"{where}.transient", row.transient, f"quasi_static, {row.quasi_static:g}, or more")

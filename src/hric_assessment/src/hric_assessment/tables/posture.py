@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from hric_assessment.tables.base import MARKS, Table, Value
+from hric_assessment.tables.base import MARKS, TableFile, Value
 from hric_core.parameters import (
     Settings,
     choice,
@@ -78,7 +78,7 @@ class Adder(Settings):
 
 
 @dataclass(frozen=True)
-class Part(Settings):
+class PostureStep(Settings):
     """Part of the body."""
 
     start: int = whole(0)
@@ -87,7 +87,7 @@ class Part(Settings):
 
 
 @dataclass(frozen=True)
-class PostureTable(Table):
+class PostureTable(TableFile):
     """Table of a method that scores postures.
 
     Attributes:
@@ -97,7 +97,7 @@ class PostureTable(Table):
     """
 
     chosen: Mapping[str, ChosenThreshold] = mapping(section(ChosenThreshold))
-    parts: Mapping[str, Part] = mapping(section(Part))
+    parts: Mapping[str, PostureStep] = mapping(section(PostureStep))
     static_time: float = number(unit="s", above=0.0)
     repeats: float = number(unit="1/min", above=0.0)
     light: float = number(unit="kg", minimum=0.0)

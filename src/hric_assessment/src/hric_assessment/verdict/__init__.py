@@ -4,10 +4,10 @@ verdict = assess(opened("latest"), Choices())
 verdict.outcome, verdict.findings[0], verdict.to_dict()
 """
 
-from hric_assessment.findings import Figure
+from hric_assessment.findings import UnjudgedValue
 from hric_assessment.verdict.assess import assess
-from hric_assessment.verdict.choices import Choices
+from hric_assessment.verdict.choices import AssessmentChoices
 from hric_assessment.verdict.inputs import opened
 from hric_assessment.verdict.result import Verdict
 
-__all__ = ["Choices", "Figure", "Verdict", "assess", "opened"]
+__all__ = ["AssessmentChoices", "UnjudgedValue", "Verdict", "assess", "opened"]

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from hric_assessment.ergonomics.scoring import methods
-from hric_assessment.findings import Figure, Finding, Missing
-from hric_assessment.verdict.choices import Choices
+from hric_assessment.findings import Finding, Missing, UnjudgedValue
+from hric_assessment.verdict.choices import AssessmentChoices
 from hric_assessment.verdict.conclusions import conclusions, with_remedy
 from hric_assessment.verdict.contacts import contact_findings, silence_assumed
 from hric_assessment.verdict.inputs import AssessmentInput
@@ -13,7 +13,7 @@ from hric_assessment.verdict.interaction import interaction, productivity
 from hric_assessment.verdict.lifts import lift_findings
 from hric_assessment.verdict.loads import Loads, loads
 from hric_assessment.verdict.moment import moment
-from hric_assessment.verdict.person import Person, people_of
+from hric_assessment.verdict.person import AssessedPerson, people_of
 from hric_assessment.verdict.postures import posture_finding, scored
 from hric_assessment.verdict.result import RecordingSummary, ScoreCurve, TableTitle, Timelines, Verdict, ranked
 from hric_assessment.verdict.separating import PersonSeparation, not_separated, separated, separation_finding
@@ -31,7 +31,7 @@ LEGS = "joints of the legs (parts: whole_body)"
 GRIP = "what the hands hold, and with which force (hric/human/grip)"
 
 
-def missing(source: AssessmentInput, person: Person | None) -> list[Missing]:
+def missing(source: AssessmentInput, person: AssessedPerson | None) -> list[Missing]:
     """Return the missing signals of a recording; person: the first person in it."""
     signals, scorers = source.recording, methods().values()
     scores = ", ".join(scorer.table().title for scorer in scorers)
@@ -60,7 +60,7 @@ def missing(source: AssessmentInput, person: Person | None) -> list[Missing]:
     return [Missing(signal, gives) for lacking, signal, gives in lacks if lacking]
 
 
-def _knees(person: Person) -> bool:
+def _knees(person: AssessedPerson) -> bool:
     return any(name.endswith("knee_flex") for name in person.names)
 
 
@@ -72,7 +72,7 @@ def _has(source: AssessmentInput, suffix: str) -> bool:
     return any(topic.endswith(suffix) for topic in source.recording.topics)
 
 
-def assess(source: AssessmentInput, choices: Choices | None = None) -> Verdict:
+def assess(source: AssessmentInput, choices: AssessmentChoices | None = None) -> Verdict:
     """Return the verdict of a recording: findings of each person in it, and all figures that its signals allow.
 
     Args:
@@ -88,12 +88,12 @@ def assess(source: AssessmentInput, choices: Choices | None = None) -> Verdict:
     return replace(verdict, figures=figures, timelines=timelines, conclusions=drawn)
 
 
-def judge(source: AssessmentInput, choices: Choices | None = None) -> Verdict:
+def judge(source: AssessmentInput, choices: AssessmentChoices | None = None) -> Verdict:
     """Return a verdict without the figures of joints and muscles, which take most of the time and decide nothing.
 
     Arguments as of `assess`.
     """
-    choices = (choices or Choices()).stated(source.definition)
+    choices = (choices or AssessmentChoices()).stated(source.definition)
     people, signals = people_of(source), source.recording
     findings = contact_findings(source, choices)
     scores: dict[str, list[ScoreCurve]] = {key: [] for key in methods()}
@@ -127,7 +127,7 @@ def judge(source: AssessmentInput, choices: Choices | None = None) -> Verdict:
 
 
 def _separation(
-    source: AssessmentInput, person: Person, choices: Choices, distances: list[PersonSeparation]
+    source: AssessmentInput, person: AssessedPerson, choices: AssessmentChoices, distances: list[PersonSeparation]
 ) -> list[Finding]:
     """Return the finding about a person's distance, and add the curve to `distances`."""
     try:
@@ -140,7 +140,7 @@ def _separation(
     return [separation_finding(apart)]
 
 
-def _figures(each: Sequence[Loads], people: Sequence[Person]) -> list[Figure]:
+def _figures(each: Sequence[Loads], people: Sequence[AssessedPerson]) -> list[UnjudgedValue]:
     """Return the figures of all persons, prefixed by the person's name if there are several."""
     names = [f"{person.name}: " for person in people] if len(people) > 1 else [""]
     return [

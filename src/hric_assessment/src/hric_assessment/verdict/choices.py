@@ -13,7 +13,7 @@ from hric_core.parameters import as_number
 
 
 @dataclass(frozen=True)
-class Braking:
+class BrakingChoice:
     """Braking of the arm.
 
     Attributes:
@@ -49,7 +49,7 @@ class Braking:
 
 
 @dataclass(frozen=True)
-class Choices:
+class AssessmentChoices:
     """Choices of the user of a verdict.
 
     Attributes:
@@ -62,12 +62,12 @@ class Choices:
     """
 
     limits: Limits = field(default_factory=Limits.named)
-    braking: Braking = field(default_factory=Braking)
+    braking: BrakingChoice = field(default_factory=BrakingChoice)
     contact_area: float | None = None
     versions: Mapping[str, str] = field(default_factory=dict)
     assumptions: tuple[str, ...] = ()
 
-    def stated(self, experiment: Content) -> "Choices":
+    def stated(self, experiment: Content) -> "AssessmentChoices":
         """Return a copy with the contact area of an experiment, if the user chose none."""
         stated = (experiment.get("human") or {}).get("contact_area")
         if self.contact_area is not None or stated is None:

@@ -9,8 +9,8 @@ from hric_assessment.contact.limits import Limits
 from hric_assessment.ergonomics.scoring import methods
 from hric_assessment.separation import stopping
 from hric_assessment.tables import LIMIT_TABLES
-from hric_assessment.verdict import Choices, Verdict, assess, opened
-from hric_assessment.verdict.choices import Braking
+from hric_assessment.verdict import AssessmentChoices, Verdict, assess, opened
+from hric_assessment.verdict.choices import BrakingChoice
 from hric_assessment.verdict.comparing import compared
 from hric_assessment.verdict.conclusions import CONTACT, GROUPS, QUESTIONS
 from hric_assessment.verdict.moment import picture
@@ -70,7 +70,7 @@ class AssessCommand(Command):
         if arguments.contact_area is not None:
             check_area(arguments.contact_area, name=AREA_OPTION)
         versions = {key: version for key in methods() if (version := getattr(arguments, f"{key}_table", ""))}
-        choices = Choices(Limits.named(limits), Braking(stops), arguments.contact_area, versions)
+        choices = AssessmentChoices(Limits.named(limits), BrakingChoice(stops), arguments.contact_area, versions)
         verdicts = [_assessed(name, arguments.runs, choices) for name in (arguments.run, *arguments.compare)]
         only = [question for part in arguments.only for question in part]
         if arguments.compare:
@@ -91,7 +91,7 @@ def main(words: Sequence[str]) -> int:
     return perform(["assess", *words])
 
 
-def _assessed(name: str, root: Path, choices: Choices) -> Verdict:
+def _assessed(name: str, root: Path, choices: AssessmentChoices) -> Verdict:
     """Return the verdict of a recording, and write it next to the recording."""
     source = opened(name, root)
     verdict = assess(source, choices)
@@ -115,7 +115,7 @@ def _questions(text: str) -> list[str]:
 
 
 def _choices_arguments() -> list[Argument]:
-    """Return the options that become `Choices`."""
+    """Return the options that become `AssessmentChoices`."""
     return [
         Argument(
             "--limits",

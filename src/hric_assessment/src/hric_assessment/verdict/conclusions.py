@@ -13,7 +13,7 @@ from enum import StrEnum
 from typing import Annotated
 
 from hric_assessment.ergonomics.scoring import method_of
-from hric_assessment.findings import Figure, Finding, Missing, Outcome
+from hric_assessment.findings import Finding, Missing, Outcome, UnjudgedValue
 from hric_assessment.tables import niosh_table
 from hric_assessment.typed_json import Content
 from hric_human.participant.settings import HumanSettings
@@ -104,7 +104,7 @@ class Conclusion:
 
 
 def conclusions(
-    findings: Sequence[Finding], figures: Sequence[Figure], missing: Sequence[Missing], run: Content
+    findings: Sequence[Finding], figures: Sequence[UnjudgedValue], missing: Sequence[Missing], run: Content
 ) -> tuple[Conclusion, ...]:
     """Return the conclusions about all questions, each for the person with the worst finding.
 
@@ -180,7 +180,7 @@ def _lacking(question: str, missing: Sequence[Missing]) -> str:
     return f"record {'; '.join(signals)}" if signals else ""
 
 
-def _effort(findings: Sequence[Finding], figures: Sequence[Figure], missing: Sequence[Missing]) -> Conclusion:
+def _effort(findings: Sequence[Finding], figures: Sequence[UnjudgedValue], missing: Sequence[Missing]) -> Conclusion:
     """Return the conclusion about the worst lift; without a rated lift about the largest load, which has no limit."""
     lifts = [item for item in findings if item.group == GROUPS[EFFORT]]
     if lifts and lifts[0].outcome != Outcome.NOT_ASSESSABLE:

@@ -16,7 +16,7 @@ from hric_assessment.contact.limits import NOT_PERMITTED
 from hric_assessment.contact.speed import SpeedLimit, half_mass, permitted_speed, speed_limit
 from hric_assessment.findings import CONTACT, Evidence, Finding, NotAssessableError, Outcome
 from hric_assessment.tables import verdict_table
-from hric_assessment.verdict.choices import Choices
+from hric_assessment.verdict.choices import AssessmentChoices
 from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.person import body_of
 from hric_bags.records.human_record import HumanRecord
@@ -40,7 +40,7 @@ SPEED_STEP = 1e-3
 """Default time step of a plant that does not state one [s]: 1 kHz, as in every run of this workspace."""
 
 
-def contact_findings(source: AssessmentInput, choices: Choices) -> list[Finding]:
+def contact_findings(source: AssessmentInput, choices: AssessmentChoices) -> list[Finding]:
     """Return the findings of all contacts of each person; one finding says so if contacts are not recorded."""
     humans = source.recording.humans
     findings = [finding for record in humans.values() for finding in _of_person(source, record, choices)]
@@ -51,7 +51,7 @@ def contact_findings(source: AssessmentInput, choices: Choices) -> list[Finding]
     return findings or [_not_recorded(source, choices, "")]
 
 
-def _not_recorded(source: AssessmentInput, choices: Choices, name: str) -> Finding:
+def _not_recorded(source: AssessmentInput, choices: AssessmentChoices, name: str) -> Finding:
     """Return the finding that the contacts of a person are not recorded."""
     topic = f"{name}/contacts" if name.startswith("/") else TOPIC
     reason = f"contacts are not recorded: the topic {topic} is not in the recording"
@@ -73,7 +73,7 @@ def _not_recorded(source: AssessmentInput, choices: Choices, name: str) -> Findi
     )
 
 
-def _of_person(source: AssessmentInput, record: HumanRecord, choices: Choices) -> list[Finding]:
+def _of_person(source: AssessmentInput, record: HumanRecord, choices: AssessmentChoices) -> list[Finding]:
     if record.stream is None:
         return [_not_recorded(source, choices, record.name)]
     judge = _Judge(source, record, choices)
@@ -130,7 +130,12 @@ def silence_assumed(source: AssessmentInput) -> list[str]:
 
 
 def _rest(
-    source: AssessmentInput, record: HumanRecord, evidence: Evidence, lost: str, touched: bool, choices: Choices
+    source: AssessmentInput,
+    record: HumanRecord,
+    evidence: Evidence,
+    lost: str,
+    touched: bool,
+    choices: AssessmentChoices,
 ) -> Finding:
     """Return the finding about the time without recorded contacts."""
     window, table = (source.recording.begin, source.recording.end), choices.limits.table.name
@@ -154,7 +159,7 @@ class _Judge:
         choices: choices with the limits.
     """
 
-    def __init__(self, source: AssessmentInput, record: HumanRecord, choices: Choices) -> None:
+    def __init__(self, source: AssessmentInput, record: HumanRecord, choices: AssessmentChoices) -> None:
         self._record, self._choices = record, choices
         self._body = body_of(source, record)
         self._expected = ExpectedImpacts(source, record, choices)
@@ -249,7 +254,7 @@ class ExpectedImpacts:
         choices: choices with the limits.
     """
 
-    def __init__(self, source: AssessmentInput, record: HumanRecord, choices: Choices) -> None:
+    def __init__(self, source: AssessmentInput, record: HumanRecord, choices: AssessmentChoices) -> None:
         self._limits, self._forms = choices.limits, None
         self._why = "what the closed form needs: a control log"
         log = source.recording.log

@@ -3,17 +3,17 @@
 import numpy as np
 
 from hric_assessment.ergonomics.effort import effort, log_dimensionless_jerk
-from hric_assessment.findings import Figure
+from hric_assessment.findings import UnjudgedValue
 from hric_assessment.tables import verdict_table
 from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.separating import PersonSeparation
-from hric_bags.records.human_record import Event, GripRecord
+from hric_bags.records.human_record import GripRecord, RecordedHumanEvent
 from hric_bags.records.safety_record import SLOWED, STOPPED, SafetyRecord
 
 GROUP, WORK = "interaction", "productivity"
 
 
-def interaction(source: AssessmentInput) -> list[Figure]:
+def interaction(source: AssessmentInput) -> list[UnjudgedValue]:
     """Return force, work and smoothness of each grip."""
     humans = source.recording.humans
     figures = []
@@ -21,45 +21,47 @@ def interaction(source: AssessmentInput) -> list[Figure]:
         cost, what = effort(grip), f"grip {grip.name} of {grip.held}"
         what = f"{human.name}: {what}" if len(humans) > 1 else what
         if cost is None:
-            figures.append(Figure(GROUP, f"largest force, {what}", None, "N", "it never closed"))
+            figures.append(UnjudgedValue(GROUP, f"largest force, {what}", None, "N", "it never closed"))
             continue
         figures += [
-            Figure(GROUP, f"largest force, {what}", cost.force_max, "N", f"mean {cost.force_mean:.2f} N"),
-            Figure(GROUP, f"work, {what}", cost.work, "J", f"{cost.work_absolute:.3g} J to and fro"),
+            UnjudgedValue(GROUP, f"largest force, {what}", cost.force_max, "N", f"mean {cost.force_mean:.2f} N"),
+            UnjudgedValue(GROUP, f"work, {what}", cost.work, "J", f"{cost.work_absolute:.3g} J to and fro"),
             _smooth(grip, human.events, what),
         ]
     return figures
 
 
-def _smooth(grip: GripRecord, events: list[Event], what: str) -> Figure:
+def _smooth(grip: GripRecord, events: list[RecordedHumanEvent], what: str) -> UnjudgedValue:
     """Return the smoothness of the motion, from its start to its end if these are known."""
     begin = max((event.time for event in events if event.kind == "started"), default=-np.inf)
     end = max((event.time for event in events if event.kind == "ended"), default=np.inf)
     during = grip.closed & (grip.time >= begin) & (grip.time <= (end if end > begin else np.inf))
     name, note = f"log dimensionless jerk, {what}", "the nearer to zero the smoother; one minimum-jerk reach: -5.32"
     if during.sum() < 5:
-        return Figure(GROUP, name, None, "1", "it was closed for too short a time")
+        return UnjudgedValue(GROUP, name, None, "1", "it was closed for too short a time")
     time = grip.time[during]
-    return Figure(GROUP, name, log_dimensionless_jerk(time, np.gradient(grip.point[during], time, axis=0)), "1", note)
+    return UnjudgedValue(
+        GROUP, name, log_dimensionless_jerk(time, np.gradient(grip.point[during], time, axis=0)), "1", note
+    )
 
 
-def productivity(apart: PersonSeparation | None, safety: SafetyRecord | None) -> list[Figure]:
+def productivity(apart: PersonSeparation | None, safety: SafetyRecord | None) -> list[UnjudgedValue]:
     """Return the shares of time in which the arm rests, and in which a supervisor stopped or slowed it."""
     return [*_standing(apart), *_supervised(safety)]
 
 
-def _supervised(safety: SafetyRecord | None) -> list[Figure]:
+def _supervised(safety: SafetyRecord | None) -> list[UnjudgedValue]:
     """Return the shares of a supervisor's requests, which an arm may or may not have followed."""
     if safety is None:
         return []
     note = f"requested in mode {safety.mode}, between its first decision and its last"
     return [
-        Figure(WORK, f"share of time {state} by the supervisor", safety.share(state), "1", note)
+        UnjudgedValue(WORK, f"share of time {state} by the supervisor", safety.share(state), "1", note)
         for state in (STOPPED, SLOWED)
     ]
 
 
-def _standing(apart: PersonSeparation | None) -> list[Figure]:
+def _standing(apart: PersonSeparation | None) -> list[UnjudgedValue]:
     """Return the share of time in which the arm is at rest between its first and its last motion."""
     if apart is None:
         return []
@@ -67,9 +69,9 @@ def _standing(apart: PersonSeparation | None) -> list[Figure]:
     moving = np.flatnonzero(apart.speed > table["moving"])
     name, note = "share of time in which the arm stands", f"slower than {table['moving']:g} m/s (chosen here)"
     if len(moving) < 2:
-        return [Figure(WORK, name, None, "1", "it never moves")]
+        return [UnjudgedValue(WORK, name, None, "1", "it never moves")]
     first, last = moving[[0, -1]]
     period = np.diff(apart.distances.time[first : last + 1])
     standing = apart.speed[first:last] <= table["moving"]
     share = float(period[standing].sum() / period.sum())
-    return [Figure(WORK, name, share, "1", f"between its first and its last motion; {note}")]
+    return [UnjudgedValue(WORK, name, share, "1", f"between its first and its last motion; {note}")]

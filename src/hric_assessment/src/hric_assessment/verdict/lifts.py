@@ -10,7 +10,7 @@ from hric_assessment.ergonomics.niosh import Lift, LiftRating
 from hric_assessment.findings import LIFT, Evidence, Finding, NotAssessableError, Outcome, finite_rows
 from hric_assessment.tables import niosh_table, verdict_table
 from hric_assessment.verdict.inputs import AssessmentInput
-from hric_assessment.verdict.person import Person
+from hric_assessment.verdict.person import AssessedPerson
 from hric_bags.records.human_record import GripRecord
 from hric_core.geometry import FloatArray
 from hric_human.control.kinematics import GRAVITY
@@ -22,7 +22,7 @@ ASSUMED = (
 
 
 @dataclass(frozen=True)
-class Transport:
+class LiftTransport:
     """Body that a person carries with one or both hands.
 
     Attributes:
@@ -40,7 +40,7 @@ class Transport:
     load: FloatArray
 
 
-def lift_findings(source: AssessmentInput, person: Person) -> list[Finding]:
+def lift_findings(source: AssessmentInput, person: AssessedPerson) -> list[Finding]:
     """Return a finding for picking up and for putting down each body that a person lifts with the hands."""
     human = person.record
     if human is None or person.settings is None or person.root is None:
@@ -73,17 +73,17 @@ def _proven(finding: Finding, grips: Sequence[GripRecord], name: str) -> Finding
     return replace(finding, outcome=Outcome.NOT_ASSESSABLE, reason=reason, remedy=remedy)
 
 
-def _transport(held: str, grips: Sequence[GripRecord]) -> Transport:
+def _transport(held: str, grips: Sequence[GripRecord]) -> LiftTransport:
     first = grips[0]
     closed = np.all([np.interp(first.time, grip.time, grip.closed) > 0.5 for grip in grips], axis=0)
     time = first.time[closed]
     points = [np.array([np.interp(time, grip.time, column) for column in grip.point.T]).T for grip in grips]
     force = sum(-np.interp(time, grip.time, grip.force[:, 2]) for grip in grips)
     load = np.asarray(force) / float(np.linalg.norm(GRAVITY))
-    return Transport(held, len(grips), time, np.mean(points, axis=0), load)
+    return LiftTransport(held, len(grips), time, np.mean(points, axis=0), load)
 
 
-def _of(transport: Transport, person: Person) -> list[Finding]:
+def _of(transport: LiftTransport, person: AssessedPerson) -> list[Finding]:
     """Return the findings of picking up, from the start of the hold to its highest point, and of putting down."""
     height, limit = transport.point[:, 2], verdict_table()["lift"]
     top = int(np.argmax(height))
@@ -95,7 +95,7 @@ def _of(transport: Transport, person: Person) -> list[Finding]:
     return findings
 
 
-def _lift(transport: Transport, person: Person, phase: str, end: int, top: int) -> Lift:
+def _lift(transport: LiftTransport, person: AssessedPerson, phase: str, end: int, top: int) -> Lift:
     """Return the lift between one of its ends and its highest point."""
     settings, root = person.settings, person.root
     assert settings is not None and root is not None
@@ -115,7 +115,7 @@ def _lift(transport: Transport, person: Person, phase: str, end: int, top: int) 
     )
 
 
-def _rated(transport: Transport, lift: Lift, window: tuple[float, float]) -> Finding:
+def _rated(transport: LiftTransport, lift: Lift, window: tuple[float, float]) -> Finding:
     table = niosh_table()
     values = {
         "load, the person's share [kg]": lift.load,

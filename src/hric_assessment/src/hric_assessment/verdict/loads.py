@@ -6,17 +6,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hric_assessment.ergonomics.muscle_load import grip_loads, load_of, motion_of
-from hric_assessment.findings import Figure
+from hric_assessment.findings import UnjudgedValue
 from hric_assessment.tables import verdict_table
 from hric_assessment.verdict.inputs import AssessmentInput
-from hric_assessment.verdict.person import Person
+from hric_assessment.verdict.person import AssessedPerson
 from hric_assessment.verdict.result import ActivationCurve, thinned
 from hric_bags.records.human_record import HumanRecord
 from hric_bags.records.recording import Columns
 from hric_core.errors import HricError
 from hric_core.geometry import FloatArray, Pose
 from hric_human.control.whole_body import RootMotion
-from hric_human.muscles.after_run import CUTOFF, Motion, MuscleLoad
+from hric_human.muscles.after_run import CUTOFF, MuscleLoad, RecordedMotion
 from hric_human.muscles.anatomy import Anatomy
 from hric_human.muscles.choose import find
 
@@ -36,7 +36,7 @@ class Loads:
         activation: muscle activation over time; None: not known.
     """
 
-    figures: tuple[Figure, ...]
+    figures: tuple[UnjudgedValue, ...]
     activation: Columns | None
 
     def timeline(self) -> ActivationCurve | None:
@@ -49,7 +49,7 @@ class Loads:
         return ActivationCurve(self.activation.names, self.activation.time[rows].tolist(), columns)
 
 
-def loads(source: AssessmentInput, person: Person | None) -> Loads:
+def loads(source: AssessmentInput, person: AssessedPerson | None) -> Loads:
     """Return torque as share of strength, muscle activation, and joint contact force, as far as they are known.
 
     Args:
@@ -76,7 +76,7 @@ def loads(source: AssessmentInput, person: Person | None) -> Loads:
     return Loads(tuple(figures), shown)
 
 
-def _of_person(streams: Mapping[str, Columns], person: Person | None) -> Iterator[Columns]:
+def _of_person(streams: Mapping[str, Columns], person: AssessedPerson | None) -> Iterator[Columns]:
     """Yield the streams in the namespace of a person."""
     for topic, columns in streams.items():
         if person is None or not person.name or topic.startswith(f"{person.name}/"):
@@ -90,7 +90,7 @@ def _muscles_of(recorded: Columns, muscles: Sequence[str]) -> Columns:
     return Columns(recorded.topic, names, recorded.time, recorded.values[:, rows])
 
 
-def _strength(source: AssessmentInput, person: Person | None) -> list[Figure]:
+def _strength(source: AssessmentInput, person: AssessedPerson | None) -> list[UnjudgedValue]:
     """Return the largest share of each joint's strength; for shoulders also that of a weaker person."""
     record, table = None if person is None else person.record, verdict_table()
     columns = next(_of_person(source.recording.shares, person), None)
@@ -106,46 +106,48 @@ def _strength(source: AssessmentInput, person: Person | None) -> list[Figure]:
             continue
         largest, mean = float(np.nanmax(share)), float(np.nanmean(share))
         note = f"mean {mean:.3g}; {MODEL}"
-        figures.append(Figure("strength", f"largest torque of {name} over its strength", largest, "1", note))
+        figures.append(UnjudgedValue("strength", f"largest torque of {name} over its strength", largest, "1", note))
         if "_sh_" in name:
             note = f"mean {mean / factor:.3g}; with the shoulder at {factor:g} of its strength as modelled"
             label = f"largest torque of {name}, weaker shoulder"
-            figures.append(Figure("strength", label, largest / factor, "1", note))
+            figures.append(UnjudgedValue("strength", label, largest / factor, "1", note))
     return sorted(figures, key=lambda figure: -(figure.value or 0.0))
 
 
-def _active(columns: Columns, note: str, brief: bool = False) -> list[Figure]:
+def _active(columns: Columns, note: str, brief: bool = False) -> list[UnjudgedValue]:
     table, a = verdict_table(), columns.values
     if not a.size or not np.isfinite(a).any():
         return []
     largest = np.nanmax(np.where(np.isfinite(a), a, -np.inf), axis=0)
     strongest = columns.names[int(np.argmax(largest))]
-    figures = [Figure("muscles", "largest activation", float(largest.max()), "1", f"{strongest}; {note}")]
+    figures = [UnjudgedValue("muscles", "largest activation", float(largest.max()), "1", f"{strongest}; {note}")]
     if brief:
         return figures
     known = np.isfinite(a).any(axis=1)
     highest = np.nanmax(a[known], axis=1)
-    figures.append(Figure("muscles", "mean activation of all muscles", float(np.nanmean(a)), "1", note))
+    figures.append(UnjudgedValue("muscles", "mean activation of all muscles", float(np.nanmean(a)), "1", note))
     for name in ("active", "very_active"):
         level = table.values[name]
         share = float(np.mean(highest > level.value))
         label = f"share of time with a muscle above {level.value:g}"
-        figures.append(Figure("muscles", label, share, "1", f"{table.mark_of(level)}; {note}"))
+        figures.append(UnjudgedValue("muscles", label, share, "1", f"{table.mark_of(level)}; {note}"))
     return figures
 
 
-def _contact(contact: Mapping[str, FloatArray], how: str) -> list[Figure]:
+def _contact(contact: Mapping[str, FloatArray], how: str) -> list[UnjudgedValue]:
     """Return figures of contact force magnitudes by joint centre, shape (n,) each [N]; NaN: not known."""
     figures = []
     for joint, force in contact.items():
         size = force[np.isfinite(force)]
         if len(size):
             note = f"mean {size.mean():.0f} N; {how}, {MODEL}"
-            figures.append(Figure("joint load", f"largest contact force in {joint}", float(size.max()), "N", note))
+            figures.append(
+                UnjudgedValue("joint load", f"largest contact force in {joint}", float(size.max()), "N", note)
+            )
     return figures
 
 
-def _computed(person: Person | None) -> tuple[Columns, Columns, Mapping[str, FloatArray]] | None:
+def _computed(person: AssessedPerson | None) -> tuple[Columns, Columns, Mapping[str, FloatArray]] | None:
     """Return the muscles of a simulated human with known body and grips: as modelled, weaker ones, and contact forces.
 
     Contact forces are magnitudes in each joint centre as modelled, shape (n,) [N].
@@ -164,7 +166,7 @@ def _computed(person: Person | None) -> tuple[Columns, Columns, Mapping[str, Flo
 
 
 def _over(
-    person: Person, record: HumanRecord, anatomy: Anatomy, root: Pose, strength: float
+    person: AssessedPerson, record: HumanRecord, anatomy: Anatomy, root: Pose, strength: float
 ) -> tuple[Columns, Mapping[str, FloatArray]]:
     """Return the activation of the muscles, without joint actuators, and the contact forces in the joint centres."""
     pieces: list[MuscleLoad] = []
@@ -174,7 +176,7 @@ def _over(
         part = replace(record, time=record.time[rows], position=record.position[rows])
         motion, moved = motion_of(part, list(person.body.joints), root, CUTOFF, RATE)
         inside = (motion.time >= begin) & (motion.time < begin + PIECE)
-        motion = Motion(*(values[inside] for values in (motion.time, motion.q, motion.dq, motion.ddq)))
+        motion = RecordedMotion(*(values[inside] for values in (motion.time, motion.q, motion.dq, motion.ddq)))
         if not isinstance(moved, Pose):
             moved = RootMotion(*(values[inside] for values in moved))
         acting = grip_loads(record.grips.values(), motion.time)

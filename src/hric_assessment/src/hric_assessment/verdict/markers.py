@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 
 from hric_bags.reader import opened, seconds
-from hric_bags.records.recording import RATE, Columns, Recording, Tracked
+from hric_bags.records.recording import RATE, Columns, Recording, TrackedRoot
 from hric_bags.records.rows import Thinning
 from hric_core.geometry import FloatArray
 from hric_core.trial.c3d import read_trial
 from hric_human.body import Body, describe
 from hric_human.body.markers import marker_labels
 from hric_human.tracking import LOST, PersonTracker
-from hric_perception.person.frames import MarkerRows
+from hric_perception.person.frames import PersonMarkers
 from hric_perception.person.settings import PersonSettings
 
 FRAMES = "hric_msgs/msg/MocapData"
@@ -50,10 +50,10 @@ def of_c3d(path: Path) -> Recording:
     )
 
 
-def of_frames(bag: Path, signals: Recording, settings: PersonSettings) -> tuple[Columns, Tracked] | None:
+def of_frames(bag: Path, signals: Recording, settings: PersonSettings) -> tuple[Columns, TrackedRoot] | None:
     """Return joints and root from motion capture frames in a bag; None: the markers are not in it."""
     body, calibrated = settings.known()
-    tracker, rows = PersonTracker(body, settings.worn), MarkerRows(settings.worn, settings.labels, settings.asset)
+    tracker, rows = PersonTracker(body, settings.worn), PersonMarkers(settings.worn, settings.labels, settings.asset)
     frame = ["mocap"]
     with opened(bag) as reader:
 
@@ -71,7 +71,7 @@ def of_frames(bag: Path, signals: Recording, settings: PersonSettings) -> tuple[
 
 def tracked(
     frames: Iterable[Frame], tracker: PersonTracker, name: str, frame: str | Callable[[], str], calibrated: bool
-) -> tuple[Columns, Tracked]:
+) -> tuple[Columns, TrackedRoot]:
     """Return joints and root link over time; NaN: lost.
 
     Args:
@@ -97,4 +97,4 @@ def tracked(
     states = Columns(f"{name}/joint_states", tuple(body.joints), time_of, q)
     at = frame if isinstance(frame, str) else frame()
     pose = np.array(roots).reshape(n, 7)
-    return states, Tracked(f"{name}/tracking", at, time_of, pose, np.array(residuals), calibrated)
+    return states, TrackedRoot(f"{name}/tracking", at, time_of, pose, np.array(residuals), calibrated)

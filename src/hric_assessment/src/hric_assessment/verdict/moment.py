@@ -12,7 +12,7 @@ from hric_assessment.separation.capsules import CapsuleMotion, Capsules, capsule
 from hric_assessment.typed_json import Content
 from hric_assessment.verdict.conclusions import BY_DEFAULT, CONTACT, ORDER, OUTCOMES, POSTURE, Conclusion, Reply
 from hric_assessment.verdict.inputs import AssessmentInput
-from hric_assessment.verdict.person import Person
+from hric_assessment.verdict.person import AssessedPerson
 from hric_core import urdf
 from hric_core.geometry import FloatArray
 
@@ -60,7 +60,10 @@ class Moment:
 
 
 def moment(
-    source: AssessmentInput, people: Sequence[Person], conclusions: Sequence[Conclusion], findings: Sequence[Finding]
+    source: AssessmentInput,
+    people: Sequence[AssessedPerson],
+    conclusions: Sequence[Conclusion],
+    findings: Sequence[Finding],
 ) -> Moment | None:
     """Return arm and person at the worst moment; None: no position is known.
 
@@ -121,14 +124,14 @@ def _rank(conclusion: Conclusion) -> tuple[bool, bool, int]:
     return conclusion.reply != Reply.NO, conclusion.question == POSTURE, severity
 
 
-def _of_arm(person: Person, conclusion: Conclusion) -> list[int]:
+def _of_arm(person: AssessedPerson, conclusion: Conclusion) -> list[int]:
     """Return the capsules of the arm that a posture finding is about; for other findings none."""
     side = next((side for side in person.sides if side in conclusion.subject), None)
     arm = (f"{side}_upper_arm", f"{side}_forearm", f"{side}_hand")
     return [k for k, name in enumerate(person.body.segments) if name in arm and conclusion.question == POSTURE]
 
 
-def _concerned(person: Person, body: Capsules, regions: Sequence[str]) -> BoolArray:
+def _concerned(person: AssessedPerson, body: Capsules, regions: Sequence[str]) -> BoolArray:
     """Return a mask of the capsules in some regions; without any of them all."""
     of_link = person.body.regions
     concerned = np.array([any(region.name in regions for region in of_link.get(link, ())) for link in body.links])

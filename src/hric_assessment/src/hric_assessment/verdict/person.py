@@ -9,7 +9,7 @@ import numpy as np
 from hric_assessment.typed_json import Content
 from hric_assessment.verdict.inputs import AssessmentInput
 from hric_bags.records.human_record import HumanRecord
-from hric_bags.records.recording import Tracked
+from hric_bags.records.recording import TrackedRoot
 from hric_bags.records.root_record import RootRecord
 from hric_core import urdf
 from hric_core.geometry import FloatArray, Pose, compose, quaternion_from_rotation
@@ -34,7 +34,7 @@ class PersonSummary:
 
 
 @dataclass(frozen=True)
-class Person:
+class AssessedPerson:
     """Person whose posture and distance are assessed.
 
     Attributes:
@@ -80,7 +80,7 @@ class Person:
         return PersonSummary(self.what, subject.code, float(subject.mass), float(subject.height))
 
 
-def people_of(source: AssessmentInput) -> list[Person]:
+def people_of(source: AssessmentInput) -> list[AssessedPerson]:
     """Return the simulated persons with joint states, and the tracked ones.
 
     A tracked person is left out if the emulated cameras of the run track the simulated one.
@@ -115,7 +115,7 @@ def _assumed(body: Body, joints: Sequence[str]) -> str:
     return f"whose body it was is not known: taken as that of {body.subject.code}, {_parts(joints)}"
 
 
-def _simulated(source: AssessmentInput, record: HumanRecord) -> Person:
+def _simulated(source: AssessmentInput, record: HumanRecord) -> AssessedPerson:
     section = source.definition.get("human")
     settings = _settings(section, record.joints)
     body = describe(settings.person)
@@ -124,7 +124,7 @@ def _simulated(source: AssessmentInput, record: HumanRecord) -> Person:
         where = settings.root(body) if section is not None else _placed(source, record.name)
         root = None if where is None else RootRecord.still(where)
     topics = tuple(f"{record.name}/{end}" for end in ("joint_states", "joint_torque", "root"))
-    return Person(
+    return AssessedPerson(
         "simulated human",
         body,
         record.joints,
@@ -150,7 +150,7 @@ def _placed(source: AssessmentInput, name: str) -> Pose | None:
     return next((pose for frame in frames if (pose := source.recording.static.get(("world", frame)))), None)
 
 
-def _other(source: AssessmentInput, topic: str) -> Person:
+def _other(source: AssessmentInput, topic: str) -> AssessedPerson:
     states, name = source.recording.people[topic], topic.rpartition("/")[0]
     tracking_topic = f"{name}/tracking"
     tracked = source.recording.tracked.get(tracking_topic)
@@ -168,7 +168,7 @@ def _other(source: AssessmentInput, topic: str) -> Person:
         assumptions.append(f"where the frame {tracked.frame} of the markers is, is not known: its z is taken as up")
     what = "tracked person" if tracked is not None else "person of whom joint states alone were recorded"
     signals = (topic,) if tracked is None else (topic, tracking_topic)
-    return Person(
+    return AssessedPerson(
         what,
         body,
         states.names,
@@ -184,13 +184,13 @@ def _other(source: AssessmentInput, topic: str) -> Person:
     )
 
 
-def _residual(tracked: Tracked) -> float:
+def _residual(tracked: TrackedRoot) -> float:
     """Return the distance that 95 % of the residuals do not exceed [m]; infinite: none is known."""
     known = tracked.residual[np.isfinite(tracked.residual)]
     return float(np.percentile(known, 95.0)) if len(known) else float("inf")
 
 
-def _root(tracked: Tracked, T_frame_markers: Pose) -> RootRecord | None:
+def _root(tracked: TrackedRoot, T_frame_markers: Pose) -> RootRecord | None:
     """Return the pose of the root link in a frame; None: never known."""
     known = np.isfinite(tracked.pose).all(axis=1)
     if not known.any():

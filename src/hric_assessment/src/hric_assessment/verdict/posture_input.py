@@ -9,7 +9,7 @@ from hric_assessment.ergonomics import use
 from hric_assessment.ergonomics.posture import ANGLES, MIDDLE, SAME, Posture, Task, of_joints, to_vertical
 from hric_assessment.findings import finite_rows, unknown
 from hric_assessment.tables import PostureTable, verdict_table
-from hric_assessment.verdict.person import Person
+from hric_assessment.verdict.person import AssessedPerson
 from hric_bags.records.human_record import HumanRecord
 from hric_core.geometry import FloatArray, Pose
 from hric_human.control.kinematics import GRAVITY
@@ -26,7 +26,7 @@ JOINTS = {**SAME, "upper_arm_flexion": "sh_abd", "upper_arm_abduction": "sh_abd"
 ARM = ("sh_flex", "sh_abd", "sh_rot", "el_flex", "pro_sup", "wr_flex", "wr_dev")
 
 
-def posture_of(person: Person, side: str) -> tuple[Posture, bool]:
+def posture_of(person: AssessedPerson, side: str) -> tuple[Posture, bool]:
     """Return the rounded posture with one arm, shape (n,) each, and True if its trunk angles are to the vertical."""
     posture = of_joints(person.names, person.q, side)
     angles = {name: np.asarray(angle) for name in ANGLES if (angle := getattr(posture, name)) is not None}
@@ -35,7 +35,7 @@ def posture_of(person: Person, side: str) -> tuple[Posture, bool]:
     return Posture(**rounded), bool(inclined)
 
 
-def _inclined(person: Person, angles: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+def _inclined(person: AssessedPerson, angles: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
     """Return the angles of the trunk to the vertical, NaN where the root is not known; empty: never known."""
     root, max_gap = person.attitude, verdict_table()["max_gap"]
     if root is None or not {"trunk_flexion", "trunk_bend"} <= set(angles):
@@ -48,7 +48,9 @@ def _inclined(person: Person, angles: Mapping[str, FloatArray]) -> dict[str, Flo
     return {"trunk_flexion": inclined[0], "trunk_bend": inclined[1]} if np.isfinite(inclined).any() else {}
 
 
-def task_of(person: Person, record: HumanRecord | None, posture: Posture, side: str, table: PostureTable) -> Task:
+def task_of(
+    person: AssessedPerson, record: HumanRecord | None, posture: Posture, side: str, table: PostureTable
+) -> Task:
     """Return load and static and repeated use of one arm, and of neck and trunk, counted from the recording."""
     tolerance, time = math.radians(verdict_table()["held"]), person.time
     arm = [column for column, name in enumerate(person.names) if name in {f"{side}_{joint}" for joint in ARM}]
@@ -69,7 +71,7 @@ def task_of(person: Person, record: HumanRecord | None, posture: Posture, side: 
     )
 
 
-def spread_of(person: Person, side: str) -> dict[str, float]:
+def spread_of(person: AssessedPerson, side: str) -> dict[str, float]:
     """Return the half-width of the interval of each angle of a tracked person [rad], by name; empty for other persons.
 
     Markers with a standard deviation s of each coordinate give, by least squares, angles with the covariance s^2 (J^T
@@ -92,7 +94,7 @@ def spread_of(person: Person, side: str) -> dict[str, float]:
     return {angle: math.radians(step * math.floor(width / step + 0.5)) for angle, width in known.items()}
 
 
-def _load(person: Person, record: HumanRecord | None, side: str) -> FloatArray | None:
+def _load(person: AssessedPerson, record: HumanRecord | None, side: str) -> FloatArray | None:
     """Return the force on a hand divided by g at the instants of the joint states, shape (n,) [kg].
 
     NaN where a grip is not recorded; None: no grip is known or expected.

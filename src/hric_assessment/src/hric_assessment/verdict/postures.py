@@ -15,7 +15,7 @@ from hric_assessment.ergonomics.posture import ANGLES, Posture
 from hric_assessment.ergonomics.scoring import IntArray, PostureMethod, Scores, methods, needed
 from hric_assessment.findings import POSTURE, BoolArray, Evidence, Finding, Outcome
 from hric_assessment.tables import PostureTable, ValueTable, verdict_table
-from hric_assessment.verdict.person import Person
+from hric_assessment.verdict.person import AssessedPerson
 from hric_assessment.verdict.posture_input import posture_of, spread_of, task_of
 from hric_assessment.verdict.result import ScoreCurve, thinned
 from hric_bags.records.human_record import HumanRecord
@@ -83,7 +83,7 @@ class ArmScores:
 
 
 def scored(
-    person: Person,
+    person: AssessedPerson,
     record: HumanRecord | None,
     window: tuple[float, float],
     versions: Mapping[str, str] = MappingProxyType({}),
@@ -104,7 +104,7 @@ def scored(
 def _scored(
     key: str,
     method: PostureMethod,
-    person: Person,
+    person: AssessedPerson,
     record: HumanRecord | None,
     side: str,
     window: tuple[float, float],
@@ -170,7 +170,7 @@ def _periods(time: FloatArray) -> FloatArray:
     return np.gradient(time) if len(time) > 1 else np.zeros(len(time))
 
 
-def posture_finding(arm: ArmScores, person: Person) -> Finding:
+def posture_finding(arm: ArmScores, person: AssessedPerson) -> Finding:
     """Return the finding of the scores of one arm."""
     outcome, reason = _judged(arm)
     remedies = [RECORD_JOINTS] * bool(arm.unknown) + [RECORD_ROOT] * arm.lacks_root

@@ -8,7 +8,7 @@ from typing import Annotated, TypeVar
 import numpy as np
 
 from hric_assessment.ergonomics.scoring import methods
-from hric_assessment.findings import DISCLAIMER, Figure, Finding, Missing, Outcome
+from hric_assessment.findings import DISCLAIMER, Finding, Missing, Outcome, UnjudgedValue
 from hric_assessment.typed_json import NAMES, JsonObject, closed, plain, schema_of
 from hric_assessment.verdict.conclusions import GROUPS, ORDER, Conclusion, headline, outcome
 from hric_assessment.verdict.moment import Moment
@@ -16,7 +16,7 @@ from hric_assessment.verdict.person import PersonSummary
 from hric_core.errors import NOT_GOOD, NOT_KNOWN
 from hric_core.geometry import FloatArray
 
-T = TypeVar("T", Finding, Figure)
+T = TypeVar("T", Finding, UnjudgedValue)
 VERSION = 2
 """Version of the JSON; its schema is config/verdict.schema.json."""
 EXIT_CODES = {Outcome.WITHIN: 0, Outcome.WARNING: 0, Outcome.ABOVE: NOT_GOOD, Outcome.NOT_ASSESSABLE: NOT_KNOWN}
@@ -118,7 +118,7 @@ class Verdict:
     person: Annotated[PersonSummary, ("additionalProperties", True)] | None
     assumptions: tuple[str, ...]
     findings: Annotated[tuple[Finding, ...], "from the worst on"]
-    figures: Annotated[tuple[Figure, ...], "without a limit: they neither pass nor fail"] = ()
+    figures: Annotated[tuple[UnjudgedValue, ...], "without a limit: they neither pass nor fail"] = ()
     missing: tuple[Missing, ...] = ()
     timelines: Timelines = field(default_factory=Timelines)
     conclusions: tuple[Conclusion, ...] = ()
@@ -231,7 +231,7 @@ def _grouped(items: Sequence[T]) -> dict[str, list[T]]:
     return {group: [item for item in items if item.group == group] for group in dict.fromkeys(i.group for i in items)}
 
 
-def _figures(figures: Sequence[Figure]) -> list[str]:
+def _figures(figures: Sequence[UnjudgedValue]) -> list[str]:
     """Return the first figures of each group, which are the largest if the group has no other order."""
     lines = []
     for group, members in _grouped(figures).items():

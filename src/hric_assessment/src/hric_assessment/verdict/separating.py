@@ -18,9 +18,9 @@ from hric_assessment.separation.capsules import CapsuleMotion, capsules_of, move
 from hric_assessment.separation.minima import Separation, separation
 from hric_assessment.separation.protective import Terms, person_speed, protective_distance
 from hric_assessment.tables import separation_table, verdict_table
-from hric_assessment.verdict.choices import Choices
+from hric_assessment.verdict.choices import AssessmentChoices
 from hric_assessment.verdict.inputs import AssessmentInput
-from hric_assessment.verdict.person import Person
+from hric_assessment.verdict.person import AssessedPerson
 from hric_assessment.verdict.result import SeparationCurve, thinned
 from hric_bags.reader import ControlRecord
 from hric_core import urdf
@@ -57,7 +57,7 @@ class PersonSeparation:
     terms: Terms
     arm: tuple[str, ...]
     body: tuple[str, ...]
-    person: Person
+    person: AssessedPerson
     notes: tuple[str, ...]
     sampled: BoolArray
     evidence: Evidence
@@ -82,7 +82,7 @@ class PersonSeparation:
         return SeparationCurve(*(curve[rows].tolist() for curve in curves))
 
 
-def separated(source: AssessmentInput, person: Person, choices: Choices) -> PersonSeparation | None:
+def separated(source: AssessmentInput, person: AssessedPerson, choices: AssessmentChoices) -> PersonSeparation | None:
     """Return the distances of a person from the arm; None: a required signal is not in the recording.
 
     Raises:
@@ -129,7 +129,7 @@ def separated(source: AssessmentInput, person: Person, choices: Choices) -> Pers
     )
 
 
-def _relied(person: Person, notes: list[str]) -> bool:
+def _relied(person: AssessedPerson, notes: list[str]) -> bool:
     """Return True if only the distance protected the person; otherwise add a note on the other protection."""
     held = person.record is not None and any(grip.closed.any() for grip in person.record.grips.values())
     if not held and (person.record is None or person.record.stream is None):
@@ -139,7 +139,7 @@ def _relied(person: Person, notes: list[str]) -> bool:
     return False
 
 
-def _sampled(log: ControlRecord, person: Person, time: FloatArray) -> BoolArray:
+def _sampled(log: ControlRecord, person: AssessedPerson, time: FloatArray) -> BoolArray:
     """Return a mask of the instants at which arm and person were recorded, shape (n,)."""
     window, sampled = (float(time[0]), float(time[-1])), np.ones(len(time), dtype=bool)
     for gap in _gaps(log, person, window, np.asarray(np.isfinite(person.q).any(axis=1))):
@@ -148,7 +148,7 @@ def _sampled(log: ControlRecord, person: Person, time: FloatArray) -> BoolArray:
 
 
 def _gaps(
-    log: ControlRecord, person: Person, window: tuple[float, float], seen: BoolArray
+    log: ControlRecord, person: AssessedPerson, window: tuple[float, float], seen: BoolArray
 ) -> list[tuple[float, float]]:
     """Return the stretches of a window without data of arm, person or root [s]; seen: valid rows, shape (n,)."""
     root, longest = person.root, verdict_table()["max_gap"]
@@ -159,7 +159,7 @@ def _gaps(
     return gaps
 
 
-def _evidence(source: AssessmentInput, log: ControlRecord, person: Person, arm: CapsuleMotion) -> Evidence:
+def _evidence(source: AssessmentInput, log: ControlRecord, person: AssessedPerson, arm: CapsuleMotion) -> Evidence:
     """Return the evidence of the arm's log, with the share of its motion in which the person is completely known."""
     window = source.recording.begin, source.recording.end
     finite = finite_rows(log.position)
@@ -189,7 +189,7 @@ def filled(q: FloatArray) -> tuple[FloatArray, float]:
     return filled, float(lost.any(axis=1).mean())
 
 
-def _notes(person: Person, braking: str, unknown_share: float) -> list[str]:
+def _notes(person: AssessedPerson, braking: str, unknown_share: float) -> list[str]:
     table, rules = separation_table(), verdict_table()
     notes = [
         f"v_r: of the fastest point of the arm, whatever its direction; v_h: {table['walking_speed']:g} m/s, up to "

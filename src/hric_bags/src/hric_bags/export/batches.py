@@ -9,7 +9,7 @@ import numpy as np
 from hric_bags import reader as bag_reader
 from hric_bags.export import units
 from hric_bags.export.gather import Timing
-from hric_bags.export.table import Column, FloatArray, Table
+from hric_bags.export.table import FloatArray, TopicColumn, TopicTable
 
 CONTROL_LOG, CHUNK = bag_reader.LOG_TYPE, "hric_msgs/msg/SampleChunk"
 SYNCED, LAYOUT = "hric_msgs/msg/SyncedSample", "hric_msgs/msg/SyncLayout"
@@ -19,27 +19,27 @@ _LOG_UNITS = {"position": "rad", "velocity": "rad/s", "effort": "N m"}
 
 def table_of(
     topic: str, type_name: str, messages: Sequence[Any], timing: Timing, clock: str, prismatic: frozenset[str]
-) -> Table:
+) -> TopicTable:
     """Return the table of a batched topic; type_name: one of BATCHED."""
     if type_name == CONTROL_LOG:
         return control_log(topic, messages, clock, prismatic)
     return chunks(topic, messages, timing, clock)
 
 
-def control_log(topic: str, messages: Sequence[Any], clock: str, prismatic: frozenset[str]) -> Table:
+def control_log(topic: str, messages: Sequence[Any], clock: str, prismatic: frozenset[str]) -> TopicTable:
     """Return a table of a control log with one row per cycle, each cycle once."""
     log = bag_reader.stitch(messages)
-    columns = [Column("cycle", "", _cycles(log))]
+    columns = [TopicColumn("cycle", "", _cycles(log))]
     for field in bag_reader.ARRAYS:
         values = getattr(log, field)
         for j, joint in enumerate(log.joint_names):
             unit = _LOG_UNITS.get(field) or units.COMMAND_UNITS.get(log.interfaces[j], "")
-            columns.append(Column(f"{field}.{joint}", units.of_joint(unit, joint, prismatic), values[:, j]))
+            columns.append(TopicColumn(f"{field}.{joint}", units.of_joint(unit, joint, prismatic), values[:, j]))
     first = messages[0]
     offset = bag_reader.seconds(first.header.stamp) - float(first.time[0])
     notes = [f"{count} cycles are missing from {start} on" for start, count in log.gaps]
     stamp = np.rint((log.time + offset) * 1e9).astype(np.int64)
-    return Table(topic, CONTROL_LOG, "", log.time, stamp, tuple(columns), clock, tuple(notes))
+    return TopicTable(topic, CONTROL_LOG, "", log.time, stamp, tuple(columns), clock, tuple(notes))
 
 
 def _cycles(log: bag_reader.ControlRecord) -> Any:
@@ -49,7 +49,7 @@ def _cycles(log: bag_reader.ControlRecord) -> Any:
     return numbers
 
 
-def chunks(topic: str, messages: Sequence[Any], timing: Timing, clock: str) -> Table:
+def chunks(topic: str, messages: Sequence[Any], timing: Timing, clock: str) -> TopicTable:
     """Return a table with one row per sample, at the time of its chunk plus its index over the rate."""
     times, stamps, numbers = [], [], []
     values: dict[str, list[FloatArray]] = {name: [] for message in messages for name in message.channels}
@@ -66,8 +66,8 @@ def chunks(topic: str, messages: Sequence[Any], timing: Timing, clock: str) -> T
             parts.append(by_channel.get(name, np.full(len(block), np.nan)))
     stamp = np.concatenate(stamps)
     unit = _chunk_units(messages)
-    columns = [Column("sample", "", np.concatenate(numbers))]
-    columns += [Column(name, unit[name], np.concatenate(parts)) for name, parts in values.items()]
+    columns = [TopicColumn("sample", "", np.concatenate(numbers))]
+    columns += [TopicColumn(name, unit[name], np.concatenate(parts)) for name, parts in values.items()]
     missing = sum(max(0, int(b[0]) - int(a[-1]) - 1) for a, b in itertools.pairwise(numbers) if len(a) and len(b))
     rates = sorted({float(message.rate) for message in messages})
     ends = rates[:1] + rates[1:][-1:]  # first and last; lost time gives many rates between them
@@ -76,7 +76,7 @@ def chunks(topic: str, messages: Sequence[Any], timing: Timing, clock: str) -> T
         f"rate reported by the source: {' to '.join(f'{rate:g}' for rate in ends)} Hz",
     ]
     notes += [f"{missing} samples are missing"] if missing else []
-    return Table(
+    return TopicTable(
         topic,
         CHUNK,
         str(messages[0].header.frame_id),
@@ -98,7 +98,7 @@ def _chunk_units(messages: Sequence[Any]) -> dict[str, str]:
     return units
 
 
-def named(table: Table, layout: Any) -> Table:
+def named(table: TopicTable, layout: Any) -> TopicTable:
     """Return a table of synchronised samples with the names and units of its layout."""
     names, sources = [str(name) for name in layout.names], list(dict.fromkeys(map(str, layout.sources)))
     columns = []
@@ -111,6 +111,8 @@ def named(table: Table, layout: Any) -> Table:
             continue
         label = known[int(number)]
         unit = str(layout.units[int(number)]) if field == "values" else column.unit
-        columns.append(Column(label if field == "values" else f"{field}.{label}", unit, column.values))
+        columns.append(TopicColumn(label if field == "values" else f"{field}.{label}", unit, column.values))
     notes = (f"policy {layout.policy}, rate {layout.rate:g} Hz, reference {layout.reference}",)
-    return Table(table.topic, table.type_name, table.frame, table.time, table.stamp, tuple(columns), table.clock, notes)
+    return TopicTable(
+        table.topic, table.type_name, table.frame, table.time, table.stamp, tuple(columns), table.clock, notes
+    )

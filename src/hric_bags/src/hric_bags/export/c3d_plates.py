@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hric_bags.export.frames import Frames
-from hric_bags.export.table import FloatArray, Table
+from hric_bags.export.frames import FixedFrames
+from hric_bags.export.table import FloatArray, TopicTable
 from hric_bags.run_file import RunFile
 from hric_perception.plate.geometry import PLATE_SIZE
 
@@ -78,7 +78,9 @@ def plate_settings(run: RunFile) -> dict[str, PlateSettings]:
     return {str(driver.get("id", "1")): settings}
 
 
-def plate_of(table: Table, frames: Frames, settings: PlateSettings, wrench: FloatArray) -> tuple[C3dPlate, FloatArray]:
+def plate_of(
+    table: TopicTable, frames: FixedFrames, settings: PlateSettings, wrench: FloatArray
+) -> tuple[C3dPlate, FloatArray]:
     """Return the plate and its signals, shape (n, 6).
 
     A c3d file holds the load of the plate on the body, in axes with z down: BTK, OpenSim and ezc3d read its channels

@@ -9,9 +9,9 @@ import numpy as np
 
 from hric_bags.export import batches, opensim_formats, resampling
 from hric_bags.export.c3d_plates import C3dPlate, PlateSettings, plate_of, plate_settings
-from hric_bags.export.frames import Frames
+from hric_bags.export.frames import FixedFrames
 from hric_bags.export.opensim_text import GROUND, marker_name
-from hric_bags.export.table import ExportError, FloatArray, Table
+from hric_bags.export.table import ExportError, FloatArray, TopicTable
 from hric_bags.run_file import RunFile
 
 FRAME_RATE = 100.0
@@ -64,7 +64,7 @@ class C3dTrial:
     notes: Mapping[str, str]
 
 
-def collect(tables: Mapping[str, Table], frames: Frames, run: RunFile, surface: float = 0.0) -> C3dTrial:
+def collect(tables: Mapping[str, TopicTable], frames: FixedFrames, run: RunFile, surface: float = 0.0) -> C3dTrial:
     """Return the trial of a run, over the time that all of its sources have.
 
     Args:
@@ -78,7 +78,7 @@ def collect(tables: Mapping[str, Table], frames: Frames, run: RunFile, surface: 
     """
     captures, plates, emg = _sources(tables)
     markers = opensim_formats.markers_of(captures[0], frames) if captures else None
-    sampled = [resampling.Sampled(table) for table in [*plates, *emg]]
+    sampled = [resampling.SampledTopic(table) for table in [*plates, *emg]]
     grid = _Grid(markers, sampled)
     settings = plate_settings(run)
     c3d_plates, channels = [], list[Channel]()
@@ -105,7 +105,7 @@ def collect(tables: Mapping[str, Table], frames: Frames, run: RunFile, surface: 
     )
 
 
-def _sources(tables: Mapping[str, Table]) -> tuple[list[Table], list[Table], list[Table]]:
+def _sources(tables: Mapping[str, TopicTable]) -> tuple[list[TopicTable], list[TopicTable], list[TopicTable]]:
     """Return motion captures (one at most), force plates and EMG. Raises ExportError if there is none of them."""
     captures = [table for table in tables.values() if opensim_formats.is_capture(table)]
     plates = [table for table in tables.values() if opensim_formats.is_plate(table)]
@@ -131,7 +131,9 @@ class _Grid:
         analog: times of the analog samples, shape (count * per_frame,) [s].
     """
 
-    def __init__(self, markers: opensim_formats.Markers | None, sampled: Sequence[resampling.Sampled]) -> None:
+    def __init__(
+        self, markers: opensim_formats.OpenSimMarkers | None, sampled: Sequence[resampling.SampledTopic]
+    ) -> None:
         self.rate, first = (
             resampling.frame_grid(markers.time, _numbers(markers)) if markers is not None else (FRAME_RATE, 0.0)
         )
@@ -152,7 +154,7 @@ class _Grid:
             )
         self.analog = self.start + np.arange(self.count * self.per_frame) / (self.rate * max(1, self.per_frame))
 
-    def positions(self, markers: opensim_formats.Markers | None) -> FloatArray:
+    def positions(self, markers: opensim_formats.OpenSimMarkers | None) -> FloatArray:
         """Return positions [m] of the nearest recorded frames (half a period at most), shape (frames, markers, 3)."""
         if markers is None:
             return np.empty((self.count, 0, 3))
@@ -164,13 +166,13 @@ class _Grid:
         return nearest
 
 
-def _numbers(markers: opensim_formats.Markers) -> FloatArray:
+def _numbers(markers: opensim_formats.OpenSimMarkers) -> FloatArray:
     """Return the frame numbers; empty: not known."""
     column = markers.table.column("frame_number")
     return np.empty(0) if column is None else np.asarray(column.values, dtype=float)[markers.rows]
 
 
-def _emg(table: Table, source: resampling.Sampled, times: FloatArray, taken: Sequence[str]) -> list[Channel]:
+def _emg(table: TopicTable, source: resampling.SampledTopic, times: FloatArray, taken: Sequence[str]) -> list[Channel]:
     names = [column.name for column in table.columns if column.values.dtype.kind == "f" and column.name != TIME_CODE]
     kind = table.topic.rpartition("/")[2]
     units = {column.name: column.unit for column in table.columns}
@@ -188,7 +190,7 @@ def _differ(labels: Sequence[str], taken: Sequence[str] = ()) -> list[str]:
     return different
 
 
-def _events(tables: Mapping[str, Table], start: float, duration: float) -> tuple[tuple[float, str], ...]:
+def _events(tables: Mapping[str, TopicTable], start: float, duration: float) -> tuple[tuple[float, str], ...]:
     """Return triggers and phases of the emulated human within the file."""
     events = []
     for table in tables.values():
@@ -204,9 +206,9 @@ def _events(tables: Mapping[str, Table], start: float, duration: float) -> tuple
 
 
 def _notes(
-    markers: opensim_formats.Markers | None,
+    markers: opensim_formats.OpenSimMarkers | None,
     plates: Sequence[C3dPlate],
-    sampled: Sequence[resampling.Sampled],
+    sampled: Sequence[resampling.SampledTopic],
     grid: _Grid,
     clock: str,
 ) -> dict[str, str]:

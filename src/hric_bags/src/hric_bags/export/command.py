@@ -6,7 +6,7 @@ from pathlib import Path
 
 from hric_bags.arguments import run_arguments
 from hric_bags.export import recording
-from hric_bags.export.exporting import Request, default_folder, export, formats
+from hric_bags.export.exporting import ExportRequest, default_folder, export, formats
 from hric_core.command import Argument, Command
 from hric_core.errors import FAILURE
 
@@ -61,7 +61,7 @@ class ExportCommand(Command):
         """Export a bag; return FAILURE if a format could not be written."""
         names = None if arguments.anonymise is None else tuple(arguments.anonymise)
         kinds = tuple(dict.fromkeys(arguments.formats))
-        request = Request(kinds, tuple(arguments.topics), arguments.load_body, arguments.surface, names)
+        request = ExportRequest(kinds, tuple(arguments.topics), arguments.load_body, arguments.surface, names)
         source = recording.find(arguments.run, arguments.runs)
         folder = default_folder(source, request) if arguments.output is None else arguments.output
         progress = not arguments.quiet and sys.stderr.isatty()

@@ -12,9 +12,9 @@ from tqdm import tqdm
 from hric_bags import files
 from hric_bags.export import anonymous, batches, c3d_trial, frames, loads, opensim_formats, recording, unbatched
 from hric_bags.export.anonymous import Anonymiser
-from hric_bags.export.output import Output
-from hric_bags.export.recording import Source
-from hric_bags.export.table import ExportError, Table
+from hric_bags.export.output import ExportFolder
+from hric_bags.export.recording import ExportSource
+from hric_bags.export.table import ExportError, TopicTable
 from hric_core import plugins
 from hric_core.errors import HricError, ParameterError, UnknownNameError
 from hric_core.parameters import number
@@ -37,7 +37,7 @@ def formats() -> tuple[str, ...]:
 
 
 @dataclass(frozen=True)
-class Request:
+class ExportRequest:
     """Settings of an export.
 
     Attributes:
@@ -66,7 +66,7 @@ class Request:
 
 
 @dataclass
-class Result:
+class ExportResult:
     """Outcome of an export.
 
     Attributes:
@@ -88,7 +88,7 @@ ABOUT = "about"
 """Folder of the texts on the run and on the export in an anonymised export."""
 
 
-def default_folder(source: Source, request: Request) -> Path:
+def default_folder(source: ExportSource, request: ExportRequest) -> Path:
     """Return the default folder of an export.
 
     Raises:
@@ -104,8 +104,13 @@ def default_folder(source: Source, request: Request) -> Path:
 
 
 def export(
-    source: Source, request: Request, folder: Path | None = None, *, again: bool = False, progress: bool = False
-) -> Result:
+    source: ExportSource,
+    request: ExportRequest,
+    folder: Path | None = None,
+    *,
+    again: bool = False,
+    progress: bool = False,
+) -> ExportResult:
     """Write the formats that do not exist yet; one that cannot be written does not stop the others.
 
     Args:
@@ -122,16 +127,10 @@ def export(
     anonymiser = None if request.anonymise is None else _anonymiser(source, request.anonymise)
     if anonymiser is not None:
         source = replace(source, run=anonymiser.run, urdf=anonymiser.urdf(source.urdf))
-    output = Output(folder or default_folder(source, request), source.bags, settings, again, request.anonymise)
-    result = Result()
+    output = ExportFolder(folder or default_folder(source, request), source.bags, settings, again, request.anonymise)
+    result = ExportResult()
     missing = [kind for kind in request.formats if output.done(kind) is None]
-    from_tables = [kind for kind in missing if kind != "bag"]
-    tables: dict[str, Table] = {}
-    if from_tables:
-        begin = time.perf_counter()
-        types = () if set(from_tables) - set(NEEDED) else tuple(name for kind in from_tables for name in NEEDED[kind])
-        tables = recording.read(source, request.topics, progress=progress, types=types, anonymous=anonymiser)
-        result.reading = time.perf_counter() - begin
+    tables, result.reading = _tables(source, request, missing, anonymiser, progress)
     job = _Job(source, request, output, tables, result.notes, progress, anonymiser)
     for kind in request.formats:
         begin = time.perf_counter()
@@ -150,7 +149,19 @@ def export(
     return result
 
 
-def _anonymiser(source: Source, names: Sequence[str]) -> Anonymiser:
+def _tables(
+    source: ExportSource, request: ExportRequest, missing: Sequence[str], anonymiser: Anonymiser | None, progress: bool
+) -> tuple[dict[str, TopicTable], float]:
+    """Return the tables that the missing formats are written from, and the time to read them [s]; a bag needs none."""
+    kinds, begin = [kind for kind in missing if kind != "bag"], time.perf_counter()
+    if not kinds:
+        return {}, 0.0
+    types = () if set(kinds) - set(NEEDED) else tuple(name for kind in kinds for name in NEEDED[kind])
+    tables = recording.read(source, request.topics, progress=progress, types=types, anonymous=anonymiser)
+    return tables, time.perf_counter() - begin
+
+
+def _anonymiser(source: ExportSource, names: Sequence[str]) -> Anonymiser:
     metrics: dict[str, object] = {}
     if source.folder is not None and source.folder.metrics_path.is_file():
         metrics = _json(source.folder.metrics_path)
@@ -169,7 +180,7 @@ def _json(path: Path) -> dict[str, object]:
     return content
 
 
-def _write_about(output: Output, anonymiser: Anonymiser, source: Source) -> None:
+def _write_about(output: ExportFolder, anonymiser: Anonymiser, source: ExportSource) -> None:
     """Write the remaining parts of run.yaml and metrics.json, and the list of what was done."""
     path = output.folder / ABOUT / "anonymised.txt"  # keeps the lines of formats that existed already
     before = [] if output.done(ABOUT) is None else path.read_text().splitlines()
@@ -189,10 +200,10 @@ def _write_about(output: Output, anonymiser: Anonymiser, source: Source) -> None
 class _Job:
     """Writer of the formats of one export; notes: list of messages for the user."""
 
-    source: Source
-    request: Request
-    output: Output
-    tables: dict[str, Table]
+    source: ExportSource
+    request: ExportRequest
+    output: ExportFolder
+    tables: dict[str, TopicTable]
     notes: list[str]
     progress: bool
     anonymiser: Anonymiser | None
@@ -223,10 +234,10 @@ class _Job:
         return True
 
     @property
-    def _frames(self) -> frames.Frames:
+    def _frames(self) -> frames.FixedFrames:
         return frames.of_run(self.source.urdf, self.tables, self.source.run)
 
-    def _need(self, kind: str, what: str, suits: Callable[[Table], bool]) -> list[Table]:
+    def _need(self, kind: str, what: str, suits: Callable[[TopicTable], bool]) -> list[TopicTable]:
         chosen = [table for table in self.tables.values() if suits(table)]
         if not chosen:
             with recording.open_reader(self.source) as reader:
@@ -236,7 +247,7 @@ class _Job:
             )
         return chosen
 
-    def _write_each(self, kind: str, tables: list[Table], write: Callable[[Table, Path], None]) -> None:
+    def _write_each(self, kind: str, tables: list[TopicTable], write: Callable[[TopicTable, Path], None]) -> None:
         for table in tqdm(tables, unit=" topics", desc=kind, disable=not self.progress, leave=False):
             self.output.write(kind, f"{table.name}.{kind}", partial(write, table))
 
@@ -248,7 +259,7 @@ class _Job:
     def _write_bag(self, path: Path) -> None:
         unbatched.write(self.source, path, self.request.topics, progress=self.progress, anonymous=self.anonymiser)
 
-    def _write_markers(self, table: Table, path: Path) -> None:
+    def _write_markers(self, table: TopicTable, path: Path) -> None:
         opensim_formats.write_markers(opensim_formats.markers_of(table, self._frames), path, f"{table.name}.trc")
 
     def _write_c3d(self) -> None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hric_bags.export.table import FloatArray, Table
+from hric_bags.export.table import FloatArray, TopicTable
 from hric_bags.run_file import RunFile
 from hric_core.geometry.messages import rotation
 from hric_core.geometry.transforms import R_YUP_ZUP, homogeneous, inverse
@@ -17,7 +17,7 @@ MOCAP = "mocap"
 
 
 @dataclass
-class Frames:
+class FixedFrames:
     """Frames that do not move, as far as they are known.
 
     Attributes:
@@ -65,7 +65,7 @@ class Frames:
         return ancestors
 
 
-def of_run(urdf: str, tables: Mapping[str, Table], run: RunFile) -> Frames:
+def of_run(urdf: str, tables: Mapping[str, TopicTable], run: RunFile) -> FixedFrames:
     """Return the frames of a run, from its URDF, the static transforms of its bag, and its motion capture settings.
 
     Args:
@@ -74,7 +74,7 @@ def of_run(urdf: str, tables: Mapping[str, Table], run: RunFile) -> Frames:
         run: contents of run.yaml; may be empty.
     """
     known = (run.get("parameters") or {}).get("natnet_client") or {}
-    frames = Frames(mocap_up=str(known.get("up_axis", "y")))
+    frames = FixedFrames(mocap_up=str(known.get("up_axis", "y")))
     if urdf:
         _read_urdf(urdf, frames)
     for topic, table in tables.items():
@@ -85,7 +85,7 @@ def of_run(urdf: str, tables: Mapping[str, Table], run: RunFile) -> Frames:
     return frames
 
 
-def _read_urdf(urdf: str, frames: Frames) -> None:
+def _read_urdf(urdf: str, frames: FixedFrames) -> None:
     robot = read(urdf)
     for joint in robot.joints.values():
         if joint.type == "fixed":
@@ -93,7 +93,7 @@ def _read_urdf(urdf: str, frames: Frames) -> None:
     frames.root = robot.root
 
 
-def _read_transforms(table: Table, frames: Frames) -> None:
+def _read_transforms(table: TopicTable, frames: FixedFrames) -> None:
     for column in table.columns:
         start, _, end = column.name.rpartition(".header.")
         if end != "frame_id":
@@ -106,6 +106,6 @@ def _read_transforms(table: Table, frames: Frames) -> None:
             frames.parents[child] = (str(column.values[rows[-1]]).lstrip("/"), homogeneous(R, p))
 
 
-def _value(table: Table, name: str, row: int) -> float:
+def _value(table: TopicTable, name: str, row: int) -> float:
     column = table.column(name)
     return float(column.values[row]) if column is not None else 0.0

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hric_bags.export import units
-from hric_bags.export.table import Column, Table
+from hric_bags.export.table import TopicColumn, TopicTable
 
 NAMES = ("name", "names", "joint_names", "channels", "link_names", "labelled_marker_names")
 """Fields that name the elements of the other arrays of a message, if these have as many."""
@@ -98,24 +98,24 @@ class Gatherer:
         else:
             cell[2].append(value)
 
-    def table(self, timing: Timing, clock: str) -> Table:
-        """Return the table of all messages; timing: function from stamps to times; clock: see `Table`."""
+    def table(self, timing: Timing, clock: str) -> TopicTable:
+        """Return the table of all messages; timing: function from stamps to times; clock: see `TopicTable`."""
         count = len(self._stamps)
-        columns: dict[str, Column] = {}
+        columns: dict[str, TopicColumn] = {}
         for (path, labels), (unit, rows, values, kind) in self._cells.items():
             joined = np.frombuffer(values, kind) if labels else np.array(values)
             matrix = joined.reshape(len(rows), len(labels) or 1)
             for k, name in enumerate([f"{path}.{label}" for label in labels] or [path]):
                 column_unit = units.of_joint(unit, name.rpartition(".")[2], self._prismatic)
                 columns[name] = _merged(
-                    columns.get(name), Column(name, column_unit, matrix[:, k]), np.array(rows), count
+                    columns.get(name), TopicColumn(name, column_unit, matrix[:, k]), np.array(rows), count
                 )
         stamps = np.array(self._stamps)
         times = np.array([timing(stamp) for stamp in self._stamps])
-        return Table(self.topic, self.type_name, self._frame, times, stamps, tuple(columns.values()), clock)
+        return TopicTable(self.topic, self.type_name, self._frame, times, stamps, tuple(columns.values()), clock)
 
 
-def _merged(before: Column | None, column: Column, rows: npt.NDArray[np.int64], count: int) -> Column:
+def _merged(before: TopicColumn | None, column: TopicColumn, rows: npt.NDArray[np.int64], count: int) -> TopicColumn:
     """Return a column with the values of some rows put among those of the others."""
     if before is None and len(rows) == count:
         return column
@@ -125,7 +125,7 @@ def _merged(before: Column | None, column: Column, rows: npt.NDArray[np.int64], 
     else:
         filled = before.values.astype(object if text else float)
     filled[rows] = column.values
-    return Column(column.name, column.unit, filled.astype(str) if text else filled)
+    return TopicColumn(column.name, column.unit, filled.astype(str) if text else filled)
 
 
 @cache

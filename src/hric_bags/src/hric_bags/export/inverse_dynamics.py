@@ -11,9 +11,9 @@ import urdf_to_osim
 from hric_bags import text
 from hric_bags.export import batches, opensim_files, recording
 from hric_bags.export.opensim_text import write_storage
-from hric_bags.export.recording import Source
+from hric_bags.export.recording import ExportSource
 from hric_bags.export.solving import SolveError, exported, load_model, only, output_folder, output_to, run_tool
-from hric_bags.export.table import FloatArray, Table
+from hric_bags.export.table import FloatArray, TopicTable
 from hric_bags.run_file import RunFile, robot_parameters
 from hric_control.plants import rotor_inertia
 from hric_core.trial.opensim_text import read_storage
@@ -27,7 +27,7 @@ FORCE_ENDINGS = {"rad": "_moment", "m": "_force"}
 
 
 @dataclass(frozen=True)
-class Dynamics:
+class InverseDynamics:
     """Result of the inverse dynamics: n instants of j joints.
 
     Attributes:
@@ -55,8 +55,8 @@ class Dynamics:
 
 
 def solve(
-    source: Source, topic: str = "", lowpass: float = -1.0, rotor: float = 0.0, output: Path | None = None
-) -> Dynamics:
+    source: ExportSource, topic: str = "", lowpass: float = -1.0, rotor: float = 0.0, output: Path | None = None
+) -> InverseDynamics:
     """Export the coordinates, convert the robot, run the tool.
 
     tau = M(q) ddq + C(q, dq) + g(q) + friction and damping of the URDF + B ddq. The logged effort is on the link's side
@@ -92,7 +92,7 @@ def _simulated(run: RunFile) -> bool:
     return "plant" in robot or not str(robot.get("robot_hw", "")).startswith("franka_real")
 
 
-def _convert(source: Source, path: Path) -> Path:
+def _convert(source: ExportSource, path: Path) -> Path:
     options = replace(opensim_files.options(source.run), meshes=False, stops=False)
     with output_to(Path(os.devnull)):
         urdf_to_osim.write(urdf_to_osim.convert(source.urdf, options), path)
@@ -115,8 +115,14 @@ def _run(model_path: Path, coordinates: Path, torques: Path, time: FloatArray, l
 
 
 def _compared(
-    log: Table, names: tuple[str, ...], inertia: tuple[float, ...], age: float, torques: Path, model: Path, file: Path
-) -> Dynamics:
+    log: TopicTable,
+    names: tuple[str, ...],
+    inertia: tuple[float, ...],
+    age: float,
+    torques: Path,
+    model: Path,
+    file: Path,
+) -> InverseDynamics:
     effort_time = log.time - age * float(np.median(np.diff(log.time)))
     solved = read_storage(torques)
     time, columns = solved.time, solved.columns
@@ -140,10 +146,10 @@ def _compared(
         f"logged.{name}": logged[:, j] for j, name in enumerate(names)
     }
     write_storage(file, time, both, "Inverse dynamics", about=about)
-    return Dynamics(names, time, torque, logged, inertia, file, model)
+    return InverseDynamics(names, time, torque, logged, inertia, file, model)
 
 
-def render(dynamics: Dynamics) -> str:
+def render(dynamics: InverseDynamics) -> str:
     """Return the result as text."""
     error = dynamics.error
     cells = [["joint", "|tau| max", "error max", "error rms", "rotor inertia"], ["", "N m", "N m", "N m", "kg m^2"]]

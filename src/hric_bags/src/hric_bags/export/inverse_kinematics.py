@@ -8,11 +8,11 @@ import opensim
 from scipy.spatial.transform import Rotation
 
 from hric_bags.export import frames, opensim_formats, recording
-from hric_bags.export.opensim_formats import MOCAP_TYPE, RIGID_BODIES, Markers
+from hric_bags.export.opensim_formats import MOCAP_TYPE, RIGID_BODIES, OpenSimMarkers
 from hric_bags.export.opensim_text import marker_name
-from hric_bags.export.recording import Source
+from hric_bags.export.recording import ExportSource
 from hric_bags.export.solving import SolveError, exported, load_model, only, output_folder, run_tool
-from hric_bags.export.table import FloatArray, Table
+from hric_bags.export.table import FloatArray, TopicTable
 from hric_core.trial.opensim_text import read_storage
 
 MIN_MARKERS = 3
@@ -22,7 +22,7 @@ COORDINATES = ("rx", "ry", "rz", "tx", "ty", "tz")
 
 
 @dataclass(frozen=True)
-class Solution:
+class InverseKinematics:
     """Result of the inverse kinematics.
 
     Attributes:
@@ -49,7 +49,7 @@ class Solution:
     angle_error: FloatArray
 
 
-def solve(source: Source, topic: str = "", body: str = "", output: Path | None = None) -> Solution:
+def solve(source: ExportSource, topic: str = "", body: str = "", output: Path | None = None) -> InverseKinematics:
     """Export the markers, make the model, run the tool.
 
     Args:
@@ -76,7 +76,7 @@ def solve(source: Source, topic: str = "", body: str = "", output: Path | None =
     return _compared(body, model, motion, markers, points, poses)
 
 
-def _body(table: Table, markers: Markers, requested: str) -> tuple[str, list[str]]:
+def _body(table: TopicTable, markers: OpenSimMarkers, requested: str) -> tuple[str, list[str]]:
     """Return the body, and the names of its markers in the stream."""
     of_body: dict[str, list[str]] = {}
     for name in markers.positions:
@@ -93,7 +93,7 @@ def _body(table: Table, markers: Markers, requested: str) -> tuple[str, list[str
     return body, fit[body]
 
 
-def _stream_poses(table: Table, markers: Markers, body: str) -> FloatArray:
+def _stream_poses(table: TopicTable, markers: OpenSimMarkers, body: str) -> FloatArray:
     """Return the poses of the body in the ground from the stream, shape (n, 4, 4); NaN: not tracked."""
     cells = table.below(f"{RIGID_BODIES}.{body}")
     valid = (cells["tracking_valid"] == 1)[markers.rows]
@@ -110,7 +110,7 @@ def _stream_poses(table: Table, markers: Markers, body: str) -> FloatArray:
     return np.asarray(markers.T_ground_frame @ T)
 
 
-def _in_body(poses: FloatArray, markers: Markers, names: list[str]) -> dict[str, FloatArray]:
+def _in_body(poses: FloatArray, markers: OpenSimMarkers, names: list[str]) -> dict[str, FloatArray]:
     """Return each marker's mean position on the body, over frames that show both, shape (3,) each [m]."""
     points = {}
     for name in names:
@@ -161,8 +161,8 @@ def _run(model_path: Path, trc: Path, motion: Path, time: FloatArray, names: lis
 
 
 def _compared(
-    body: str, model: Path, motion: Path, markers: Markers, points: dict[str, FloatArray], poses: FloatArray
-) -> Solution:
+    body: str, model: Path, motion: Path, markers: OpenSimMarkers, points: dict[str, FloatArray], poses: FloatArray
+) -> InverseKinematics:
     solved = read_storage(motion)
     time, columns = solved.time, solved.columns
     T = np.tile(np.eye(4), (len(time), 1, 1))
@@ -184,7 +184,7 @@ def _compared(
     measured = (~np.isnan(distances)).sum(axis=0) >= MIN_MARKERS
     tracked = measured & ~np.isnan(stream[:, 0, 0])
     relative = np.einsum("nji,njk->nik", stream[tracked, :3, :3], T[tracked, :3, :3])
-    return Solution(
+    return InverseKinematics(
         body,
         motion,
         model,
@@ -197,7 +197,7 @@ def _compared(
     )
 
 
-def render(solution: Solution) -> str:
+def render(solution: InverseKinematics) -> str:
     """Return the result as text."""
     if not len(solution.position_error):
         return (

@@ -6,15 +6,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hric_bags.export.frames import Frames
+from hric_bags.export.frames import FixedFrames
 from hric_bags.export.opensim_formats import CHANNELS, THRESHOLD, plate_name
 from hric_bags.export.opensim_text import GROUND, write_storage
-from hric_bags.export.table import FloatArray, Table
+from hric_bags.export.table import FloatArray, TopicTable
 
 GRIP = "hric_msgs/msg/HumanGrip"
 
 
-class Load(NamedTuple):
+class ExportedLoad(NamedTuple):
     """Force on a body over time.
 
     Attributes:
@@ -35,7 +35,7 @@ class Load(NamedTuple):
 
 def load(
     name: str, body: str, time: FloatArray, R: FloatArray, vectors: tuple[FloatArray, FloatArray, FloatArray], axes: str
-) -> Load:
+) -> ExportedLoad:
     """Return a load from its vectors.
 
     Args:
@@ -51,10 +51,10 @@ def load(
         for what, values in zip(("force_v", "force_p", "torque_"), vectors, strict=True)
         for k, axis in enumerate("xyz")
     }
-    return Load(name, body, time, columns, axes)
+    return ExportedLoad(name, body, time, columns, axes)
 
 
-def of_plate(table: Table, frames: Frames, body: str = "", surface: float = 0.0) -> Load:
+def of_plate(table: TopicTable, frames: FixedFrames, body: str = "", surface: float = 0.0) -> ExportedLoad:
     """Return the load of a plate on the body that presses it.
 
     The channels are the load on the plate, in its frame at the middle of the surface with z along the normal, the
@@ -85,7 +85,7 @@ def of_plate(table: Table, frames: Frames, body: str = "", surface: float = 0.0)
     return load(plate_name(table), body, time, R, (-F, point, -np.column_stack([zero, zero, Tz])), axes)
 
 
-def of_grips(table: Table, frames: Frames) -> list[Load]:
+def of_grips(table: TopicTable, frames: FixedFrames) -> list[ExportedLoad]:
     """Return the load of each grip on the holding hand; grips by robot links are left out."""
     if table.type_name != GRIP:
         return []
@@ -107,7 +107,7 @@ def of_grips(table: Table, frames: Frames) -> list[Load]:
     return loads
 
 
-def write(loads: Sequence[Load], path: Path, source: str = "") -> None:
+def write(loads: Sequence[ExportedLoad], path: Path, source: str = "") -> None:
     """Write a .mot file with all loads at the times of the fastest; the others are interpolated.
 
     Args:

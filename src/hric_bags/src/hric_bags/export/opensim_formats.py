@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from hric_bags.export import batches
-from hric_bags.export.frames import Frames
+from hric_bags.export.frames import FixedFrames
 from hric_bags.export.opensim_text import GROUND, marker_name, write_storage, write_trc
-from hric_bags.export.table import ExportError, FloatArray, IntArray, Table
+from hric_bags.export.table import ExportError, FloatArray, IntArray, TopicTable
 
 MOCAP_TYPE, JOINTS_TYPE = "hric_msgs/msg/MocapData", "sensor_msgs/msg/JointState"
 CHANNELS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
@@ -22,7 +22,7 @@ MARKERS, RIGID_BODIES = "labelled_markers", "rigid_bodies"
 
 
 @dataclass(frozen=True)
-class Markers:
+class OpenSimMarkers:
     """Marker positions of a motion capture in OpenSim's ground.
 
     Attributes:
@@ -37,17 +37,17 @@ class Markers:
     time: FloatArray
     positions: Mapping[str, FloatArray]
     axes: str
-    table: Table
+    table: TopicTable
     T_ground_frame: FloatArray
     rows: IntArray
 
 
-def is_capture(table: Table) -> bool:
+def is_capture(table: TopicTable) -> bool:
     """Return True if a table holds motion capture."""
     return table.type_name == MOCAP_TYPE
 
 
-def markers_of(table: Table, frames: Frames) -> Markers:
+def markers_of(table: TopicTable, frames: FixedFrames) -> OpenSimMarkers:
     """Return the labelled markers or, if there are none, the origins of the rigid bodies.
 
     Raises:
@@ -69,26 +69,26 @@ def markers_of(table: Table, frames: Frames) -> Markers:
         positions[name] = p @ T[:3, :3].T + T[:3, 3]
     if not positions:
         raise ExportError(f"{table.topic} has neither markers nor bodies")
-    return Markers(time, positions, f"{GROUND}; {axes}", table, T, rows.astype(np.int64))
+    return OpenSimMarkers(time, positions, f"{GROUND}; {axes}", table, T, rows.astype(np.int64))
 
 
 def _prefixes(columns: Iterable[str], suffix: str) -> list[str]:
     return [name.removesuffix(suffix) for name in columns if name.endswith(suffix)]
 
 
-def write_markers(markers: Markers, path: Path, name: str) -> None:
+def write_markers(markers: OpenSimMarkers, path: Path, name: str) -> None:
     """Write a .trc file."""
     write_trc(
         path, markers.time, {marker_name(marker): p for marker, p in markers.positions.items()}, name, markers.axes
     )
 
 
-def is_joints(table: Table) -> bool:
+def is_joints(table: TopicTable) -> bool:
     """Return True if a table has the positions of a robot's joints."""
     return table.type_name in (batches.CONTROL_LOG, JOINTS_TYPE) and bool(table.below("position"))
 
 
-def write_coordinates(table: Table, path: Path) -> None:
+def write_coordinates(table: TopicTable, path: Path) -> None:
     """Write a .mot file of joint positions, labelled as the converted robot's coordinates; rotations in degrees."""
     time, rows = np.unique(table.time, return_index=True)
     columns = {}
@@ -103,12 +103,12 @@ def write_coordinates(table: Table, path: Path) -> None:
     write_storage(path, time, columns, "Coordinates", degrees=True, about=about)
 
 
-def is_signal(table: Table) -> bool:
+def is_signal(table: TopicTable) -> bool:
     """Return True if a table is written as .sto."""
     return table.type_name in SIGNALS and len(table.time) > 1
 
 
-def write_signals(table: Table, path: Path) -> None:
+def write_signals(table: TopicTable, path: Path) -> None:
     """Write a .sto file of all numbers of a table, in their own units and axes."""
     time, rows = np.unique(table.time, return_index=True)
     numbers = {
@@ -126,12 +126,12 @@ def write_signals(table: Table, path: Path) -> None:
     write_storage(path, time, columns, table.name, about=about)
 
 
-def is_plate(table: Table) -> bool:
+def is_plate(table: TopicTable) -> bool:
     """Return True if a table holds the samples of a force plate."""
     return table.type_name == batches.CHUNK and all(table.column(name) is not None for name in CHANNELS)
 
 
-def plate_name(table: Table) -> str:
+def plate_name(table: TopicTable) -> str:
     """Return the identifier of a plate from its topic `.../<id>/samples`."""
     parts = table.topic.strip("/").split("/")
     return parts[-2] if parts[-1] == "samples" and len(parts) > 1 else parts[-1]

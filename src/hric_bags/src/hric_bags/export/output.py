@@ -21,7 +21,7 @@ class FormatEntry(TypedDict, total=False):
     finished: bool
 
 
-class Output:
+class ExportFolder:
     """The folder of one export.
 
     Args:

@@ -9,10 +9,10 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 
-from hric_bags.export.table import ABOUT, Table
+from hric_bags.export.table import ABOUT, TopicTable
 
 
-def write_npz(table: Table, path: Path) -> None:
+def write_npz(table: TopicTable, path: Path) -> None:
     """Write arrays `time`, `stamp` and one per column, and `about` as JSON text."""
     arrays = {ABOUT: np.array(table.about_text()), **{name: column.values for name, column in table.named().items()}}
     # numpy.savez does not accept a column named "file".
@@ -22,7 +22,7 @@ def write_npz(table: Table, path: Path) -> None:
                 np.lib.format.write_array(file, array, allow_pickle=False)
 
 
-def write_csv(table: Table, path: Path) -> None:
+def write_csv(table: TopicTable, path: Path) -> None:
     """Write CSV below lines with # that describe the columns; `pandas.read_csv(path, comment="#")` reads it."""
     lines = [f"# {key}: {json.dumps(value)}" for key, value in table.about().items() if key != "units"]
     lines += [f"# unit of {name}: {column.unit or 'none or not known'}" for name, column in table.named().items()]
@@ -31,12 +31,12 @@ def write_csv(table: Table, path: Path) -> None:
         pyarrow.csv.write_csv(_arrow(table), file)
 
 
-def write_parquet(table: Table, path: Path) -> None:
+def write_parquet(table: TopicTable, path: Path) -> None:
     """Write Parquet with units in the metadata of the fields, the rest in that of the schema under "hric"."""
     pyarrow.parquet.write_table(_arrow(table), path)
 
 
-def _arrow(table: Table) -> pa.Table:
+def _arrow(table: TopicTable) -> pa.Table:
     columns = table.named()
     built = [pa.array(column.values) for column in columns.values()]
     fields = [

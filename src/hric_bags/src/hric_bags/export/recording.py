@@ -13,7 +13,7 @@ from hric_bags import reader as bag_reader
 from hric_bags.export import batches, units
 from hric_bags.export.anonymous import Anonymiser
 from hric_bags.export.gather import Gatherer, Timing
-from hric_bags.export.table import ExportError, Table
+from hric_bags.export.table import ExportError, TopicTable
 from hric_bags.health import examine
 from hric_bags.health.salvage import ACTIVE
 from hric_bags.parts import PartsReader
@@ -25,7 +25,7 @@ RUN_CLOCK, BAG_CLOCK = "the start of the run", "the first recording of the bag"
 
 
 @dataclass(frozen=True)
-class Source:
+class ExportSource:
     """Bag to be exported, with its run if there is one.
 
     Attributes:
@@ -51,7 +51,7 @@ class Source:
         return self.bag.with_name(f"{self.bag.stem}_export") if self.folder is None else self.folder.path / "export"
 
 
-def find(name: str, root: Path | None = None) -> Source:
+def find(name: str, root: Path | None = None) -> ExportSource:
     """Return the bag of a run, or a bag without run.
 
     Args:
@@ -66,11 +66,11 @@ def find(name: str, root: Path | None = None) -> Source:
         if bag.name.endswith(ACTIVE):
             raise ExportError(f"{bag.name} was not closed; if its recorder was killed: hric health --salvage {name}")
     urdf = folder.urdf_path.read_text() if folder is not None and folder.urdf_path.is_file() else ""
-    return Source(tuple(bag_parts.parts(bags[0])), folder, {} if folder is None else folder.read(), urdf)
+    return ExportSource(tuple(bag_parts.parts(bags[0])), folder, {} if folder is None else folder.read(), urdf)
 
 
 @contextlib.contextmanager
-def open_reader(source: Source) -> Iterator[PartsReader]:
+def open_reader(source: ExportSource) -> Iterator[PartsReader]:
     """Yield an open reader of the bag.
 
     Raises:
@@ -84,13 +84,13 @@ def open_reader(source: Source) -> Iterator[PartsReader]:
 
 
 def read(
-    source: Source,
+    source: ExportSource,
     topics: Collection[str] = (),
     *,
     progress: bool = False,
     types: Collection[str] = (),
     anonymous: Anonymiser | None = None,
-) -> dict[str, Table]:
+) -> dict[str, TopicTable]:
     """Return the tables of the topics.
 
     Args:
@@ -170,7 +170,7 @@ class _Gathering:
             self._gatherers[topic] = Gatherer(topic, kind, self._fields, self._prismatic)
         self._gatherers[topic].add(stamp, message)
 
-    def tables(self, begin: int) -> dict[str, Table]:
+    def tables(self, begin: int) -> dict[str, TopicTable]:
         """Return the tables by topic; begin: time of the bag's first message [ns]."""
         timing, clock = self._timing(begin)
         tables = [gatherer.table(timing, clock) for gatherer in self._gatherers.values()]

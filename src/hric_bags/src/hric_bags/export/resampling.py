@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hric_bags.export.table import FloatArray, Table
+from hric_bags.export.table import FloatArray, TopicTable
 
 ALMOST = 1e-3
 """Share of a period that is negligible [1]."""
@@ -16,7 +16,7 @@ DRIFT = 0.1
 """Largest drift, in periods, at which the frame rate counts as a whole number (default chosen by this project)."""
 
 
-class Sampled:
+class SampledTopic:
     """Samples of a topic.
 
     Args:
@@ -27,7 +27,7 @@ class Sampled:
         rate: sampling rate [Hz].
     """
 
-    def __init__(self, table: Table) -> None:
+    def __init__(self, table: TopicTable) -> None:
         self._table = table
         self.time, self._rows = np.unique(table.time, return_index=True)
         # Within a chunk, samples have the spacing of the source, whatever the pace of the run between chunks.

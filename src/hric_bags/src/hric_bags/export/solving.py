@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from hric_bags import files
-from hric_bags.export.exporting import Request, export
-from hric_bags.export.recording import Source
-from hric_bags.export.table import ExportError, Table
+from hric_bags.export.exporting import ExportRequest, export
+from hric_bags.export.recording import ExportSource
+from hric_bags.export.table import ExportError, TopicTable
 from hric_core.errors import HricError, failing
 
 
@@ -18,7 +18,7 @@ class SolveError(HricError):
     """Error for a tool of OpenSim that failed, or data that it cannot take."""
 
 
-def only(tables: Mapping[str, Table], topic: str, what: str) -> Table:
+def only(tables: Mapping[str, TopicTable], topic: str, what: str) -> TopicTable:
     """Return the only table of a topic.
 
     Args:
@@ -36,21 +36,21 @@ def only(tables: Mapping[str, Table], topic: str, what: str) -> Table:
     return matches[0]
 
 
-def exported(source: Source, kind: str, topic: str) -> Path:
+def exported(source: ExportSource, kind: str, topic: str) -> Path:
     """Return the exported file of a topic, written now if it does not exist.
 
     Raises:
         ExportError: the file cannot be written.
     """
     name = topic.strip("/").replace("/", ".")
-    result = export(source, Request((kind,)))
+    result = export(source, ExportRequest((kind,)))
     if kind in result.failures:
         with failing():
             raise ExportError(result.failures[kind])
     return next(path for path in result.files[kind] if path.name == f"{name}.{kind}")
 
 
-def output_folder(source: Source, name: str, requested: Path | None) -> Path:
+def output_folder(source: ExportSource, name: str, requested: Path | None) -> Path:
     """Return the folder of the results, made if missing.
 
     Raises:

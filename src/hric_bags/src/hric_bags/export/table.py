@@ -19,7 +19,7 @@ class ExportError(HricError):
 
 
 @dataclass(frozen=True)
-class Column:
+class TopicColumn:
     """One value of a topic over time.
 
     Attributes:
@@ -34,7 +34,7 @@ class Column:
 
 
 @dataclass(frozen=True)
-class Table:
+class TopicTable:
     """Table of n samples of a topic.
 
     Attributes:
@@ -53,7 +53,7 @@ class Table:
     frame: str
     time: FloatArray
     stamp: IntArray
-    columns: tuple[Column, ...]
+    columns: tuple[TopicColumn, ...]
     clock: str = ""
     notes: tuple[str, ...] = ()
 
@@ -68,9 +68,9 @@ class Table:
         """File name without extension: the topic with "." for "/"."""
         return self.topic.strip("/").replace("/", ".")
 
-    def named(self) -> dict[str, Column]:
+    def named(self) -> dict[str, TopicColumn]:
         """Return time, stamp and all columns by their names in a file; a taken name gets "field." before it."""
-        columns = {"time": Column("time", "s", self.time), "stamp": Column("stamp", "ns", self.stamp)}
+        columns = {"time": TopicColumn("time", "s", self.time), "stamp": TopicColumn("stamp", "ns", self.stamp)}
         for column in self.columns:
             name = column.name
             while name in columns or name == ABOUT:
@@ -78,7 +78,7 @@ class Table:
             columns[name] = column
         return columns
 
-    def column(self, name: str) -> Column | None:
+    def column(self, name: str) -> TopicColumn | None:
         """Return a column by its name; None: there is none."""
         return next((column for column in self.columns if column.name == name), None)
 
@@ -113,7 +113,7 @@ AXES = "right-handed, those of the frame; z up where the frame is the robot's ba
 class Export:
     """Format of another package, a plugin `hric_bags::Export`: a file per topic, with the plugin's name as ending."""
 
-    def write(self, table: Table, path: Path) -> None:
+    def write(self, table: TopicTable, path: Path) -> None:
         """Write a topic into a new file.
 
         Raises:

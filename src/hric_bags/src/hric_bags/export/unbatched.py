@@ -16,7 +16,7 @@ import numpy.typing as npt
 from hric_bags.chunked_writer import ChunkedWriter
 from hric_bags.export import batches
 from hric_bags.export.anonymous import Anonymiser
-from hric_bags.export.recording import Source, open_reader
+from hric_bags.export.recording import ExportSource, open_reader
 from hric_bags.export.table import IntArray
 from hric_bags.parts import PartsReader
 from hric_bags.reader import ARRAYS
@@ -26,7 +26,7 @@ Fields = dict[str, npt.NDArray[Any]]
 
 
 def write(
-    source: Source,
+    source: ExportSource,
     target: Path,
     topics: tuple[str, ...] = (),
     *,

@@ -39,7 +39,7 @@ class NotABagError(HricError):
 
 
 @dataclass(frozen=True)
-class Connection:
+class BagConnection:
     """Publisher and topic of messages: the fields of a connection record.
 
     Attributes:
@@ -79,7 +79,7 @@ class BagScan:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.connections: dict[int, Connection] = {}
+        self.connections: dict[int, BagConnection] = {}
         self.chunks = 0
         self.damage: list[str] = []
         self.doubtful: list[str] = []
@@ -224,7 +224,7 @@ class BagScan:
         text = {key: value.decode("utf-8", "replace") for key, value in inner.items()}
         number = LENGTH.unpack(fields[b"conn"])[0]
         # The topic is in the record's header: the data have the name before remapping.
-        connection = Connection(
+        connection = BagConnection(
             fields[b"topic"].decode("utf-8", "replace"),
             text.get(b"type", ""),
             text.get(b"md5sum", ""),
@@ -240,13 +240,13 @@ class BagScan:
             self.connections[number] = connection
 
 
-def _is_sound(connection: Connection, topic: str) -> bool:
+def _is_sound(connection: BagConnection, topic: str) -> bool:
     """Return True if a connection's checksum matches its definition, and its topic is `topic`."""
     return _store(connection) is not None and connection.topic == topic
 
 
 @lru_cache
-def _store(connection: Connection) -> Typestore | None:
+def _store(connection: BagConnection) -> Typestore | None:
     """Return the typestore that reads messages of a connection; None: its definition is damaged."""
     store, name = get_typestore(Stores.EMPTY), connection.type_name.replace("/", "/msg/")
     try:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hric_bags.health.bag_records import BagScan
-from hric_bags.health.streams import Stream
+from hric_bags.health.streams import TopicStream
 
 GAP_FACTOR = 3.0
 """Distance between stamps of a regular stream that is a gap, in periods [1]; project default, unconfirmed."""
@@ -41,7 +41,7 @@ class HealthFinding:
         return f"{self.level}: {self.topic}{': ' if self.topic else ''}{self.text}"
 
 
-def is_regular(stream: Stream) -> bool:
+def is_regular(stream: TopicStream) -> bool:
     """Return True if header stamps come evenly; False for events, latched topics and topics without header."""
     if stream.judged is None or len(stream.judged) < MIN_MESSAGES:
         return False
@@ -55,7 +55,7 @@ def of_file(scan: BagScan) -> list[HealthFinding]:
     return [HealthFinding(DAMAGED, "", text) for text in scan.damage]
 
 
-def of_streams(streams: list[Stream]) -> list[HealthFinding]:
+def of_streams(streams: list[TopicStream]) -> list[HealthFinding]:
     """Return the problems of the streams of a bag."""
     offset = _clock_offset(streams)
     findings = []
@@ -69,7 +69,7 @@ def of_streams(streams: list[Stream]) -> list[HealthFinding]:
     return findings
 
 
-def _numbers(stream: Stream) -> Iterator[str]:
+def _numbers(stream: TopicStream) -> Iterator[str]:
     spans_by_word = {"are missing": stream.missing, "are repeated, or the source restarted": stream.repeated}
     for word, spans in spans_by_word.items():
         if spans:
@@ -77,7 +77,7 @@ def _numbers(stream: Stream) -> Iterator[str]:
             yield f"{count} {stream.counts} {word}, first {length} from number {first} on"
 
 
-def _gaps(stream: Stream) -> Iterator[str]:
+def _gaps(stream: TopicStream) -> Iterator[str]:
     """Yield the gaps of a stream without running number, by its stamps."""
     if stream.counts or stream.judged is None or len(stream.judged) < MIN_MESSAGES:
         return
@@ -101,7 +101,7 @@ def longest_period(period: float) -> float:
     return max(GAP_FACTOR * period, period + MIN_GAP)
 
 
-def _order(stream: Stream) -> Iterator[str]:
+def _order(stream: TopicStream) -> Iterator[str]:
     """Yield stamps that go back, per publisher: messages of several nodes on one topic have no common order."""
     if stream.judged is None:
         return
@@ -116,7 +116,7 @@ def _order(stream: Stream) -> Iterator[str]:
             yield f"{text}, by up to {-steps.min() * 1e-9:.3f} s{publisher}"
 
 
-def _clock(stream: Stream, offset: float) -> Iterator[str]:
+def _clock(stream: TopicStream, offset: float) -> Iterator[str]:
     back = np.diff(stream.recorded) * 1e-9
     if len(back) and back.min() < -JUMP:
         at = int(np.argmin(back)) + 1
@@ -134,7 +134,7 @@ def _clock(stream: Stream, offset: float) -> Iterator[str]:
         yield f"{int(wrong.sum())} stamps are {relation} than their recording by up to {abs(worst):.3f} s"
 
 
-def _clock_offset(streams: list[Stream]) -> float:
+def _clock_offset(streams: list[TopicStream]) -> float:
     """Return the median offset of the recording clock from the stamps of all topics [s]; 0: the same clock."""
     medians = [
         float(np.median((stream.recorded - stream.judged) * 1e-9))

@@ -8,7 +8,7 @@ from pathlib import Path
 from hric_bags import files
 from hric_bags.arguments import run_arguments
 from hric_bags.health import examine, seams
-from hric_bags.health.examine import DAMAGED, Health
+from hric_bags.health.examine import DAMAGED, BagHealth
 from hric_bags.health.salvage import salvage
 from hric_bags.run_folder import RunFolder
 from hric_core.command import Argument, Command
@@ -56,13 +56,13 @@ class HealthCommand(Command):
         return code
 
 
-def _examine(path: Path, folder: RunFolder | None, arguments: argparse.Namespace) -> Health:
+def _examine(path: Path, folder: RunFolder | None, arguments: argparse.Namespace) -> BagHealth:
     health = examine.examine(path, progress=not arguments.quiet and sys.stderr.isatty())
     _print(health, arguments.quiet)
     return _salvaged(path, folder, arguments.quiet) if arguments.salvage and health.code == DAMAGED else health
 
 
-def _salvaged(path: Path, folder: RunFolder | None, quiet: bool) -> Health:
+def _salvaged(path: Path, folder: RunFolder | None, quiet: bool) -> BagHealth:
     result = salvage(path)
     if folder is not None:
         folder.update(salvaged=True)
@@ -72,6 +72,6 @@ def _salvaged(path: Path, folder: RunFolder | None, quiet: bool) -> Health:
     return health
 
 
-def _print(health: Health, quiet: bool) -> None:
+def _print(health: BagHealth, quiet: bool) -> None:
     text = "".join(f"{finding}\n" for finding in health.findings) if quiet else examine.render(health)
     print(text, end="", flush=True)

@@ -13,7 +13,7 @@ from hric_bags.health import checks
 from hric_bags.health.bag_records import BagScan
 from hric_bags.health.checks import HealthFinding
 from hric_bags.health.salvage import ACTIVE
-from hric_bags.health.streams import Stream, StreamGatherer
+from hric_bags.health.streams import StreamGatherer, TopicStream
 from hric_bags.run_folder import RunFolder, runs_root
 from hric_core.errors import HricError
 
@@ -26,7 +26,7 @@ class HealthError(HricError):
 
 
 @dataclass(frozen=True)
-class Health:
+class BagHealth:
     """Topics and findings of a bag.
 
     Attributes:
@@ -38,7 +38,7 @@ class Health:
 
     path: Path
     size: int
-    streams: list[Stream]
+    streams: list[TopicStream]
     findings: list[HealthFinding]
 
     @property
@@ -93,7 +93,7 @@ def _part(bag: Path) -> Path:
     raise HealthError(f"no bag in {bag.parent}: neither {bag.name} nor {bag.name}{ACTIVE}")
 
 
-def examine(path: Path, *, progress: bool = False, doubtful: Sequence[str] = ()) -> Health:
+def examine(path: Path, *, progress: bool = False, doubtful: Sequence[str] = ()) -> BagHealth:
     """Read a bag from its first byte to its last.
 
     Args:
@@ -126,10 +126,10 @@ def examine(path: Path, *, progress: bool = False, doubtful: Sequence[str] = ())
         findings.insert(0, HealthFinding(checks.DAMAGED, "", f"{unknown} messages belong to unknown topics"))
     if not streams:
         findings.append(HealthFinding(checks.PROBLEM, "", "the bag has no messages"))
-    return Health(path, size, streams, findings)
+    return BagHealth(path, size, streams, findings)
 
 
-def render(health: Health) -> str:
+def render(health: BagHealth) -> str:
     """Return the report as text."""
     cells = [["topic", "messages", "rate", "period", "from", "to"], ["", "", "Hz", "s", "s", "s"]]
     begin = min((float(stream.recorded.min()) for stream in health.streams if len(stream.recorded)), default=0.0)
@@ -164,7 +164,7 @@ def render(health: Health) -> str:
     )
 
 
-def to_dict(health: Health) -> dict[str, object]:
+def to_dict(health: BagHealth) -> dict[str, object]:
     """Return the report as data for a program: JSON without NaN."""
     topics = {
         stream.topic: {

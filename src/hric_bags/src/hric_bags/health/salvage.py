@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from hric_bags.chunked_writer import ChunkedWriter
-from hric_bags.health.bag_records import BagScan, Connection
+from hric_bags.health.bag_records import BagConnection, BagScan
 from hric_core.errors import HricError, failing
 
 ACTIVE, DAMAGED = ".active", ".damaged"
@@ -66,7 +66,7 @@ def salvage(path: Path) -> Salvaged:
 
 
 def _copy(scan: BagScan, target: Path) -> int:
-    connections: dict[Connection, Any] = {}
+    connections: dict[BagConnection, Any] = {}
     count = 0
     with ChunkedWriter(target) as writer:
         for number, time, raw in scan.messages():
@@ -82,7 +82,7 @@ def _copy(scan: BagScan, target: Path) -> int:
     return count
 
 
-def _add(writer: ChunkedWriter, known: Connection) -> Any:
+def _add(writer: ChunkedWriter, known: BagConnection) -> Any:
     return writer.add_connection(
         known.topic,
         known.type_name.replace("/", "/msg/"),

@@ -9,7 +9,7 @@ import numpy as np
 
 from hric_bags.health import checks
 from hric_bags.health.checks import NOTE, PROBLEM, HealthFinding
-from hric_bags.health.streams import Stream
+from hric_bags.health.streams import TopicStream
 
 
 @dataclass(frozen=True)
@@ -36,12 +36,12 @@ class Seam:
         return ("" if quiet else head) + "".join(f"{finding}\n" for finding in self.findings)
 
 
-def of_parts(parts: Sequence[tuple[Path, Sequence[Stream]]]) -> list[Seam]:
+def of_parts(parts: Sequence[tuple[Path, Sequence[TopicStream]]]) -> list[Seam]:
     """Return all seams of a recording; parts: bag and topics of each part, in order."""
     return [_seam(before[0].name, before[1], after[0].name, after[1]) for before, after in pairwise(parts)]
 
 
-def _seam(before: str, old: Sequence[Stream], after: str, new: Sequence[Stream]) -> Seam:
+def _seam(before: str, old: Sequence[TopicStream], after: str, new: Sequence[TopicStream]) -> Seam:
     times = [
         np.concatenate([stream.recorded for stream in streams]) if streams else np.empty(0) for streams in (old, new)
     ]
@@ -64,7 +64,7 @@ def _seam(before: str, old: Sequence[Stream], after: str, new: Sequence[Stream])
     return Seam(before, after, overlap, findings + notes)
 
 
-def _problems(before: Stream, after: Stream) -> Iterator[str]:
+def _problems(before: TopicStream, after: TopicStream) -> Iterator[str]:
     """Yield missing numbers or a gap of one topic between two parts."""
     if before.latched:
         return

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from hric_bags.health.bag_records import Connection
+from hric_bags.health.bag_records import BagConnection
 
 IntArray = npt.NDArray[np.int64]
 _HEADER = re.compile(r"^\s*(std_msgs/)?Header\s+header\b")
@@ -30,7 +30,7 @@ _WRAP = 1 << 32
 
 
 @dataclass
-class Stream:
+class TopicStream:
     """Times, publishers and running numbers of the messages of one topic.
 
     Attributes:
@@ -80,17 +80,17 @@ class Stream:
 
 @dataclass
 class _Gathered:
-    connection: Connection
+    connection: BagConnection
     recorded: list[int] = field(default_factory=list)
     stamps: list[int] = field(default_factory=list)
     numbers: list[tuple[int, int]] = field(default_factory=list)
     publishers: dict[str, int] = field(default_factory=dict)
     published_by: list[int] = field(default_factory=list)
 
-    def stream(self) -> Stream:
+    def stream(self) -> TopicStream:
         connection, numbers = self.connection, self.numbers
         missing, repeated = _continuity(numbers)
-        return Stream(
+        return TopicStream(
             connection.topic,
             connection.type_name,
             connection.latching,
@@ -113,7 +113,7 @@ class StreamGatherer:
         self._topics: dict[str, _Gathered] = {}
         self._readers: dict[str, Callable[[bytes], tuple[int, int]]] = {}
 
-    def add(self, connection: Connection, time: int, raw: bytes) -> None:
+    def add(self, connection: BagConnection, time: int, raw: bytes) -> None:
         """Add a serialised message; time: recording time [ns]."""
         gathered = self._topics.get(connection.topic)
         if gathered is None:
@@ -126,7 +126,7 @@ class StreamGatherer:
         if connection.type_name in COUNTED:
             gathered.numbers.append(self._reader(connection)(raw))
 
-    def _reader(self, connection: Connection) -> Callable[[bytes], tuple[int, int]]:
+    def _reader(self, connection: BagConnection) -> Callable[[bytes], tuple[int, int]]:
         reader = self._readers.get(connection.md5sum)
         if reader is None:
             store = get_typestore(Stores.EMPTY)
@@ -140,12 +140,12 @@ class StreamGatherer:
             reader = self._readers[connection.md5sum] = read
         return reader
 
-    def streams(self) -> list[Stream]:
+    def streams(self) -> list[TopicStream]:
         """Return all topics, sorted by name."""
         return [self._topics[topic].stream() for topic in sorted(self._topics)]
 
 
-def _has_header(connection: Connection) -> bool:
+def _has_header(connection: BagConnection) -> bool:
     lines = (line for line in connection.definition.splitlines() if line.strip() and not line.lstrip().startswith("#"))
     return _HEADER.match(next(lines, "")) is not None
 

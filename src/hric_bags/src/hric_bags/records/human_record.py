@@ -19,7 +19,7 @@ from hric_bags.records.region_contacts import (
     RegionMessages,
 )
 from hric_bags.records.root_record import RootRecord
-from hric_bags.records.rows import Rows, Thinning, times, xyz, xyz_quaternion
+from hric_bags.records.rows import RecordRows, Thinning, times, xyz, xyz_quaternion
 from hric_human.contact import RegionContact
 
 GRIP_TYPE, TORQUE_TYPE = "hric_msgs/msg/HumanGrip", "hric_msgs/msg/JointTorque"
@@ -53,7 +53,7 @@ class GripRecord:
 
 
 @dataclass(frozen=True)
-class Event:
+class RecordedHumanEvent:
     """Event of a simulated person. Attributes: see hric_msgs/HumanEvent; time: robot time [s]."""
 
     time: float
@@ -94,7 +94,7 @@ class HumanRecord:
     clipped: dict[str, int]
     grips: dict[str, GripRecord] = field(default_factory=dict)
     contacts: dict[str, ContactRecord] = field(default_factory=dict)
-    events: list[Event] = field(default_factory=list)
+    events: list[RecordedHumanEvent] = field(default_factory=list)
     region_contacts: list[RegionContact] = field(default_factory=list)
     muscles: MuscleRecord | None = None
     root: RootRecord | None = None
@@ -161,7 +161,7 @@ class HumanMessages:
             self._states = self._torques = self._roots = ""
         self._others = {f"{name}/{end}" for end in ("grip", "events", "contacts")} | {name}
         self._thin = None if rate is None else Thinning(rate)
-        self._position, self._torque = Rows("position"), Rows("torque", "strength_share")
+        self._position, self._torque = RecordRows("position"), RecordRows("torque", "strength_share")
         self._root_stamps, self._root = array("d"), array("d")
         self._grips: dict[str, _Grips] = {}
         self._events: list[tuple[float, Any]] = []
@@ -222,7 +222,10 @@ class HumanMessages:
             {} if torque.last is None else dict(zip(torque.last.name, map(int, torque.last.clipped), strict=True)),
             {name: grips.record(robot_time) for name, grips in self._grips.items()},
             contacts.by_link(robot_time),
-            [Event(robot_time(stamp), m.kind, m.name, float(m.value), m.text) for stamp, m in self._events],
+            [
+                RecordedHumanEvent(robot_time(stamp), m.kind, m.name, float(m.value), m.text)
+                for stamp, m in self._events
+            ],
             contacts.region_contacts(robot_time),
             root=self._root_record(robot_time),
             name=self.name,

@@ -49,7 +49,7 @@ def check_names(topic: str, names: Iterable[str]) -> None:
         raise BagError(f"{topic}: {', '.join(double)} twice in one message; valid: each name once")
 
 
-class JointStates:
+class RecordedJointStates:
     """Joint states of one topic, checked as they arrive.
 
     Args:

@@ -27,7 +27,7 @@ from hric_bags.reader import (
 from hric_bags.records.contact_record import CONTACTS_TYPE as PAIRS_TYPE
 from hric_bags.records.contact_record import PairForce, add_to
 from hric_bags.records.human_record import TORQUE_TYPE, HumanMessages, HumanRecord, human_names
-from hric_bags.records.one_publisher import JOINTS, JointStates, check_names, publishers
+from hric_bags.records.one_publisher import JOINTS, RecordedJointStates, check_names, publishers
 from hric_bags.records.rows import Thinning, times, xyz, xyz_quaternion
 from hric_bags.records.safety_record import EVENT_TYPE, STATE_TYPE, SafetyMessages, SafetyRecord
 from hric_core.geometry import Pose
@@ -70,7 +70,7 @@ class Columns:
 
 
 @dataclass(frozen=True)
-class Tracked:
+class TrackedRoot:
     """Root link of a real person over time.
 
     Attributes:
@@ -123,7 +123,7 @@ class Recording:
     humans: dict[str, HumanRecord]
     pairs: list[PairForce] | None
     people: dict[str, Columns] = field(default_factory=dict)
-    tracked: dict[str, Tracked] = field(default_factory=dict)
+    tracked: dict[str, TrackedRoot] = field(default_factory=dict)
     activation: dict[str, Columns] = field(default_factory=dict)
     contact: dict[str, Columns] = field(default_factory=dict)
     shares: dict[str, Columns] = field(default_factory=dict)
@@ -164,7 +164,7 @@ class _Taken:
         self._pairs: dict[tuple[str, str], PairForce] = {}
         self._static: dict[tuple[str, str], Pose] = {}
         self._safety = SafetyMessages()
-        self._states: dict[str, JointStates] = {}
+        self._states: dict[str, RecordedJointStates] = {}
         self.description = ""
 
     def wants(self, connection: Any) -> bool:
@@ -178,7 +178,7 @@ class _Taken:
     def note(self, connection: Any, raw: bytes) -> None:
         """Count a message of a person, read or not, and look for a second body on a topic of joint states."""
         if connection.msgtype == STATES_TYPE:
-            self._states.setdefault(connection.topic, JointStates(connection.topic)).note(connection, raw)
+            self._states.setdefault(connection.topic, RecordedJointStates(connection.topic)).note(connection, raw)
         if connection.topic in self._topics:
             self._topics[connection.topic].note(connection, raw)
 
@@ -332,12 +332,12 @@ class _Roots:
         self._rows.extend((*xyz_quaternion(message.root), message.residual))
         self._last = message
 
-    def tracked(self, topic: str, robot_time: RobotTime) -> Tracked:
+    def tracked(self, topic: str, robot_time: RobotTime) -> TrackedRoot:
         """Return the root link over time."""
         rows = np.array(self._rows).reshape(-1, 8)
         time = times(self._stamps, robot_time)
         frame = str(self._last.header.frame_id).strip("/")
-        return Tracked(topic, frame, time, rows[:, :7], rows[:, 7], bool(self._last.calibrated))
+        return TrackedRoot(topic, frame, time, rows[:, :7], rows[:, 7], bool(self._last.calibrated))
 
 
 class _ThinLog:

@@ -52,7 +52,7 @@ class Thinning:
         return True
 
 
-class Rows:
+class RecordRows:
     """Rows of arrays of one length.
 
     Args:

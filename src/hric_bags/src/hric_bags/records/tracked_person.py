@@ -15,7 +15,7 @@ from hric_human.body import Body
 from hric_human.muscles import Anatomy
 from hric_human.muscles.live_load import AWAY, MISSING, LiveLoad, PersonLoad
 from hric_human.tracking import BRIDGED, LOST, PersonTracker
-from hric_perception.person.frames import MarkerRows
+from hric_perception.person.frames import PersonMarkers
 from hric_perception.person.hand_force import source_of
 from hric_perception.person.settings import PersonSettings
 
@@ -23,7 +23,7 @@ FRAMES = "hric_msgs/msg/MocapData"
 
 
 @dataclass(frozen=True)
-class Tracked:
+class TrackedMuscleLoad:
     """Muscle load of a tracked person.
 
     Attributes:
@@ -43,7 +43,7 @@ def tracked(
     settings: PersonSettings,
     anatomy: Anatomy,
     strength: float = 1.0,
-) -> Tracked:
+) -> TrackedMuscleLoad:
     """Return the muscle load of the person over a run.
 
     Args:
@@ -58,7 +58,7 @@ def tracked(
     """
     body, calibrated = settings.known()
     live, tracker = LiveLoad(body, anatomy, settings.side, strength), PersonTracker(body, settings.worn)
-    source, rows = source_of(settings.force), MarkerRows(settings.worn, settings.labels, settings.asset)
+    source, rows = source_of(settings.force), PersonMarkers(settings.worn, settings.labels, settings.asset)
     if source is not None:
         for time, message in _messages(reader, robot_time, lambda c: c.topic.endswith(f"/{source.topic}")):
             live.add_force(source.read(time, message))
@@ -76,7 +76,7 @@ def tracked(
         )
     fitted = "fitted to the person in a still pose" if calibrated else "NOT calibrated"
     note = f"motion: {frames} frames, markers {1e3 * np.nanmean(residuals):.1f} mm from those of the body, {fitted}"
-    return Tracked(load, body, (note, _of_force(load, settings), *_of_arms(load)))
+    return TrackedMuscleLoad(load, body, (note, _of_force(load, settings), *_of_arms(load)))
 
 
 def _messages(

@@ -4,7 +4,7 @@ Import them from this module, except `faces` (contact areas of two shapes) and `
 """
 
 from hric_control.plant import Surface
-from hric_control.plants.bushings import BushingLaw, Bushings, Motion
+from hric_control.plants.bushings import BushingLaw, Bushings, LinkMotion
 from hric_control.plants.config import GRAVITY, PlantConfig, WindowlessConfig, rotor_inertia
 from hric_control.plants.divergence import DivergedError, Divergence
 from hric_control.plants.driven_joints import DrivenJoints
@@ -41,10 +41,10 @@ __all__ = [
     "DrivenJoints",
     "EnginePlant",
     "EngineRobot",
+    "LinkMotion",
     "Losses",
     "Model",
     "Models",
-    "Motion",
     "MovingJoints",
     "Phi",
     "PlantConfig",

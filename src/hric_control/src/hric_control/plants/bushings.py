@@ -24,7 +24,7 @@ from hric_core.geometry.transforms import quaternion_from_rotation
 ZERO: Vector = (0.0, 0.0, 0.0)
 
 
-class Motion(NamedTuple):
+class LinkMotion(NamedTuple):
     """Pose and velocity of a link's frame, world frame.
 
     Attributes:
@@ -62,7 +62,7 @@ class BushingLaw:
         )
         self.load = BushingLoad(ZERO, ZERO, ZERO, 0.0, 0.0, 0.0)
 
-    def step(self, a: Motion, b: Motion) -> BushingLoad:
+    def step(self, a: LinkMotion, b: LinkMotion) -> BushingLoad:
         """Return the load of the coming step, from the motions of both links at its start."""
         law = self.bushing
         lever_a, lever_b = rotated(a.orientation, self._at_a), rotated(b.orientation, self._at_b)

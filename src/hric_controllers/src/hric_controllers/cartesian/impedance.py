@@ -8,13 +8,13 @@ import numpy as np
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 
 from franka_hw_interface.interfaces import FrankaModelInterface, FrankaStateInterface
-from franka_hw_interface.model import Frame
+from franka_hw_interface.model import FrankaFrame
 from hric_control.controller import Controller
 from hric_control.hardware_interface import EffortJointInterface
 from hric_control.robot_hw import RobotHW
 from hric_control.speed_scale import SpeedScale, SpeedScaleInterface
 from hric_controllers import parameters
-from hric_controllers.cartesian.law import Arm, CartesianLaw, Compliance, FloatArray
+from hric_controllers.cartesian.law import CartesianArmState, CartesianLaw, Compliance, FloatArray
 from hric_controllers.cartesian.workspace import JumpSettings, check_equilibrium
 from hric_controllers.dynamics import added_gravity, rotor_inertia
 from hric_controllers.state.messages import to_pose
@@ -27,7 +27,7 @@ from hric_core.parameters import Settings, names, number, per_joint, refused
 
 
 @dataclass(frozen=True)
-class ImpedanceSettings(parameters.LawSettings, parameters.ArmSettings):
+class CartesianImpedanceSettings(parameters.LawSettings, parameters.ArmSettings):
     """Parameters of the controller, except for its gains and its input."""
 
     joints: tuple[str, ...] = names(7, name="joint_names", text="`<arm_id>_joint1` to 7, in order")
@@ -94,7 +94,7 @@ class CartesianImpedanceController(Controller):
     def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
         """Read all parameters and interfaces before advertising, so that an error leaves nothing behind."""
         node = self._node = controller_node
-        settings, self._gain_settings = ImpedanceSettings.read(node), ComplianceSettings.read(node)
+        settings, self._gain_settings = CartesianImpedanceSettings.read(node), ComplianceSettings.read(node)
         self._arm_id, self.joints = settings.arm_id, list(settings.joints)
         self._group = robot_hw.get(EffortJointInterface).group(self.joints)
         self._robot = robot_hw.get(FrankaStateInterface).handle(f"{self._arm_id}_robot").robot_state
@@ -189,7 +189,8 @@ class CartesianImpedanceController(Controller):
         measured = to_pose(self._robot.O_T_EE)
         mass = model.mass() + self._rotors
         tau = law.torque(
-            measured, Arm(robot.q, robot.dq, model.zero_jacobian(Frame.END_EFFECTOR), mass, model.coriolis())
+            measured,
+            CartesianArmState(robot.q, robot.dq, model.zero_jacobian(FrankaFrame.END_EFFECTOR), mass, model.coriolis()),
         )
         if self._gravity is not None:
             tau += self._gravity(self._group.positions())

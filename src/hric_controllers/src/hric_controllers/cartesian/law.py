@@ -78,7 +78,7 @@ def _between(start: float, goal: float, share: float) -> float:
 
 
 @dataclass(frozen=True)
-class Arm:
+class CartesianArmState:
     """Measured joint state and dynamic model of the arm in one cycle.
 
     Attributes:
@@ -148,7 +148,7 @@ class CartesianLaw:
             self.compliance = self.target_compliance if gains == self.target_compliance else gains
             self._take_gains()
 
-    def torque(self, measured: poses.Pose, arm: Arm) -> FloatArray:
+    def torque(self, measured: poses.Pose, arm: CartesianArmState) -> FloatArray:
         """Return the joint torques without gravity, shape (7,) [N m]."""
         J = arm.jacobian
         dq = np.array(arm.dq)

@@ -16,11 +16,11 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from hric_controllers.cartesian.workspace import Box, FrameRotation
-from hric_controllers.marker.sample import Marker, SampleValidator
+from hric_controllers.marker.sample import MarkerSample, SampleValidator
 from hric_core.geometry import Vector, quaternions
 
 
-class Tracking(Enum):
+class FollowerState(Enum):
     """States of the follower."""
 
     WAITING = "waiting"
@@ -29,7 +29,7 @@ class Tracking(Enum):
     COMMANDED = "commanded"
 
 
-class Event(Enum):
+class FollowerEvent(Enum):
     """Events that change the state of the follower."""
 
     VALID = "a valid marker came"
@@ -38,16 +38,16 @@ class Event(Enum):
     ARRIVED = "the commanded pose is reached"
 
 
-NEXT: dict[tuple[Tracking, Event], Tracking] = {
-    (Tracking.WAITING, Event.VALID): Tracking.FOLLOWING,
-    (Tracking.WAITING, Event.COMMAND): Tracking.COMMANDED,
-    (Tracking.FOLLOWING, Event.VALID): Tracking.FOLLOWING,
-    (Tracking.FOLLOWING, Event.GONE): Tracking.LOST,
-    (Tracking.FOLLOWING, Event.COMMAND): Tracking.COMMANDED,
-    (Tracking.LOST, Event.VALID): Tracking.FOLLOWING,
-    (Tracking.LOST, Event.COMMAND): Tracking.COMMANDED,
-    (Tracking.COMMANDED, Event.COMMAND): Tracking.COMMANDED,
-    (Tracking.COMMANDED, Event.ARRIVED): Tracking.WAITING,
+NEXT: dict[tuple[FollowerState, FollowerEvent], FollowerState] = {
+    (FollowerState.WAITING, FollowerEvent.VALID): FollowerState.FOLLOWING,
+    (FollowerState.WAITING, FollowerEvent.COMMAND): FollowerState.COMMANDED,
+    (FollowerState.FOLLOWING, FollowerEvent.VALID): FollowerState.FOLLOWING,
+    (FollowerState.FOLLOWING, FollowerEvent.GONE): FollowerState.LOST,
+    (FollowerState.FOLLOWING, FollowerEvent.COMMAND): FollowerState.COMMANDED,
+    (FollowerState.LOST, FollowerEvent.VALID): FollowerState.FOLLOWING,
+    (FollowerState.LOST, FollowerEvent.COMMAND): FollowerState.COMMANDED,
+    (FollowerState.COMMANDED, FollowerEvent.COMMAND): FollowerState.COMMANDED,
+    (FollowerState.COMMANDED, FollowerEvent.ARRIVED): FollowerState.WAITING,
 }
 """Transitions of the state machine; an event without an entry changes nothing."""
 
@@ -86,7 +86,7 @@ class PoseOffset:
 
 
 @dataclass
-class Counts:
+class FollowerCounts:
     """Numbers of losses, of targets limited to the workspace, and of refused samples by reason, since the start."""
 
     losses: int = 0
@@ -112,12 +112,12 @@ class MarkerFollower:
 
     def start(self) -> None:
         """Wait for a first marker and reset the counters."""
-        self.tracking, self.counts = Tracking.WAITING, Counts()
-        self._marker_origin, self._here_origin = Marker((0.0, 0.0, 0.0)), PoseOffset((0.0, 0.0, 0.0))
-        self._last: Marker | None = None
+        self.tracking, self.counts = FollowerState.WAITING, FollowerCounts()
+        self._marker_origin, self._here_origin = MarkerSample((0.0, 0.0, 0.0)), PoseOffset((0.0, 0.0, 0.0))
+        self._last: MarkerSample | None = None
         self._last_time = -math.inf
 
-    def _enter(self, event: Event) -> bool:
+    def _enter(self, event: FollowerEvent) -> bool:
         """Apply an event to the state machine and return True if it has a transition in the present state."""
         following = NEXT.get((self.tracking, event))
         if following is None:
@@ -125,7 +125,7 @@ class MarkerFollower:
         self.tracking = following
         return True
 
-    def take(self, marker: Marker, time: float, here: PoseOffset) -> PoseOffset | None:
+    def take(self, marker: MarkerSample, time: float, here: PoseOffset) -> PoseOffset | None:
         """Take a sample and return the target that follows from it, None if there is none.
 
         Args:
@@ -133,26 +133,28 @@ class MarkerFollower:
             time: robot time [s].
             here: present or next rest pose of the end effector, used as new origin if one is needed.
         """
-        if not marker.valid or (self.tracking, Event.VALID) not in NEXT:
+        if not marker.valid or (self.tracking, FollowerEvent.VALID) not in NEXT:
             return None
-        last = self._last if self.tracking is Tracking.FOLLOWING else None
+        last = self._last if self.tracking is FollowerState.FOLLOWING else None
         reason = self._config.validator.objection(marker, last)
         if reason:
             self._refuse(reason)
             return None
         before, first = self.tracking, self._last is None
-        catch_up = before is Tracking.LOST and self._config.catch_up and marker.in_base == self._marker_origin.in_base
-        if before is not Tracking.FOLLOWING and not catch_up:
+        catch_up = (
+            before is FollowerState.LOST and self._config.catch_up and marker.in_base == self._marker_origin.in_base
+        )
+        if before is not FollowerState.FOLLOWING and not catch_up:
             self._marker_origin, self._here_origin = marker, here
         target = self._target(marker)
         if target is None:
             self._refuse("asks for more than largest_turn")
             return None
-        self._enter(Event.VALID)
+        self._enter(FollowerEvent.VALID)
         self._last, self._last_time = marker, time
         if first:
             self._report(False, "first marker: it and the end effector are the origins of the motion that follows")
-        elif before is not Tracking.FOLLOWING:
+        elif before is not FollowerState.FOLLOWING:
             origins = (
                 "the end effector catches up with it" if catch_up else "it and the end effector are the new origins"
             )
@@ -165,7 +167,7 @@ class MarkerFollower:
         if refused[reason] == 1:
             self._report(True, f"a marker is refused: {reason} (reported once; the state counts them)")
 
-    def _target(self, marker: Marker) -> PoseOffset | None:
+    def _target(self, marker: MarkerSample) -> PoseOffset | None:
         config, origin, here = self._config, self._marker_origin, self._here_origin
         translation = (
             marker.position[0] - origin.position[0],
@@ -181,7 +183,7 @@ class MarkerFollower:
         self.counts.clamped += position != requested
         return PoseOffset(position, rotation)
 
-    def _rotation(self, marker: Marker) -> Vector:
+    def _rotation(self, marker: MarkerSample) -> Vector:
         identity = quaternions.IDENTITY
         by = quaternions.difference(marker.attitude or identity, self._marker_origin.attitude or identity)
         in_base = by if marker.in_base else self._config.rotation.rotated(by)
@@ -191,7 +193,11 @@ class MarkerFollower:
     def lost(self, time: float) -> bool:
         """Return True if the marker is lost as of this call; the caller then stops the motion."""
         silent = time - self._last_time
-        if self.tracking is not Tracking.FOLLOWING or silent <= self._config.lost_after or not self._enter(Event.GONE):
+        if (
+            self.tracking is not FollowerState.FOLLOWING
+            or silent <= self._config.lost_after
+            or not self._enter(FollowerEvent.GONE)
+        ):
             return False
         self.counts.losses += 1
         self._report(True, f"the marker is lost: no valid one for {1e3 * silent:.0f} ms; the end effector stops")
@@ -199,9 +205,9 @@ class MarkerFollower:
 
     def command(self) -> None:
         """Ignore markers until the commanded pose is reached."""
-        self._enter(Event.COMMAND)
+        self._enter(FollowerEvent.COMMAND)
 
     def arrived(self) -> None:
         """Accept markers again; the next one is a first marker."""
-        if self._enter(Event.ARRIVED):
+        if self._enter(FollowerEvent.ARRIVED):
             self._last = None

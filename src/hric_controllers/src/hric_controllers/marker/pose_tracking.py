@@ -9,11 +9,11 @@ from geometry_msgs.msg import PoseStamped
 
 from hric_control.speed_scale import SpeedScale
 from hric_controllers.cartesian.workspace import check_equilibrium
-from hric_controllers.marker.follower import MarkerFollower, PoseOffset, Tracking
+from hric_controllers.marker.follower import FollowerState, MarkerFollower, PoseOffset
 from hric_controllers.marker.jitter_buffer import MAX_WAITING, JitterBuffer
 from hric_controllers.marker.motion import LineMotion, MotionLimits, OnlineTrajectoryGenerator
 from hric_controllers.marker.parameters import TrackingSettings
-from hric_controllers.marker.sample import Marker, subscribe_markers
+from hric_controllers.marker.sample import MarkerSample, subscribe_markers
 from hric_controllers.parameters import Throttle
 from hric_controllers.state.messages import to_pose
 from hric_core import realtime
@@ -43,7 +43,9 @@ class PoseTracking:
         self._translation = self._motion(self._settings.translation)
         self._rotation = self._motion(self._settings.rotation)
         self._jitter_buffer = JitterBuffer(0.0 if self._settings.thesis else self._settings.playout_margin)
-        self._markers: deque[Marker] = deque(maxlen=MAX_WAITING)  # filled by the subscription, emptied by the loop
+        self._markers: deque[MarkerSample] = deque(
+            maxlen=MAX_WAITING
+        )  # filled by the subscription, emptied by the loop
         self._commands: realtime.LatestValue[Pose | None] = realtime.LatestValue(None)
         self._state_time = Throttle(self._settings.state_publish_rate)
         self._running, self._ignored = False, 0
@@ -125,7 +127,7 @@ class PoseTracking:
         self._take_command()
         while self._markers:
             self._take_marker(self._markers.popleft(), time)
-        if self._follower.tracking is Tracking.FOLLOWING:
+        if self._follower.tracking is FollowerState.FOLLOWING:
             target = self._jitter_buffer.due(time)
             if target is not None and not self._head_for(target):
                 self._ignored += 1
@@ -135,8 +137,8 @@ class PoseTracking:
             self._rotation.stop()
         self._advance(period)
 
-    def _take_marker(self, marker: Marker, time: float) -> None:
-        again = self._follower.tracking is not Tracking.FOLLOWING
+    def _take_marker(self, marker: MarkerSample, time: float) -> None:
+        again = self._follower.tracking is not FollowerState.FOLLOWING
         target = self._follower.take(marker, time, self._here())
         if target is not None:
             if again:
@@ -153,7 +155,7 @@ class PoseTracking:
         if self._pending is not None:
             if self._head_for(self._pending):
                 self._pending = None
-        elif self._follower.tracking is Tracking.COMMANDED and not self._moving:
+        elif self._follower.tracking is FollowerState.COMMANDED and not self._moving:
             self._follower.arrived()
 
     @property

@@ -20,7 +20,7 @@ UNIT = 0.01
 
 
 @dataclass(frozen=True)
-class Marker:
+class MarkerSample:
     """Marker sample as received.
 
     Attributes:
@@ -52,7 +52,7 @@ class SampleValidator:
     largest_step: float
     attitude: bool = False
 
-    def objection(self, marker: Marker, last: Marker | None) -> str:
+    def objection(self, marker: MarkerSample, last: MarkerSample | None) -> str:
         """Return the reason to refuse a sample, empty if valid. `last`: previous sample, None while not following."""
         if not all(map(math.isfinite, marker.position)):
             return "position not finite"
@@ -62,7 +62,7 @@ class SampleValidator:
             return "no unit quaternion"
         return "" if last is None else self._after(marker, last)
 
-    def _after(self, marker: Marker, last: Marker) -> str:
+    def _after(self, marker: MarkerSample, last: MarkerSample) -> str:
         if marker.in_base != last.in_base:
             return "in another frame than the one before"
         if marker.stamp is not None and last.stamp is not None and marker.stamp <= last.stamp:
@@ -79,7 +79,7 @@ def _is_unit(q: Sequence[float] | None) -> bool:
 
 
 def subscribe_markers(
-    node: Node, source: str, topic: str, body: str, base: str, take: Callable[[Marker], None]
+    node: Node, source: str, topic: str, body: str, base: str, take: Callable[[MarkerSample], None]
 ) -> None:
     """Call `take` with each marker, in the subscriber's thread.
 
@@ -95,7 +95,9 @@ def subscribe_markers(
     if source == "mocap":
         node.subscribe(topic, MocapData, MocapReader(node, topic, body, base, take), queue_size=10)
     elif source == "point":
-        node.subscribe(topic, Point, lambda message: take(Marker((message.x, message.y, message.z))), queue_size=10)
+        node.subscribe(
+            topic, Point, lambda message: take(MarkerSample((message.x, message.y, message.z))), queue_size=10
+        )
 
 
 class MocapReader:
@@ -104,7 +106,7 @@ class MocapReader:
     A frame without the body gives an invalid marker; the first time, a warning lists the bodies of the frame.
     """
 
-    def __init__(self, node: Node, topic: str, body: str, base: str, take: Callable[[Marker], None]) -> None:
+    def __init__(self, node: Node, topic: str, body: str, base: str, take: Callable[[MarkerSample], None]) -> None:
         self._node, self._topic, self._body, self._base, self._take = node, topic, body, base, take
         self._warning_logged = False
 
@@ -115,10 +117,10 @@ class MocapReader:
         in_base = message.header.frame_id.lstrip("/") == self._base
         if body is None:
             self._warn_once(message)
-            self._take(Marker((0.0, 0.0, 0.0), False, None, in_base, stamp))
+            self._take(MarkerSample((0.0, 0.0, 0.0), False, None, in_base, stamp))
             return
         p, q = body.pose.position, body.pose.orientation
-        self._take(Marker((p.x, p.y, p.z), bool(body.tracking_valid), (q.x, q.y, q.z, q.w), in_base, stamp))
+        self._take(MarkerSample((p.x, p.y, p.z), bool(body.tracking_valid), (q.x, q.y, q.z, q.w), in_base, stamp))
 
     def _warn_once(self, message: Any) -> None:
         if not self._warning_logged:

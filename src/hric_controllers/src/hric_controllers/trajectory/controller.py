@@ -17,7 +17,7 @@ from hric_controllers.dynamics import added_gravity, kd_check
 from hric_controllers.parameters import Throttle
 from hric_controllers.state.messages import Point, build_state
 from hric_controllers.trajectory import message as trajectories
-from hric_controllers.trajectory.follower import Follower, GoalTolerances, Order, Outcome
+from hric_controllers.trajectory.follower import Follower, GoalOutcome, GoalTolerances, Order
 from hric_controllers.trajectory.goal import RunningGoal, result
 from hric_controllers.trajectory.message import INVALID_GOAL, TrajectoryError
 from hric_controllers.trajectory.settings import EffortTrajectorySettings, TrajectorySettings, continuous_joints
@@ -193,12 +193,12 @@ class JointTrajectoryController(Controller):
         if self._goal is not None and self._feedback_time.due(time):
             self._send_feedback(self._goal, q, dq)
 
-    def _report(self, outcome: Outcome) -> None:
+    def _report(self, outcome: GoalOutcome) -> None:
         goal = outcome.goal
         if isinstance(goal, RunningGoal):
             realtime.defer(self._node, lambda: self._finish(goal, outcome), "result of follow_joint_trajectory")
 
-    def _finish(self, goal: RunningGoal, outcome: Outcome) -> None:
+    def _finish(self, goal: RunningGoal, outcome: GoalOutcome) -> None:
         with self._lock:
             if self._goal is goal:
                 self._goal = None

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from hric_controllers.trajectory.message import GOAL_TOLERANCE_VIOLATED, PATH_TOLERANCE_VIOLATED, SUCCESSFUL, Waypoints
-from hric_controllers.trajectory.spline import Track, follow, hold, stop
+from hric_controllers.trajectory.spline import SplineTrack, follow, hold, stop
 from hric_core.errors import CommandError
 
 
@@ -123,7 +123,7 @@ class Order:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class GoalOutcome:
     """Outcome of a goal: error code of FollowJointTrajectoryResult and text for the client."""
 
     goal: object
@@ -147,7 +147,7 @@ class Follower:
     def __init__(self, joints: Sequence[str], stop_duration: float, continuous: Sequence[bool] | None = None) -> None:
         self._joints, self._stop_duration = list(joints), stop_duration
         self._continuous = list(continuous) if continuous is not None else [False] * len(self._joints)
-        self._tracks: list[Track] = []
+        self._tracks: list[SplineTrack] = []
         self._settled = False  # every track has ended: the desired state no longer changes
         self._pending: Order | None = None
         self._goal: object | None = None
@@ -171,7 +171,7 @@ class Follower:
         p, v, a = zip(*(track.look(time) for track in tuple(self._tracks)), strict=True)
         return list(p), list(v), list(a)
 
-    def update(self, time: float, q: Sequence[float], dq: Sequence[float], scale: float = 1.0) -> Outcome | None:
+    def update(self, time: float, q: Sequence[float], dq: Sequence[float], scale: float = 1.0) -> GoalOutcome | None:
         """Advance to `time` [s], which may be slower than robot time, and return the outcome of a goal that ended.
 
         Args:
@@ -189,7 +189,7 @@ class Follower:
         self.velocity_error = [d - x for d, x in zip(self.velocity, dq, strict=True)]
         return self._judge(time, scale, self._tolerances) if self._tolerances is not None else None
 
-    def fail(self, time: float, reason: str) -> Outcome | None:
+    def fail(self, time: float, reason: str) -> GoalOutcome | None:
         """Bring the joints to rest since the robot has stopped; return the outcome of the goal, None without a goal."""
         if self._goal is None:
             return None
@@ -224,7 +224,7 @@ class Follower:
         self._take(tracks)
         self._goal, self._tolerances = order.goal, order.tolerances
 
-    def _take(self, tracks: list[Track]) -> None:
+    def _take(self, tracks: list[SplineTrack]) -> None:
         self._tracks, self._settled = tracks, False
 
     def _whole_revolutions(self, index: int, here: float, there: float) -> float:
@@ -237,7 +237,7 @@ class Follower:
         states = [track.sample(time) for track in self._tracks]
         self._take([stop(time, position, velocity, self._stop_duration) for position, velocity, _ in states])
 
-    def _judge(self, time: float, scale: float, tolerances: GoalTolerances) -> Outcome | None:
+    def _judge(self, time: float, scale: float, tolerances: GoalTolerances) -> GoalOutcome | None:
         if time < self._goal_end:
             text = first_violation(self._joints, tolerances.path, self.position_error, self.velocity_error)
             if not text:
@@ -256,6 +256,6 @@ class Follower:
             f"goal tolerance: {text}, {time - self._goal_end:.3g} s after the end (allowed {allowed:g} s)",
         )
 
-    def _end(self, code: int, text: str) -> Outcome | None:
+    def _end(self, code: int, text: str) -> GoalOutcome | None:
         goal, self._goal, self._tolerances = self._goal, None, None
-        return None if goal is None else Outcome(goal, code, text)
+        return None if goal is None else GoalOutcome(goal, code, text)

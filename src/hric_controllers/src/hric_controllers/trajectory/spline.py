@@ -32,7 +32,7 @@ class Waypoint:
         return Waypoint(self.time + time, self.position + position, self.velocity, self.acceleration)
 
 
-class Segment:
+class SplineSegment:
     """Polynomial between two instants; before and after, the joint rests at the end positions."""
 
     __slots__ = ("c0", "c1", "c2", "c3", "c4", "c5", "end", "end_position", "start")
@@ -77,7 +77,7 @@ def _coefficients(first: Waypoint, last: Waypoint, duration: float) -> tuple[flo
     )
 
 
-class Track:
+class SplineTrack:
     """Consecutive segments of one joint; the joint rests at the last position afterwards.
 
     `sample` expects times that do not decrease.
@@ -88,7 +88,7 @@ class Track:
 
     __slots__ = ("_index", "segments")
 
-    def __init__(self, segments: Sequence[Segment]) -> None:
+    def __init__(self, segments: Sequence[SplineSegment]) -> None:
         self.segments = list(segments)
         self._index = 0
 
@@ -113,18 +113,18 @@ class Track:
         return self.segments[-1].sample(time)
 
 
-def hold(time: float, position: float) -> Track:
+def hold(time: float, position: float) -> SplineTrack:
     """Return a track at rest at `position` from `time` [s] on."""
-    return Track([Segment(Waypoint(time, position), Waypoint(time, position))])
+    return SplineTrack([SplineSegment(Waypoint(time, position), Waypoint(time, position))])
 
 
-def stop(time: float, position: float, velocity: float, duration: float) -> Track:
+def stop(time: float, position: float, velocity: float, duration: float) -> SplineTrack:
     """Return a track to rest within `duration` [s] at constant deceleration; zero: rest at once at the position."""
     end = position + 0.5 * velocity * duration
-    return Track([Segment(Waypoint(time, position, velocity), Waypoint(time + duration, end, 0.0))])
+    return SplineTrack([SplineSegment(Waypoint(time, position, velocity), Waypoint(time + duration, end, 0.0))])
 
 
-def follow(time: float, state: tuple[float, float, float], waypoints: Sequence[Waypoint]) -> Track:
+def follow(time: float, state: tuple[float, float, float], waypoints: Sequence[Waypoint]) -> SplineTrack:
     """Return a track from `state` (position, velocity, acceleration) at `time` [s] through the remaining waypoints.
 
     Args:
@@ -137,4 +137,4 @@ def follow(time: float, state: tuple[float, float, float], waypoints: Sequence[W
     if not ahead:
         return hold(time, waypoints[-1].position)
     here = Waypoint(time, *state)
-    return Track([Segment(a, b) for a, b in zip([here, *ahead[:-1]], ahead, strict=True)])
+    return SplineTrack([SplineSegment(a, b) for a, b in zip([here, *ahead[:-1]], ahead, strict=True)])

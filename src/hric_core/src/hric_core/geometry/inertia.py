@@ -55,7 +55,7 @@ class MassProperties:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class InertiaVerdict:
     """Test of a tensor for physical consistency.
 
     Attributes:
@@ -83,10 +83,10 @@ class Verdict:
         return reasons
 
 
-def judge(inertia: FloatArray) -> Verdict:
+def judge(inertia: FloatArray) -> InertiaVerdict:
     """Return principal moments and triangle margin of a symmetric tensor, shape (3, 3) [kg m^2]."""
     moments = np.asarray(np.linalg.eigvalsh(inertia), dtype=np.float64)
-    return Verdict(moments, float(moments[0] + moments[1] - moments[2]))
+    return InertiaVerdict(moments, float(moments[0] + moments[1] - moments[2]))
 
 
 def steiner_term(mass: float, com: FloatArray) -> FloatArray:

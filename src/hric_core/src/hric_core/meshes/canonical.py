@@ -38,7 +38,7 @@ class UnreadableMeshError(HricError):
 
 
 @dataclass(frozen=True)
-class Surface:
+class MeshSurface:
     """Triangles in the axes of the mesh.
 
     Attributes:
@@ -55,7 +55,7 @@ class Surface:
         return np.array([self.vertices.min(axis=0), self.vertices.max(axis=0)])
 
 
-def obj_text(surface: Surface, source: str) -> str:
+def obj_text(surface: MeshSurface, source: str) -> str:
     """Return the surface as Wavefront .obj with nine digits, without normals, textures and materials.
 
     Args:
@@ -136,7 +136,7 @@ def mesh_of(shape: Shape) -> bytes:
     return canonical(find(shape.address, shape.size, shape.where), shape.size, shape.where)[0]
 
 
-def hull_of(shape: Shape) -> Surface:
+def hull_of(shape: Shape) -> MeshSurface:
     """Return the convex hull of a shape's mesh, in axes of the shape: the collision shape on every engine.
 
     Raises:
@@ -150,7 +150,7 @@ def hull_of(shape: Shape) -> Surface:
 
 
 @lru_cache(maxsize=256)
-def _hull(path: Path, changed: int, scale: tuple[float, ...], where: str) -> Surface:
+def _hull(path: Path, changed: int, scale: tuple[float, ...], where: str) -> MeshSurface:
     from scipy.spatial import ConvexHull
 
     lines = canonical(path, scale, where)[0].splitlines()
@@ -162,7 +162,7 @@ def _hull(path: Path, changed: int, scale: tuple[float, ...], where: str) -> Sur
     numbers = {int(old): new for new, old in enumerate(hull.vertices)}
     faces = np.array([[numbers[int(corner)] for corner in face] for face in hull.simplices], np.int64)
     corners: FloatArray = vertices[hull.vertices]
-    return Surface(corners, faces)
+    return MeshSurface(corners, faces)
 
 
 def _kept_name(key: str, text: bytes) -> str:

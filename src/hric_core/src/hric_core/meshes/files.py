@@ -10,7 +10,7 @@ import collada
 import numpy as np
 import trimesh
 
-from hric_core.meshes.canonical import Surface, UnreadableMeshError
+from hric_core.meshes.canonical import MeshSurface, UnreadableMeshError
 
 Part = tuple[Any, Any, tuple[float, ...] | None]
 """Vertices, faces and colour of one material."""
@@ -31,7 +31,7 @@ LOOKS = (
 )
 
 
-def read_surface(path: Path, content: bytes, scale: tuple[float, float, float]) -> Surface:
+def read_surface(path: Path, content: bytes, scale: tuple[float, float, float]) -> MeshSurface:
     """Return the triangles of a mesh file, scaled by a URDF's `<mesh scale>`.
 
     A negative factor mirrors; faces keep their outside. In a COLLADA file the transforms of its nodes and its unit of
@@ -55,7 +55,7 @@ def read_surface(path: Path, content: bytes, scale: tuple[float, float, float]) 
 
 def read_coloured(
     path: Path, content: bytes, scale: tuple[float, float, float]
-) -> list[tuple[Surface, tuple[float, ...] | None]]:
+) -> list[tuple[MeshSurface, tuple[float, ...] | None]]:
     """Return one surface per colour of the materials: red, green, blue, opacity, each 0 to 1; None: no colour.
 
     Textures are not read. If the materials cannot be read, it is one surface without a colour.
@@ -71,7 +71,7 @@ def read_coloured(
         return [(read_surface(path, content, scale), None)]
 
 
-def _joined(parts: Sequence[Part], scale: tuple[float, float, float]) -> Surface:
+def _joined(parts: Sequence[Part], scale: tuple[float, float, float]) -> MeshSurface:
     mesh = (
         trimesh.util.concatenate([trimesh.Trimesh(vertices, faces, process=False) for vertices, faces, _ in parts])
         if parts
@@ -129,7 +129,7 @@ def _read_plain(suffix: str, content: bytes) -> list[Part]:
     return [(mesh.vertices, mesh.faces, None)]
 
 
-def _clean(mesh: Any, scale: tuple[float, float, float]) -> Surface:
+def _clean(mesh: Any, scale: tuple[float, float, float]) -> MeshSurface:
     """Scale, merge equal vertices, and drop faces without area: contact needs closed surfaces."""
     mesh.apply_transform(np.diag([*scale, 1.0]))
     mesh.merge_vertices(merge_tex=True, merge_norm=True)
@@ -137,4 +137,4 @@ def _clean(mesh: Any, scale: tuple[float, float, float]) -> Surface:
     mesh.remove_unreferenced_vertices()
     if not len(mesh.faces):
         raise UnreadableMeshError("no triangle with an area in it")
-    return Surface(np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64))
+    return MeshSurface(np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64))

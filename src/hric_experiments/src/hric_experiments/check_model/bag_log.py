@@ -7,8 +7,8 @@ import numpy as np
 
 from franka_hw_interface.arm_log import ArmLog, FloatArray, LogError
 from hric_bags.export import recording
-from hric_bags.export.recording import Source
-from hric_bags.export.table import Table
+from hric_bags.export.recording import ExportSource
+from hric_bags.export.table import TopicTable
 from hric_bags.reader import FRANKA_TYPE, LOG_TYPE
 from hric_core.errors import UnknownNameError
 
@@ -24,7 +24,7 @@ JOINTS = 7
 _SEVENTH = re.compile(r"(.*_)?joint7")
 
 
-def read_bag(source: Source, topic: str = "", arm_id: str = "") -> tuple[ArmLog, str]:
+def read_bag(source: ExportSource, topic: str = "", arm_id: str = "") -> tuple[ArmLog, str]:
     """Read the log of an arm from a bag; return it and its topic.
 
     Args:
@@ -65,7 +65,7 @@ def read_bag(source: Source, topic: str = "", arm_id: str = "") -> tuple[ArmLog,
     )
 
 
-def _arms(data: Table, kind: str, arm_id: str) -> list[str]:
+def _arms(data: TopicTable, kind: str, arm_id: str) -> list[str]:
     """Return the arms for which the data has position, velocity and torque of all joints."""
     if kind == FRANKA_TYPE:
         return [arm_id or "panda"]
@@ -80,7 +80,7 @@ def _names(arm: str) -> list[str]:
     return [f"{arm}_joint{i}" if arm else f"joint{i}" for i in range(1, JOINTS + 1)]
 
 
-def _log(data: Table, arm: str, fields: Sequence[str]) -> ArmLog:
+def _log(data: TopicTable, arm: str, fields: Sequence[str]) -> ArmLog:
     names = _names(arm)
     labels = [str(i) for i in range(JOINTS)] if fields[0] == "q" else names
     arrays = [_matrix(data.below(field), labels) for field in fields]

@@ -156,7 +156,7 @@ def _positive(text: str) -> float:
 
 def _write(
     arguments: argparse.Namespace,
-    source: sources.Source,
+    source: sources.LogSource,
     check: ModelCheck,
     friction: Sequence[Phi] | None,
     fits: list[JointFriction],

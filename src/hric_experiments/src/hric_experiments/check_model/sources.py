@@ -24,7 +24,7 @@ default, unconfirmed)."""
 
 
 @dataclass(frozen=True)
-class Source:
+class LogSource:
     """Log of an arm with its origin.
 
     Attributes:
@@ -44,7 +44,7 @@ class Source:
     simulated: Any = None
 
 
-def find(arguments: argparse.Namespace) -> Source:
+def find(arguments: argparse.Namespace) -> LogSource:
     """Find and read the log that the arguments name: a CSV file, a bag, a run folder or its name.
 
     Raises:
@@ -59,29 +59,31 @@ def find(arguments: argparse.Namespace) -> Source:
         raise LogError("--topic is for bags; of a CSV file: --columns")
     names = [f"{arguments.arm_id or PANDA}_{joint}" for joint in JOINTS]
     log = csv_log.read_csv(path, names, csv_log.parse_columns(arguments.columns))
-    return Source(log, path.name, path.with_name(f"{path.stem}_check_model"))
+    return LogSource(log, path.name, path.with_name(f"{path.stem}_check_model"))
 
 
-def _from_bag(arguments: argparse.Namespace) -> Source:
+def _from_bag(arguments: argparse.Namespace) -> LogSource:
     from hric_bags.export import recording
     from hric_experiments.check_model import bag_log
 
     recorded = recording.find(arguments.run, arguments.runs)
     log, topic = bag_log.read_bag(recorded, arguments.topic, arguments.arm_id)
     if recorded.folder is None:
-        return Source(log, f"{recorded.bag.name}, {topic}", recorded.bag.with_name(f"{recorded.bag.stem}_check_model"))
+        return LogSource(
+            log, f"{recorded.bag.name}, {topic}", recorded.bag.with_name(f"{recorded.bag.stem}_check_model")
+        )
     name, output = f"{recorded.folder.path.name}, {topic}", recorded.folder.path / "check_model"
     robot = robot_parameters(recorded.run)
     if not robot or str(robot.get("robot_hw", "")).startswith("franka_real"):
-        return Source(log, name, output, recorded.urdf)
+        return LogSource(log, name, output, recorded.urdf)
     plant = robot.get("plant") or {}
     acted = plant.get("friction", "none")
-    return Source(
+    return LogSource(
         log, name, output, recorded.urdf, acted if acted in FRICTIONS else "none", plant.get("friction_parameters")
     )
 
 
-def model(arguments: argparse.Namespace, source: Source) -> tuple[KdlFrankaModel, str, str]:
+def model(arguments: argparse.Namespace, source: LogSource) -> tuple[KdlFrankaModel, str, str]:
     """Return the model with its payload, its description, and its name.
 
     Raises:
@@ -97,7 +99,9 @@ def model(arguments: argparse.Namespace, source: Source) -> tuple[KdlFrankaModel
     return made, text, name + _loaded(made, arguments.load)
 
 
-def _description(arguments: argparse.Namespace, source: Source, arm_id: str) -> tuple[str, str, Sequence[float] | None]:
+def _description(
+    arguments: argparse.Namespace, source: LogSource, arm_id: str
+) -> tuple[str, str, Sequence[float] | None]:
     """Return the URDF, its name, and gravity in the base if the URDF lacks the mounting of the run [m/s^2]."""
     is_chosen = arguments.inertials is not None or arguments.hand is not None
     if arguments.urdf is not None:
@@ -113,7 +117,7 @@ def _description(arguments: argparse.Namespace, source: Source, arm_id: str) -> 
     return text, f"inertials {name}, {'with' if hand else 'without'} hand", mounted
 
 
-def _has_hand(source: Source, arm_id: str) -> bool:
+def _has_hand(source: LogSource, arm_id: str) -> bool:
     """Return True if the robot of the run has the hand, or if the robot is unknown."""
     return not source.urdf or f'"{arm_id}_hand"' in source.urdf
 
@@ -131,7 +135,9 @@ class HandTrial:
     lines: tuple[str, ...] = ()
 
 
-def try_hand(arguments: argparse.Namespace, source: Source, coarse_rms: Callable[[KdlFrankaModel], float]) -> HandTrial:
+def try_hand(
+    arguments: argparse.Namespace, source: LogSource, coarse_rms: Callable[[KdlFrankaModel], float]
+) -> HandTrial:
     """Compare the model with and without the hand if the arguments do not select one.
 
     For an unknown arm the better model is used; for the robot of a run a warning says if the other model fits better.
@@ -181,7 +187,7 @@ def published() -> list[Phi]:
     return sigmoid_parameters(values, list(values))
 
 
-def friction(arguments: argparse.Namespace, source: Source) -> tuple[list[Phi] | None, list[float], str]:
+def friction(arguments: argparse.Namespace, source: LogSource) -> tuple[list[Phi] | None, list[float], str]:
     """Return the friction sigmoid of each joint (None: no friction), the breakaway torques [N m], and a name.
 
     Raises:

@@ -116,7 +116,7 @@ class LiveExperiment:
                 if html:
                     step("writing report.html")
                     report += f"page: {report_html.write(folder)}\n"
-            except live_node.Interrupted:
+            except live_node.LiveInterrupted:
                 later = f"hric report {folder.path}" + " --html" * html
                 rospy.logwarn("interrupted: the bag is complete, but there is no report; to make it: %s", later)
                 raise

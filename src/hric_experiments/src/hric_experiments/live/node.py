@@ -23,7 +23,7 @@ MASTER_TIMEOUT = 30.0
 _stop = threading.Event()
 
 
-class Interrupted(BaseException):
+class LiveInterrupted(BaseException):
     """Ctrl-C or SIGTERM, raised in the main thread while it waits or computes."""
 
 
@@ -54,7 +54,7 @@ def main(
     except HricError as error:
         rospy.logfatal("%s", error)
         return error.exit_code
-    except Interrupted:
+    except LiveInterrupted:
         return interrupted
     finally:
         _on_signals(signal.SIG_IGN)
@@ -83,7 +83,7 @@ def sleep(seconds: float) -> None:
     if not _stop.is_set():
         time.sleep(seconds)
     if _stop.is_set():
-        raise Interrupted
+        raise LiveInterrupted
 
 
 def interrupted() -> bool:
@@ -97,7 +97,7 @@ def _interrupt(*_: Any) -> None:
     first = not _stop.is_set()
     _stop.set()
     if first:
-        raise Interrupted
+        raise LiveInterrupted
 
 
 def _on_signals(handler: Any) -> None:

@@ -25,7 +25,7 @@ from hric_experiments.live import node as live_node
 from hric_experiments.live import topics as live_topics
 from hric_experiments.recorder import process as recorder_process
 from hric_experiments.recorder.process import RecorderProcess, RecordError
-from hric_experiments.recorder.recording import Recording, check_space, free_space
+from hric_experiments.recorder.recording import BagWriting, check_space, free_space
 from hric_experiments.recorder.settings import NOW, ON_TRIGGER, RecorderSettings
 from hric_run import provenance
 from hric_run.definition import experiment as experiments
@@ -47,7 +47,7 @@ FREE_RUN = "bringup"
 """Name of a run without experiment."""
 
 
-class Recorder:
+class BagRecorder:
     """Sequence of recordings that start with the node, a trigger or a service, and end by a service or at shutdown.
 
     All work is done in the thread that calls `work`, since child processes end with the thread that started them;
@@ -65,7 +65,7 @@ class Recorder:
             rospy.delete_param(FAILURE_PARAM)  # left by an earlier bring-up on the same master
         self._topics = [rospy.resolve_name(topic) for topic in settings.topics]
         self._node_name = live_topics.recorder_node(rospy.get_name().rpartition("/")[2])
-        self._recording: Recording | None = None
+        self._recording: BagWriting | None = None
         self._last: Path | None = None
         self._trouble, self._next_split = "", 0.0
         self._diagnostics = RecorderDiagnostics()
@@ -99,7 +99,7 @@ class Recorder:
         folder = RunFolder.create(self._root, name)
         self._write_head(folder, name)
         self._trouble, self._last = "", None
-        recording = self._recording = Recording(folder, self._start, self._unconnected)
+        recording = self._recording = BagWriting(folder, self._start, self._unconnected)
         try:
             recording.part.wait_open(OPEN_TIMEOUT, _shutting_down)
             folder.become_latest()
@@ -224,12 +224,12 @@ class Recorder:
         rospy.logerr("%s", self._trouble)
         self._diagnostics.report(ERROR, self._trouble, {}, now=True)
 
-    def _split_is_due(self, recording: Recording) -> bool:
+    def _split_is_due(self, recording: BagWriting) -> bool:
         size, duration = self._settings.split_size, self._settings.split_duration
         due = (0.0 < duration <= recording.part_age) or (0.0 < size * MEGABYTE <= recording.part_size)
         return due and time.monotonic() >= self._next_split
 
-    def _split_by_itself(self, recording: Recording) -> None:
+    def _split_by_itself(self, recording: BagWriting) -> None:
         try:
             rospy.loginfo("closed %s", recording.split(give_up=_shutting_down))
             self._trouble = ""
@@ -328,7 +328,7 @@ def _shutting_down() -> bool:
 
 def run() -> None:
     """Record until the shutdown; the bag is closed in any case."""
-    recorder = Recorder()
+    recorder = BagRecorder()
     try:
         recorder.work()
     finally:

@@ -63,7 +63,7 @@ def check_space(path: Path, limit: float) -> None:
         )
 
 
-class Recording:
+class BagWriting:
     """Recording of a bag in one or more parts; not thread-safe.
 
     The bag of one part has the name of the run folder; at the first split it becomes `..._0.bag`, and `..._1.bag`

@@ -9,17 +9,17 @@ The table of masses and lengths is in `anthropometry`, the table of joints in `j
 from hric_human.body.description import Body, describe
 from hric_human.body.isb import from_isb, to_isb
 from hric_human.body.joints import BodyJoint
-from hric_human.body.markers import Marker
+from hric_human.body.markers import AttachedMarker
 from hric_human.body.regions import Region, surfaces
-from hric_human.body.segments import Segment
+from hric_human.body.segments import BodySegment
 from hric_human.body.subject import Subject, load
 
 __all__ = [
+    "AttachedMarker",
     "Body",
     "BodyJoint",
-    "Marker",
+    "BodySegment",
     "Region",
-    "Segment",
     "Subject",
     "describe",
     "from_isb",

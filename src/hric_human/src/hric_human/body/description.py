@@ -11,9 +11,9 @@ import numpy as np
 from hric_core.geometry import FloatArray, MassProperties, homogeneous
 from hric_core.urdf import Shape, write_inertial, write_origin, write_shape
 from hric_human.body.joints import BodyJoint, joints
-from hric_human.body.markers import Marker, markers
+from hric_human.body.markers import AttachedMarker, markers
 from hric_human.body.regions import Region, regions
-from hric_human.body.segments import ROOT, Builder, Segment, segments
+from hric_human.body.segments import ROOT, BodySegment, Builder, segments
 from hric_human.body.subject import Subject
 
 JOINT_SHARE = 0.01
@@ -58,9 +58,9 @@ class Body:
     subject: Subject
     urdf: str
     joints: Mapping[str, BodyJoint]
-    segments: Mapping[str, Segment]
+    segments: Mapping[str, BodySegment]
     regions: Mapping[str, tuple[Region, ...]]
-    markers: Mapping[str, Marker]
+    markers: Mapping[str, AttachedMarker]
     rest: Mapping[str, float]
     base_height: float
 
@@ -101,7 +101,7 @@ def _base_height(subject: Subject, seated: bool) -> float:
     )
 
 
-def _urdf(name: str, made: list[Segment], moved: list[BodyJoint]) -> str:
+def _urdf(name: str, made: list[BodySegment], moved: list[BodyJoint]) -> str:
     robot = Element("robot", name=name)
     SubElement(robot, "link", name=ROOT)
     for segment in made:
@@ -122,13 +122,13 @@ def _urdf(name: str, made: list[Segment], moved: list[BodyJoint]) -> str:
     return ElementTree.tostring(robot, encoding="unicode")
 
 
-def _ball(segment: Segment) -> MassProperties:
+def _ball(segment: BodySegment) -> MassProperties:
     """Return a link between joints: a ball of the segment's radius about the joint centre."""
     mass = JOINT_SHARE * segment.mass.mass
     return MassProperties(mass, np.zeros(3), 0.4 * mass * segment.radius**2 * np.eye(3))
 
 
-def _write_segment(robot: Element, segment: Segment, mass: MassProperties) -> None:
+def _write_segment(robot: Element, segment: BodySegment, mass: MassProperties) -> None:
     link = SubElement(robot, "link", name=segment.link)
     write_inertial(link, mass.mass, homogeneous(np.eye(3), mass.com), mass.inertia)
     for purpose in ("visual", "collision"):
@@ -136,7 +136,7 @@ def _write_segment(robot: Element, segment: Segment, mass: MassProperties) -> No
             write_shape(link, purpose, shape, shape.T_link_shape)
 
 
-def _capsule(segment: Segment) -> list[Shape]:
+def _capsule(segment: BodySegment) -> list[Shape]:
     """Return a cylinder with a ball at each end, since URDF has no capsule."""
     start, end = segment.straight
     R, length, colour = _rotation_along(end - start), float(np.linalg.norm(end - start)), COLOURS[segment.kind]

@@ -13,11 +13,11 @@ import numpy as np
 
 from hric_core.errors import HricError
 from hric_core.geometry import FloatArray
-from hric_human.body.segments import SIDES, Segment, side_of
+from hric_human.body.segments import SIDES, BodySegment, side_of
 
 
 @dataclass(frozen=True)
-class Marker:
+class AttachedMarker:
     """Marker.
 
     Attributes:
@@ -85,7 +85,7 @@ MIDDLE = (
 )
 
 
-def markers(segments: Sequence[Segment]) -> list[Marker]:
+def markers(segments: Sequence[BodySegment]) -> list[AttachedMarker]:
     """Return the markers on the segments of a body."""
     made = []
     for segment in segments:
@@ -95,15 +95,15 @@ def markers(segments: Sequence[Segment]) -> list[Marker]:
                 made.append(_marker(row, segment, side))
             elif (row.segment, segment.kind) == ("shoulder", "upper_arm"):
                 offset = segment.radius * np.array(row.offset)
-                made.append(Marker(side[0].upper() + row.name, segment.parent, segment.p_parent_link + offset))
+                made.append(AttachedMarker(side[0].upper() + row.name, segment.parent, segment.p_parent_link + offset))
     return made
 
 
-def _marker(row: MarkerRow, segment: Segment, side: str) -> Marker:
+def _marker(row: MarkerRow, segment: BodySegment, side: str) -> AttachedMarker:
     share = row.share[side == "right"]
     offset = segment.radius * np.array(row.offset) * [1.0, SIDES.get(side, 1.0), 1.0]
     name = side[:1].upper() + row.name
-    return Marker(name, segment.link, segment.start + share * (segment.end - segment.start) + offset)
+    return AttachedMarker(name, segment.link, segment.start + share * (segment.end - segment.start) + offset)
 
 
 def marker_labels(file: str, labels: Sequence[str], names: Sequence[str]) -> dict[str, str]:

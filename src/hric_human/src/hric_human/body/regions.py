@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 from hric_control.plant import Surface
-from hric_human.body.segments import Segment, side_of
+from hric_human.body.segments import BodySegment, side_of
 
 if TYPE_CHECKING:
     from hric_human.body.description import Body
@@ -78,7 +78,7 @@ class Region:
     dominant: bool | None
 
 
-def regions(segments: Sequence[Segment], dominant_hand: str) -> dict[str, tuple[Region, ...]]:
+def regions(segments: Sequence[BodySegment], dominant_hand: str) -> dict[str, tuple[Region, ...]]:
     """Return the regions by link; links between the joints of one segment have no shape and are not listed."""
     by_link = {}
     for segment in segments:

@@ -46,7 +46,7 @@ foot lies along x.
 
 
 @dataclass(frozen=True)
-class Segment:
+class BodySegment:
     """Rigid segment.
 
     Attributes:
@@ -155,24 +155,24 @@ class Builder:
         parts: dict[str, MassProperties],
         axis: tuple[FloatArray, FloatArray],
         caps: tuple[int, int],
-    ) -> Segment:
+    ) -> BodySegment:
         """Return a segment of one or several rows of the table.
 
         Args:
-            kind: see `Segment`.
+            kind: see `BodySegment`.
             side: "right", "left" or "".
             parent: link to which its joint is attached.
             at: position of the joint in axes of the parent, shape (3,) [m].
             parts: mass properties by row, in axes of the link.
             axis: start and end of the axis.
-            caps: see `Segment`.
+            caps: see `BodySegment`.
         """
         name = f"{side}_{kind}" if side else kind
         radius = self.radius(tuple(parts), float(np.linalg.norm(axis[1] - axis[0])), sum(caps))
         mass = sum(parts.values(), MassProperties())
-        return Segment(name, kind, link_name(kind, side), parent, at, mass, *axis, radius, caps)
+        return BodySegment(name, kind, link_name(kind, side), parent, at, mass, *axis, radius, caps)
 
-    def trunk(self) -> list[Segment]:
+    def trunk(self) -> list[BodySegment]:
         """Return pelvis, torso and head."""
         lower, middle, upper, head = (
             _up(self.lengths[name]) for name in ("lower_trunk", "middle_trunk", "upper_trunk", "head")
@@ -191,12 +191,12 @@ class Builder:
             self.segment("head", "", LINKS["torso"], middle + upper, skull, (_up(0.0), head), (0, 1)),
         ]
 
-    def arm(self, side: str, parent: str, height: float) -> list[Segment]:
+    def arm(self, side: str, parent: str, height: float) -> list[BodySegment]:
         """Return upper arm, forearm and hand; height: of the shoulder above the parent's origin [m]."""
         at = np.array([0.0, 0.5 * SIDES[side] * self.lengths["shoulder_width"], height])
         return self._hanging(side, parent, at, {"upper_arm": (0, 0), "forearm": (0, 0), "hand": (0, 1)})
 
-    def leg(self, side: str) -> list[Segment]:
+    def leg(self, side: str) -> list[BodySegment]:
         """Return thigh, shank and foot, whose sole is below its axis by the radius."""
         at = np.array([0.0, 0.5 * SIDES[side] * self.lengths["hip_width"], 0.0])
         upper = self._hanging(side, LINKS["pelvis"], at, {"thigh": (0, 0), "shank": (0, 0)})
@@ -208,7 +208,7 @@ class Builder:
         ankle = _down(self.lengths["shank"])
         return [*upper, self.segment("foot", side, link_name("shank", side), ankle, parts, axis, (1, 1))]
 
-    def _hanging(self, side: str, parent: str, at: FloatArray, caps: dict[str, tuple[int, int]]) -> list[Segment]:
+    def _hanging(self, side: str, parent: str, at: FloatArray, caps: dict[str, tuple[int, int]]) -> list[BodySegment]:
         made = []
         for kind, ends in caps.items():
             axis = _up(0.0), _down(self.lengths[kind])
@@ -217,9 +217,9 @@ class Builder:
         return made
 
 
-def segments(subject: Subject) -> list[Segment]:
+def segments(subject: Subject) -> list[BodySegment]:
     """Return the segments of the subject's parts, from the root outwards. Raises ParameterError."""
-    builder, made = Builder(subject), list[Segment]()
+    builder, made = Builder(subject), list[BodySegment]()
     lengths = builder.lengths
     parent, height = ROOT, 0.0
     for chain in subject.chains:

@@ -52,7 +52,7 @@ axes of the shoulder is a project default.
 
 
 @dataclass(frozen=True)
-class ImpedanceSettings(Settings):
+class ImpedanceArmSettings(Settings):
     """Parameters of ImpedanceArm."""
 
     reference: ReferenceSettings = variant(
@@ -94,7 +94,7 @@ class ImpedanceArm(HumanController):
     muscles' response, and for a share `reflex` the delayed ones. Without a delay both are the same.
     """
 
-    settings = ImpedanceSettings
+    settings = ImpedanceArmSettings
 
     def init(self, person: Person, settings: Any) -> None:
         """Read stiffness and damping, and compute the reference."""
@@ -113,7 +113,7 @@ class ImpedanceArm(HumanController):
         if settings.load > 0.0:
             self._check_load(person, settings)
 
-    def _check_load(self, person: Person, settings: ImpedanceSettings) -> None:
+    def _check_load(self, person: Person, settings: ImpedanceArmSettings) -> None:
         """Refuse a load that a joint is too weak for at the start of the motion. Torques are linear in the load."""
         posture = self.posture()
         alone, loaded, held = person.own_weight(posture), self._weight(posture), {}

@@ -9,7 +9,7 @@ from franka_hw_interface.kdl_chain import KdlChain
 from hric_core.geometry import IDENTITY, ORIGIN, Pose, Quaternion, Vector
 from hric_core.geometry.quaternions import cross, from_rotation_vector, product, rotated
 from hric_core.urdf import read
-from hric_human.body import Body, Segment
+from hric_human.body import Body, BodySegment
 from hric_human.body.joints import ARM
 from hric_human.body.segments import ROOT
 
@@ -57,7 +57,7 @@ class LinkChain:
 
     def __init__(self, body: Body, link: str) -> None:
         by_link = {segment.link: segment for segment in body.segments.values()}
-        path: list[Segment] = []
+        path: list[BodySegment] = []
         while link != ROOT:
             path.insert(0, by_link[link])
             link = path[0].parent

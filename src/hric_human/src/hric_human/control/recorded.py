@@ -20,7 +20,7 @@ from hric_core.trial.opensim_text import rate_of, read_markers, read_storage
 from hric_human.control.controller import Person
 from hric_human.control.inverse_kinematics import Solver, Task
 from hric_human.control.marker_model import ROOT_MOTIONS, MarkerModel
-from hric_human.control.references import Reference, ReferenceSettings, Rows
+from hric_human.control.references import AngleRows, Reference, ReferenceSettings
 
 ROOT = Pose()
 """Pose of the root link if markers are in its axes."""
@@ -88,7 +88,7 @@ def _followed(person: Person, rate: float, columns: Mapping[str, FloatArray], wh
                 raise refused(f"{where}.{name}[{outside[0]}]", value, f"{low:.3f} to {high:.3f} [rad]")
         rows[:, index] = column
     mistakes.raise_all()
-    return Rows(1.0 / rate, rows.tolist())
+    return AngleRows(1.0 / rate, rows.tolist())
 
 
 @dataclass(frozen=True)
@@ -142,7 +142,7 @@ def _coordinate(label: str) -> str:
 
 
 @dataclass(frozen=True)
-class Captured(ReferenceSettings):
+class CapturedMarkers(ReferenceSettings):
     """Positions of markers; those that the body does not have are ignored."""
 
     root_in_lab: PoseSettings = section(
@@ -165,11 +165,11 @@ class Captured(ReferenceSettings):
             )
         lab = np.stack([markers[name] for name in names], axis=1)
         rows, _ = MarkerSolver(person, names).solve(_moved(inverse(self.root_in_lab.pose), lab))
-        return Rows(1.0 / rate, rows)
+        return AngleRows(1.0 / rate, rows)
 
 
 @dataclass(frozen=True)
-class Markers(Captured):
+class ListedMarkers(CapturedMarkers):
     """Marker positions listed in the settings."""
 
     rate: float = number(above=0.0, maximum=1e4, unit="Hz", text="of the frames")
@@ -187,7 +187,7 @@ class Markers(Captured):
 
 
 @dataclass(frozen=True)
-class C3dFile(Captured, TrialSettings):
+class C3dFile(CapturedMarkers, TrialSettings):
     """Marker positions of a recorded trial."""
 
     def motion(self) -> tuple[float, Mapping[str, FloatArray]]:
@@ -197,7 +197,7 @@ class C3dFile(Captured, TrialSettings):
 
 
 @dataclass(frozen=True)
-class TrcFile(Captured):
+class TrcFile(CapturedMarkers):
     """Marker positions of a .trc file of OpenSim."""
 
     path: str = text(valid="a .trc file, path or package:// address,", empty=False)
@@ -217,7 +217,7 @@ class TrcFile(Captured):
 RECORDED: dict[str, type[ReferenceSettings]] = {
     "angles": Angles,
     "mot": MotionFile,
-    "markers": Markers,
+    "markers": ListedMarkers,
     "trc": TrcFile,
     "c3d": C3dFile,
 }

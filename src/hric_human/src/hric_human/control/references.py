@@ -131,7 +131,7 @@ def _index(name: str, angle: float, person: Person, where: str) -> int:
     return index
 
 
-class Rows(Reference):
+class AngleRows(Reference):
     """Joint angles at even times, joined by cubics with continuous velocity (Catmull and Rom).
 
     Args:
@@ -207,11 +207,11 @@ class HandReference(Reference):
         self._T_root_world, self._knots = inverse(person.T_world_root), 0
         self._target, self._last = self._pose(0), list[float]()
         self._last = self._reached(lambda: self._solver.first(self._target))
-        self._rows = Rows(KNOT, [self._last], self._next)
+        self._rows = AngleRows(KNOT, [self._last], self._next)
         _, end = self._program.span
         self.end = motion.begin + end
         if math.isfinite(end):
-            self._rows = Rows(KNOT, [self._last, *(self._next() for _ in range(math.ceil(end / KNOT)))])
+            self._rows = AngleRows(KNOT, [self._last, *(self._next() for _ in range(math.ceil(end / KNOT)))])
 
     def start(self, time: float) -> None:
         """Start the program of the hand."""
@@ -249,7 +249,7 @@ class HandReference(Reference):
 
 
 @dataclass(frozen=True)
-class Followed(Motion, ReferenceSettings):
+class FollowedHand(Motion, ReferenceSettings):
     """Hand motion as a reference of the joints."""
 
     oriented: bool = flag(False, text="whether the hand's orientation follows, too")
@@ -259,5 +259,5 @@ class Followed(Motion, ReferenceSettings):
         return HandReference(person, self, self.oriented)
 
 
-REFERENCES: dict[str, type[ReferenceSettings]] = {"rest": Rest, "joints": JointMotion, **with_programs(Followed)}
+REFERENCES: dict[str, type[ReferenceSettings]] = {"rest": Rest, "joints": JointMotion, **with_programs(FollowedHand)}
 """Settings classes of references, by the value of `program`."""

@@ -18,7 +18,7 @@ Wrench = tuple[float, float, float, float, float, float]
 """Force [N], and torque about the origin of the wrench's axes [N m]."""
 
 
-class Load(NamedTuple):
+class ExternalLoad(NamedTuple):
     """External load on a link at n instants, in axes of the world.
 
     Attributes:
@@ -127,7 +127,7 @@ class WholeBody:
         dq: FloatArray,
         ddq: FloatArray,
         root: Pose | RootMotion,
-        loads: Sequence[Load] = (),
+        loads: Sequence[ExternalLoad] = (),
         gravity: Vector = GRAVITY,
     ) -> Needed:
         """Compute the joint torques and reactions of a motion under external loads, by Newton and Euler.

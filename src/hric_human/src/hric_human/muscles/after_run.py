@@ -19,7 +19,7 @@ from hric_core.geometry import FloatArray, Pose, Vector
 from hric_human.body import Body
 from hric_human.control.kinematics import GRAVITY
 from hric_human.control.strength import strength
-from hric_human.control.whole_body import Load, RootMotion, WholeBody
+from hric_human.control.whole_body import ExternalLoad, RootMotion, WholeBody
 from hric_human.muscles.anatomy import Anatomy
 from hric_human.muscles.joint_contact import JointContact
 from hric_human.muscles.muscle_set import MuscleSet
@@ -39,7 +39,7 @@ FEWEST = 20
 
 
 @dataclass(frozen=True)
-class Motion:
+class RecordedMotion:
     """Motion of j joints at n instants.
 
     Attributes:
@@ -94,7 +94,7 @@ class MuscleLoad:
         return ~(self.outside[side] | self.lost[side] if self.lost else self.outside[side])
 
 
-def smoothed(time: FloatArray, q: FloatArray, cutoff: float | None = CUTOFF, rate: float = RATE) -> Motion:
+def smoothed(time: FloatArray, q: FloatArray, cutoff: float | None = CUTOFF, rate: float = RATE) -> RecordedMotion:
     """Return a motion with its derivatives from recorded angles.
 
     The filter needs even samples, so a spline resamples first, at the mean rate of the recording; the first and the
@@ -127,10 +127,10 @@ def smoothed(time: FloatArray, q: FloatArray, cutoff: float | None = CUTOFF, rat
         values = sosfiltfilt(butter(2, cutoff, fs=sampled, output="sos"), values, axis=0)
     curve = make_interp_spline(even, values, DEGREE)
     instants = np.minimum(time[0] + np.arange(int(span * rate + 1e-6) + 1) / rate, time[-1])
-    return Motion(instants, *(np.asarray(curve(instants, derivative)) for derivative in range(3)))
+    return RecordedMotion(instants, *(np.asarray(curve(instants, derivative)) for derivative in range(3)))
 
 
-def of_root_too(motion: Motion, joints: int) -> tuple[Motion, RootMotion]:
+def of_root_too(motion: RecordedMotion, joints: int) -> tuple[RecordedMotion, RootMotion]:
     """Split a motion into joints and root, whose position and quaternion x y z w are the last seven columns.
 
     Args:
@@ -147,7 +147,7 @@ def of_root_too(motion: Motion, joints: int) -> tuple[Motion, RootMotion]:
         _turning(turned, ddq[:, quaternion]),
         ddq[:, here],
     )
-    return Motion(motion.time, *(np.ascontiguousarray(columns[:, :joints]) for columns in (q, dq, ddq))), root
+    return RecordedMotion(motion.time, *(np.ascontiguousarray(columns[:, :joints]) for columns in (q, dq, ddq))), root
 
 
 def _turning(q: FloatArray, rate: FloatArray) -> FloatArray:
@@ -186,7 +186,9 @@ class AfterRun:
         self.names, self.links = muscles.names, self._contact.links
         self.joints = tuple(list(body.joints)[index] for index in muscles.joints)
 
-    def of(self, motion: Motion, loads: Sequence[Load] = (), root: RootMotion | None = None) -> MuscleLoad:
+    def of(
+        self, motion: RecordedMotion, loads: Sequence[ExternalLoad] = (), root: RootMotion | None = None
+    ) -> MuscleLoad:
         """Return the muscle load over a motion.
 
         Args:
@@ -226,7 +228,7 @@ class AfterRun:
             outside[side] = np.any((angles < anatomy.lower) | (angles > anatomy.upper), axis=1)
         return outside
 
-    def _shared(self, motion: Motion, torque: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _shared(self, motion: RecordedMotion, torque: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return activation, force and shortfall at all instants."""
         n, k = len(motion.time), len(self._muscles.names)
         solver = StaticOptimization(k, len(self.joints))

@@ -18,7 +18,7 @@ from hric_core.geometry import FloatArray, Pose, Vector
 from hric_core.geometry.transforms import rotation_from_quaternion
 from hric_human.body.segments import ROOT
 from hric_human.control.kinematics import GRAVITY
-from hric_human.control.whole_body import Load, Needed, RootMotion, WholeBody
+from hric_human.control.whole_body import ExternalLoad, Needed, RootMotion, WholeBody
 from hric_human.muscles.anatomy import CENTRES, Anatomy
 
 DISTAL = {"shoulder": "upper_arm", "elbow": "forearm"}
@@ -153,7 +153,7 @@ class JointContact:
         ddq: Sequence[float],
         forces: FloatArray,
         T_world_root: Pose,
-        loads: Sequence[Load] = (),
+        loads: Sequence[ExternalLoad] = (),
         gravity: Vector = GRAVITY,
     ) -> dict[str, Vector]:
         """Return the values of one instant.

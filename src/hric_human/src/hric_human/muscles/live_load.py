@@ -22,11 +22,11 @@ from hric_core.errors import HricError
 from hric_core.geometry import FloatArray, Pose, Vector, transformed
 from hric_human.body import Body
 from hric_human.control.kinematics import GRAVITY, HandChain
-from hric_human.control.whole_body import Load, RootMotion
-from hric_human.muscles.after_run import RATE, AfterRun, Motion, MuscleLoad, of_root_too
+from hric_human.control.whole_body import ExternalLoad, RootMotion
+from hric_human.muscles.after_run import RATE, AfterRun, MuscleLoad, RecordedMotion, of_root_too
 from hric_human.muscles.anatomy import Anatomy
 from hric_human.muscles.muscle_set import MuscleSet
-from hric_human.tracking import BRIDGED, LOST, MEASURED, Estimate
+from hric_human.tracking import BRIDGED, LOST, MEASURED, PersonEstimate
 
 WINDOW = 0.125
 """Half of the time window around an instant [s]. The constants of this file are project defaults, unconfirmed."""
@@ -82,7 +82,7 @@ class PersonLoad:
     load: MuscleLoad
     states: Mapping[str, tuple[str, ...]]
     force: tuple[str, ...]
-    acting: Load
+    acting: ExternalLoad
     distance: FloatArray
 
 
@@ -131,7 +131,7 @@ class LiveLoad:
         self._forces: deque[HandForce] = deque()
         self._next: int | None = None
 
-    def add(self, estimate: Estimate) -> None:
+    def add(self, estimate: PersonEstimate) -> None:
         """Add a frame; one that is not after the last one, or is of another clock, restarts the estimate."""
         if self._frames and not 0.0 < estimate.time - self._frames[-1].time < ANOTHER_CLOCK:
             self.restart()
@@ -185,7 +185,7 @@ class LiveLoad:
     def _of(self, instants: "list[_Instant]") -> PersonLoad:
         time = np.array([instant.time for instant in instants])
         derivatives = np.array([instant.derivatives for instant in instants])
-        motion, root = of_root_too(Motion(time, *derivatives.swapaxes(0, 1)), self._count)
+        motion, root = of_root_too(RecordedMotion(time, *derivatives.swapaxes(0, 1)), self._count)
         force, acting, distance = self._acting(time, motion, root)
         known = acting._replace(force=np.nan_to_num(acting.force), torque=np.nan_to_num(acting.torque))
         worst = np.array([instant.states for instant in instants])
@@ -199,11 +199,13 @@ class LiveLoad:
         unknown = np.array(force) == MISSING if side == self._hand else np.zeros(len(rows), np.bool_)
         return tuple(LOST if gone else _ORDER[row] for row, gone in zip(rows.tolist(), unknown, strict=True))
 
-    def _acting(self, time: FloatArray, motion: Motion, root: RootMotion) -> tuple[tuple[str, ...], Load, FloatArray]:
+    def _acting(
+        self, time: FloatArray, motion: RecordedMotion, root: RootMotion
+    ) -> tuple[tuple[str, ...], ExternalLoad, FloatArray]:
         """Return the state of the force, the load on the hand, and their distance, at n instants."""
         n, nothing = len(time), np.zeros((len(time), 3))
         if self._hand is None:
-            return (UNMEASURED,) * n, Load(self._link, nothing, nothing, nothing), np.full(n, np.nan)
+            return (UNMEASURED,) * n, ExternalLoad(self._link, nothing, nothing, nothing), np.full(n, np.nan)
         values, known = _between(self._forces, time)
         force, torque, point = values.reshape(n, 3, 3).swapaxes(0, 1)
         chain = self._chains[self._hand]
@@ -213,7 +215,7 @@ class LiveLoad:
         away = known & (distance > REACH)
         states = np.where(away, AWAY, np.where(known, MEASURED, MISSING))
         force, torque = (np.where(away[:, None], 0.0, vector) for vector in (force, torque))
-        return tuple(states.tolist()), Load(self._link, force, torque, np.nan_to_num(point)), distance
+        return tuple(states.tolist()), ExternalLoad(self._link, force, torque, np.nan_to_num(point)), distance
 
 
 class _Instant(NamedTuple):

@@ -25,7 +25,7 @@ _solve: Callable[..., int]
 _solve = load("hric_static_optimization").solve
 
 
-class Solution(NamedTuple):
+class ActivationSolution(NamedTuple):
     """Activations for a joint torque.
 
     Attributes:
@@ -68,7 +68,7 @@ class StaticOptimization:
         gain: FloatArray,
         torque: Sequence[float] | FloatArray,
         co_contraction: FloatArray | None = None,
-    ) -> Solution:
+    ) -> ActivationSolution:
         """Return the activations for a torque; if it is out of reach, those for the nearest reachable one.
 
         Args:
@@ -90,7 +90,7 @@ class StaticOptimization:
             iterations = _solve(*arrays, self._start, activation, shortfall)
         except ValueError as error:
             raise HricError(f"static optimisation: {_not_finite(arrays)} not finite") from error
-        return Solution(activation, shortfall, iterations)
+        return ActivationSolution(activation, shortfall, iterations)
 
     def _raised(self, co_contraction: FloatArray) -> FloatArray:
         added = np.asarray(co_contraction, np.float64)

@@ -28,7 +28,7 @@ from hric_human.participant.topics import Topics
 from hric_human.participant.walk import Walk
 
 if TYPE_CHECKING:
-    from hric_human.participant.muscles import Muscles
+    from hric_human.participant.muscles import HumanMuscles
 
 SERVICE_TIMEOUT = 5.0
 """Longest time that a service waits for the loop [s of wall time] (project default, unconfirmed)."""
@@ -95,14 +95,16 @@ class Human(Participant):
             f"{below(self._where)}control",
         )
 
-    def _new_muscles(self) -> "Muscles | None":
+    def _new_muscles(self) -> "HumanMuscles | None":
         if self._settings.drive != MUSCLE:
             return None
-        from hric_human.participant.muscles import Muscles  # the muscle code is imported only for a body with muscles
+        from hric_human.participant.muscles import (
+            HumanMuscles,  # the muscle code is imported only for a body with muscles
+        )
 
         x, y, z = self._plant.gravity
         where, person = f"{below(self._where)}muscles.", self._control.person
-        return Muscles(
+        return HumanMuscles(
             self._node, self._name, person, self._root, (x, y, z), self._settings.muscles, where, self._happened
         )
 

@@ -12,7 +12,7 @@ from hric_core import realtime
 from hric_core.geometry import Pose, Vector
 from hric_core.node import Node
 from hric_human.control import Person
-from hric_human.control.whole_body import Load, WholeBody
+from hric_human.control.whole_body import ExternalLoad, WholeBody
 from hric_human.muscles.choose import find
 from hric_human.muscles.drive import MuscleDrive
 from hric_human.muscles.joint_contact import JointContact
@@ -37,10 +37,10 @@ class Snapshot(NamedTuple):
     q: list[float]
     dq: list[float]
     force: Any
-    loads: list[Load]
+    loads: list[ExternalLoad]
 
 
-class Muscles:
+class HumanMuscles:
     """Muscles that produce the joint torques of one human.
 
     Args:
@@ -159,25 +159,27 @@ class Muscles:
         )
 
 
-def _held(grips: Sequence[Grip], prefix: str) -> list[Load]:
+def _held(grips: Sequence[Grip], prefix: str) -> list[ExternalLoad]:
     """Return the loads of closed grips on the person's links, both as holder and as held body."""
     loads = []
     for grip in grips:
         for body, sign in ((grip.holder, 1.0), (grip.settings.held, -1.0)):
             if grip.closed and body.startswith(prefix):
                 force, torque, point = np.array(grip.load[:3])[:, None]
-                loads.append(Load(body.removeprefix(prefix), sign * force, sign * torque, point))
+                loads.append(ExternalLoad(body.removeprefix(prefix), sign * force, sign * torque, point))
     return loads
 
 
-def _touched(contacts: Sequence[Contact], prefix: str) -> list[Load]:
+def _touched(contacts: Sequence[Contact], prefix: str) -> list[ExternalLoad]:
     """Return the loads of elastic contacts along their normals; rigid impacts are not forces on a person."""
     loads = []
     for contact in contacts:
         for body, sign in ((contact.body_a, 1.0), (contact.body_b, -1.0)):
             if contact.kind == "penalty" and body.startswith(prefix):
                 force = sign * contact.force * np.array([contact.normal])
-                loads.append(Load(body.removeprefix(prefix), force, np.zeros((1, 3)), np.array([contact.position])))
+                loads.append(
+                    ExternalLoad(body.removeprefix(prefix), force, np.zeros((1, 3)), np.array([contact.position]))
+                )
     return loads
 
 

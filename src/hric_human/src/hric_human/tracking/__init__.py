@@ -7,7 +7,16 @@
 `calibration` fits body and markers to the person in a still pose.
 """
 
-from hric_human.tracking.calibration import Calibration, StillPose, calibrate
-from hric_human.tracking.tracker import BRIDGED, LOST, MEASURED, Estimate, PersonTracker
+from hric_human.tracking.calibration import BodyCalibration, StillPose, calibrate
+from hric_human.tracking.tracker import BRIDGED, LOST, MEASURED, PersonEstimate, PersonTracker
 
-__all__ = ["BRIDGED", "LOST", "MEASURED", "Calibration", "Estimate", "PersonTracker", "StillPose", "calibrate"]
+__all__ = [
+    "BRIDGED",
+    "LOST",
+    "MEASURED",
+    "BodyCalibration",
+    "PersonEstimate",
+    "PersonTracker",
+    "StillPose",
+    "calibrate",
+]

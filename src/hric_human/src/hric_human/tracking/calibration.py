@@ -42,7 +42,7 @@ SETTLED = 1e-4
 
 
 @dataclass(frozen=True)
-class Calibration(Settings):
+class BodyCalibration(Settings):
     """Body that was fitted to a person, as in a YAML file."""
 
     separator = "."
@@ -60,7 +60,7 @@ class Calibration(Settings):
                 raise unknown("marker", name, known, f"{where}markers")
 
     @classmethod
-    def load(cls, path: Path) -> "Calibration":
+    def load(cls, path: Path) -> "BodyCalibration":
         """Return the calibration of a file that `save` wrote. Raises ParameterError."""
         return cls.of(read_yaml(path), f"{path.name}:")
 
@@ -133,7 +133,9 @@ class StillPose:
         return mean
 
 
-def calibrate(subject: Subject, names: Sequence[str], positions: FloatArray, pose: Mapping[str, float]) -> Calibration:
+def calibrate(
+    subject: Subject, names: Sequence[str], positions: FloatArray, pose: Mapping[str, float]
+) -> BodyCalibration:
     """Fit a body to a person in a still pose.
 
     Args:
@@ -157,7 +159,7 @@ def calibrate(subject: Subject, names: Sequence[str], positions: FloatArray, pos
         offsets[name] = float(np.linalg.norm(np.array(p_link[name]) - marker.p_link_marker))
     refuse_far(offsets, MAX_OFFSET)
     residual = float(np.sqrt(np.mean(np.square(list(offsets.values())))))
-    return Calibration(subject=fitted, markers=p_link, residual=residual)
+    return BodyCalibration(subject=fitted, markers=p_link, residual=residual)
 
 
 class _Fit:

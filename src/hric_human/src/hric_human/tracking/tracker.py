@@ -64,7 +64,7 @@ GUESSES = 12
 """Largest number of first postures that are tried, from a fixed seed."""
 
 
-class Estimate(NamedTuple):
+class PersonEstimate(NamedTuple):
     """Estimated state of the person at a frame.
 
     Attributes:
@@ -141,7 +141,7 @@ class PersonTracker:
         self._last: tuple[float, Pose, FloatArray] | None = None
         self._v, self._measured_at = np.zeros(ROOT_MOTIONS + n), np.full(ROOT_MOTIONS + n, -math.inf)
 
-    def update(self, time: float, positions: FloatArray) -> Estimate | None:
+    def update(self, time: float, positions: FloatArray) -> PersonEstimate | None:
         """Process a frame.
 
         Args:
@@ -205,7 +205,7 @@ class PersonTracker:
         q: FloatArray,
         seen: Mask,
         residual: float,
-    ) -> Estimate:
+    ) -> PersonEstimate:
         """Store the new state, and return it as an estimate."""
         assert self._last is not None
         _, before, q_before = self._last
@@ -228,7 +228,7 @@ class PersonTracker:
         J = self._J[rows].reshape(-1, len(self._spread)) / MARKER_NOISE
         return np.asarray(np.diag(np.linalg.inv(J.T @ J + np.diag(self._spread**-2.0))))
 
-    def _estimate(self, seen: Mask, residual: float) -> Estimate:
+    def _estimate(self, seen: Mask, residual: float) -> PersonEstimate:
         assert self._last is not None
         time, root, q = self._last
         age = time - self._measured_at
@@ -236,11 +236,11 @@ class PersonTracker:
         of_root = next(state for state in (LOST, BRIDGED, MEASURED) if state in (*states[:ROOT_MOTIONS], MEASURED))
         missing = tuple(name for name, here in zip(self.names, seen, strict=True) if not here)
         dq = self._v[ROOT_MOTIONS:].tolist()
-        return Estimate(time, root, q.tolist(), dq, of_root, states[ROOT_MOTIONS:], residual, missing)
+        return PersonEstimate(time, root, q.tolist(), dq, of_root, states[ROOT_MOTIONS:], residual, missing)
 
     # -- the beginning -------------------------------------------------------------------------------------------------
 
-    def _first(self, time: float, positions: FloatArray, seen: Mask) -> Estimate | None:
+    def _first(self, time: float, positions: FloatArray, seen: Mask) -> PersonEstimate | None:
         """Return the estimate of the first frame; None if no posture fits."""
         if sum(seen[self._trunk]) < 3:
             return None

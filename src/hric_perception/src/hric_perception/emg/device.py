@@ -11,9 +11,9 @@ from hric_perception.emg.muscles import (
     AMPLITUDE,
     PROGRAM,
     Activation,
+    ActivationProgram,
     BodyActivation,
-    Muscles,
-    Program,
+    EmulatedMuscles,
     TopicActivation,
     muscle_names,
 )
@@ -63,7 +63,7 @@ class EmulatedEmgSettings(DeviceSettings):
         if replayed is not None:
             return Device(self, names, units, replayed, faults, always, replayed)
         activation, known = activation_of(node, program, names)
-        signal = Muscles(activation, len(names), self.rate, self.amplitude, faults.seed)
+        signal = EmulatedMuscles(activation, len(names), self.rate, self.amplitude, faults.seed)
         return Device(self, names, units, signal, faults, known, None)
 
     def outlet(self, device: Device) -> Outlet:
@@ -87,7 +87,7 @@ def activation_of(node: Node, program: Settings, channels: tuple[str, ...]) -> t
         HricError: an invalid value.
     """
     if not isinstance(program, TopicActivation):
-        assert isinstance(program, Program)
+        assert isinstance(program, ActivationProgram)
         return program.activation(len(channels)), always
     body = BodyActivation(channels, program.side)
 

@@ -20,7 +20,7 @@ GRID = 16384
 
 
 @dataclass(frozen=True)
-class Settings(Base):
+class EnvelopeSettings(Base):
     """Settings of the filter chain."""
 
     band: tuple[float, ...] = numbers(
@@ -48,7 +48,7 @@ class Settings(Base):
     decimate: int = whole(10, minimum=1, maximum=10000, text="every so many samples one of the envelope")
 
 
-def band_sections(settings: Settings, rate: float) -> FloatArray:
+def band_sections(settings: EnvelopeSettings, rate: float) -> FloatArray:
     """Return the second-order sections of band-pass and notches at a rate [Hz].
 
     Raises:
@@ -70,12 +70,12 @@ def band_sections(settings: Settings, rate: float) -> FloatArray:
     return np.vstack(parts)
 
 
-def low_sections(settings: Settings, rate: float) -> FloatArray:
+def low_sections(settings: EnvelopeSettings, rate: float) -> FloatArray:
     """Return the second-order sections of the low-pass."""
     return np.asarray(scipy.signal.butter(settings.lowpass_order, settings.lowpass, fs=rate, output="sos"))
 
 
-def lag(settings: Settings, rate: float) -> float:
+def lag(settings: EnvelopeSettings, rate: float) -> float:
     """Return the delay of the envelope behind a slow change of the amplitude at a rate [Hz] [s].
 
     It is the group delay of the low-pass at frequency 0, sum over its sections of (sum k b_k / sum b_k - sum k a_k /
@@ -107,7 +107,7 @@ class Envelope:
         ParameterError: the rate is too low for the filters, or a channel of `mvc` does not exist.
     """
 
-    def __init__(self, settings: Settings, layout: Layout) -> None:
+    def __init__(self, settings: EnvelopeSettings, layout: Layout) -> None:
         self._columns = [index for index, unit in enumerate(layout.units) if unit != "s"]
         self._band, self._low = band_sections(settings, layout.rate), low_sections(settings, layout.rate)
         self._decimate, self._rate = settings.decimate, layout.rate

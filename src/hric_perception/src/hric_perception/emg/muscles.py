@@ -24,7 +24,7 @@ from hric_core.parameters import (
 )
 from hric_perception.chunk import FloatArray
 from hric_perception.emulation import BlockNoise
-from hric_perception.replayed import RecordedEmg, Track
+from hric_perception.replayed import RecordedEmg, ValueTrack
 
 AMPLITUDE = 1e-3
 """Root mean square at full activation [V]; surface EMG has 0 to 10 mV peak to peak (textbook)."""
@@ -51,7 +51,7 @@ Activation = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True)
-class Program(Settings):
+class ActivationProgram(Settings):
     """Activation program of muscles."""
 
     def activation(self, count: int) -> Activation:
@@ -60,7 +60,7 @@ class Program(Settings):
 
 
 @dataclass(frozen=True)
-class Constant(Program):
+class ConstantActivation(ActivationProgram):
     """Constant activation program."""
 
     level: float = number(0.3, minimum=0.0, maximum=1.0)
@@ -71,7 +71,7 @@ class Constant(Program):
 
 
 @dataclass(frozen=True)
-class Bursts(Program):
+class Bursts(ActivationProgram):
     """Half-cosine burst in each period, one muscle after the other."""
 
     period: float = number(4.0, minimum=0.1, maximum=3600.0, unit="s")
@@ -91,7 +91,7 @@ class Bursts(Program):
 
 
 @dataclass(frozen=True)
-class Points(Program):
+class Points(ActivationProgram):
     """Rows of time and activation of all muscles, or of each; linear in between."""
 
     points: tuple[tuple[float, ...], ...] = listing(numbers(), default=(), unit="s, 1")
@@ -119,7 +119,7 @@ class TopicActivation(Settings):
 
 PROGRAM: Any = variant(
     "program",
-    {"bursts": Bursts, "constant": Constant, "points": Points, "topic": TopicActivation, "c3d": RecordedEmg},
+    {"bursts": Bursts, "constant": ConstantActivation, "points": Points, "topic": TopicActivation, "c3d": RecordedEmg},
     "bursts",
     {},
     default_text="`{program: bursts}`",
@@ -136,7 +136,7 @@ FLOOR = 2e-6
 """Noise of electrodes and amplifier, root mean square [V] (project default, unconfirmed)."""
 
 
-class BodyActivation(Track):
+class BodyActivation(ValueTrack):
     """Activation of a simulated human's muscles from messages, linear in between; one thread adds.
 
     An electrode of a default muscle measures the mean of its lines (project default, unconfirmed: their shares below it
@@ -179,7 +179,7 @@ class BodyActivation(Track):
             )
 
 
-class Muscles:
+class EmulatedMuscles:
     """EMG signal for `EvenSensor`: amplitude * activation * noise + floor.
 
     Args:

@@ -16,11 +16,11 @@ from hric_core.parameters import choice, section
 from hric_msgs.msg import SampleChunk
 from hric_perception.chunk import Chunk, FloatArray, Layout, chunk_message
 from hric_perception.emg.envelope import Envelope
-from hric_perception.emg.envelope import Settings as EnvelopeSettings
+from hric_perception.emg.envelope import EnvelopeSettings as EnvelopeSettings
 from hric_perception.emulation import Faults, Outlet
 from hric_perception.sampled import Device, DriverSettings, SamplePublisher, StampedOutlet
 from hric_perception.stream import Driver, SampleStream, StreamHealth
-from hric_perception.trigno.client import Settings, TrignoClient
+from hric_perception.trigno.client import TrignoClient, TrignoSettings
 from hric_perception.trigno.protocol import Decoder, Encoder
 
 LOG = logging.getLogger("hric.perception.emg")
@@ -33,7 +33,7 @@ class EmgSettings(DriverSettings):
     kind: ClassVar[str] = "EMG"
     also: ClassVar[tuple[str, ...]] = ("measured_mvc",)
     source: str = choice("lsl", "trigno")
-    trigno: Settings = section(Settings)
+    trigno: TrignoSettings = section(TrignoSettings)
     envelope: EnvelopeSettings = section(EnvelopeSettings)
 
     def publisher(self, node: Node, on_trouble: Callable[[str], None]) -> "EmgPublisher":
@@ -67,7 +67,7 @@ class TrignoOutlet(StampedOutlet):
         faults: faults of the samples.
     """
 
-    def __init__(self, stream: SampleStream, settings: Settings, rate: float, faults: Faults) -> None:
+    def __init__(self, stream: SampleStream, settings: TrignoSettings, rate: float, faults: Faults) -> None:
         super().__init__(stream)
         self._delay, self._encoder = faults.delay, Encoder(rate, faults.time_code)
         self._decoder = Decoder(len(settings.channels))

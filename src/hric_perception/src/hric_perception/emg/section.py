@@ -8,14 +8,14 @@ from hric_core.parameters import Settings, choice, number, section
 from hric_human.body import describe
 from hric_human.control.human_control import ControlSettings, hand_side
 from hric_human.participant.settings import HumanSettings
-from hric_perception.emg.envelope import Settings as EnvelopeSettings
-from hric_perception.emg.muscles import AMPLITUDE, PROGRAM, Program, TopicActivation, muscle_names
+from hric_perception.emg.envelope import EnvelopeSettings as EnvelopeSettings
+from hric_perception.emg.muscles import AMPLITUDE, PROGRAM, ActivationProgram, TopicActivation, muscle_names
 from hric_perception.emulation import Faults
 from hric_perception.replayed import RecordedEmg
 from hric_perception.sampled import DeviceSettings, DriverSettings
 from hric_perception.section import SensorSection, SourcePlan, for_node
 from hric_perception.simulated import HUMAN
-from hric_perception.trigno.client import Settings as TrignoSettings
+from hric_perception.trigno.client import TrignoSettings as TrignoSettings
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class EmgSection(SensorSection):
         program = EmulatedEmg.of(self.emulated, f"{where}emulated").activation
         if isinstance(program, RecordedEmg):
             program.replayed(self.channels)
-        elif isinstance(program, Program):
+        elif isinstance(program, ActivationProgram):
             program.activation(len(self.channels))
 
     def nodes(self, seed: int, person: Mapping[str, object]) -> dict[str, dict[str, object]]:

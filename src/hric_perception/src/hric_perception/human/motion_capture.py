@@ -18,8 +18,8 @@ from hric_perception.human.simulated_body import SimulatedBody
 from hric_perception.simulated import PROGRAM, person_of
 from mocap_natnet.client.settings import bitstream
 from mocap_natnet.codec import COMMAND_PORT, DATA_PORT, Version
-from mocap_natnet.server import OCCLUSION, TRANSPORTS, TRIANGLE, Body, Faults, Motive, Scene
-from mocap_natnet.server import Settings as MotiveSettings
+from mocap_natnet.server import OCCLUSION, TRANSPORTS, TRIANGLE, CameraFaults, Motive, SceneBody, ServedScene
+from mocap_natnet.server import MotiveSettings as MotiveSettings
 from mocap_natnet.server.c3d_source import RecordedBody, labels_of
 
 
@@ -43,13 +43,13 @@ class Recorded(Program):
         """Start 0, and the duration of the recording [s]."""
         return 0.0, self._hand.duration
 
-    def seen(self, hand: Hand) -> list[Body]:
+    def seen(self, hand: Hand) -> list[SceneBody]:
         """Return all bodies as the cameras see them, in the time of the hand."""
         return [_body(name, number, body, hand.since) for number, (name, body) in enumerate(self.bodies.items(), 1)]
 
 
-def _body(name: str, number: int, body: RecordedBody, since: Callable[[float], float]) -> Body:
-    return Body(name, lambda time: body(since(time)), number, body.markers, lambda time: body.seen(since(time)))
+def _body(name: str, number: int, body: RecordedBody, since: Callable[[float], float]) -> SceneBody:
+    return SceneBody(name, lambda time: body(since(time)), number, body.markers, lambda time: body.seen(since(time)))
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class RecordedHuman(TrialSettings):
 
 
 @dataclass(frozen=True)
-class Stream(Settings):
+class StreamSettings(Settings):
     """Settings and faults of the emulated Motive's stream."""
 
     rate: float = number(240.0, minimum=1.0, maximum=1000.0, unit="Hz")
@@ -104,10 +104,10 @@ class Stream(Settings):
         shared = ("rate", "version", "transport", "command_port", "data_port", "latency", "jitter", "loss", "drift")
         return MotiveSettings(**{name: getattr(self, name) for name in shared}, seed=seed)
 
-    def faults(self, seed: int) -> Faults:
+    def faults(self, seed: int) -> CameraFaults:
         """Return the faults of the measured poses and markers."""
         shared = ("noise", "rotation_noise", "marker_noise", "occlusions", "occlusion_rate", "occlusion_length")
-        return Faults(**{name: getattr(self, name) for name in shared}, seed=seed)
+        return CameraFaults(**{name: getattr(self, name) for name in shared}, seed=seed)
 
 
 @dataclass(frozen=True)
@@ -128,11 +128,11 @@ class Marked(Settings):
 
 
 @dataclass(frozen=True)
-class Captured(Marked, Motion):
+class CapturedHand(Marked, Motion):
     """Settings of a marked hand that is moved by a program."""
 
 
-PROGRAMS: dict[str, type[Settings]] = {**with_programs(Captured), "c3d": RecordedHuman, PROGRAM: Marked}
+PROGRAMS: dict[str, type[Settings]] = {**with_programs(CapturedHand), "c3d": RecordedHuman, PROGRAM: Marked}
 HUMAN: Any = variant("program", PROGRAMS, "sinusoid", {})
 """Mapping `human`."""
 
@@ -179,29 +179,29 @@ def see(
         HricError: an invalid value; names the key.
     """
     settings: Marked | RecordedHuman = HUMAN.checked(human, f"{where}human")
-    streaming = Stream.of(stream, f"{where}stream")
+    streaming = StreamSettings.of(stream, f"{where}stream")
     T_base_mocap = PoseSettings.of(base_from_mocap, f"{where}base_from_mocap").pose
     T_mocap_base, simulated = inverse(T_base_mocap), None
     if isinstance(settings, RecordedHuman):
         recorded = settings.recorded(T_base_mocap)
         hand = Hand(recorded, settings.begin)
         bodies = recorded.seen(hand)
-    elif isinstance(settings, Captured):
+    elif isinstance(settings, CapturedHand):
         hand = Hand(program_of(settings, seed), settings.begin)
     else:
         T_base_world = inverse(PoseSettings.of(world_from_base, f"{where}world_from_base").pose)
         hand = Hand(simulated := SimulatedBody(person_of(person, where), T_base_world))
         hand.start(0.0)
     if isinstance(settings, Marked):
-        bodies = [Body(settings.name, _in_mocap(T_mocap_base, hand), 1, settings.markers or TRIANGLE)]
+        bodies = [SceneBody(settings.name, _in_mocap(T_mocap_base, hand), 1, settings.markers or TRIANGLE)]
     bodies += _still(settings.still, T_mocap_base, len(bodies) + 1)
     skeletons = () if simulated is None else (simulated.skeleton(len(bodies) + 1, T_mocap_base),)
-    scene = Scene(tuple(bodies), (), streaming.faults(seed), streaming.up_axis, skeletons=skeletons)
+    scene = ServedScene(tuple(bodies), (), streaming.faults(seed), streaming.up_axis, skeletons=skeletons)
     _check_occlusions(streaming, scene)
     return CapturedHuman(hand, Motive(streaming.motive(seed), scene), settings.name, simulated)
 
 
-def _check_occlusions(stream: Stream, scene: Scene) -> None:
+def _check_occlusions(stream: StreamSettings, scene: ServedScene) -> None:
     """Raise ParameterError if an occlusion names a body that does not exist."""
     known = [body.name for body in scene.bodies] + [skeleton.name for skeleton in scene.skeletons]
     for _, _, body in stream.occlusions:
@@ -213,10 +213,10 @@ def _in_mocap(T_mocap_base: Pose, source: Callable[[float], Pose]) -> Callable[[
     return lambda time: compose(T_mocap_base, source(time))
 
 
-def _still(positions: Mapping[str, Vector], T_mocap_base: Pose, first: int) -> list[Body]:
+def _still(positions: Mapping[str, Vector], T_mocap_base: Pose, first: int) -> list[SceneBody]:
     """Return static bodies: name -> [x, y, z] in the base [m]; first: streaming id of the first one."""
     bodies = []
     for index, (name, position) in enumerate(positions.items(), first):
         pose = compose(T_mocap_base, Pose(position))
-        bodies.append(Body(name, lambda time, pose=pose: pose, index))  # type: ignore[misc]
+        bodies.append(SceneBody(name, lambda time, pose=pose: pose, index))  # type: ignore[misc]
     return bodies

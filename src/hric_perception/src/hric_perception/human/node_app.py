@@ -32,7 +32,7 @@ MIN_SLEEP = 2e-4
 
 
 @dataclass(frozen=True)
-class HumanSettings(Settings):
+class EmulatedHumanSettings(Settings):
     """Parameters of the node; the mappings are read by `see`."""
 
     human: Any = anything({}, default_text="`{program: sinusoid}`", text="how the hand moves, see below")
@@ -67,7 +67,7 @@ class HumanNode(NodeApp):
     """
 
     def __init__(self, node: RosNode) -> None:
-        human_settings = HumanSettings.read(node)
+        human_settings = EmulatedHumanSettings.read(node)
         seen = see(
             human_settings.human,
             human_settings.stream,

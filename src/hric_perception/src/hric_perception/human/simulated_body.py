@@ -13,7 +13,7 @@ from hric_human.hand import Program
 from hric_human.hand.program import DONE, MOVING, REST
 from hric_human.participant.settings import HumanSettings
 from hric_perception.simulated import JointTrack
-from mocap_natnet.server import Bone, Skeleton
+from mocap_natnet.server import Bone, ServedSkeleton
 
 PHASES = {"started": MOVING, "ended": DONE}
 """Phase that begins with an event of that kind."""
@@ -65,7 +65,7 @@ class SimulatedBody(Program):
         if kind in PHASES:
             self._changes = [*(change for change in self._changes if change[0] <= time), (time, PHASES[kind])]
 
-    def skeleton(self, number: int, T_mocap_base: Pose) -> Skeleton:
+    def skeleton(self, number: int, T_mocap_base: Pose) -> ServedSkeleton:
         """Return the skeleton as the cameras see it: a bone for each segment, with the axes of its link.
 
         Args:
@@ -83,7 +83,7 @@ class SimulatedBody(Program):
             poses = self._dynamics.poses(self._q(time), T_mocap_root)
             return [poses[segment.link] for segment in segments], list(self._dynamics.markers(poses).values())
 
-        return Skeleton(SKELETON, number, tuple(bones), tuple(self._body.markers), source)
+        return ServedSkeleton(SKELETON, number, tuple(bones), tuple(self._body.markers), source)
 
     def _q(self, time: float) -> Sequence[float]:
         """Return the joint positions at a time of the stream [rad]."""

@@ -12,7 +12,7 @@ from hric_core.geometry import IDENTITY, FloatArray, Pose, stamped
 from hric_human.body import Body
 from hric_human.body.segments import ROOT
 from hric_human.control.whole_body import WholeBody
-from hric_human.tracking import LOST, Estimate
+from hric_human.tracking import LOST, PersonEstimate
 from hric_msgs.msg import PersonTracking
 
 PERSON = "person"
@@ -20,7 +20,7 @@ PERSON = "person"
 _NOWHERE = Pose((math.nan, math.nan, math.nan), IDENTITY)
 
 
-class MarkerRows:
+class PersonMarkers:
     """Marker positions of the person from frames.
 
     Args:
@@ -44,7 +44,7 @@ class MarkerRows:
         return rows
 
 
-class Messages:
+class BodyMessages:
     """Messages of one body.
 
     Args:
@@ -65,14 +65,14 @@ class Messages:
             by_link[segment.link] = by_link[segment.parent] + rows
         return by_link
 
-    def joint_states(self, head: Any, estimate: Estimate) -> Any:
+    def joint_states(self, head: Any, estimate: PersonEstimate) -> Any:
         """Return sensor_msgs/JointState of the joints that are not lost."""
         known = [row for row, state in enumerate(estimate.states) if state != LOST]
         message = JointState(header=head, name=[self._joints[row] for row in known])
         message.position, message.velocity = [estimate.q[row] for row in known], [estimate.dq[row] for row in known]
         return message
 
-    def tracking(self, head: Any, estimate: Estimate, dropped: int) -> Any:
+    def tracking(self, head: Any, estimate: PersonEstimate, dropped: int) -> Any:
         """Return hric_msgs/PersonTracking."""
         root = _NOWHERE if estimate.root_state == LOST else estimate.root
         return PersonTracking(
@@ -87,7 +87,7 @@ class Messages:
             dropped=dropped,
         )
 
-    def frames(self, head: Any, estimate: Estimate) -> Any:
+    def frames(self, head: Any, estimate: PersonEstimate) -> Any:
         """Return tf2_msgs/TFMessage: `person/LINK` of the links that are not lost, all in the frame of the markers."""
         if estimate.root_state == LOST:
             return TFMessage()

@@ -12,7 +12,7 @@ from hric_human.muscles.live_load import HandForce
 from hric_perception.person.settings import PLATE, ROBOT, HandForceSettings
 
 
-class Source(NamedTuple):
+class ForceSource(NamedTuple):
     """Topic of a robot, in a namespace next to the node's.
 
     Attributes:
@@ -25,14 +25,14 @@ class Source(NamedTuple):
     read: Callable[[float, Any], HandForce]
 
 
-def source_of(settings: HandForceSettings) -> Source | None:
+def source_of(settings: HandForceSettings) -> ForceSource | None:
     """Return the source of the force; None if there is none."""
     if settings.source == ROBOT:
         topic = "franka_state_controller/franka_states"
-        return Source(topic, FrankaState, lambda time, message: of_robot(time, message, settings.pose))
+        return ForceSource(topic, FrankaState, lambda time, message: of_robot(time, message, settings.pose))
     if settings.source == PLATE:
         topic = f"hric/perception/force_plate/{settings.id}/wrench"
-        return Source(topic, WrenchStamped, lambda time, message: of_plate(time, message, settings.pose))
+        return ForceSource(topic, WrenchStamped, lambda time, message: of_plate(time, message, settings.pose))
     return None
 
 

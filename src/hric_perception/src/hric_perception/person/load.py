@@ -15,12 +15,12 @@ from hric_core.geometry import stamped
 from hric_core.node import Node
 from hric_core.robot_time import stamps
 from hric_human.muscles.live_load import AWAY, MISSING, HandForce, LiveLoad, PersonLoad
-from hric_human.tracking import LOST, MEASURED, Estimate
+from hric_human.tracking import LOST, MEASURED, PersonEstimate
 from hric_msgs.msg import JointReactions, JointTorque, MuscleActivation
 from hric_msgs.msg import PersonLoad as PersonLoadMessage
 from hric_perception.person.hand_force import source_of
 from hric_perception.person.settings import HandForceSettings
-from hric_perception.stream import OK, START, WARN, Driver, Health
+from hric_perception.stream import OK, START, WARN, Driver, StreamReport
 
 PORTION = 0.05
 """Time over which frames are collected, since many instants cost little more than one [s of the stamps].
@@ -37,7 +37,7 @@ FULL = 1.0 - 1e-9
 """Activation of a saturated muscle, and torque of a saturated joint over its strength [1]."""
 
 
-class Frame(NamedTuple):
+class TrackerFrame(NamedTuple):
     """Frame of the tracker.
 
     Attributes:
@@ -47,7 +47,7 @@ class Frame(NamedTuple):
     """
 
     live: LiveLoad
-    estimate: Estimate
+    estimate: PersonEstimate
     frame_id: str
 
 
@@ -152,7 +152,7 @@ class LoadThread(Driver):
     ) -> None:
         super().__init__("load", 1.0)
         self._now, self._side = now, side or ""
-        self._queue: deque[Frame | HandForce] = deque(maxlen=BACKLOG)
+        self._queue: deque[TrackerFrame | HandForce] = deque(maxlen=BACKLOG)
         self._came = threading.Event()
         self._live: LiveLoad | None = None
         self._messages: LoadMessages | None = None
@@ -169,16 +169,16 @@ class LoadThread(Driver):
             self._read = source.read
             node.subscribe(node.beside(source.topic), source.type, self._on_force, queue_size=0)
 
-    def add(self, item: Frame | HandForce) -> None:
+    def add(self, item: TrackerFrame | HandForce) -> None:
         """Add a frame or a force sample, each kind in its order; thread-safe."""
         self._queue.append(item)
-        if isinstance(item, Frame):
+        if isinstance(item, TrackerFrame):
             self._came.set()
 
     def _on_force(self, message: Any) -> None:
         self.add(self._read(message.header.stamp.to_sec(), message))
 
-    def report(self) -> Health:
+    def report(self) -> StreamReport:
         """Return the health report, once a second."""
         return self._tally.report()
 
@@ -195,13 +195,13 @@ class LoadThread(Driver):
             began = time.thread_time()
             while self._queue:
                 item = self._queue.popleft()
-                if isinstance(item, Frame):
+                if isinstance(item, TrackerFrame):
                     self._take(item)
                 elif self._live is not None and item.time - self._newest < RECENT:
                     self._live.add_force(item)
             self._tally.cost += time.thread_time() - began
 
-    def _take(self, frame: Frame) -> None:
+    def _take(self, frame: TrackerFrame) -> None:
         if frame.live is not self._live:
             self._live, self._messages = frame.live, LoadMessages(frame.live, self._side)
         frame.live.add(frame.estimate)
@@ -246,7 +246,7 @@ class _Tally:
         if now is not None:
             self._behind = max(self._behind, now - float(person_load.load.time[0]))
 
-    def report(self) -> Health:
+    def report(self) -> StreamReport:
         """Return the health report, once a second."""
         newest, instants, cost = self._last, self._instants, self.cost
         now, (then, cost_then, instants_then) = time.monotonic(), self._before
@@ -261,11 +261,11 @@ class _Tally:
         self._behind = 0.0
         if newest is None or instants == instants_then:
             starts = not instants and now - self._made < START
-            return Health(OK if starts else WARN, "waits for frames that show the person", values)
+            return StreamReport(OK if starts else WARN, "waits for frames that show the person", values)
         values |= {f"{side} arm": states[-1] for side, states in newest.states.items()}
         if math.isfinite(newest.distance[-1]):
             values["force from the hand [m]"] = f"{newest.distance[-1]:.3f}"
-        return Health(*_diagnosis(newest), values)
+        return StreamReport(*_diagnosis(newest), values)
 
 
 def _diagnosis(person_load: PersonLoad) -> tuple[int, str]:

@@ -17,13 +17,13 @@ from hric_core.ros.process import NodeApp
 from hric_human.body import Body
 from hric_human.muscles import BUILT_IN, load
 from hric_human.muscles.live_load import LiveLoad
-from hric_human.tracking import LOST, Estimate, PersonTracker, StillPose, calibrate
+from hric_human.tracking import LOST, PersonEstimate, PersonTracker, StillPose, calibrate
 from hric_msgs.msg import MocapData, PersonTracking
-from hric_perception.person.frames import PERSON, MarkerRows, Messages
-from hric_perception.person.load import Frame, LoadThread
+from hric_perception.person.frames import PERSON, BodyMessages, PersonMarkers
+from hric_perception.person.load import LoadThread, TrackerFrame
 from hric_perception.person.settings import PersonSettings
 from hric_perception.sensor import Reporter
-from hric_perception.stream import ERROR, OK, START, WARN, Health
+from hric_perception.stream import ERROR, OK, START, WARN, StreamReport
 
 FRAMES = "hric/perception/mocap"
 TF_RATE = 30.0
@@ -41,13 +41,13 @@ class _Known(NamedTuple):
     """Tracker and messages of one body."""
 
     tracker: PersonTracker
-    messages: Messages
+    messages: BodyMessages
     live: LiveLoad
 
     @classmethod
     def of(cls, body: Body, calibrated: bool, settings: PersonSettings) -> "_Known":
         live = LiveLoad(body, load(BUILT_IN), settings.side)
-        return cls(PersonTracker(body, settings.worn), Messages(body, calibrated), live)
+        return cls(PersonTracker(body, settings.worn), BodyMessages(body, calibrated), live)
 
 
 class PersonNode(NodeApp):
@@ -65,7 +65,7 @@ class PersonNode(NodeApp):
         self._names = self._settings.worn
         body, calibrated = self._settings.known()
         self._known = LatestValue(_Known.of(body, calibrated, self._settings))
-        self._rows = MarkerRows(self._names, self._settings.labels, self._settings.asset)
+        self._rows = PersonMarkers(self._names, self._settings.labels, self._settings.asset)
         where = node.beside(f"hric/{PERSON}")
         self._states = node.advertise(f"{where}/joint_states", JointState, queue_size=10)
         self._tracking = node.advertise(f"{where}/tracking", PersonTracking, queue_size=10)
@@ -122,10 +122,10 @@ class PersonNode(NodeApp):
         estimate = known.tracker.update(stamp, positions)
         if estimate is not None:
             self._publish(known.messages, message.header, estimate)
-            self._load.add(Frame(known.live, estimate, message.header.frame_id))
+            self._load.add(TrackerFrame(known.live, estimate, message.header.frame_id))
         self._health.took(stamp, estimate, time.thread_time() - began)
 
-    def _publish(self, messages: Messages, head: Any, estimate: Estimate) -> None:
+    def _publish(self, messages: BodyMessages, head: Any, estimate: PersonEstimate) -> None:
         self._states.publish(messages.joint_states(head, estimate))
         self._tracking.publish(messages.tracking(head, estimate, self._health.dropped))
         if not 0.0 < self._next_tf - estimate.time <= 1.0 / TF_RATE:
@@ -181,17 +181,17 @@ class _Tally:
     def __init__(self, calibrated: bool) -> None:
         self.came, self.dropped, self.calibrated = 0, 0, calibrated
         self._used, self._before, self._made = 0, 0, time.monotonic()
-        self._last: Estimate | None = None
+        self._last: PersonEstimate | None = None
         self._cost = 0.0
 
-    def took(self, stamp: float, estimate: Estimate | None, cost: float) -> None:
+    def took(self, stamp: float, estimate: PersonEstimate | None, cost: float) -> None:
         """Count a processed frame; cost: processor time [s]."""
         self._used += 1
         self.dropped = max(self.dropped, self.came - self._used)
         self._last = estimate
         self._cost += 0.05 * (cost - self._cost)
 
-    def report(self) -> Health:
+    def report(self) -> StreamReport:
         """Return the health report, once a second."""
         estimate, fresh, self._before = self._last, self._used - self._before, self._used
         values = {
@@ -203,14 +203,14 @@ class _Tally:
         }
         if not fresh:
             starts = not self.came and time.monotonic() - self._made < START
-            return Health(WARN if starts else ERROR, f"no frames on {FRAMES}", values)
+            return StreamReport(WARN if starts else ERROR, f"no frames on {FRAMES}", values)
         if estimate is None:
-            return Health(
+            return StreamReport(
                 WARN, "the person is not found: too few markers of the trunk, or they do not fit the body", values
             )
         values |= {"residual [mm]": f"{1e3 * estimate.residual:.1f}", "markers missing": ", ".join(estimate.missing)}
         if estimate.root_state == LOST or LOST in estimate.states:
-            return Health(WARN, f"lost for want of markers: {', '.join(estimate.missing)}", values)
+            return StreamReport(WARN, f"lost for want of markers: {', '.join(estimate.missing)}", values)
         if not self.calibrated:
-            return Health(WARN, "tracked; not calibrated", values)
-        return Health(OK, "tracked", values)
+            return StreamReport(WARN, "tracked; not calibrated", values)
+        return StreamReport(OK, "tracked", values)

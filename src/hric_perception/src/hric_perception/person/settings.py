@@ -10,7 +10,7 @@ from hric_core.geometry.poses import PoseSettings
 from hric_core.parameters import Mistakes, Settings, choice, mapping, names, number, numbers, section, text, unknown
 from hric_human.body import Body, Subject, describe
 from hric_human.participant.settings import SUBJECT
-from hric_human.tracking import Calibration, PersonTracker
+from hric_human.tracking import BodyCalibration, PersonTracker
 from hric_perception.plate.geometry import PLATE_ID
 
 NONE, ROBOT, PLATE = "none", "robot", "plate"
@@ -101,7 +101,7 @@ class PersonSettings(Settings):
         """
         if not self.calibration or not self.path.is_file():
             return describe(self.person), False
-        calibration = Calibration.load(self.path)
+        calibration = BodyCalibration.load(self.path)
         if (calibration.subject.code, calibration.subject.parts) != (self.person.code, self.parts):
             raise HricError(
                 f"{self.path} is of {calibration.subject.code} ({calibration.subject.parts}); valid: a calibration of "

@@ -15,13 +15,13 @@ from hric_perception.plate.geometry import CHANNELS, UNITS, PlatePose
 from hric_perception.plate.loads import (
     CONTACTS_DELAY,
     PROGRAM,
-    Body,
-    Constant,
+    ConstantLoad,
     ContactLoad,
     Contacts,
     FloorLoad,
     Load,
     Push,
+    StandingBody,
 )
 from hric_perception.plate.natnet import PlateMotive, PlateStream
 from hric_perception.replayed import RecordedLoad, follow_human
@@ -60,7 +60,7 @@ class EmulatedPlateSettings(DeviceSettings):
         load: Load
         if replayed is not None:
             delay, load = follow_human(node, replayed), replayed.at
-        elif isinstance(program, Body):
+        elif isinstance(program, StandingBody):
             load = floor = FloorLoad(person_of(self.person, self.prefix), self.pose.pose)
             follow_joints(node, floor.add)
             follow_grips(node, floor.hold)
@@ -68,7 +68,7 @@ class EmulatedPlateSettings(DeviceSettings):
         elif isinstance(program, Contacts):
             delay, load = CONTACTS_DELAY, _followed(node, program, self.pose.pose)
         else:
-            assert isinstance(program, Push | Constant)
+            assert isinstance(program, Push | ConstantLoad)
             load = program.load()
         faults = faults_of(self.faults, node.resolve("faults"), self.seed, delay)
         return Device(self, CHANNELS, UNITS, lambda first, times: load(times), faults, known, replayed)

@@ -17,7 +17,7 @@ from hric_human.participant.settings import HumanSettings
 from hric_perception import simulated
 from hric_perception.chunk import FloatArray
 from hric_perception.plate.geometry import CHANNELS, wrench_at
-from hric_perception.replayed import RecordedLoad, Track
+from hric_perception.replayed import RecordedLoad, ValueTrack
 
 CONTACTS_PERIOD = 0.01
 """Period of `sim/contacts` [s]; it is silent while nothing touches."""
@@ -42,7 +42,7 @@ class Push(Settings):
 
 
 @dataclass(frozen=True)
-class Constant(Settings):
+class ConstantLoad(Settings):
     """Constant load."""
 
     wrench: tuple[float, ...] = numbers(len(CHANNELS), (0.0,) * len(CHANNELS), unit="N, N m")
@@ -62,13 +62,19 @@ class Contacts(Settings):
 
 
 @dataclass(frozen=True)
-class Body(Settings):
+class StandingBody(Settings):
     """Human in the robot's plant, standing on the plate."""
 
 
 PROGRAM: Any = variant(
     "program",
-    {"push": Push, "constant": Constant, "contacts": Contacts, "c3d": RecordedLoad, simulated.PROGRAM: Body},
+    {
+        "push": Push,
+        "constant": ConstantLoad,
+        "contacts": Contacts,
+        "c3d": RecordedLoad,
+        simulated.PROGRAM: StandingBody,
+    },
     "push",
     {},
     default_text="`{program: push}`",
@@ -87,7 +93,7 @@ class ContactLoad:
     """
 
     def __init__(self, body: str, T_world_plate: Pose) -> None:
-        self._body, self._T, self._track = body, T_world_plate, Track(len(CHANNELS))
+        self._body, self._T, self._track = body, T_world_plate, ValueTrack(len(CHANNELS))
         self._last = -np.inf
 
     def __call__(self, times: FloatArray) -> FloatArray:
@@ -136,8 +142,8 @@ class FloorLoad:
         self._R = rotation_from_quaternion(T_world_plate.orientation)
         self._p = np.array(T_world_plate.position)
         self._joints, self._rows = tuple(body.joints), deque[tuple[float, FloatArray, FloatArray]](maxlen=3)
-        self._floor = Track(len(CHANNELS))
-        self._grips = {name: Track(len(CHANNELS)) for name in person.grips}
+        self._floor = ValueTrack(len(CHANNELS))
+        self._grips = {name: ValueTrack(len(CHANNELS)) for name in person.grips}
 
     @property
     def known(self) -> float:

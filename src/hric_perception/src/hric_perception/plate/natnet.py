@@ -21,7 +21,7 @@ from hric_perception.plate.loads import Load
 from hric_perception.stream import Driver, SampleStream, StreamHealth
 from mocap_natnet import client, server
 from mocap_natnet.client.settings import address
-from mocap_natnet.codec import COMMAND_PORT, DATA_PORT, ForcePlateDescription, Model
+from mocap_natnet.codec import COMMAND_PORT, DATA_PORT, ForcePlateDescription, ServerModel
 from mocap_natnet.node.parameters import Publishing
 
 NS = 1e-9
@@ -48,7 +48,7 @@ class NatNetPlate(Driver):
 
     def __init__(
         self,
-        settings: client.Settings,
+        settings: client.ClientSettings,
         plate: int,
         stream: SampleStream,
         health: StreamHealth,
@@ -93,7 +93,7 @@ class NatNetPlate(Driver):
         self._count = 0
         self._frame_rate = None
 
-    def _on_model(self, model: Model) -> None:
+    def _on_model(self, model: ServerModel) -> None:
         for description in model.descriptions:
             if isinstance(description, ForcePlateDescription) and self._plate in (0, description.id):
                 self._on_described(description)
@@ -126,7 +126,7 @@ class NatNetPlate(Driver):
 
 
 @dataclass(frozen=True)
-class PlateClient(client.Settings, Publishing):
+class PlateClient(client.ClientSettings, Publishing):
     """Group `natnet` of a node that reads `plate_of`: the client, and the plate."""
 
     plate: int = whole(0, minimum=0, maximum=2**31 - 1, text="id of the plate; 0: the first of the stream")
@@ -208,10 +208,10 @@ class PlateMotive:
             valid = f"with a plate of {rate:g} Hz a whole number of samples per frame"
             raise refused(f"{stream.prefix}rate", stream.rate, valid)
         shared = ("rate", "ip", "command_port", "data_port", "transport", "latency", "loss")
-        settings = server.Settings(**{name: getattr(stream, name) for name in shared}, seed=faults.seed)
+        settings = server.MotiveSettings(**{name: getattr(stream, name) for name in shared}, seed=faults.seed)
         self._rate, self._load, self._faults, self._noise = rate, load, faults, BlockNoise(6, faults.seed)
-        plate = server.Plate(self._sample, centre=stream.centre or (0.0, 0.0, 0.0), samples=count)
-        scene = server.Scene((), (plate,), up=stream.up_axis)
+        plate = server.ServedPlate(self._sample, centre=stream.centre or (0.0, 0.0, 0.0), samples=count)
+        scene = server.ServedScene((), (plate,), up=stream.up_axis)
         self.server = server.MotiveServer(server.Motive(settings, scene), clock, on_reached)
         self.server.start()
 

@@ -13,11 +13,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hric_perception.sync.buffer import NS, Stamps, Values
-from hric_perception.sync.extract import BATCHES, MalformedError, NotForUsError, Samples, row_reader, stamp_of
-from hric_perception.sync.instants import BusyClock, CommonTime, ReferenceStamps, Ticks, Verdict
+from hric_perception.sync.extract import BATCHES, MalformedError, MessageSamples, NotForUsError, row_reader, stamp_of
+from hric_perception.sync.instants import BusyClock, CommonTime, ReferenceStamps, StampRelation, Ticks
 from hric_perception.sync.intake import MALFORMED, NOT_FOR_US, Intake
-from hric_perception.sync.layout import APPROXIMATE, RESAMPLE, Plan
-from hric_perception.sync.sampling import Mask, Sampled, picker, resampler
+from hric_perception.sync.layout import APPROXIMATE, RESAMPLE, SyncPlan
+from hric_perception.sync.sampling import Mask, SampledValues, picker, resampler
 
 SPAN = 1_000_000_000
 """Time span of the statistics [ns]."""
@@ -82,7 +82,7 @@ class Window:
         return np.asarray(skews[~np.isnan(skews)])
 
 
-class Batch(NamedTuple):
+class SampleBatch(NamedTuple):
     """Synchronised samples.
 
     Attributes:
@@ -114,7 +114,7 @@ class Synchroniser:
         sent: samples returned; incomplete: those with an invalid source; dropped: instants left out.
     """
 
-    def __init__(self, plan: Plan, now: float) -> None:
+    def __init__(self, plan: SyncPlan, now: float) -> None:
         self.plan = plan
         self.intakes = [Intake(source, now, plan.delay) for source in plan.sources]
         self.window = Window(len(plan.sources))
@@ -153,9 +153,9 @@ class Synchroniser:
             arrived: arrival by the monotonic clock [s].
         """
         if len(stamps):
-            self.intakes[index].put(Samples(stamps, values), arrived)
+            self.intakes[index].put(MessageSamples(stamps, values), arrived)
 
-    def take(self, now: float) -> Batch | None:
+    def take(self, now: float) -> SampleBatch | None:
         """Return the samples that are due, at most `instants.MAX_INSTANTS`; None if there are none.
 
         Args:
@@ -182,7 +182,7 @@ class Synchroniser:
             self._busy.received(arrived)
             busy = self._busy.at(arrived)
             verdict = self._time.see(samples.stamps, arrived)
-            if verdict is Verdict.RESTARTED:
+            if verdict is StampRelation.RESTARTED:
                 self._restart(arrived, busy)
             self.intakes[index].take(samples.stamps, samples.values, verdict, self.last, arrived, busy)
 
@@ -212,9 +212,9 @@ class Synchroniser:
         self._instants.begin(max(firsts))
         return True
 
-    def _assemble(self, stamps: Stamps, sampled: list[Sampled]) -> Batch | None:
+    def _assemble(self, stamps: Stamps, sampled: list[SampledValues]) -> SampleBatch | None:
         valid = np.array([part.valid for part in sampled]).T
-        batch = Batch(
+        batch = SampleBatch(
             stamps,
             np.concatenate([part.values for part in sampled], axis=1),
             np.array([part.age for part in sampled]).T,
@@ -227,7 +227,7 @@ class Synchroniser:
         )
         if not self.plan.mark and not complete.all():
             count = int(complete.sum())
-            batch = Batch(stamps[complete], batch.values[complete], batch.age[complete], valid[complete])
+            batch = SampleBatch(stamps[complete], batch.values[complete], batch.age[complete], valid[complete])
             self.dropped += len(stamps) - count
         else:
             self.incomplete += count - int(complete.sum())

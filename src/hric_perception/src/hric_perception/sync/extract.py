@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hric_perception.sync.buffer import NS, Stamps, Values
-from hric_perception.sync.paths import FLOATS, Leaf, PathError, Step
+from hric_perception.sync.paths import FLOATS, Leaf, PathError, PathStep
 
 NAN = float("nan")
 
@@ -23,7 +23,7 @@ class MalformedError(Exception):
     """Error of a message that contradicts itself; the text says how."""
 
 
-class Samples(NamedTuple):
+class MessageSamples(NamedTuple):
     """Samples of a message.
 
     Attributes:
@@ -52,7 +52,7 @@ def row_reader(leaves: Sequence[Leaf]) -> Callable[[Any], list[float]]:
     return read
 
 
-_Path = tuple[Leaf, tuple[Step, ...]]
+_Path = tuple[Leaf, tuple[PathStep, ...]]
 
 
 def _fills(paths: Sequence[_Path]) -> list[Fill]:
@@ -78,7 +78,7 @@ def _each(parts: list[Fill], message: Any, row: list[float]) -> None:
         part(message, row)
 
 
-def _numbers(field: str, steps: list[Step]) -> Fill:
+def _numbers(field: str, steps: list[PathStep]) -> Fill:
     """Return a reader of elements of a list of numbers; all of them must exist."""
     find = _finder(steps)
 
@@ -92,7 +92,7 @@ def _numbers(field: str, steps: list[Step]) -> Fill:
     return fill
 
 
-def _finder(steps: Sequence[Step]) -> Callable[[Any], list[int]]:
+def _finder(steps: Sequence[PathStep]) -> Callable[[Any], list[int]]:
     """Return a function that finds named elements in a message's list of names, cached while the list is unchanged.
 
     The function raises ValueError if a name does not exist.
@@ -137,7 +137,7 @@ def _elements(field: str, group: list[_Path]) -> Fill:
     return fill
 
 
-def _chooser(field: str, step: Step) -> Callable[[Any], Any]:
+def _chooser(field: str, step: PathStep) -> Callable[[Any], Any]:
     """Return a function that finds an element of a list of messages, or None."""
     if isinstance(step.element, str) and not step.names:
         name = step.element
@@ -153,7 +153,7 @@ def _chooser(field: str, step: Step) -> Callable[[Any], Any]:
     return choose
 
 
-def chunk_reader(leaves: Sequence[Leaf], where: str) -> Callable[[Any], Samples]:
+def chunk_reader(leaves: Sequence[Leaf], where: str) -> Callable[[Any], MessageSamples]:
     """Return a function that splits a SampleChunk into samples.
 
     Raises:
@@ -162,19 +162,19 @@ def chunk_reader(leaves: Sequence[Leaf], where: str) -> Callable[[Any], Samples]
     steps = _columns(leaves, ("data",), where)
     find = _finder(steps)
 
-    def read(message: Any) -> Samples:
+    def read(message: Any) -> MessageSamples:
         width = len(message.channels)
         count, rest = divmod(len(message.data), width) if width else (0, 1)
         if rest or not 0.0 < message.rate < float("inf"):
             raise MalformedError(f"{len(message.data)} values of {width} channels at {message.rate:g} Hz")
         offsets = np.rint(np.arange(count) * (NS / message.rate)).astype(np.int64)
         values = np.asarray(message.data, np.float64).reshape(count, width)
-        return Samples(stamp_of(message) + offsets, values[:, _indices(find, message)])
+        return MessageSamples(stamp_of(message) + offsets, values[:, _indices(find, message)])
 
     return read
 
 
-def log_reader(leaves: Sequence[Leaf], where: str) -> Callable[[Any], Samples]:
+def log_reader(leaves: Sequence[Leaf], where: str) -> Callable[[Any], MessageSamples]:
     """Return a function that splits a ControlLog into samples.
 
     Raises:
@@ -186,7 +186,7 @@ def log_reader(leaves: Sequence[Leaf], where: str) -> Callable[[Any], Samples]:
         for field, group in groupby(steps, lambda step: step.field)
     ]
 
-    def read(message: Any) -> Samples:
+    def read(message: Any) -> MessageSamples:
         times = np.asarray(message.time)
         joints = len(message.joint_names)
         if len(times) == 0 or any(len(getattr(message, field)) != len(times) * joints for field, _, _ in groups):
@@ -196,12 +196,12 @@ def log_reader(leaves: Sequence[Leaf], where: str) -> Callable[[Any], Samples]:
             np.asarray(getattr(message, field)).reshape(-1, joints)[:, _indices(find, message)]
             for field, _, find in groups
         ]
-        return Samples(stamps, np.hstack(values))
+        return MessageSamples(stamps, np.hstack(values))
 
     return read
 
 
-def _columns(leaves: Sequence[Leaf], valid: tuple[str, ...], where: str) -> list[Step]:
+def _columns(leaves: Sequence[Leaf], valid: tuple[str, ...], where: str) -> list[PathStep]:
     for leaf in leaves:
         if len(leaf.steps) != 1 or leaf.steps[0].field not in valid:
             raise PathError(f"{where}: {leaf} is not one value per sample; valid: elements of {', '.join(valid)}")

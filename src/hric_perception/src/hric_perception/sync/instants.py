@@ -26,7 +26,7 @@ The rest follows with the next call, and messages are received in between.
 """
 
 
-class Verdict(Enum):
+class StampRelation(Enum):
     """Relation of a stamp to the current time."""
 
     SAME = "same"
@@ -45,7 +45,7 @@ class CommonTime:
         self.newest: int | None = None
         self._last = 0.0
 
-    def see(self, stamps: Stamps, arrived: float) -> Verdict:
+    def see(self, stamps: Stamps, arrived: float) -> StampRelation:
         """Judge stamps that arrived together, and advance to the last of them unless they are foreign.
 
         Args:
@@ -56,11 +56,11 @@ class CommonTime:
         if self.newest is None or self._reached(stamps, self.newest):
             self.newest = last if self.newest is None else max(self.newest, last)
             self._last = arrived
-            return Verdict.SAME
+            return StampRelation.SAME
         if arrived - self._last <= SILENCE:
-            return Verdict.FOREIGN
+            return StampRelation.FOREIGN
         self.newest, self._last = last, arrived
-        return Verdict.RESTARTED
+        return StampRelation.RESTARTED
 
     @staticmethod
     def _reached(stamps: Stamps, newest: int) -> bool:

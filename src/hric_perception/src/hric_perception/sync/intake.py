@@ -6,9 +6,9 @@ import numpy as np
 
 from hric_perception.stream import START
 from hric_perception.sync.buffer import StampBuffer, Stamps, Values
-from hric_perception.sync.extract import Samples
-from hric_perception.sync.instants import AGREE, Verdict
-from hric_perception.sync.layout import Source
+from hric_perception.sync.extract import MessageSamples
+from hric_perception.sync.instants import AGREE, StampRelation
+from hric_perception.sync.layout import SyncSource
 
 NS = 1e-9
 OUT_OF_ORDER, FOREIGN, MALFORMED, NOT_FOR_US = (
@@ -37,43 +37,43 @@ class Intake:
         late: samples that arrived after their instants had gone out.
     """
 
-    def __init__(self, source: Source, now: float, delay: float) -> None:
+    def __init__(self, source: SyncSource, now: float, delay: float) -> None:
         self.source, self.topic = source, source.topic
         self._patience = max(source.timeout, delay)
         self.buffer = StampBuffer(source.capacity, len(source.columns))
         self.samples = self.late = 0
         self.refused: Counter[str] = Counter()
-        self._waiting: deque[tuple[float, Samples | tuple[int, list[float]]]] = deque()
+        self._waiting: deque[tuple[float, MessageSamples | tuple[int, list[float]]]] = deque()
         self._last: float | None = None
         self._begun, self._busy = now, 0.0
         self._trouble = ""
 
-    def put(self, samples: Samples | tuple[int, list[float]], arrived: float) -> None:
+    def put(self, samples: MessageSamples | tuple[int, list[float]], arrived: float) -> None:
         """Put samples, or stamp [ns] and values of one, that arrived then [s], for `collect`; thread-safe."""
         self._waiting.append((arrived, samples))
 
-    def collect(self) -> tuple[float, Samples] | None:
+    def collect(self) -> tuple[float, MessageSamples] | None:
         """Return (arrival of the last one [s], waiting samples with stamps in any order); None if there are none."""
         count = len(self._waiting)
         if not count:
             return None
         waiting = [self._waiting.popleft() for _ in range(count)]
         arrived = waiting[-1][0]
-        if all(isinstance(sample, Samples) for _, sample in waiting):
-            chunks = [sample for _, sample in waiting if isinstance(sample, Samples)]
+        if all(isinstance(sample, MessageSamples) for _, sample in waiting):
+            chunks = [sample for _, sample in waiting if isinstance(sample, MessageSamples)]
             if count == 1:
                 return arrived, chunks[0]
-            return arrived, Samples(
+            return arrived, MessageSamples(
                 np.concatenate([sample.stamps for sample in chunks]),
                 np.concatenate([sample.values for sample in chunks]),
             )
-        return arrived, Samples(
+        return arrived, MessageSamples(
             np.array([sample[0] for _, sample in waiting], np.int64),
             np.array([sample[1] for _, sample in waiting], np.float64),
         )
 
     def take(
-        self, stamps: Stamps, values: Values, verdict: Verdict, sent: int | None, arrived: float, busy: float
+        self, stamps: Stamps, values: Values, verdict: StampRelation, sent: int | None, arrived: float, busy: float
     ) -> None:
         """Accept samples that are later than the previous ones.
 
@@ -85,7 +85,7 @@ class Intake:
             arrived: arrival by the monotonic clock [s].
             busy: time of the `BusyClock` [s].
         """
-        if verdict is Verdict.FOREIGN:
+        if verdict is StampRelation.FOREIGN:
             self.refuse(FOREIGN, len(stamps))
             return
         last = self.buffer.last

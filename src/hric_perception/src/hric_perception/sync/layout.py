@@ -25,7 +25,7 @@ CAPACITY = 8192
 
 
 @dataclass(frozen=True)
-class Column:
+class SyncColumn:
     """Value of the synchronised sample.
 
     Attributes:
@@ -40,7 +40,7 @@ class Column:
 
 
 @dataclass(frozen=True)
-class Source:
+class SyncSource:
     """Topic from which values are taken.
 
     Attributes:
@@ -54,7 +54,7 @@ class Source:
 
     topic: str
     message: Any
-    columns: tuple[Column, ...]
+    columns: tuple[SyncColumn, ...]
     max_gap: float = MAX_GAP
     timeout: float = TIMEOUT
     capacity: int = CAPACITY
@@ -66,7 +66,7 @@ class Source:
 
 
 @dataclass(frozen=True)
-class Plan:
+class SyncPlan:
     """Sources, instants and policy of a synchronisation.
 
     Attributes:
@@ -80,7 +80,7 @@ class Plan:
     """
 
     policy: str
-    sources: tuple[Source, ...]
+    sources: tuple[SyncSource, ...]
     reference: int | None = None
     rate: float = RATE
     tolerance: float = TOLERANCE
@@ -113,7 +113,7 @@ class SourceSettings(Settings):
     timeout: float = number(TIMEOUT, above=0.0, maximum=3600.0, unit="s")
     capacity: int = whole(CAPACITY, minimum=2, maximum=10_000_000)
 
-    def source(self, policy: str) -> Source:
+    def source(self, policy: str) -> SyncSource:
         """Return the source for the synchroniser. Raises HricError."""
         kind = message_class(self.type, f"{self.prefix}type")
         columns = [
@@ -121,9 +121,9 @@ class SourceSettings(Settings):
         ]
         if kind._type in BATCHES:
             BATCHES[kind._type]([column.leaf for column in columns], self.prefix.rstrip("./"))
-        return Source(self.topic, kind, tuple(columns), self.max_gap, self.timeout, self.capacity)
+        return SyncSource(self.topic, kind, tuple(columns), self.max_gap, self.timeout, self.capacity)
 
-    def _columns(self, index: int, section: str | SignalSettings, kind: Any, policy: str) -> list[Column]:
+    def _columns(self, index: int, section: str | SignalSettings, kind: Any, policy: str) -> list[SyncColumn]:
         where = f"{self.prefix}signals[{index}]"
         signal = section if isinstance(section, SignalSettings) else SignalSettings(field=section)
         signal_leaves = leaves(kind, signal.field, f"{where}.field")
@@ -137,7 +137,7 @@ class SourceSettings(Settings):
         else:
             interpolations = _interpolations(signal.interpolation, signal_leaves, where)
         return [
-            Column(leaf, interpolation, signal.unit or leaf.unit)
+            SyncColumn(leaf, interpolation, signal.unit or leaf.unit)
             for leaf, interpolation in zip(signal_leaves, interpolations, strict=True)
         ]
 
@@ -171,7 +171,7 @@ class PlanSettings(Settings):
             raise refused(f"{where}reference", self.reference, f"one of {', '.join(topics)}")
 
 
-def read_plan(where: str, content: Any) -> Plan:
+def read_plan(where: str, content: Any) -> SyncPlan:
     """Return the plan that a mapping describes; INTERFACE.md lists its keys.
 
     Args:
@@ -183,7 +183,7 @@ def read_plan(where: str, content: Any) -> Plan:
     """
     settings = PlanSettings.of(content, where)
     resampled = settings.policy == RESAMPLE
-    plan = Plan(
+    plan = SyncPlan(
         policy=settings.policy,
         sources=tuple(source.source(settings.policy) for source in settings.sources),
         reference=None if resampled else [source.topic for source in settings.sources].index(settings.reference),

@@ -8,12 +8,12 @@ from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from hric_msgs.msg import SyncLayout, SyncStatus
 from hric_perception.sync.buffer import NS
-from hric_perception.sync.core import Batch, Synchroniser
+from hric_perception.sync.core import SampleBatch, Synchroniser
 from hric_perception.sync.intake import NOT_YET, REFUSALS
-from hric_perception.sync.layout import RESAMPLE, Plan, Source
+from hric_perception.sync.layout import RESAMPLE, SyncPlan, SyncSource
 
 
-def samples(batch: Batch, blanks: Iterator[Any]) -> Iterator[Any]:
+def samples(batch: SampleBatch, blanks: Iterator[Any]) -> Iterator[Any]:
     """Yield a SyncedSample for each instant.
 
     Args:
@@ -36,7 +36,7 @@ class Units:
         plan: plan of the synchronisation.
     """
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: SyncPlan) -> None:
         self._reported: dict[str, list[str]] = {}
         self._open = {
             source.topic
@@ -44,7 +44,7 @@ class Units:
             if source.message._type == "hric_msgs/SampleChunk" and not all(_units(source))
         }
 
-    def see(self, source: Source, message: Any) -> bool:
+    def see(self, source: SyncSource, message: Any) -> bool:
         """Read the units of a message; return True if it contained new ones."""
         if source.topic not in self._open:
             return False
@@ -60,17 +60,17 @@ class Units:
         self._open.discard(source.topic)
         return True
 
-    def of(self, source: Source) -> list[str]:
+    def of(self, source: SyncSource) -> list[str]:
         """Return the unit of each column; empty if it is not known."""
         known = _units(source)
         return [unit or reported for unit, reported in zip(known, self._reported.get(source.topic, known), strict=True)]
 
 
-def _units(source: Source) -> list[str]:
+def _units(source: SyncSource) -> list[str]:
     return [column.unit for column in source.columns]
 
 
-def layout(plan: Plan, units: Units, topics: list[str]) -> Any:
+def layout(plan: SyncPlan, units: Units, topics: list[str]) -> Any:
     """Return the SyncLayout of a plan.
 
     Args:

@@ -17,7 +17,7 @@ from hric_core.ros.process import NodeApp
 from hric_msgs.msg import SyncedSample, SyncLayout, SyncStatus
 from hric_perception.sync import messages
 from hric_perception.sync.core import Synchroniser
-from hric_perception.sync.layout import RESAMPLE, Plan, Source, read_plan
+from hric_perception.sync.layout import RESAMPLE, SyncPlan, SyncSource, read_plan
 from hric_perception.sync.messages import TOPIC, rate_topic
 
 QUEUE = 200
@@ -50,7 +50,7 @@ class SyncStream:
     def __init__(
         self,
         node: RosNode,
-        plan: Plan,
+        plan: SyncPlan,
         topic: str,
         topics: list[str],
         robot_time: RobotTime,
@@ -71,7 +71,7 @@ class SyncStream:
         self._before: Any = None
         self._starving, self._count, self._status = "", 0, time.monotonic()
 
-    def see_units(self, source: Source, message: Any) -> None:
+    def see_units(self, source: SyncSource, message: Any) -> None:
         """Read new units from a SampleChunk of a source."""
         if self._units.see(source, message):
             self._layouts.publish(messages.layout(self._plan, self._units, self._topics))
@@ -189,7 +189,7 @@ class SynchronizerNode(NodeApp):
         self._thread.join(2.0)
         self._robot_time.close()
 
-    def _receiver(self, index: int, source: Source) -> Callable[[Any], None]:
+    def _receiver(self, index: int, source: SyncSource) -> Callable[[Any], None]:
         streams, chunked = self._streams, source.message._type == "hric_msgs/SampleChunk"
 
         def receive(message: Any) -> None:
@@ -210,7 +210,7 @@ class SynchronizerNode(NodeApp):
                 stream.work(now)
 
 
-def checked_rates(where: str, rates: Sequence[float], plan: Plan) -> Sequence[float]:
+def checked_rates(where: str, rates: Sequence[float], plan: SyncPlan) -> Sequence[float]:
     """Return the rates of one plan, checked to have policy resample; empty: the plan's rate. Raises ParameterError."""
     if rates and plan.policy != RESAMPLE:
         raise ParameterError(
@@ -219,7 +219,7 @@ def checked_rates(where: str, rates: Sequence[float], plan: Plan) -> Sequence[fl
     return rates
 
 
-def outputs_of(plan: Plan, topic: str, rates: Sequence[float]) -> list[tuple[Plan, str]]:
+def outputs_of(plan: SyncPlan, topic: str, rates: Sequence[float]) -> list[tuple[SyncPlan, str]]:
     """Return (plan, topic) of each stream: one on the topic itself, or one per rate on `<topic>_<rate>hz`."""
     if not rates:
         return [(plan, topic)]

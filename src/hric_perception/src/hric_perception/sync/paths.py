@@ -27,7 +27,7 @@ class PathError(HricError):
 
 
 @dataclass(frozen=True)
-class Step:
+class PathStep:
     """Step from a message to one of its fields.
 
     Attributes:
@@ -56,7 +56,7 @@ class Leaf:
         unit: unit by the type of the message; empty: not known.
     """
 
-    steps: tuple[Step, ...]
+    steps: tuple[PathStep, ...]
     kind: str
     quaternion: bool = False
     part: bool = False
@@ -123,7 +123,7 @@ def leaves(message_type: Any, path: str, where: str) -> list[Leaf]:
 
 
 def _walk(
-    message_type: Any, choice: list[tuple[str, str | None]], steps: tuple[Step, ...], where: str, unit: str
+    message_type: Any, choice: list[tuple[str, str | None]], steps: tuple[PathStep, ...], where: str, unit: str
 ) -> Iterator[Leaf]:
     (field, chosen), rest = choice[0], choice[1:]
     if field not in message_type.__slots__:
@@ -134,7 +134,7 @@ def _walk(
     if array is None:
         if chosen is not None:
             raise PathError(f"{where}: {field} of {message_type._type} is no list; valid: {field} without brackets")
-        yield from _down(kind, message_type, rest, (*steps, Step(field)), where, unit)
+        yield from _down(kind, message_type, rest, (*steps, PathStep(field)), where, unit)
         return
     for element in [chosen] if chosen is not None else _all(array, field, message_type, where):
         step = _element(field, element, array, message_type, where)
@@ -150,26 +150,26 @@ def _all(array: re.Match[str], field: str, message_type: Any, where: str) -> lis
     return [str(index) for index in range(int(array["length"]))]
 
 
-def _element(field: str, chosen: str, array: re.Match[str], message_type: Any, where: str) -> Step:
+def _element(field: str, chosen: str, array: re.Match[str], message_type: Any, where: str) -> PathStep:
     if chosen.isdigit():
         if array["length"] and int(chosen) >= int(array["length"]):
             raise PathError(
                 f"{where}: {field} of {message_type._type} has {array['length']} elements; valid: 0 to "
                 f"{int(array['length']) - 1}"
             )
-        return Step(field, int(chosen))
+        return PathStep(field, int(chosen))
     if not chosen:
         raise PathError(f"{where}: empty brackets after {field}; valid: numbers or names with commas in between")
     if "/" in array["element"] and "name" in _class_of(array["element"]).__slots__:
-        return Step(field, chosen)
+        return PathStep(field, chosen)
     for name, kind in zip(message_type.__slots__, message_type._slot_types, strict=True):
         if name in NAME_FIELDS and kind == "string[]" and name != field:
-            return Step(field, chosen, name)
+            return PathStep(field, chosen, name)
     raise PathError(f"{where}: nothing in {message_type._type} names the elements of {field}; valid: numbers from 0")
 
 
 def _down(
-    kind: str, parent: Any, rest: list[tuple[str, str | None]], steps: tuple[Step, ...], where: str, unit: str
+    kind: str, parent: Any, rest: list[tuple[str, str | None]], steps: tuple[PathStep, ...], where: str, unit: str
 ) -> Iterator[Leaf]:
     if kind in FLOATS or kind in WHOLES:
         if rest:
@@ -184,7 +184,7 @@ def _down(
     if rest:
         yield from _walk(inner, rest, steps, where, unit)
     elif kind == QUATERNION:
-        yield from (Leaf((*steps, Step(name)), "float64", quaternion=True, unit="1") for name in inner.__slots__)
+        yield from (Leaf((*steps, PathStep(name)), "float64", quaternion=True, unit="1") for name in inner.__slots__)
     else:
         for field in inner.__slots__:
             yield from _walk(inner, [(field, None)], steps, where, unit)

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hric_perception.sync.buffer import StampBuffer, Stamps, Values
-from hric_perception.sync.layout import HOLD, LINEAR, SLERP, Source
+from hric_perception.sync.layout import HOLD, LINEAR, SLERP, SyncSource
 
 Indices = npt.NDArray[np.intp]
 NS = 1e-9
@@ -129,7 +129,7 @@ def _unit(quaternions: Values) -> Values:
     return quaternions / np.where(norm > 0.0, norm, np.nan)
 
 
-class Sampled(NamedTuple):
+class SampledValues(NamedTuple):
     """Values at instants.
 
     Attributes:
@@ -146,10 +146,10 @@ class Sampled(NamedTuple):
     skew: Values | None
 
 
-Sampler = Callable[[StampBuffer, Stamps], Sampled]
+Sampler = Callable[[StampBuffer, Stamps], SampledValues]
 
 
-def resampler(source: Source) -> Sampler:
+def resampler(source: SyncSource) -> Sampler:
     """Return a sampler that interpolates each column of a source at instants."""
     runs = []
     begin = 0
@@ -163,30 +163,30 @@ def resampler(source: Source) -> Sampler:
     held = any(column.interpolation == HOLD for column in source.columns)
     reach, width = source.max_gap, len(source.columns)
 
-    def sample(buffer: StampBuffer, instants: Stamps) -> Sampled:
+    def sample(buffer: StampBuffer, instants: Stamps) -> SampledValues:
         if not len(buffer):
             return _nothing(len(instants), width)
         at, values = bracket(buffer.stamps, instants), buffer.values
         parts = [function(values[:, columns], at, reach) for function, columns in runs]
         out = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
         age = at.age if at.low[0] >= 0 else np.where(at.low < 0, np.nan, at.age)
-        return Sampled(out, age, _finite(out), age if held else None)
+        return SampledValues(out, age, _finite(out), age if held else None)
 
     return sample
 
 
-def picker(source: Source, tolerance: float) -> Sampler:
+def picker(source: SyncSource, tolerance: float) -> Sampler:
     """Return a sampler of the sample nearest to each instant, within tolerance [s]; 0: of the very same stamp."""
     width = len(source.columns)
 
-    def sample(buffer: StampBuffer, instants: Stamps) -> Sampled:
+    def sample(buffer: StampBuffer, instants: Stamps) -> SampledValues:
         if not len(buffer):
             return _nothing(len(instants), width)
         index, age = nearest(buffer.stamps, instants)
         far = np.abs(age) > tolerance
         out = np.where(far[:, None], np.nan, buffer.values[index])
         age = np.where(far, np.nan, age)
-        return Sampled(out, age, _finite(out), np.abs(age))
+        return SampledValues(out, age, _finite(out), np.abs(age))
 
     return sample
 
@@ -202,6 +202,6 @@ def _finite(values: Values) -> Mask:
     return np.asarray(~np.isnan(values @ np.zeros(values.shape[1])))
 
 
-def _nothing(count: int, width: int) -> Sampled:
+def _nothing(count: int, width: int) -> SampledValues:
     none = np.full(count, np.nan)
-    return Sampled(np.full((count, width), np.nan), none, np.zeros(count, bool), none)
+    return SampledValues(np.full((count, width), np.nan), none, np.zeros(count, bool), none)

@@ -28,7 +28,7 @@ RATES = 1.0, 1e5
 
 
 @dataclass(frozen=True)
-class Settings(Base):
+class TrignoSettings(Base):
     """Address of the server, and its channels."""
 
     host: str = text("127.0.0.1", empty=False, text="address")
@@ -61,7 +61,7 @@ class TrignoClient(Driver):
         health: receiver of status reports.
     """
 
-    def __init__(self, settings: Settings, stream: SampleStream, health: StreamHealth) -> None:
+    def __init__(self, settings: TrignoSettings, stream: SampleStream, health: StreamHealth) -> None:
         super().__init__("trigno client", TIMEOUT + 1.0)
         self._settings, self._stream, self._health = settings, stream, health
 

@@ -16,7 +16,7 @@ Sample = tuple[tuple[str, ...], tuple[float, ...], str]
 """Names of curves, their values, and their unit."""
 
 
-class Panel(NamedTuple):
+class CurvePanel(NamedTuple):
     """Description of one set of axes.
 
     Attributes:
@@ -31,8 +31,8 @@ class Panel(NamedTuple):
     read: Callable[[Any], Sample]
 
 
-def _joints(title: str, field: str, unit: str) -> Panel:
-    return Panel(
+def _joints(title: str, field: str, unit: str) -> CurvePanel:
+    return CurvePanel(
         title,
         "hric/view/joints",
         JointState,
@@ -50,19 +50,19 @@ def _chunk(message: Any) -> Sample:
     return tuple(message.channels), tuple(message.data[-len(message.channels) :]), unit
 
 
-def panels(plate: str = "1") -> dict[str, Panel]:
+def panels(plate: str = "1") -> dict[str, CurvePanel]:
     """Return the panels by name; plate: name of the force plate."""
     return {
         "positions": _joints("joint positions", "position", "rad"),
         "velocities": _joints("joint velocities", "velocity", "rad/s"),
         "efforts": _joints("joint efforts, gravity included", "effort", "N m"),
-        "wrench": Panel("estimated force on the arm", "hric/view/arm_wrench", WrenchStamped, _wrench),
-        "emg": Panel("EMG envelope", "hric/view/emg", SampleChunk, _chunk),
-        "plate": Panel(f"force plate {plate}", f"hric/view/force_plate/{plate}/wrench", WrenchStamped, _wrench),
+        "wrench": CurvePanel("estimated force on the arm", "hric/view/arm_wrench", WrenchStamped, _wrench),
+        "emg": CurvePanel("EMG envelope", "hric/view/emg", SampleChunk, _chunk),
+        "plate": CurvePanel(f"force plate {plate}", f"hric/view/force_plate/{plate}/wrench", WrenchStamped, _wrench),
     }
 
 
-class History(RecentRows[Sample]):
+class SampleHistory(RecentRows[Sample]):
     """Samples of the last WINDOW."""
 
     def __init__(self) -> None:
@@ -79,7 +79,7 @@ class History(RecentRows[Sample]):
         return names, unit, np.array([time for time, _ in alike]), values
 
 
-def draw(all_axes: Sequence[Any], shown: Sequence[Panel], histories: Sequence[History]) -> None:
+def draw(all_axes: Sequence[Any], shown: Sequence[CurvePanel], histories: Sequence[SampleHistory]) -> None:
     """Draw the curves of panels, from top to bottom."""
     curves = [history.read() for history in histories]
     newest = max((times[-1] for *_, times, _ in curves if len(times)), default=0.0)

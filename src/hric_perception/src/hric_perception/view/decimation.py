@@ -30,7 +30,7 @@ class Newest:
         return message
 
 
-class Reaction(Newest):
+class ReactionWrench(Newest):
     """Newest WrenchStamped with opposite sign, returned once: from the wrench of the arm to that on the arm."""
 
     def take(self) -> Any:

@@ -43,7 +43,7 @@ class Level(IntEnum):
 
 
 @dataclass(frozen=True)
-class Nearness:
+class LimitNearness:
     """Nearness to limits.
 
     Attributes:
@@ -60,7 +60,7 @@ def of_distance(distance: float, near: float, at: float) -> Level:
     return Level.AT if distance < at else Level.NEAR if distance < near else Level.FAR
 
 
-def of_joint(limits: JointLimits, q: float, dq: float, tau: float) -> Nearness:
+def of_joint(limits: JointLimits, q: float, dq: float, tau: float) -> LimitNearness:
     """Return the nearness of a revolute joint.
 
     Args:
@@ -86,7 +86,7 @@ def of_joint(limits: JointLimits, q: float, dq: float, tau: float) -> Nearness:
             (of_distance(1.0 - ratio, 1.0 - NEAR_RATIO, 1.0 - AT_RATIO), f"{100.0 * ratio:.0f} % of its {what}")
         )
     near = [(level, text) for level, text in levels if level]
-    return Nearness(max((level for level, _ in near), default=Level.FAR), ", ".join(text for _, text in near))
+    return LimitNearness(max((level for level, _ in near), default=Level.FAR), ", ".join(text for _, text in near))
 
 
 @dataclass(frozen=True)
@@ -190,7 +190,7 @@ def ring(joint_ring: JointRing, number: int) -> Any:
     return marker
 
 
-def hand(joint_ring: JointRing, number: int, q: float, near: Nearness) -> list[Any]:
+def hand(joint_ring: JointRing, number: int, q: float, near: LimitNearness) -> list[Any]:
     """Return the position of a joint in its range, and a text about near limits.
 
     Args:

@@ -22,7 +22,7 @@ from hric_core.urdf import read
 from hric_msgs.msg import HumanGrip, MuscleActivation, RegionContacts, SampleChunk
 from hric_perception.plate.geometry import PLATE_ID
 from hric_perception.view import limit_markers
-from hric_perception.view.decimation import Keeper, MeanChunk, Newest, NewestJoints, Reaction
+from hric_perception.view.decimation import Keeper, MeanChunk, Newest, NewestJoints, ReactionWrench
 from hric_perception.view.human_markers import HumanMarkers
 from hric_perception.view.muscle_markers import MuscleMarkers
 
@@ -72,7 +72,7 @@ class LiveView(NodeApp):
             joint.name for joint in read(description).joints.values() if joint.type in ("revolute", "continuous")
         ]
         self._relay("joint_states", "joints", JointState, NewestJoints(turning))
-        self._relay("franka_state_controller/F_ext", "arm_wrench", WrenchStamped, Reaction())
+        self._relay("franka_state_controller/F_ext", "arm_wrench", WrenchStamped, ReactionWrench())
         self._relay("hric/perception/emg/envelope", "emg", SampleChunk, MeanChunk(rate))
         for plate in settings.plates:
             self._relay(

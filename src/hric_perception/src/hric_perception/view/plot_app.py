@@ -16,7 +16,7 @@ from hric_core.processes import run_command
 from hric_core.ros import shut_down
 from hric_core.ros.process import check_private
 from hric_perception.view import curves
-from hric_perception.view.curves import History, Panel, draw
+from hric_perception.view.curves import CurvePanel, SampleHistory, draw
 
 SIZE = (9.0, 2.2)
 """Width of the picture, height of a panel [inch]."""
@@ -98,8 +98,8 @@ def _show(arguments: argparse.Namespace) -> None:
         shut_down("shutdown requested")
 
 
-def _listen(panel: Panel) -> History:
-    history = History()
+def _listen(panel: CurvePanel) -> SampleHistory:
+    history = SampleHistory()
     rospy.Subscriber(
         panel.topic,
         panel.type,

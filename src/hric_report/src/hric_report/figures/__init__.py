@@ -9,10 +9,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 
-from hric_analysis.human import Person
+from hric_analysis.human import SimulatedPerson
 from hric_analysis.metrics import Move
 from hric_analysis.recordings import Signal
-from hric_analysis.tracking_run import Tracking
+from hric_analysis.tracking_run import MarkerTracking
 from hric_bags.reader import RunRecord
 from hric_bags.records.safety_record import SafetyRecord
 from hric_core.errors import FailureError
@@ -42,9 +42,9 @@ class FigureData:
     moves: Sequence[Move]
     limits: Mapping[str, Mapping[str, float]]
     tolerances: Sequence[float] = ()
-    person: Person | None = None
+    person: SimulatedPerson | None = None
     safety: SafetyRecord | None = None
-    followed: Tracking | None = None
+    followed: MarkerTracking | None = None
     signals: Sequence[Signal] = ()
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from hric_analysis.tracking import STEP
 from hric_analysis.tracking_record import States
-from hric_analysis.tracking_run import Tracking
+from hric_analysis.tracking_run import MarkerTracking
 from hric_report import sections
 from hric_report.figure import AXES, Curve, Figure, FloatArray, Panel, path, per_joint
 from hric_report.figures import FigureData
@@ -19,7 +19,7 @@ def figures(data: FigureData) -> list[Figure]:
     return tracking_figures(data.followed)
 
 
-def tracking_figures(tracking: Tracking | None) -> list[Figure]:
+def tracking_figures(tracking: MarkerTracking | None) -> list[Figure]:
     """Return the figures of one run; None: no marker was followed."""
     if tracking is None or tracking.data is None:
         return []
@@ -43,7 +43,7 @@ def tracking_figures(tracking: Tracking | None) -> list[Figure]:
     return [replace(over_time, panels=panels, bands=bands, min_height=0.02), in_space]
 
 
-def _followed(tracking: Tracking, marker: FloatArray) -> list[Curve]:
+def _followed(tracking: MarkerTracking, marker: FloatArray) -> list[Curve]:
     """Return the curves of marker, desired and actual end effector, with values of shape (n, 3) [m]."""
     assert tracking.data is not None
     states, time = tracking.record.states, tracking.data.time

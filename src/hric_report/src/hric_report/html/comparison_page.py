@@ -8,7 +8,7 @@ import numpy as np
 
 from hric_analysis import comparison
 from hric_analysis.comparison import Comparison
-from hric_analysis.recordings import Event
+from hric_analysis.recordings import RunEvent
 from hric_analysis.values import RunMetrics, joint_orders
 from hric_core.json_values import from_json
 from hric_report import comparison_figures, headline, sections
@@ -17,7 +17,7 @@ from hric_report.figures import marker, robot
 from hric_report.html import human_and_objects, moving, run_page
 from hric_report.html.page import Page, replay_rate
 from hric_report.html.run_data import RunData
-from hric_report.html.scene import Robot
+from hric_report.html.scene import SceneRobot
 
 
 @dataclass(frozen=True)
@@ -157,13 +157,13 @@ def _paths(runs: Sequence[OverlaidRun]) -> list[Figure]:
     return [figure.about(sections.TRACKING, caption)]
 
 
-def _events(runs: Sequence[OverlaidRun]) -> list[tuple[float, str, Event]]:
+def _events(runs: Sequence[OverlaidRun]) -> list[tuple[float, str, RunEvent]]:
     """Return time, run and content of the events of all runs, in the order of time."""
     events = [(event.time - run.zero, run.label, event) for run in runs for event in run_page.events(run.data)]
     return sorted(events, key=lambda item: item[0])
 
 
-def _robots(run: OverlaidRun, number: int, rate: float, notes: list[str]) -> list[Robot]:
+def _robots(run: OverlaidRun, number: int, rate: float, notes: list[str]) -> list[SceneRobot]:
     """Return the robot of a run, its human and its objects for the replay."""
     role, shift = f"s{number}", -run.zero
     robot = moving.robot(run.data, rate, notes, label=run.label, role=role, shift=shift)

@@ -11,7 +11,7 @@ from hric_human.muscles.choose import find
 from hric_human.muscles.lines import ACTIVATION_COLOURS, muscle_lines
 from hric_human.participant.settings import HumanSettings
 from hric_report.html.run_data import RunData
-from hric_report.html.scene import Arrow, Lines, Robot, Track, instants
+from hric_report.html.scene import Arrow, SceneLines, SceneRobot, SceneTrack, instants
 
 PER_NEWTON_GRIP, PER_NEWTON_CONTACT = 0.02, 0.002
 """Lengths of the arrows of grip and contact forces, as in the live view [m/N]; project defaults, unconfirmed."""
@@ -27,7 +27,7 @@ def width(data: RunData) -> int:
     return walks + len(record.joints) + 1 + 7 * (len(record.grips) + len(record.contacts)) + muscles
 
 
-def human(data: RunData, rate: float, *, role: str = "", shift: float = 0.0) -> list[Robot]:
+def human(data: RunData, rate: float, *, role: str = "", shift: float = 0.0) -> list[SceneRobot]:
     """Return the human of a run for the replay; empty without a human.
 
     Args:
@@ -46,15 +46,17 @@ def human(data: RunData, rate: float, *, role: str = "", shift: float = 0.0) -> 
     arrows += [_contact(person, rate, shift) for person in record.contacts.values()]
     time, position = record.time[shown] + shift, record.position[shown]
     lines = None if record.muscles is None else _muscles(record.muscles, body, settings, rate, shift)
-    person = Robot("", body.urdf, record.joints, time, position, role=role, pose=settings.root(body), arrows=arrows)
+    person = SceneRobot(
+        "", body.urdf, record.joints, time, position, role=role, pose=settings.root(body), arrows=arrows
+    )
     person.lines = lines
     if record.root is not None:
         seen = instants(record.root.time, rate)
-        person.motion = Track("frame", "person", "world", record.root.time[seen] + shift, record.root.pose[seen])
+        person.motion = SceneTrack("frame", "person", "world", record.root.time[seen] + shift, record.root.pose[seen])
     return [person]
 
 
-def _muscles(record: MuscleRecord, body: Body, settings: HumanSettings, rate: float, shift: float) -> Lines | None:
+def _muscles(record: MuscleRecord, body: Body, settings: HumanSettings, rate: float, shift: float) -> SceneLines | None:
     """Return the muscle lines coloured by activation; None if the anatomy of the run can no longer be read."""
     try:
         lines = muscle_lines(body, find(settings.muscles.anatomy, "human.muscles.anatomy"))
@@ -63,20 +65,20 @@ def _muscles(record: MuscleRecord, body: Body, settings: HumanSettings, rate: fl
     shown, names = instants(record.time, rate), record.muscles
     activation = record.activation[shown][:, [record.names.index(name) for name in names]]
     points = {name: lines[name] for name in names}
-    return Lines(points, record.time[shown] + shift, activation, ACTIVATION_COLOURS, "activation of the muscles")
+    return SceneLines(points, record.time[shown] + shift, activation, ACTIVATION_COLOURS, "activation of the muscles")
 
 
-def objects(data: RunData, *, role: str = "", shift: float = 0.0) -> list[Robot]:
+def objects(data: RunData, *, role: str = "", shift: float = 0.0) -> list[SceneRobot]:
     """Return the objects around the robot for the replay; for the arguments see `human`."""
     return [
-        Robot(
+        SceneRobot(
             "",
             item.description,
             (),
             item.time[:1] + shift,
             np.zeros((1, 0)),
             role=role,
-            motion=Track("frame", item.name, "world", item.time + shift, item.pose),
+            motion=SceneTrack("frame", item.name, "world", item.time + shift, item.pose),
         )
         for item in data.objects
     ]

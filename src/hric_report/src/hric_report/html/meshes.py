@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from hric_core.meshes.canonical import Surface
+from hric_core.meshes.canonical import MeshSurface
 from hric_core.meshes.files import read_coloured
 
 TRIANGLES = 3000
@@ -16,7 +16,7 @@ FEWEST = 40
 """Minimum number of triangles of one colour of a reduced mesh. Project default, unconfirmed."""
 SHARP = np.radians(35.0)
 """Angle between faces above which the edge stays sharp in the browser's shading [rad]. Project default, unconfirmed."""
-Coloured = tuple[Surface, tuple[float, ...] | None]
+Coloured = tuple[MeshSurface, tuple[float, ...] | None]
 """Surface and the red, green, blue and opacity of its material, each 0 to 1; None: no material."""
 
 
@@ -40,16 +40,16 @@ def _few_triangles(path: Path, changed: int, scale: tuple[float, float, float]) 
     )
 
 
-def _shaded(surface: Surface) -> Surface:
+def _shaded(surface: MeshSurface) -> MeshSurface:
     mesh = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
     shaded = trimesh.graph.smooth_shade(mesh, angle=SHARP, facet_minarea=None)
-    return Surface(np.asarray(shaded.vertices, float), np.asarray(shaded.faces, np.int64))
+    return MeshSurface(np.asarray(shaded.vertices, float), np.asarray(shaded.faces, np.int64))
 
 
-def decimate(surface: Surface, triangles: int = TRIANGLES) -> Surface:
+def decimate(surface: MeshSurface, triangles: int = TRIANGLES) -> MeshSurface:
     """Reduce a surface to about `triangles` triangles by quadric error decimation; a smaller one is unchanged."""
     if len(surface.faces) <= triangles:
         return surface
     mesh = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
     reduced = mesh.simplify_quadric_decimation(face_count=triangles)
-    return Surface(np.asarray(reduced.vertices, float), np.asarray(reduced.faces, np.int64))
+    return MeshSurface(np.asarray(reduced.vertices, float), np.asarray(reduced.faces, np.int64))

@@ -12,7 +12,7 @@ from hric_bags.run_file import RunFile
 from hric_core import urdf
 from hric_report.figure import FloatArray
 from hric_report.html.run_data import RunData
-from hric_report.html.scene import Plate, Robot, Track, joint_track
+from hric_report.html.scene import ScenePlate, SceneRobot, SceneTrack, joint_track
 
 Statics = Mapping[str, tuple[str, list[float], list[float]]]
 """Fixed frames: parent, translation [m] and quaternion x y z w by name."""
@@ -33,7 +33,7 @@ def width(data: RunData) -> int:
 
 def robot(
     data: RunData, rate: float, notes: list[str], *, label: str = "", role: str = "", shift: float = 0.0
-) -> Robot:
+) -> SceneRobot:
     """Return the robot of a run for the replay.
 
     Args:
@@ -48,7 +48,7 @@ def robot(
     described = urdf.read(data.description)
     links, statics = set(described.links), data.recorded.statics
     tracks = [_track(moving, rate, links, statics, notes, shift) for moving in data.recorded.moving]
-    return Robot(
+    return SceneRobot(
         label,
         data.description,
         data.record.log.joint_names,
@@ -75,7 +75,7 @@ def _tip(data: RunData, described: urdf.Robot) -> tuple[str, tuple[float, ...]] 
     return (driven[-1], (0.0, 0.0, 0.0)) if driven else None
 
 
-def _plates(signal: Signal, run: RunFile, links: set[str], statics: Statics, shift: float) -> list[Plate]:
+def _plates(signal: Signal, run: RunFile, links: set[str], statics: Statics, shift: float) -> list[ScenePlate]:
     """Return the force plate of a wrench topic if its pose is known; empty for other topics."""
     match = re.search(r"/perception/force_plate/([^/]+)/wrench$", signal.topic)
     if match is None or not signal.unit.startswith("force"):
@@ -86,10 +86,14 @@ def _plates(signal: Signal, run: RunFile, links: set[str], statics: Statics, shi
         return []
     size = ((run.get("definition") or {}).get("force_plate") or {}).get("size") or PLATE_SIZE
     pose = tuple(p.tolist()), tuple(R.as_quat().tolist())
-    return [Plate(f"force plate {match[1]}", parent, *pose, (size[0], size[1]), signal.time + shift, signal.values)]
+    return [
+        ScenePlate(f"force plate {match[1]}", parent, *pose, (size[0], size[1]), signal.time + shift, signal.values)
+    ]
 
 
-def _track(moving: Moving, rate: float, links: set[str], statics: Statics, notes: list[str], shift: float) -> Track:
+def _track(
+    moving: Moving, rate: float, links: set[str], statics: Statics, notes: list[str], shift: float
+) -> SceneTrack:
     """Return a motion thinned to the rate, in the frame of a link if that transform is known."""
     steps = np.floor((moving.time - moving.time[0]) * rate)
     _, shown = np.unique(steps, return_index=True)
@@ -107,7 +111,7 @@ def _track(moving: Moving, rate: float, links: set[str], statics: Statics, notes
     seen = ~np.isnan(values[:, 0])
     if values.shape[1] > 3 and seen.any():
         values[seen, 3:] = (R * Rotation.from_quat(_unit(values[seen, 3:]))).as_quat()
-    return Track(moving.kind, moving.name, frame, moving.time[shown] + shift, values, moving.name.startswith(BODY))
+    return SceneTrack(moving.kind, moving.name, frame, moving.time[shown] + shift, values, moving.name.startswith(BODY))
 
 
 def _unit(quaternions: FloatArray) -> FloatArray:

@@ -5,14 +5,14 @@ from dataclasses import dataclass, field
 
 from markupsafe import Markup
 
-from hric_analysis.recordings import Event
+from hric_analysis.recordings import RunEvent
 from hric_report import sections, style
 from hric_report.figure import Figure
 from hric_report.headline import KeyFigure
 from hric_report.heat import HeatMap
 from hric_report.html import libraries, tables, templates
 from hric_report.html.run_data import RunData
-from hric_report.html.scene import Blob, Robot, Scene
+from hric_report.html.scene import Blob, PageScene, SceneRobot
 from hric_report.html.strip import Strip
 from hric_report.thinning import thin
 
@@ -49,10 +49,10 @@ class Page:
     verdicts: list[tuple[str, str]] = field(default_factory=list)
     findings: list[KeyFigure] = field(default_factory=list)
     figures: list[Figure] = field(default_factory=list)
-    robots: list[Robot] = field(default_factory=list)
+    robots: list[SceneRobot] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     run: RunData | None = None
-    events: Sequence[Event] = ()
+    events: Sequence[RunEvent] = ()
     compared: Mapping[str, object] | None = None
     verdict: Markup = field(default_factory=Markup)
     supervisor: Strip | None = None
@@ -73,7 +73,7 @@ def render_page(page: Page) -> str:
             f"Long curves are thinned to {points} points: smallest and greatest value of {points // 2} equal parts of "
             "time each. The bag has all."
         )
-    scene = Scene(blob)
+    scene = PageScene(blob)
     for robot in page.robots:
         scene.add(robot)
     roles = {name: {"width": r.width, "dash": r.dash, "opacity": r.opacity} for name, r in style.ROLES.items()}

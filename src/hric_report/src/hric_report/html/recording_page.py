@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 
 from hric_assessment.verdict.inputs import AssessmentInput
-from hric_assessment.verdict.person import Person, people_of
+from hric_assessment.verdict.person import AssessedPerson, people_of
 from hric_assessment.verdict.separating import filled
 from hric_bags import files
 from hric_bags.records.root_record import RootRecord
 from hric_report.html import verdict
 from hric_report.html.page import Page, render_page, replay_rate
-from hric_report.html.scene import Robot, Track, instants, joint_track
+from hric_report.html.scene import SceneRobot, SceneTrack, instants, joint_track
 from hric_report.html.verdict_file import VerdictFile
 
 
@@ -22,11 +22,11 @@ def build(source: AssessmentInput, judged: VerdictFile) -> Page:
         source: recording.
         judged: its verdict, as in verdict.json.
     """
-    log, notes, robots = source.recording.log, list[str](), list[Robot]()
+    log, notes, robots = source.recording.log, list[str](), list[SceneRobot]()
     rate = replay_rate(source.recording.end - source.recording.begin, 50)
     if log is not None and source.description:
         time, position = joint_track(log, rate)
-        robots.append(Robot("", source.description, log.joint_names, time, position))
+        robots.append(SceneRobot("", source.description, log.joint_names, time, position))
     robots += [_person(source, person, rate, notes) for person in people_of(source) if len(person.time)]
     if not robots:
         notes.append("There is no replay: neither an arm with its description nor a person is in the recording.")
@@ -34,7 +34,7 @@ def build(source: AssessmentInput, judged: VerdictFile) -> Page:
     return Page(source.name, kind, robots=robots, notes=notes, verdict=verdict.part(judged), name=source.name)
 
 
-def _person(source: AssessmentInput, person: Person, rate: float, notes: list[str]) -> Robot:
+def _person(source: AssessmentInput, person: AssessedPerson, rate: float, notes: list[str]) -> SceneRobot:
     root = person.root or _of_markers(source)
     if root is None:
         notes.append("Where the person was is not known: they are drawn about the origin.")
@@ -44,10 +44,10 @@ def _person(source: AssessmentInput, person: Person, rate: float, notes: list[st
     if unknown:
         notes.append(f"Some joints are not known for {100.0 * unknown:.1f} % of the time; there interpolated.")
     shown = instants(person.time, rate)
-    robot = Robot("", person.body.urdf, person.names, person.time[shown], q[shown])
+    robot = SceneRobot("", person.body.urdf, person.names, person.time[shown], q[shown])
     if root is not None:
         seen = instants(root.time, rate)
-        robot.motion = Track("frame", "person", "world", root.time[seen], root.pose[seen])
+        robot.motion = SceneTrack("frame", "person", "world", root.time[seen], root.pose[seen])
     return robot
 
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 from hric_analysis import human, metrics, recordings
 from hric_analysis import tracking_run as tracking_analysis
-from hric_analysis.human import Person
+from hric_analysis.human import SimulatedPerson
 from hric_analysis.recordings import Recordings
-from hric_analysis.tracking_run import Tracking
+from hric_analysis.tracking_run import MarkerTracking
 from hric_analysis.values import joint_orders
 from hric_assessment.typed_json import Content
 from hric_bags import reader as bag_reader
@@ -42,10 +42,10 @@ class RunData:
     run: RunFile
     values: Content
     record: RunRecord
-    followed: Tracking | None
+    followed: MarkerTracking | None
     recorded: Recordings
     description: str
-    person: Person | None = None
+    person: SimulatedPerson | None = None
     objects: Sequence[ObjectRecord] = ()
     safety: SafetyRecord | None = None
     verdict: VerdictFile | None = None

@@ -3,7 +3,7 @@
 from markupsafe import Markup
 
 from hric_analysis import stability
-from hric_analysis.recordings import Event
+from hric_analysis.recordings import RunEvent
 from hric_analysis.values import RunMetrics
 from hric_bags.run_folder import COMPLETED
 from hric_core.json_values import from_json
@@ -73,14 +73,14 @@ def verdicts(data: RunData) -> list[tuple[str, str]]:
     return labels
 
 
-def events(data: RunData) -> list[Event]:
+def events(data: RunData) -> list[RunEvent]:
     """Return the events of the bag, setpoints, reflexes and supervisor events in the order of time."""
     listed = list(data.recorded.events)
     listed += [
-        Event(s.time, "setpoint", s.controller, ", ".join(number(float(q)) for q in s.positions) + " rad")
+        RunEvent(s.time, "setpoint", s.controller, ", ".join(number(float(q)) for q in s.positions) + " rad")
         for s in data.record.setpoints
     ]
-    listed += [Event(time, "reflex", "arm", ", ".join(names)) for time, names in data.record.reflexes]
+    listed += [RunEvent(time, "reflex", "arm", ", ".join(names)) for time, names in data.record.reflexes]
     if data.safety is not None:
-        listed += [Event(event.time, event.kind, "supervisor", event.text) for event in data.safety.events]
+        listed += [RunEvent(event.time, event.kind, "supervisor", event.text) for event in data.safety.events]
     return sorted(listed, key=lambda event: event.time)

@@ -22,7 +22,7 @@ GREY = (0.86, 0.87, 0.88, 1.0)
 
 
 @dataclass(frozen=True)
-class Track:
+class SceneTrack:
     """Motion of a marker or of a frame that is not attached to a joint.
 
     Attributes:
@@ -44,7 +44,7 @@ class Track:
 
 
 @dataclass(frozen=True)
-class Plate:
+class ScenePlate:
     """Force plate of a scene.
 
     Attributes:
@@ -91,7 +91,7 @@ class Arrow:
 
 
 @dataclass(frozen=True)
-class Lines:
+class SceneLines:
     """Lines through points of links, coloured by values over time.
 
     Attributes:
@@ -110,7 +110,7 @@ class Lines:
 
 
 @dataclass
-class Robot:
+class SceneRobot:
     """Robot, human body or object with its motion.
 
     Attributes:
@@ -134,17 +134,17 @@ class Robot:
     joint_names: tuple[str, ...]
     time: FloatArray
     position: FloatArray
-    tracks: list[Track] = field(default_factory=list)
+    tracks: list[SceneTrack] = field(default_factory=list)
     role: str = ""
     tip: tuple[str, tuple[float, ...]] | None = None
-    plates: list[Plate] = field(default_factory=list)
+    plates: list[ScenePlate] = field(default_factory=list)
     pose: Pose = field(default_factory=Pose)
     arrows: list[Arrow] = field(default_factory=list)
-    motion: Track | None = None
-    lines: Lines | None = None
+    motion: SceneTrack | None = None
+    lines: SceneLines | None = None
 
 
-class Scene:
+class PageScene:
     """Scene of all robots of a page; shared meshes are stored once.
 
     Attributes:
@@ -158,7 +158,7 @@ class Scene:
         self._robots: list[dict[str, object]] = []
         self.notes: list[str] = []
 
-    def add(self, robot: Robot) -> None:
+    def add(self, robot: SceneRobot) -> None:
         """Add a robot to the scene.
 
         Raises:
@@ -193,7 +193,7 @@ class Scene:
         """Return the robots and meshes as plain values for the page."""
         return {"robots": self._robots, "meshes": self._meshes}
 
-    def _packed(self, item: Track | Plate | Arrow | Lines) -> dict[str, object]:
+    def _packed(self, item: SceneTrack | ScenePlate | Arrow | SceneLines) -> dict[str, object]:
         """Return the attributes of an item, arrays as their locations in the blob."""
         return {
             field.name: self._blob.add(value, "f8" if field.name == "time" else "f4")

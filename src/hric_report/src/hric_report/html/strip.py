@@ -10,7 +10,7 @@ LEFT, WIDTH = 120.0, 640.0
 """Width of the labels, and of a strip with its labels [units of the picture]."""
 
 
-class Bar(NamedTuple):
+class StripBar(NamedTuple):
     """Bar from begin to end [s], with its row, CSS class and tooltip."""
 
     begin: float
@@ -39,7 +39,7 @@ class Strip:
     title: str
     labels: Sequence[str]
     axis: Axis
-    bars: Sequence[Bar] = ()
+    bars: Sequence[StripBar] = ()
     key: Sequence[tuple[str, str]] = ()
     image: str = ""
     row: float = 20.0

@@ -1,7 +1,7 @@
 """States and violations of a supervisor over time, as a strip of bars."""
 
 from hric_bags.records.safety_record import SLOWED, STOPPED, SafetyRecord
-from hric_report.html.strip import Bar, Strip, time_axis
+from hric_report.html.strip import Strip, StripBar, time_axis
 
 LOOKS = {SLOWED: "level2", STOPPED: "level3"}
 """CSS class of the colour of a state; the state free is not drawn."""
@@ -20,5 +20,5 @@ def strip(record: SafetyRecord | None) -> Strip | None:
     return Strip("supervisor", title, labels, time_axis(record.time[0], record.time[-1]), bars)
 
 
-def _bar(begin: float, end: float, row: int, look: str, what: str) -> Bar:
-    return Bar(begin, end, row, look, f"{what} from {begin:.2f} to {end:.2f} s")
+def _bar(begin: float, end: float, row: int, look: str, what: str) -> StripBar:
+    return StripBar(begin, end, row, look, f"{what} from {begin:.2f} to {end:.2f} s")

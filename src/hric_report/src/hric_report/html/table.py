@@ -10,7 +10,7 @@ NUMERIC = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?( %)?$|[-–]$|never
 
 
 @dataclass(frozen=True)
-class Table:
+class PageTable:
     """Table of a page.
 
     Attributes:

@@ -13,7 +13,7 @@ from hric_bags.records import contact_record
 from hric_bags.records.contact_record import PairForce
 from hric_bags.run_file import RunFile
 from hric_core.json_values import from_json
-from hric_report.html.table import Table, number
+from hric_report.html.table import PageTable, number
 from hric_report.text import setpoint_cells
 
 SHOWN_EVENTS = 500
@@ -31,7 +31,7 @@ def flat(tree: Any, prefix: str = "") -> list[tuple[str, str]]:
     return [(prefix, number(tree, 6))]
 
 
-def overview(run: RunFile, metrics: Content) -> Table:
+def overview(run: RunFile, metrics: Content) -> PageTable:
     """Return the table of the run's experiment, status, robot, times and revision."""
     robot = (run.get("definition") or {}).get("robot") or {}
     log = metrics["control_log"]
@@ -59,30 +59,32 @@ def overview(run: RunFile, metrics: Content) -> Table:
     rows += [(key, str(run[key])) for key in ("error", "subject", "notes") if run.get(key)]
     if run.get("arm_error"):
         rows.append(("error of the arm at the end", str(run["arm_error"])))
-    return Table("What ran", ("what", "value"), tuple(rows))
+    return PageTable("What ran", ("what", "value"), tuple(rows))
 
 
-def setpoint_table(move: Content) -> Table:
+def setpoint_table(move: Content) -> PageTable:
     """Return the table of one setpoint; move: entry of `setpoints` in metrics.json."""
     columns, rows = setpoint_cells(from_json(SetpointMetrics, move))
     head = tuple(f"{name} [{unit}]" if unit else name for name, unit in columns)
-    return Table(f"Setpoint at {move['time']:.3f} s through {move['controller']}", head, tuple(map(tuple, rows)))
+    return PageTable(f"Setpoint at {move['time']:.3f} s through {move['controller']}", head, tuple(map(tuple, rows)))
 
 
-def known(table: Table) -> Table:
+def known(table: PageTable) -> PageTable:
     """Return a table without the columns that have no known value."""
     columns = [k for k in range(len(table.head)) if any(row[k] != "-" for row in table.rows)]
     rows = tuple(tuple(row[k] for k in columns) for row in table.rows)
     return replace(table, head=tuple(table.head[k] for k in columns), rows=rows)
 
 
-def contact_table(contacts: Sequence[Content]) -> Table:
+def contact_table(contacts: Sequence[Content]) -> PageTable:
     """Return the table of contact forces; contacts: `contacts` of metrics.json."""
     pairs = [from_json(PairForce, pair) for pair in contacts]
-    return Table("Contact forces", contact_record.HEAD, tuple(contact_record.cells(pairs)), contact_record.note(pairs))
+    return PageTable(
+        "Contact forces", contact_record.HEAD, tuple(contact_record.cells(pairs)), contact_record.note(pairs)
+    )
 
 
-def sync_tables(recorded: Recordings) -> list[Table]:
+def sync_tables(recorded: Recordings) -> list[PageTable]:
     """Return the tables of validity and age of each source of the synchronisers."""
     tables = []
     for topic, samples in recorded.samples.items():
@@ -96,7 +98,7 @@ def sync_tables(recorded: Recordings) -> list[Table]:
         rows = tuple(_source(name, ages[:, k].astype(float), valid[:, k]) for k, name in enumerate(names))
         head = ("source", "valid", "age, median [ms]", "age, 99 % [ms]", "age, largest [ms]")
         title = f"Synchronised on {topic}: {len(samples)} samples{policy}"
-        tables.append(Table(title, head, rows))
+        tables.append(PageTable(title, head, rows))
     return tables
 
 

@@ -12,7 +12,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from hric_report import style
-from hric_report.html.table import Table, number
+from hric_report.html.table import PageTable, number
 
 ASSETS = Path(__file__).parent / "assets"
 SECTION = re.compile(r'<section id="([^"]*)"><h2>(.*?)</h2>')
@@ -34,7 +34,7 @@ def environment(folder: Path = ASSETS, **filters: Any) -> Environment:
     )
     made.policies["json.dumps_kwargs"] = {"allow_nan": False, "separators": (",", ":")}
     made.filters |= {"links": _links, "number": number, "scaled": _scaled, **filters}
-    made.globals |= {"asset": lambda name: Markup(_text(folder, name)), "style": style, "Table": Table}
+    made.globals |= {"asset": lambda name: Markup(_text(folder, name)), "style": style, "Table": PageTable}
     return made
 
 

@@ -24,7 +24,7 @@ from hric_bags import files
 from hric_bags.run_folder import RunFolder
 from hric_report.html import body_picture, templates
 from hric_report.html.chart import Axis
-from hric_report.html.strip import Bar, Strip, time_axis
+from hric_report.html.strip import Strip, StripBar, time_axis
 from hric_report.html.verdict_file import ActivationEntry, FindingEntry, ScoreEntry, VerdictFile
 
 KINDS = {"within limits": "within", "warning": "warning", "above limits": "above", "not assessable": "unknown"}
@@ -128,7 +128,7 @@ def _strips(verdict: VerdictFile, axis: Axis) -> Iterator[Strip]:
     if windows:
         groups = list(dict.fromkeys(finding["group"] for finding, _ in windows))
         bars = [
-            Bar(*window, groups.index(finding["group"]), KINDS[finding["outcome"]], _as_text(finding))
+            StripBar(*window, groups.index(finding["group"]), KINDS[finding["outcome"]], _as_text(finding))
             for finding, window in reversed(windows)  # the worst lie on top
         ]
         key = [(look, word) for word, look in KINDS.items()]
@@ -164,7 +164,7 @@ def _look(levels: Sequence[int], level: int) -> str:
     return f"level{level + 5 - len(levels)}"
 
 
-def _levels(title: str, levels: Sequence[int], curve: ScoreEntry, row: int, known: bool) -> Iterator[Bar]:
+def _levels(title: str, levels: Sequence[int], curve: ScoreEntry, row: int, known: bool) -> Iterator[StripBar]:
     """Yield the bars of constant level of a score."""
     time = curve["time"]
     reached = [next(k for k, highest in enumerate(levels) if score <= highest) for score in curve["score"]]
@@ -174,7 +174,7 @@ def _levels(title: str, levels: Sequence[int], curve: ScoreEntry, row: int, know
         scores, look = curve["score"][first:last], _look(levels, level)
         text = f"{title} {min(scores)} to {max(scores)} from {time[first]:.2f} s"
         shown = look if known or look > "level1" else "unknown"
-        yield Bar(time[first], time[min(last, len(time) - 1)], row, shown, text)
+        yield StripBar(time[first], time[min(last, len(time) - 1)], row, shown, text)
         first = last
 
 

@@ -6,13 +6,13 @@ The motion comes from the joint states and grips of a run or from the markers of
 
 from hric_report.muscle_load.c3d import of_c3d, plate_load
 from hric_report.muscle_load.command import render, write
-from hric_report.muscle_load.motions import Result, of_run, of_tracked
+from hric_report.muscle_load.motions import MuscleLoadResult, of_run, of_tracked
 from hric_report.muscle_load.person import DescribedPerson, MuscleLoadError, described_by
 
 __all__ = [
     "DescribedPerson",
     "MuscleLoadError",
-    "Result",
+    "MuscleLoadResult",
     "described_by",
     "of_c3d",
     "of_run",

@@ -14,9 +14,9 @@ from hric_core.trial.plates import TrialPlate
 from hric_human.body.markers import marker_labels
 from hric_human.control import HumanControl
 from hric_human.control.recorded import MarkerSolver
-from hric_human.control.whole_body import Load
+from hric_human.control.whole_body import ExternalLoad
 from hric_human.muscles.after_run import CUTOFF, smoothed
-from hric_report.muscle_load.motions import Result, computed
+from hric_report.muscle_load.motions import MuscleLoadResult, computed
 from hric_report.muscle_load.person import DescribedPerson, MuscleLoadError
 
 NO_PLATES: Mapping[int, str] = MappingProxyType({})
@@ -30,7 +30,7 @@ def of_c3d(
     person: DescribedPerson,
     cutoff: float = CUTOFF,
     plates: Mapping[int, str] = NO_PLATES,
-) -> Result:
+) -> MuscleLoadResult:
     """Compute the muscle load from the markers of a c3d file, whose laboratory frame is taken as the world frame.
 
     Times of the file are taken as times of the person's run; without a start time in the file they begin with the run.
@@ -70,7 +70,7 @@ def of_c3d(
     return computed(person, motion, [note], person.settings.root(body), pressed)
 
 
-def plate_load(plate: TrialPlate, link: str, time: FloatArray) -> Load:
+def plate_load(plate: TrialPlate, link: str, time: FloatArray) -> ExternalLoad:
     """Return the load of a force plate on the link that presses on it: the measured wrench with opposite sign.
 
     Args:
@@ -79,4 +79,6 @@ def plate_load(plate: TrialPlate, link: str, time: FloatArray) -> Load:
         time: time since the first frame, shape (n,) [s].
     """
     R, wrench = plate.T_lab_plate[:3, :3], -plate.loads(time)
-    return Load(link, wrench[:, :3] @ R.T, wrench[:, 3:] @ R.T, np.tile(plate.T_lab_plate[:3, 3], (len(time), 1)))
+    return ExternalLoad(
+        link, wrench[:, :3] @ R.T, wrench[:, 3:] @ R.T, np.tile(plate.T_lab_plate[:3, 3], (len(time), 1))
+    )

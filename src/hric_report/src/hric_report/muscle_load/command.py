@@ -19,7 +19,7 @@ from hric_human.muscles.choose import NAME
 from hric_human.muscles.fatigue import Fatigue
 from hric_human.muscles.static_optimization import MINIMUM
 from hric_report.muscle_load.c3d import of_c3d
-from hric_report.muscle_load.motions import AS_SHIPPED, Result, of_run, of_tracked
+from hric_report.muscle_load.motions import AS_SHIPPED, MuscleLoadResult, of_run, of_tracked
 from hric_report.muscle_load.person import MuscleLoadError, choose, described_by
 
 FOLDER = "muscle_load"
@@ -27,7 +27,7 @@ HIGH = 0.3
 """Activation above which a muscle is counted as highly active [1]; project default."""
 
 
-def write(result: Result, folder: Path) -> list[Path]:
+def write(result: MuscleLoadResult, folder: Path) -> list[Path]:
     """Write activation, force, joint torque and joint reactions as .sto files, overwriting any; return their paths.
 
     Raises:
@@ -66,7 +66,7 @@ def _storage(folder: Path, kind: str, time: FloatArray, columns: dict[str, Float
     return path
 
 
-def render(result: Result, fatigue: bool = False) -> str:
+def render(result: MuscleLoadResult, fatigue: bool = False) -> str:
     """Return the text tables: muscles in order of their peak activation, joints, and joint contact forces.
 
     Args:
@@ -115,7 +115,7 @@ def _contacts(load: MuscleLoad) -> list[list[str]]:
     return cells
 
 
-def _fatigued(result: Result) -> FloatArray:
+def _fatigued(result: MuscleLoadResult) -> FloatArray:
     """Return the fatigued share of each muscle at the end of the motion, shape (k,) [1].
 
     The load of a muscle is its activation, or zero at the minimum of static optimisation. Muscles that cross the
@@ -191,7 +191,7 @@ class MuscleLoadCommand(Command):
         print(f"{render(result, arguments.fatigue)}\nfiles for OpenSim: {output.absolute()}: {names}")
 
 
-def _load_of_c3d(recording: Path, arguments: argparse.Namespace) -> Result:
+def _load_of_c3d(recording: Path, arguments: argparse.Namespace) -> MuscleLoadResult:
     if arguments.person is None:
         raise MuscleLoadError(f"the person of {recording.name} is not known; add --person RUN|EXPERIMENT.yaml")
     plates = dict(map(_plate, arguments.plate))
@@ -199,7 +199,7 @@ def _load_of_c3d(recording: Path, arguments: argparse.Namespace) -> Result:
     return of_c3d(recording, person, arguments.cutoff, plates)
 
 
-def _load_of_run(arguments: argparse.Namespace) -> Result:
+def _load_of_run(arguments: argparse.Namespace) -> MuscleLoadResult:
     if arguments.person is not None or arguments.plate:
         raise MuscleLoadError("--person and --plate are for a c3d file; a run already defines the person and the grips")
     if arguments.tracked:

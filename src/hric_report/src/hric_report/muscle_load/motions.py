@@ -13,8 +13,8 @@ from hric_bags.records.human_record import HumanRecord
 from hric_bags.run_folder import RunFolder
 from hric_core.geometry import Pose
 from hric_human.body import Body
-from hric_human.control.whole_body import Load, RootMotion
-from hric_human.muscles.after_run import CUTOFF, Motion, MuscleLoad
+from hric_human.control.whole_body import ExternalLoad, RootMotion
+from hric_human.muscles.after_run import CUTOFF, MuscleLoad, RecordedMotion
 from hric_human.muscles.anatomy import Anatomy
 from hric_human.muscles.choose import find
 from hric_human.participant.settings import MuscleSettings
@@ -25,7 +25,7 @@ AS_SHIPPED = MuscleSettings()
 
 
 @dataclass(frozen=True)
-class Result:
+class MuscleLoadResult:
     """Muscle load of one motion.
 
     Attributes:
@@ -41,7 +41,7 @@ class Result:
     notes: tuple[str, ...]
 
 
-def of_run(person: DescribedPerson, cutoff: float = CUTOFF) -> Result:
+def of_run(person: DescribedPerson, cutoff: float = CUTOFF) -> MuscleLoadResult:
     """Compute the muscle load of the motion that a run recorded.
 
     Args:
@@ -70,7 +70,7 @@ def _against(load: MuscleLoad, record: HumanRecord) -> str:
     return f"joint torque is {error:.3f} N m RMS from what the run logged"
 
 
-def of_tracked(name: str, root: Path | None = None, muscles: MuscleSettings = AS_SHIPPED) -> Result:
+def of_tracked(name: str, root: Path | None = None, muscles: MuscleSettings = AS_SHIPPED) -> MuscleLoadResult:
     """Compute the muscle load of the real person in front of the cameras, tracked again from the recorded frames.
 
     Args:
@@ -92,16 +92,16 @@ def of_tracked(name: str, root: Path | None = None, muscles: MuscleSettings = AS
     with bag_reader.opened(folder.bag_of(run)) as reader:
         settings = PersonSettings.of(section, "person")
         result = tracked_person.tracked(reader, bag_reader.read(reader).robot_time, settings, anatomy, muscles.strength)
-    return Result(result.load.load, result.body, anatomy, result.notes)
+    return MuscleLoadResult(result.load.load, result.body, anatomy, result.notes)
 
 
 def computed(
     person: DescribedPerson,
-    motion: Motion,
+    motion: RecordedMotion,
     notes: list[str],
     root: Pose | RootMotion,
-    pressed: Sequence[Load] = (),
-) -> Result:
+    pressed: Sequence[ExternalLoad] = (),
+) -> MuscleLoadResult:
     """Compute the muscle load of a motion.
 
     Args:
@@ -128,4 +128,4 @@ def computed(
                 f"{side} arm: outside the range that muscle paths were fitted in for {100 * outside.mean():.1f} % of "
                 "the time, where its muscles are left out"
             )
-    return Result(load, person.body, anatomy, tuple(notes))
+    return MuscleLoadResult(load, person.body, anatomy, tuple(notes))

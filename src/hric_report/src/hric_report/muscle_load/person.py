@@ -14,7 +14,7 @@ from hric_control.plants import WindowlessConfig
 from hric_core.errors import HricError
 from hric_core.geometry import FloatArray, Vector
 from hric_human.body import Body, describe
-from hric_human.control.whole_body import Load
+from hric_human.control.whole_body import ExternalLoad
 from hric_human.participant.settings import HumanSettings, MuscleSettings
 from hric_run.definition import experiment
 
@@ -49,7 +49,7 @@ class DescribedPerson:
         where = self.anatomy if anatomy is None else "--muscles"
         return replace(self, settings=replace(self.settings, muscles=muscles), anatomy=where)
 
-    def loads(self, time: FloatArray) -> list[Load]:
+    def loads(self, time: FloatArray) -> list[ExternalLoad]:
         """Return the loads of the grips on the links of the body at times of shape (n,) [s]."""
         return [] if self.record is None else grip_loads(self.record.grips.values(), time)
 

@@ -22,7 +22,7 @@ BEGIN = 0.5
 
 
 @dataclass(frozen=True)
-class Approach:
+class RandomApproach:
     """Random approach of a person to the working arm.
 
     Attributes:
@@ -86,7 +86,7 @@ def changes(seed: int) -> dict[str, object]:
     return draw(seed).changes()
 
 
-def draw(seed: int) -> Approach:
+def draw(seed: int) -> RandomApproach:
     """Return the random approach of a seed."""
     random = np.random.default_rng(seed)
     speed = float(random.uniform(*SPEEDS))
@@ -105,7 +105,7 @@ def draw(seed: int) -> Approach:
         yaw = middle + (0.7 if k % 2 else -0.7) + random.uniform(-0.3, 0.3)
         lift, bend = random.uniform(-0.3, 0.4), random.uniform(-2.5, -1.9)
         rows.append((float(yaw), float(lift), 0.0, float(bend), 0.0, float(random.uniform(2.0, 2.4)), math.pi / 4))
-    return Approach(
+    return RandomApproach(
         seed,
         speed,
         bearing,

@@ -13,7 +13,7 @@ from hric_core.command import Argument, Command
 from hric_core.errors import NOT_GOOD, HricError
 from hric_core.parameters import read_yaml, whole
 from hric_sweep.benchmark import definition, results, scoring, text
-from hric_sweep.benchmark.definition import Benchmark, Controller
+from hric_sweep.benchmark.definition import Benchmark, BenchmarkController
 from hric_sweep.engines.make import engine_arguments, engine_session, resume_command
 from hric_sweep.execution import execute
 from hric_sweep.folder import provenance_of
@@ -92,7 +92,7 @@ def _folder(resume: str | None) -> Path | None:
     return folder
 
 
-def _chosen(options: argparse.Namespace) -> tuple[Benchmark, PlainData, list[Controller]]:
+def _chosen(options: argparse.Namespace) -> tuple[Benchmark, PlainData, list[BenchmarkController]]:
     """Return benchmark, content and controllers of the options."""
     benchmark, content = definition.load(None if options.definition is None else Path(options.definition))
     benchmark = benchmark.only(options.collaborations, options.bodies, options.seeds)
@@ -124,7 +124,7 @@ def _run(
     folder: Path | None,
     benchmark: Benchmark,
     content: PlainData,
-    controllers: Sequence[Controller],
+    controllers: Sequence[BenchmarkController],
     code: str,
     options: argparse.Namespace,
 ) -> tuple[Path, PlainData]:

@@ -24,7 +24,7 @@ from hric_core.parameters import (
 from hric_run import simulation
 from hric_run.definition import experiment, overrides
 from hric_run.definition.experiment import ExperimentError
-from hric_sweep.outputs import Output
+from hric_sweep.outputs import SweepOutput
 from hric_sweep.records import PlainData, RunTask
 from hric_sweep.registry import FileSettings, file_of
 
@@ -44,7 +44,7 @@ OVERRIDES: Any = listing(text(empty=False), default=(), different=True)
 
 
 @dataclass(frozen=True)
-class Score(Output):
+class Score(SweepOutput):
     """Number of each run by which controllers are compared."""
 
     limit: float | None = number(
@@ -90,7 +90,7 @@ class Collaboration(FileSettings):
 
 
 @dataclass(frozen=True)
-class Population(FileSettings):
+class BenchmarkPopulation(FileSettings):
     """Bodies of the persons in the benchmark."""
 
     name: str = text(empty=False, text="name of the population")
@@ -103,7 +103,7 @@ class Benchmark(FileSettings):
     """Checked definition of a benchmark."""
 
     description: str = text("", text="one-line description")
-    population: Population = section(Population)
+    population: BenchmarkPopulation = section(BenchmarkPopulation)
     seeds: tuple[int, ...] = listing(whole(minimum=0), range(1, 1000), different=True, text="one run each")
     changes: tuple[str, ...] = listing(text(empty=False), default=(), text="overrides of all runs")
     tolerance: float = number(
@@ -154,7 +154,7 @@ class Prediction(FileSettings):
 
 
 @dataclass(frozen=True)
-class Controller(FileSettings):
+class BenchmarkController(FileSettings):
     """Checked file of a controller; `name` is the file name without its ending."""
 
     name: str = ""
@@ -198,7 +198,7 @@ def references() -> list[str]:
     return sorted(path.stem for path in (folder() / "controllers").glob("*.yaml"))
 
 
-def controller(name: str, benchmark: Benchmark) -> Controller:
+def controller(name: str, benchmark: Benchmark) -> BenchmarkController:
     """Read and check the file of a controller, including each run that it changes.
 
     Args:
@@ -210,7 +210,7 @@ def controller(name: str, benchmark: Benchmark) -> Controller:
     """
     path = file_of(name, "controller", folder() / "controllers")
     try:
-        checked = replace(Controller.of(read_yaml(path), ""), name=path.stem)
+        checked = replace(BenchmarkController.of(read_yaml(path), ""), name=path.stem)
         _check(checked, benchmark)
     except HricError as error:
         example = "\n".join(f"  {line}" for line in EXAMPLE.splitlines())
@@ -219,7 +219,7 @@ def controller(name: str, benchmark: Benchmark) -> Controller:
     return checked
 
 
-def _check(controller: Controller, benchmark: Benchmark) -> None:
+def _check(controller: BenchmarkController, benchmark: Benchmark) -> None:
     mistakes, body = Mistakes(), next(iter(benchmark.population.bodies.values()))
     known = {**load()[0].collaborations, **benchmark.collaborations}
     for name in controller.changes:
@@ -235,7 +235,7 @@ def _check(controller: Controller, benchmark: Benchmark) -> None:
     mistakes.raise_all()
 
 
-def arguments(benchmark: Benchmark, collaboration: Collaboration, by: Controller, subject: str) -> list[str]:
+def arguments(benchmark: Benchmark, collaboration: Collaboration, by: BenchmarkController, subject: str) -> list[str]:
     """Return the overrides of a run: of the benchmark, the collaboration and the body, and last of the controller."""
     body = f"human.subject:={subject}"
     return [*benchmark.changes, *collaboration.changes, body, *by.changes.get(collaboration.name, ())]
@@ -252,7 +252,7 @@ class BenchmarkRun:
 
 
 def runs(
-    benchmark: Benchmark, experiments: PlainData, controllers: Sequence[Controller], code: str
+    benchmark: Benchmark, experiments: PlainData, controllers: Sequence[BenchmarkController], code: str
 ) -> dict[BenchmarkRun, RunTask]:
     """Return all runs with their tasks; controllers alternate, so that the first runs already allow a comparison.
 

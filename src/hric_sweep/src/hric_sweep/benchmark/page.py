@@ -7,7 +7,7 @@ from pathlib import Path
 from hric_bags import files
 from hric_report.html import templates
 from hric_report.html.chart import Axis
-from hric_report.html.table import Table
+from hric_report.html.table import PageTable
 from hric_sweep.benchmark import text
 from hric_sweep.benchmark.results import predicted
 from hric_sweep.page.words import figure
@@ -37,21 +37,21 @@ def build(results: PlainData) -> str:
             for name, expected, rank in predicted(results)
         ],
         overview=list(_overview(results)),
-        medians={name: Table("", head, tuple(rows), note) for name, (head, rows) in medians.items()},
+        medians={name: PageTable("", head, tuple(rows), note) for name, (head, rows) in medians.items()},
         made=list(_made(results)),
     )
 
 
-def _overview(results: PlainData) -> Iterator[Table]:
+def _overview(results: PlainData) -> Iterator[PageTable]:
     """Yield the table of the order, and tables of the mean ranks in each category by collaboration."""
-    yield Table("", text.HEAD, tuple(text.rows(results)), results["rule"])
+    yield PageTable("", text.HEAD, tuple(text.rows(results)), results["rule"])
     order = [standing["name"] for standing in results["standings"]]
     for category in ("ergonomics", "task", "robustness"):
         rows = tuple(
             (_spaced(name), *(f"{collaboration['controllers'][who]['ranks'][category]:.2f}" for who in order))
             for name, collaboration in results["collaborations"].items()
         )
-        yield Table(f"Mean rank in {category}", ("collaboration", *order), rows, folded=True)
+        yield PageTable(f"Mean rank in {category}", ("collaboration", *order), rows, folded=True)
 
 
 def _spaced(name: str) -> str:
@@ -67,7 +67,7 @@ def _axis(collaboration: PlainData, key: str) -> Axis:
     return Axis(min(finite), max(finite) or 1.0, LEFT, RIGHT)
 
 
-def _made(results: PlainData) -> Iterator[Table]:
+def _made(results: PlainData) -> Iterator[PageTable]:
     """Yield the table of what was run, and a table of each controller."""
     hashes, bodies = results["hashes"], results["part"]["bodies"]
     rows = (
@@ -78,7 +78,7 @@ def _made(results: PlainData) -> Iterator[Table]:
         ("percentiles", results["population"]["source"]),
         ("the same within", f"{100.0 * results['tolerance']:g} % of a value"),
     )
-    yield Table("", ("what", ""), rows)
+    yield PageTable("", ("what", ""), rows)
     for name, controller in results["controllers"].items():
         changes = tuple(
             (_spaced(collaboration), " ".join(words)) for collaboration, words in controller["changes"].items()
@@ -87,4 +87,4 @@ def _made(results: PlainData) -> Iterator[Table]:
         note = controller["description"]
         if prediction is not None:
             note += f". Predicted rank {prediction['rank']}: {prediction['text']}"
-        yield Table(f"Controller {name}", ("collaboration", "overrides"), changes, note)
+        yield PageTable(f"Controller {name}", ("collaboration", "overrides"), changes, note)

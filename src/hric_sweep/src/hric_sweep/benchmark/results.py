@@ -13,9 +13,9 @@ from hric_sweep.benchmark.definition import (
     ERGONOMICS,
     TASK,
     Benchmark,
+    BenchmarkController,
     BenchmarkRun,
     Collaboration,
-    Controller,
     digest,
     limits_digest,
     plain,
@@ -30,7 +30,7 @@ INFINITE = "infinite"
 
 
 def make(
-    benchmark: Benchmark, content: PlainData, controllers: Sequence[Controller], cells: Cells, code: str
+    benchmark: Benchmark, content: PlainData, controllers: Sequence[BenchmarkController], cells: Cells, code: str
 ) -> PlainData:
     """Return the content of the results file.
 
@@ -80,7 +80,7 @@ def _collaboration(item: Collaboration, names: Sequence[str], cells: Cells, rank
     }
 
 
-def _controller(controller: Controller) -> PlainData:
+def _controller(controller: BenchmarkController) -> PlainData:
     changes = plain(controller.changes)
     prediction = None if controller.prediction is None else vars(controller.prediction)
     about = {"description": controller.description, "changes": changes}

@@ -52,7 +52,7 @@ class ScoreSummary:
 
 
 @dataclass(frozen=True)
-class Cell:
+class ScoreCell:
     """Results of one controller in one collaboration.
 
     Attributes:
@@ -95,7 +95,7 @@ class Standing:
     runs: int
 
 
-Cells = Mapping[tuple[str, str], Cell]
+Cells = Mapping[tuple[str, str], ScoreCell]
 """Results by collaboration and controller."""
 Ranks = Mapping[tuple[str, str], float]
 """Mean ranks by collaboration and controller."""
@@ -109,7 +109,7 @@ def cells(benchmark: Benchmark, responses: Mapping[BenchmarkRun, RunResponse]) -
     return {key: _cell(benchmark.collaborations[key[0]], part) for key, part in rows.items()}
 
 
-def _cell(collaboration: Collaboration, rows: Mapping[BenchmarkRun, RunResponse]) -> Cell:
+def _cell(collaboration: Collaboration, rows: Mapping[BenchmarkRun, RunResponse]) -> ScoreCell:
     above = unknown = incomplete = 0
     for response in rows.values():
         findings = _states(collaboration, FINDINGS, response)
@@ -118,7 +118,7 @@ def _cell(collaboration: Collaboration, rows: Mapping[BenchmarkRun, RunResponse]
         incomplete += bool(response.failure) or _states(collaboration, TASK, response) > {"within"}
     failures = dict(Counter(response.failure for response in rows.values() if response.failure))
     scores = {key: _summary(key, rows) for key in collaboration.all}
-    return Cell(len(rows), above, unknown, incomplete, failures, scores)
+    return ScoreCell(len(rows), above, unknown, incomplete, failures, scores)
 
 
 def _states(collaboration: Collaboration, category: str, response: RunResponse) -> set[str]:

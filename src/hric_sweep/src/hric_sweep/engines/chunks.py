@@ -38,7 +38,7 @@ class Handshake:
 
 
 @dataclass(frozen=True)
-class Chunk:
+class TaskChunk:
     """Tasks that are sent together, with the handshake for a worker that joined later."""
 
     tasks: Sequence[RunTask]
@@ -117,7 +117,7 @@ def execute(packed: bytes) -> ChunkResult:
     Args:
         packed: pickled Chunk.
     """
-    chunk: Chunk = pickle.loads(packed)
+    chunk: TaskChunk = pickle.loads(packed)
     address, needed = _current_task()
     handshake = chunk.handshake
     if handshake.expected is not None:

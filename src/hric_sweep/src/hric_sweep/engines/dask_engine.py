@@ -127,7 +127,7 @@ class DaskEngine:
 
     def _send(self, part: Part) -> None:
         assert self._handshake is not None  # set by `check`
-        packed = pickle.dumps(chunks.Chunk([task for task, _ in part], self._handshake))
+        packed = pickle.dumps(chunks.TaskChunk([task for task, _ in part], self._handshake))
         future = self._client.submit(_remote("execute"), packed, pure=False)
         with self._lock:
             self._open.add(future)

@@ -29,7 +29,7 @@ class Lost(FailureError):
     exit_code = NOT_GOOD
 
 
-class Engine(Protocol):
+class SweepEngine(Protocol):
     """Executor of tasks."""
 
     @property

@@ -13,7 +13,7 @@ from hric_core.command import Argument
 from hric_core.errors import HricError
 from hric_core.parameters import whole
 from hric_core.wires import host_of, is_local, reached_by_others
-from hric_sweep.engines.engine import Differs, Engine, Lost
+from hric_sweep.engines.engine import Differs, Lost, SweepEngine
 from hric_sweep.journal import JournalError
 
 JOBS = os.cpu_count() or 1
@@ -46,7 +46,7 @@ def engine_arguments(name: str) -> list[Argument]:
 @contextmanager
 def engine_session(
     options: argparse.Namespace, memory: float, runs: int, resume: Callable[[], str]
-) -> Iterator[Engine]:
+) -> Iterator[SweepEngine]:
     """Yield the engine of a command and close it; errors and Ctrl-C come with the command that resumes it.
 
     Args:
@@ -81,7 +81,7 @@ def resume_command(folder: Path | None) -> str:
     return "" if folder is None else f"hric sweep --resume {folder}"
 
 
-def engine_of(options: argparse.Namespace, memory: float, runs: int) -> Engine:
+def engine_of(options: argparse.Namespace, memory: float, runs: int) -> SweepEngine:
     """Return the engine of a command.
 
     Args:

@@ -5,10 +5,10 @@ from pathlib import Path
 from hric_report import html as report_html
 from hric_report.html import templates
 from hric_report.html.scene import Blob
-from hric_report.html.table import Table
+from hric_report.html.table import PageTable
 from hric_report.html.tables import flat
 from hric_sweep.page import drawn, estimate, indices, lists, sample, sensitivity, spread, words
-from hric_sweep.page.study import Study, load
+from hric_sweep.page.study import RecordedSweep, load
 
 ASSETS = Path(__file__).parent / "assets"
 PERIOD, RUNS_PER_SECOND = 10.0, 2000.0
@@ -33,7 +33,7 @@ def write(folder: Path, *, running: bool = False) -> Path:
     return report_html.write_text(folder, render_page(load(folder), running=running))
 
 
-def render_page(study: Study, *, running: bool) -> str:
+def render_page(study: RecordedSweep, *, running: bool) -> str:
     """Return the text of the page; `running`: the sweep is still running, so that the page reloads itself."""
     blob, rows, counted = Blob(), drawn.chosen(study), sample.of(study)
     rank, spreads = sensitivity.ranks(study, counted), spread.spreads(study, counted)
@@ -80,11 +80,13 @@ def render_page(study: Study, *, running: bool) -> str:
     )
 
 
-def _made(study: Study) -> list[Table]:
+def _made(study: RecordedSweep) -> list[PageTable]:
     """Return the tables of sweep.yaml that are not empty; the definition is the canonical one of the table."""
     made = {**study.made, "definition": study.definition}
     trees: dict[str, object] = {title: made.pop(key, None) for title, key in TABLES.items()}
     head = ("what", "value")
     return [
-        Table(title, head, tuple(flat(tree)), folded=bool(title)) for title, tree in {"": made, **trees}.items() if tree
+        PageTable(title, head, tuple(flat(tree)), folded=bool(title))
+        for title, tree in {"": made, **trees}.items()
+        if tree
     ]

@@ -10,7 +10,7 @@ from hric_report.html.scene import Blob
 from hric_sweep.page.lists import WORST
 from hric_sweep.page.sample import Sample
 from hric_sweep.page.sensitivity import Ranks
-from hric_sweep.page.study import VARIABLE, Study
+from hric_sweep.page.study import VARIABLE, RecordedSweep
 
 VALUES = 2_600_000
 """Maximum number of values of all columns together; as single precision in base64 they are 14 MB, so that a page with
@@ -22,7 +22,7 @@ DECADES = 2.5
 """Range of an output [decades] above which its axis is logarithmic, if all values are positive."""
 
 
-def chosen(study: Study) -> npt.NDArray[np.intp]:
+def chosen(study: RecordedSweep) -> npt.NDArray[np.intp]:
     """Return the rows that are drawn, in ascending order: all, or a sample by seed and the worst ones."""
     # Beside the columns: kind, index, counts, and 17 letters of the name.
     drawn = VALUES // (len(study.variables) + len(study.outputs) + 7)
@@ -32,7 +32,7 @@ def chosen(study: Study) -> npt.NDArray[np.intp]:
     return np.unique(np.concatenate([sample, study.order_of_worst[0][:WORST]]))
 
 
-def caption(study: Study, rows: npt.NDArray[np.intp]) -> str:
+def caption(study: RecordedSweep, rows: npt.NDArray[np.intp]) -> str:
     """Return the caption that says how many runs are drawn."""
     if len(rows) == study.runs:
         return f"All {study.runs} runs are drawn."
@@ -44,7 +44,7 @@ def counts(sample: Sample, rows: npt.NDArray[np.intp], blob: Blob) -> Any:
     return blob.add(sample.counts[rows], "f4") if np.any(sample.counts[rows] != 1.0) else None
 
 
-def columns(study: Study, rows: npt.NDArray[np.intp], rank: Ranks, blob: Blob) -> list[dict[str, object]]:
+def columns(study: RecordedSweep, rows: npt.NDArray[np.intp], rank: Ranks, blob: Blob) -> list[dict[str, object]]:
     """Return the columns for the scripts; `rank`: correlations of each column with others, by name."""
     names = study.variables + study.outputs
     # The output with the limit is always visible initially.
@@ -54,7 +54,12 @@ def columns(study: Study, rows: npt.NDArray[np.intp], rank: Ranks, blob: Blob) -
 
 
 def _column(
-    study: Study, name: str, rows: npt.NDArray[np.intp], rank: dict[str, tuple[float, float]], on: bool, blob: Blob
+    study: RecordedSweep,
+    name: str,
+    rows: npt.NDArray[np.intp],
+    rank: dict[str, tuple[float, float]],
+    on: bool,
+    blob: Blob,
 ) -> dict[str, object]:
     values, labels = study.numbers(name)
     about, limit = study.about[name], study.limit
@@ -72,7 +77,7 @@ def _column(
     }
 
 
-def _logarithmic(study: Study, name: str, values: FloatArray) -> bool:
+def _logarithmic(study: RecordedSweep, name: str, values: FloatArray) -> bool:
     known = values[np.isfinite(values)]
     if not len(known) or known.min() <= 0.0:
         return False

@@ -3,8 +3,8 @@
 import numpy as np
 import numpy.typing as npt
 
-from hric_report.html.table import Table, number
-from hric_sweep.page.study import EXCEEDED, FAILED, Study
+from hric_report.html.table import PageTable, number
+from hric_sweep.page.study import EXCEEDED, FAILED, RecordedSweep
 from hric_sweep.page.words import CROSS_ENTROPY, GRID, LIST, RANDOM, SALTELLI, SPREAD, TPE
 from hric_sweep.samplers.sampler import CrossCheck, Estimate
 from hric_sweep.statistics.intervals import LEVEL, clopper_pearson
@@ -24,7 +24,7 @@ DESIGNED = {
 """Samplers whose runs give no probability, with the reason."""
 
 
-def condition(study: Study) -> str:
+def condition(study: RecordedSweep) -> str:
     """Return the condition for an exceedance, e.g. "peak > 140 N"; "exceeded" if there is none."""
     limit = study.limit
     if limit is None:
@@ -33,7 +33,7 @@ def condition(study: Study) -> str:
     return f"{limit.output} {limit.sign} {limit.bound:g}{' ' + unit if unit else ''}"
 
 
-def lines(study: Study, assumption: str) -> list[str]:
+def lines(study: RecordedSweep, assumption: str) -> list[str]:
     """Return the estimate and notes to it, some empty; empty without a limit; `assumption`: condition of P."""
     if study.limit is None:
         return []
@@ -54,7 +54,7 @@ def lines(study: Study, assumption: str) -> list[str]:
     return [line, _method(study, estimate), _failed(estimate.failed), _check(estimate.check)]
 
 
-def _counted(study: Study, exceeded: int, failed: int) -> Estimate | None:
+def _counted(study: RecordedSweep, exceeded: int, failed: int) -> Estimate | None:
     """Return the estimate from unweighted runs until the sampler has one; None: none yet, or the runs have weights."""
     if study.sampler not in (RANDOM, *SPREAD) or study.runs == failed:
         return None
@@ -63,7 +63,7 @@ def _counted(study: Study, exceeded: int, failed: int) -> Estimate | None:
     return Estimate(share, low, high, LEVEL, study.runs, exceeded, failed, size, "Clopper-Pearson")
 
 
-def by_value(study: Study) -> list[Table]:
+def by_value(study: RecordedSweep) -> list[PageTable]:
     """Return a table of the probability for each value of each variable with words as values."""
     if study.limit is None or study.sampler not in (RANDOM, *SPREAD):
         return []
@@ -74,11 +74,11 @@ def by_value(study: Study) -> list[Table]:
         codes, labels = study.numbers(name)
         if 1 < len(labels) <= APART:
             rows = tuple((label, *_of_one(study, codes == code)) for code, label in enumerate(labels))
-            tables.append(Table(f"By {name}", (name, *head), rows, KIND[study.sampler in SPREAD]))
+            tables.append(PageTable(f"By {name}", (name, *head), rows, KIND[study.sampler in SPREAD]))
     return tables
 
 
-def _of_one(study: Study, chosen: npt.NDArray[np.bool_]) -> tuple[str, ...]:
+def _of_one(study: RecordedSweep, chosen: npt.NDArray[np.bool_]) -> tuple[str, ...]:
     """Return the table cells for the runs with one value."""
     runs, kinds = int(chosen.sum()), study.kinds[chosen]
     exceeded, failed = int((kinds == EXCEEDED).sum()), int((kinds == FAILED).sum())
@@ -87,7 +87,7 @@ def _of_one(study: Study, chosen: npt.NDArray[np.bool_]) -> tuple[str, ...]:
     return str(runs - failed), str(exceeded), share, f"{number(low, 3)} to {number(high, 3)}"
 
 
-def _method(study: Study, estimate: Estimate) -> str:
+def _method(study: RecordedSweep, estimate: Estimate) -> str:
     runs = f"{estimate.exceeded} of {estimate.runs - estimate.failed} runs exceeded"
     sentences = f"{estimate.method[:1].upper()}{estimate.method[1:]}; {runs}."
     if study.weighted:

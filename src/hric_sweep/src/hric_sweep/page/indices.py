@@ -6,7 +6,7 @@ import numpy as np
 
 from hric_core.errors import HricError
 from hric_report.html.chart import Axis
-from hric_sweep.page.study import Study
+from hric_sweep.page.study import RecordedSweep
 from hric_sweep.page.words import SALTELLI
 from hric_sweep.space import Space
 from hric_sweep.statistics.sensitivity import Index, indices
@@ -39,7 +39,7 @@ class OutputIndices:
         return Axis(min(0.0, *ends), max(1.0, *ends), LEFT, RIGHT)
 
 
-def outputs(study: Study) -> list[OutputIndices]:
+def outputs(study: RecordedSweep) -> list[OutputIndices]:
     """Return the indices of each output that is not constant; empty if the design is another one or incomplete."""
     if study.sampler != SALTELLI or study.runs != (study.planned or study.runs):
         return []
@@ -48,7 +48,7 @@ def outputs(study: Study) -> list[OutputIndices]:
     return [_indices(study, space, name) for name in study.outputs if not study.constant(name)]
 
 
-def _indices(study: Study, space: Space, name: str) -> OutputIndices:
+def _indices(study: RecordedSweep, space: Space, name: str) -> OutputIndices:
     try:
         computed = indices(space, np.asarray(study.columns[name], dtype=float))
     except HricError as error:

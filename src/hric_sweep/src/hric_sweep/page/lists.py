@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hric_report.html.table import Table, number
-from hric_sweep.page.study import FAILED, Study
+from hric_report.html.table import PageTable, number
+from hric_sweep.page.study import FAILED, RecordedSweep
 
 WORST = 10
 REASONS = 50
@@ -16,12 +16,12 @@ REASONS = 50
 DECIMAL = re.compile(r"[-+]?\d+\.\d+(e[-+]?\d+)?")
 
 
-def command(study: Study) -> str:
+def command(study: RecordedSweep) -> str:
     """Return the command that repeats a run, without its id; it has no path of this machine, only the folder's name."""
     return f"hric sweep rerun {shlex.quote(study.folder.resolve().name)}"
 
 
-def failures(study: Study) -> list[tuple[str, int, int]]:
+def failures(study: RecordedSweep) -> list[tuple[str, int, int]]:
     """Return reason, number of runs and row of the first of them, most frequent first.
 
     Reasons that differ only in measured numbers are merged; # replaces each number.
@@ -32,7 +32,7 @@ def failures(study: Study) -> list[tuple[str, int, int]]:
     return [(reason, count, first[reason]) for reason, count in Counter(reasons).most_common()]
 
 
-def cost(study: Study) -> Table:
+def cost(study: RecordedSweep) -> PageTable:
     """Return the table of processor and wall time of the runs, in total and by machine."""
     hosts = np.array([str(host) for host in study.columns["host"]])
     rows = [_cost(study, "all", np.ones(study.runs, dtype=bool))]
@@ -43,10 +43,10 @@ def cost(study: Study) -> Table:
         rows[0] = (names[0], *rows[0][1:])
     times = ("processor [s]", "a run, mean [s]", "median [s]", "95 % [s]", "wall, mean [s]")
     head = ("machine", "runs", *times, "repeated")
-    return Table("", head, tuple(rows), "Left out of the hash of the results, as it depends on the machine.")
+    return PageTable("", head, tuple(rows), "Left out of the hash of the results, as it depends on the machine.")
 
 
-def _cost(study: Study, name: str, rows: Sequence[bool] | np.ndarray) -> tuple[str, ...]:
+def _cost(study: RecordedSweep, name: str, rows: Sequence[bool] | np.ndarray) -> tuple[str, ...]:
     processor = np.asarray(study.columns["processor"], dtype=float)[rows]
     wall = np.asarray(study.columns["wall"], dtype=float)[rows]
     again = int(np.sum(np.asarray(study.columns["attempt"], dtype=float)[rows] > 1))

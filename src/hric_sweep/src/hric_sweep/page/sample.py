@@ -6,7 +6,7 @@ import numpy as np
 
 from hric_core.geometry import FloatArray
 from hric_report.html.table import number
-from hric_sweep.page.study import Study
+from hric_sweep.page.study import RecordedSweep
 from hric_sweep.page.words import CROSS_ENTROPY, RANDOM, SPREAD, SUBSET, TPE
 from hric_sweep.statistics.intervals import effective_size
 
@@ -42,7 +42,7 @@ class Sample:
         return bool(np.any(inside != inside[:1]))
 
 
-def of(study: Study) -> Sample:
+def of(study: RecordedSweep) -> Sample:
     """Return the runs of a sweep as a sample of the distributions.
 
     Weights of importance sampling are likelihood ratios, batch by batch, so that weighted averages are those of the
@@ -60,7 +60,7 @@ def of(study: Study) -> Sample:
     return Sample(np.ones(study.runs), independent=study.sampler in (RANDOM, CROSS_ENTROPY, *SPREAD))
 
 
-def _weighted(study: Study) -> Sample:
+def _weighted(study: RecordedSweep) -> Sample:
     size = effective_size(study.weights)
     if size < FEWEST:
         why = f"By their weights the {study.runs} runs are worth {number(size, 2)} runs drawn from the distributions"

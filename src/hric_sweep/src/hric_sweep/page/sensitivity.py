@@ -6,7 +6,7 @@ import numpy as np
 
 from hric_core.errors import HricError
 from hric_sweep.page.sample import Sample
-from hric_sweep.page.study import Study
+from hric_sweep.page.study import RecordedSweep
 from hric_sweep.statistics.intervals import effective_size
 from hric_sweep.statistics.sensitivity import rank_correlation
 
@@ -18,7 +18,7 @@ Ranks = dict[str, dict[str, tuple[float, float]]]
 """Spearman's rank correlation of a column with another, and its p-value."""
 
 
-def ranks(study: Study, sample: Sample) -> Ranks:
+def ranks(study: RecordedSweep, sample: Sample) -> Ranks:
     """Return rank correlations of all pairs of ordered columns, over the runs that have both values.
 
     A column of words is ordered if it has two different words. The result is empty if the runs are no sample of the

@@ -8,11 +8,11 @@ import numpy as np
 
 from hric_core.geometry import FloatArray
 from hric_report.html import chart
-from hric_report.html.table import Table
+from hric_report.html.table import PageTable
 from hric_sweep.page import quantiles
 from hric_sweep.page.quantiles import Quantile
 from hric_sweep.page.sample import Sample
-from hric_sweep.page.study import Study
+from hric_sweep.page.study import RecordedSweep
 from hric_sweep.page.words import SPREAD, figure
 from hric_sweep.statistics.intervals import effective_size
 
@@ -26,7 +26,7 @@ TAIL = 0.002
 HEAD = ("output", "runs", "5th percentile", "median", "95th percentile", "mean (standard deviation)")
 
 
-class Bar(NamedTuple):
+class HistogramBar(NamedTuple):
     """Bar of a histogram: its ends, its share of the runs, and True if its middle is beyond the limit."""
 
     low: float
@@ -46,7 +46,7 @@ class Histogram:
         axis: horizontal axis.
     """
 
-    bars: Sequence[Bar]
+    bars: Sequence[HistogramBar]
     counted: str
     bound: float | None
     axis: chart.Axis
@@ -63,7 +63,7 @@ class Histogram:
 
 
 @dataclass(frozen=True)
-class Spread:
+class OutputDistribution:
     """Distribution of an output.
 
     Attributes:
@@ -83,17 +83,17 @@ class Spread:
     histogram: Histogram | None
 
 
-def spreads(study: Study, sample: Sample) -> list[Spread]:
+def spreads(study: RecordedSweep, sample: Sample) -> list[OutputDistribution]:
     """Return the distribution of each output with values; empty if the runs are no sample."""
     return [] if sample.refused else [spread for name in study.outputs if (spread := _spread(study, sample, name))]
 
 
-def table(study: Study, sample: Sample, rows: Sequence[Spread]) -> Table:
+def table(study: RecordedSweep, sample: Sample, rows: Sequence[OutputDistribution]) -> PageTable:
     """Return the table of the quantiles."""
-    return Table("", HEAD, tuple(spread.row for spread in rows), caption(study, sample))
+    return PageTable("", HEAD, tuple(spread.row for spread in rows), caption(study, sample))
 
 
-def _spread(study: Study, sample: Sample, name: str) -> Spread | None:
+def _spread(study: RecordedSweep, sample: Sample, name: str) -> OutputDistribution | None:
     values = np.asarray(study.columns[name], dtype=float)
     known = ~np.isnan(values) & (sample.counts > 0.0)
     values, weights, label = values[known], sample.counts[known], study.label(name)
@@ -102,10 +102,10 @@ def _spread(study: Study, sample: Sample, name: str) -> Spread | None:
     estimates = [_quantile(sample, values, weights, share) for share in SHARES]
     row = (label, str(len(values)), *map(with_interval, estimates), _mean(values, weights))
     drawn = None if study.constant(name) else _histogram(study, name, values, weights)
-    return Spread(name, label, study.about[name].text, estimates, row, drawn)
+    return OutputDistribution(name, label, study.about[name].text, estimates, row, drawn)
 
 
-def caption(study: Study, sample: Sample) -> str:
+def caption(study: RecordedSweep, sample: Sample) -> str:
     """Return the explanation of the quantiles' intervals."""
     shown = "Purple: 5th percentile, median, 95th percentile; band: interval. Failed runs are left out."
     shown = f"{shown} {sample.note}".rstrip()
@@ -156,7 +156,7 @@ def _ends(values: FloatArray, weights: FloatArray, bound: float | None) -> tuple
     return low - margin, high + margin
 
 
-def _histogram(study: Study, name: str, values: FloatArray, weights: FloatArray) -> Histogram:
+def _histogram(study: RecordedSweep, name: str, values: FloatArray, weights: FloatArray) -> Histogram:
     limit = study.limit if study.limit is not None and study.limit.output == name else None
     bound = None if limit is None else limit.bound
     integers = _integer_edges(values) if bound is None else None
@@ -167,7 +167,7 @@ def _histogram(study: Study, name: str, values: FloatArray, weights: FloatArray)
     if limit is not None:
         beyond = middles > limit.bound if limit.above else middles < limit.bound
     columns = (edges[:-1], edges[1:], shares, beyond)
-    bars = [Bar(*bar) for bar in zip(*(column.tolist() for column in columns), strict=True) if bar[2] > 0.0]
+    bars = [HistogramBar(*bar) for bar in zip(*(column.tolist() for column in columns), strict=True) if bar[2] > 0.0]
     counted = "runs" if np.all(weights == weights[0]) else "weights"
     return Histogram(bars, counted, bound, chart.Axis(float(edges[0]), float(edges[-1]), LEFT, RIGHT))
 

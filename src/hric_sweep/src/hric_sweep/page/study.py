@@ -62,7 +62,7 @@ class DefinitionRecord(TypedDict, total=False):
 
 
 @dataclass(frozen=True)
-class About:
+class ColumnDescription:
     """Role of a column in the table, unit of its numbers, and description."""
 
     role: str
@@ -71,7 +71,7 @@ class About:
 
 
 @dataclass(frozen=True)
-class Limit:
+class SweepLimit:
     """Exceedance of a sweep: an output above or below a bound."""
 
     output: str
@@ -85,7 +85,7 @@ class Limit:
 
 
 @dataclass(frozen=True)
-class Study:
+class RecordedSweep:
     """Recorded sweep.
 
     Attributes:
@@ -99,7 +99,7 @@ class Study:
 
     folder: Path
     columns: Mapping[str, Column]
-    about: Mapping[str, About]
+    about: Mapping[str, ColumnDescription]
     definition: DefinitionRecord
     estimate: Estimate | None = None
     made: Mapping[str, object] = field(default_factory=dict)
@@ -141,14 +141,14 @@ class Study:
         return f"{name} [{unit}]" if unit else name
 
     @cached_property
-    def limit(self) -> Limit | None:
+    def limit(self) -> SweepLimit | None:
         """Limit of the exceedance; None: there is none."""
         counted = self.section.get("exceedance")
         if not counted:
             return None
         above = counted.get("above")
         bound = counted["below"] if above is None else above
-        return Limit(str(counted["output"]), float(bound), above is not None)
+        return SweepLimit(str(counted["output"]), float(bound), above is not None)
 
     @cached_property
     def kinds(self) -> npt.NDArray[np.uint32]:
@@ -210,7 +210,7 @@ class Study:
         return order[~np.isnan(values[order])], f"{'largest' if largest else 'smallest'} {name}"
 
 
-def load(folder: Path) -> Study:
+def load(folder: Path) -> RecordedSweep:
     """Read a sweep.
 
     Raises:
@@ -223,12 +223,12 @@ def load(folder: Path) -> Study:
     try:
         rows = parquet.read_table(path)
         content = json.loads(rows.schema.metadata[b"hric"])
-        about = {name: About(**column) for name, column in content["columns"].items()}
+        about = {name: ColumnDescription(**column) for name, column in content["columns"].items()}
         estimate = _estimate(content.get("estimate"))
     except (OSError, KeyError, TypeError, ValueError, pyarrow.ArrowException) as error:
         raise RunFolderError(f"cannot read {path}: {error}; valid: the folder of a sweep") from error
     columns = {name: rows.column(name).to_numpy() for name in rows.column_names}
-    return Study(folder, columns, about, content["sweep"], estimate, _made(folder / SETTINGS))
+    return RecordedSweep(folder, columns, about, content["sweep"], estimate, _made(folder / SETTINGS))
 
 
 def _estimate(record: Any) -> Estimate | None:

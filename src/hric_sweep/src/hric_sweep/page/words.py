@@ -4,8 +4,8 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from hric_report.html.table import Table, number
-from hric_sweep.page.study import Study
+from hric_report.html.table import PageTable, number
+from hric_sweep.page.study import RecordedSweep
 
 RANDOM, GRID, LIST, TPE, SALTELLI = "random", "grid", "list", "tpe", "saltelli"
 CROSS_ENTROPY, SUBSET = "cross_entropy", "subset"
@@ -31,7 +31,7 @@ def figure(value: Any, digits: int = 4) -> str:
     return number(value, digits)
 
 
-def sampler(study: Study) -> str:
+def sampler(study: RecordedSweep) -> str:
     """Return the description of the sampler."""
     settings = dict(study.section.get("sampler") or {})
     settings.pop("kind", None)
@@ -68,7 +68,7 @@ def _value(value: Any) -> str:
     return ", ".join(_value(item) for item in value) if isinstance(value, list) else number(value)
 
 
-def varied(study: Study) -> Table:
+def varied(study: RecordedSweep) -> PageTable:
     """Return the table of the variables with their distributions."""
     settings = study.section.get("vary") or {}
     rows = []
@@ -80,10 +80,10 @@ def varied(study: Study) -> Table:
         unit = about.unit or ("-" if study.numbers(name)[1] else "1")
         rows.append((name, unit, shown, about.text, ", ".join(map(str, paths))))
     head = ("variable", "unit", "distribution", "what it is", "sets")
-    return Table("", head, tuple(rows), _correlations(study))
+    return PageTable("", head, tuple(rows), _correlations(study))
 
 
-def _correlations(study: Study) -> str:
+def _correlations(study: RecordedSweep) -> str:
     pairs = study.section.get("correlation") or ()
     if not pairs:
         return "The variables are independent of each other."

@@ -51,7 +51,7 @@ class CrossEntropy(Settings):
 
 
 @dataclass(frozen=True)
-class Batch:
+class PointBatch:
     """Points of one batch with their results.
 
     Attributes:
@@ -86,9 +86,9 @@ class CrossEntropySampler:
         self.total = runs
         self._n, self._batch, self._seed = n, batch, seed
         self._count = runs // batch
-        self._adapting: list[Batch] = []
-        self._final: list[Batch] = []
-        self._open: Batch | None = None
+        self._adapting: list[PointBatch] = []
+        self._final: list[PointBatch] = []
+        self._open: PointBatch | None = None
         self._proposal: Proposal | None = None
         self._near, self._adapted = False, False
 
@@ -100,11 +100,11 @@ class CrossEntropySampler:
         size = self._batch if index < self._count - 1 else self.total - index * self._batch
         random = np.random.default_rng([self._seed, index])
         if self._proposal is None:
-            self._open = Batch(random.standard_normal((size, self._n)), size, None, np.ones(size))
+            self._open = PointBatch(random.standard_normal((size, self._n)), size, None, np.ones(size))
         else:
             plain = round(DEFENSIVE * size)
             z = np.concatenate([random.standard_normal((plain, self._n)), self._proposal.draw(size - plain, random)])
-            self._open = Batch(z, plain, self._proposal, np.exp(self._proposal.log_weights(z, plain / size)))
+            self._open = PointBatch(z, plain, self._proposal, np.exp(self._proposal.log_weights(z, plain / size)))
         u = np.clip(ndtr(self._open.z), EDGE, 1.0 - EDGE).tolist()
         return [Point(tuple(row), weight) for row, weight in zip(u, self._open.weights.tolist(), strict=True)]
 
@@ -174,7 +174,7 @@ class CrossEntropySampler:
         return CrossCheck(runs, exceeded, *clopper_pearson(exceeded, max(runs, 1), LEVEL), agrees=True)
 
 
-def with_results(batch: Batch, results: Sequence[SamplerResult]) -> Batch:
+def with_results(batch: PointBatch, results: Sequence[SamplerResult]) -> PointBatch:
     """Return a copy of a batch with its results.
 
     Raises:

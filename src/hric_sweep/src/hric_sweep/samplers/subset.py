@@ -21,7 +21,7 @@ from scipy.special import ndtr, ndtri
 from hric_core.errors import HricError
 from hric_core.geometry import FloatArray
 from hric_core.parameters import Settings, number, refused
-from hric_sweep.samplers.cross_entropy import Batch, with_results
+from hric_sweep.samplers.cross_entropy import PointBatch, with_results
 from hric_sweep.samplers.sampler import CrossCheck, Estimate, Point, SamplerResult, in_order
 from hric_sweep.space import EDGE, Space
 from hric_sweep.statistics.intervals import LEVEL, clopper_pearson
@@ -55,7 +55,7 @@ class Subset(Settings):
         return SubsetSampler(len(space.names), runs // per_chain, levels, seed)
 
 
-class Step(NamedTuple):
+class ChainState(NamedTuple):
     """State of all chains: normal scores, shape (chains, n), and margins, shape (chains,)."""
 
     z: FloatArray
@@ -76,8 +76,8 @@ class SubsetSampler:
         self._n, self._chains, self._levels, self._seed = n, chains, levels, seed
         self.total = chains * (LENGTH + (levels - 1) * (LENGTH - 1))
         self._count, self._batches, self._a = 0, 0, FIRST_STEP
-        self._open: Batch | None = None
-        self._steps: list[Step] = []
+        self._open: PointBatch | None = None
+        self._steps: list[ChainState] = []
         self._level, self._shares, self._variances = -np.inf, 1.0, list[float]()
         self._exceeded, self._failed, self._done = 0, 0, False
         self._first: CrossCheck | None = None
@@ -94,7 +94,7 @@ class SubsetSampler:
         else:
             before = self._steps[-1].z
             z = self._a * before + math.sqrt(1.0 - self._a**2) * random.standard_normal(before.shape)
-        self._open = Batch(z, len(z), None, np.full(len(z), self._shares))
+        self._open = PointBatch(z, len(z), None, np.full(len(z), self._shares))
         return [Point(tuple(row), self._shares) for row in np.clip(ndtr(z), EDGE, 1.0 - EDGE).tolist()]
 
     def tell(self, results: Sequence[SamplerResult]) -> None:
@@ -116,12 +116,12 @@ class SubsetSampler:
             z, margins = (np.concatenate([getattr(step, name) for step in self._steps]) for name in ("z", "margins"))
             self._finish(z, margins, chained=True)
 
-    def _step(self, batch: Batch) -> None:
+    def _step(self, batch: PointBatch) -> None:
         """Accept the points above the level; the other chains stay at their previous point. Adapt a."""
         before, above = self._steps[-1], batch.margins > self._level
         z = np.where(above[:, None], batch.z, before.z)
         margins = np.where(above, batch.margins, before.margins)
-        self._steps.append(Step(z, margins))
+        self._steps.append(ChainState(z, margins))
         spread = (1.0 - self._a**2) * math.exp(0.5 * (float(above.mean()) - ACCEPTED))
         self._a = min(max(math.sqrt(max(1.0 - spread, 0.0)), 0.3), 0.98)
 
@@ -141,7 +141,7 @@ class SubsetSampler:
         self._shares *= share
         best = order[: self._chains]
         self._level = level
-        self._steps = [Step(z[best], margins[best])]
+        self._steps = [ChainState(z[best], margins[best])]
 
     def estimate(self) -> Estimate | None:
         """Return the estimate from the product of all levels; None until the last level is finished.

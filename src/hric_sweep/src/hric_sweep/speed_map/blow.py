@@ -5,12 +5,12 @@ from enum import Enum
 
 import numpy as np
 
-from franka_hw_interface.model import Frame
+from franka_hw_interface.model import FrankaFrame
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand, MoveRequest
 from franka_sim.franka_hw_sim import FrankaHWSim
 from hric_assessment.contact.limits import TRANSIENT_TIME
 from hric_core.geometry import FloatArray
-from hric_sweep.speed_map.device import Body, Device
+from hric_sweep.speed_map.device import HitBody, MeasuringDevice
 
 STIFFNESS, DAMPING = 100.0, 20.0
 """Gains of each joint of a driven arm along its path: those of the experiment `contact` [N m/rad], [N m s/rad]."""
@@ -18,7 +18,7 @@ SHARE = 0.9
 """Largest share of its fastest speed that the arm uses [1], as the reaction to an impact accelerates some joints."""
 
 
-class Arm(Enum):
+class ArmBehaviour(Enum):
     """Behaviour of the arm during the contact.
 
     PASSIVE: gravity compensation only, as the closed form assumes.
@@ -30,7 +30,7 @@ class Arm(Enum):
 
 
 @dataclass(frozen=True)
-class Approach:
+class ImpactApproach:
     """Motion of the end effector before the impact.
 
     Attributes:
@@ -56,24 +56,24 @@ class Blows:
         arm: behaviour of the arm during the contact.
     """
 
-    def __init__(self, robot: FrankaHWSim, arm: Arm) -> None:
+    def __init__(self, robot: FrankaHWSim, arm: ArmBehaviour) -> None:
         self._robot, self._arm = robot, arm
         self._link = f"{robot.arm_id}_link8"
         self._point = robot.model.F_T_EE[:3, 3].tolist()
         self._rotors = np.diag(robot.box.config.rotor_inertia)
         robot.box.report = lambda text: None  # reflexes are part of what is measured
 
-    def approach(self, q: FloatArray, direction: FloatArray) -> Approach:
+    def approach(self, q: FloatArray, direction: FloatArray) -> ImpactApproach:
         """Return the approach along a direction, shape (3,), through a posture, shape (7,) [rad]."""
         model = self._robot.model
-        J = model.zero_jacobian(Frame.END_EFFECTOR, q)
+        J = model.zero_jacobian(FrankaFrame.END_EFFECTOR, q)
         dq = np.linalg.pinv(J) @ np.array([*direction, 0.0, 0.0, 0.0])
         row = direction @ J[:3]
         mass = 1.0 / float(row @ np.linalg.solve(model.mass(q) + self._rotors, row))
         allowed = np.array(self._robot.box.config.limits.velocity) / np.maximum(np.abs(dq), 1e-9)
-        return Approach(q, direction, dq, mass, float(allowed.min()))
+        return ImpactApproach(q, direction, dq, mass, float(allowed.min()))
 
-    def peak(self, approach: Approach, body: Body, speed: float) -> float:
+    def peak(self, approach: ImpactApproach, body: HitBody, speed: float) -> float:
         """Return the peak force that the device reads within the time of a transient contact [N].
 
         Args:
@@ -86,13 +86,13 @@ class Blows:
         robot.plant.reset(approach.q.tolist(), dq.tolist())
         robot.box.reset(approach.q.tolist())
         robot.read(0.0, dt)
-        if self._arm is Arm.DRIVEN:
+        if self._arm is ArmBehaviour.DRIVEN:
             robot.box.move(MoveRequest(ControllerMode.EXTERNAL, GeneratorMode.NONE))
-        device = Device(body, approach.mass, dt, speed - arm_speed)
+        device = MeasuringDevice(body, approach.mass, dt, speed - arm_speed)
         begin = float(approach.direction @ self._position(approach.q))
         for cycle in range(1, round(TRANSIENT_TIME / dt)):
             q, v = (np.array(part) for part in robot.plant.engine_state())
-            along = approach.direction @ robot.model.zero_jacobian(Frame.END_EFFECTOR, q)[:3]
+            along = approach.direction @ robot.model.zero_jacobian(FrankaFrame.END_EFFECTOR, q)[:3]
             force = device.push(float(approach.direction @ self._position(q)) - begin, float(along @ v))
             if device.apart:
                 break
@@ -104,7 +104,7 @@ class Blows:
 
     def _position(self, q: FloatArray) -> FloatArray:
         """Return the position of the end effector in the base frame, shape (3,) [m]."""
-        return np.asarray(self._robot.model.pose(Frame.END_EFFECTOR, q)[:3, 3])
+        return np.asarray(self._robot.model.pose(FrankaFrame.END_EFFECTOR, q)[:3, 3])
 
     def _torque(self, behind: FloatArray, slower: FloatArray, q: FloatArray, v: FloatArray) -> list[float]:
         """Return the torque for the plant.
@@ -116,7 +116,7 @@ class Blows:
             v: measured joint velocity, shape (7,) [rad/s].
         """
         robot = self._robot
-        if self._arm is Arm.PASSIVE:
+        if self._arm is ArmBehaviour.PASSIVE:
             weight: list[float] = robot.model.gravity_list(q.tolist())
             return weight
         command = MotionCommand()

@@ -19,8 +19,8 @@ from hric_human.body.regions import REGION_MODELS
 from hric_run.definition import experiment, overrides
 from hric_run.simulation import Simulation
 from hric_sweep.speed_map import grid
-from hric_sweep.speed_map.blow import Arm
-from hric_sweep.speed_map.measured import Cell, Request, alone, lowest, measure
+from hric_sweep.speed_map.blow import ArmBehaviour
+from hric_sweep.speed_map.measured import MapCell, MapRequest, alone, lowest, measure
 
 REGION = "hand, fingers"
 X, Y, Z = (0.3, 0.7, 5), (-0.4, 0.4, 5), (0.2, 0.6, 3)
@@ -37,7 +37,7 @@ HEAD = (
     "closed form [m/s]",
     "by M/2 + m_L [m/s]",
 )
-Measured = Mapping[tuple[float, ...], list[Cell]]
+Measured = Mapping[tuple[float, ...], list[MapCell]]
 """Cells by point; empty if the arm does not reach the point."""
 
 
@@ -65,8 +65,8 @@ class SpeedMapCommand(Command):
             Argument("--damping", type=float, default=0.0, help="of the device [N s/m] (default: 0)"),
             Argument(
                 "--arm",
-                choices=[arm.value for arm in Arm],
-                default=Arm.DRIVEN.value,
+                choices=[arm.value for arm in ArmBehaviour],
+                default=ArmBehaviour.DRIVEN.value,
                 help="driven: its joints go on at their speeds, with the reflexes of the control box (default); "
                 "passive: it only carries its weight, as the closed form assumes",
             ),
@@ -84,7 +84,7 @@ class SpeedMapCommand(Command):
         """Measure a map, print its summary, write its table and picture."""
         number(minimum=0.0).checked(arguments.damping, "--damping")
         points = grid.points(arguments.x, arguments.y, arguments.z)
-        request = Request(arguments.region, Limits.named(), arguments.damping, Arm(arguments.arm))
+        request = MapRequest(arguments.region, Limits.named(), arguments.damping, ArmBehaviour(arguments.arm))
         force = request.check()
         definition = experiment.load(experiment.NONE, ["simulator:=mujoco", *arguments.overrides])
         with Simulation(definition) as simulation:
@@ -112,7 +112,7 @@ def _range_argument(name: str, default: tuple[float, float, int]) -> Argument:
     return Argument(name, nargs=3, type=float, default=default, metavar=("LOW", "HIGH", "COUNT"), help=text)
 
 
-def report(cells_by_point: Measured, request: Request, force: float) -> str:
+def report(cells_by_point: Measured, request: MapRequest, force: float) -> str:
     """Return the summary for the terminal."""
     cells = [cell for cells_of_point in cells_by_point.values() for cell in cells_of_point]
     worst, ratios = lowest(cells), [cell.speed / cell.closed_form for cell in cells]
@@ -144,7 +144,7 @@ def as_csv(cells_by_point: Measured) -> str:
     return f"# {DISCLAIMER}\n{table}"
 
 
-def _write(folder: Path, cells_by_point: Measured, request: Request, force: float) -> None:
+def _write(folder: Path, cells_by_point: Measured, request: MapRequest, force: float) -> None:
     from hric_sweep.speed_map.picture import draw  # imported here: slow to load, and needed for the picture only
 
     files.make_folder(folder)

@@ -13,7 +13,7 @@ PAIR = ("device", "arm")
 
 
 @dataclass(frozen=True)
-class Body:
+class HitBody:
     """Body that the arm hits.
 
     Attributes:
@@ -28,7 +28,7 @@ class Body:
 
 
 @dataclass
-class Device:
+class MeasuringDevice:
     """Measuring device during one impact.
 
     Args:
@@ -43,7 +43,7 @@ class Device:
         apart: True if arm and device have touched and separated again.
     """
 
-    body: Body
+    body: HitBody
     robot_mass: float
     time_step: float
     approach: float = 0.0

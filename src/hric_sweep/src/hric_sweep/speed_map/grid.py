@@ -5,7 +5,7 @@ from itertools import product
 
 import numpy as np
 
-from franka_hw_interface.model import Frame
+from franka_hw_interface.model import FrankaFrame
 from franka_sim.box.config import motion_parameters
 from franka_sim.box.inverse_kinematics import ElbowInverseKinematics
 from franka_sim.franka_hw_sim import FrankaHWSim
@@ -55,7 +55,7 @@ class Postures:
         self._model, self._limits = robot.model, robot.box.config.limits
         self._kinematics = ElbowInverseKinematics(robot.model, motion_parameters())
         self._start = list(robot.q_start)
-        self._T_base_start = robot.model.pose(Frame.END_EFFECTOR, self._start)
+        self._T_base_start = robot.model.pose(FrankaFrame.END_EFFECTOR, self._start)
 
     def at(self, point: FloatArray) -> FloatArray | None:
         """Return the joint position with the end effector at a point, shape (3,) [m]; None: (almost) out of reach."""

@@ -7,15 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from franka_sim.franka_hw_sim import FrankaHWSim
-from hric_assessment.contact.limits import Limit, Limits
+from hric_assessment.contact.limits import ContactLimit, Limits
 from hric_assessment.contact.speed import half_mass, permitted_regions, speed_limit
 from hric_assessment.verdict.contacts import masses
 from hric_core import urdf
 from hric_core.errors import FailureError, HricError
 from hric_core.geometry import FloatArray
 from hric_human.body.regions import REGION_MODELS
-from hric_sweep.speed_map.blow import Arm, Blows
-from hric_sweep.speed_map.device import Body
+from hric_sweep.speed_map.blow import ArmBehaviour, Blows
+from hric_sweep.speed_map.device import HitBody
 from hric_sweep.speed_map.grid import DIRECTIONS, Postures
 
 CLOSE, TRIES = 0.005, 20
@@ -23,7 +23,7 @@ CLOSE, TRIES = 0.005, 20
 
 
 @dataclass(frozen=True)
-class Cell:
+class MapCell:
     """Result for one point and direction.
 
     Attributes:
@@ -46,7 +46,7 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class Request:
+class MapRequest:
     """Settings of a map.
 
     Attributes:
@@ -59,10 +59,10 @@ class Request:
     region: str
     limits: Limits
     damping: float
-    arm: Arm
+    arm: ArmBehaviour
 
     @property
-    def limit(self) -> Limit:
+    def limit(self) -> ContactLimit:
         """Limit of the region."""
         limit = self.limits.at((self.region,))
         assert limit is not None, "`check` refuses a region without one"
@@ -83,7 +83,7 @@ class Request:
         return force
 
 
-def measure(robot: FrankaHWSim, request: Request, points: FloatArray) -> Iterator[tuple[FloatArray, list[Cell]]]:
+def measure(robot: FrankaHWSim, request: MapRequest, points: FloatArray) -> Iterator[tuple[FloatArray, list[MapCell]]]:
     """Measure the limit speeds at points of the workspace.
 
     Args:
@@ -95,7 +95,7 @@ def measure(robot: FrankaHWSim, request: Request, points: FloatArray) -> Iterato
         Each point with its cells; no cells if the arm does not reach it.
 
     Raises:
-        HricError: as `Request.check`.
+        HricError: as `MapRequest.check`.
     """
     force = request.check()
     postures, blows = Postures(robot), Blows(robot, request.arm)
@@ -110,15 +110,15 @@ def measure(robot: FrankaHWSim, request: Request, points: FloatArray) -> Iterato
 
 
 def _cell(
-    blows: Blows, q: FloatArray, point: FloatArray, name: str, request: Request, force: float, standard: float
-) -> Cell:
+    blows: Blows, q: FloatArray, point: FloatArray, name: str, request: MapRequest, force: float, standard: float
+) -> MapCell:
     approach = blows.approach(q, np.array(DIRECTIONS[name]))
     by_mass = speed_limit(request.limits, request.region, np.array([approach.mass, standard]))
     closed_form, by_half = (float(speed) for speed in by_mass.transient)
     model = REGION_MODELS[request.region]
-    body = Body(model.mass, request.limit.stiffness, request.damping)
+    body = HitBody(model.mass, request.limit.stiffness, request.damping)
     speed = limit_speed(lambda speed: blows.peak(approach, body, speed), force, closed_form)
-    return Cell(point, name, approach.mass, speed, approach.fastest, closed_form, by_half)
+    return MapCell(point, name, approach.mass, speed, approach.fastest, closed_form, by_half)
 
 
 def limit_speed(force_of: Callable[[float], float], limit: float, guess: float) -> float:
@@ -143,19 +143,19 @@ def limit_speed(force_of: Callable[[float], float], limit: float, guess: float) 
     raise FailureError(f"no speed gives {limit:g} N: {low:g} m/s less, {high:g} m/s more")
 
 
-def alone(cell: Cell) -> bool:
+def alone(cell: MapCell) -> bool:
     """Return True if the arm alone can reach the limit speed, without a person moving towards it."""
     return cell.fastest >= cell.speed
 
 
-def lowest(cells: Sequence[Cell]) -> Cell:
+def lowest(cells: Sequence[MapCell]) -> MapCell:
     """Return the cell with the lowest limit speed."""
     return min(cells, key=lambda cell: cell.speed)
 
 
-def by_height(cells_by_point: Mapping[tuple[float, ...], list[Cell]]) -> dict[float, list[Cell]]:
+def by_height(cells_by_point: Mapping[tuple[float, ...], list[MapCell]]) -> dict[float, list[MapCell]]:
     """Return the cell with the lowest limit speed of each point, by height [m]."""
-    heights: dict[float, list[Cell]] = {}
+    heights: dict[float, list[MapCell]] = {}
     for cells in cells_by_point.values():
         if cells:
             heights.setdefault(float(cells[0].point[2]), []).append(lowest(cells))

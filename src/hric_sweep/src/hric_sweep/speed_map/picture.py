@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from hric_assessment.findings import DISCLAIMER
 from hric_report import style
 from hric_report.drawing import INCH, STYLE, save
-from hric_sweep.speed_map.measured import Cell, alone, by_height
+from hric_sweep.speed_map.measured import MapCell, alone, by_height
 
 COLOURS = "viridis"
 COLUMNS = 3
@@ -21,7 +21,7 @@ MARGIN = 0.5
 """Margin around the outermost points, in distances between points."""
 
 
-def draw(path: Path, cells_by_point: Mapping[tuple[float, ...], list[Cell]], title: str) -> None:
+def draw(path: Path, cells_by_point: Mapping[tuple[float, ...], list[MapCell]], title: str) -> None:
     """Write the picture as PNG and SVG.
 
     Args:
@@ -67,7 +67,7 @@ def draw(path: Path, cells_by_point: Mapping[tuple[float, ...], list[Cell]], tit
         save(drawing, path, f"Estimated limit speed over the workspace, {title}. {DISCLAIMER}")
 
 
-def _level(ax: Axes, cells: list[Cell], lines: Mapping[int, list[float]], ends: tuple[float, float]) -> None:
+def _level(ax: Axes, cells: list[MapCell], lines: Mapping[int, list[float]], ends: tuple[float, float]) -> None:
     """Draw one height with y to the left, as seen along x."""
     xs, ys = lines[0], lines[1]
     image = np.full((len(xs), len(ys)), np.nan)

@@ -13,14 +13,14 @@ LEVEL = 0.95
 """Default confidence level: share of sweeps whose interval contains the true probability [1]."""
 
 
-class Interval(NamedTuple):
+class ProbabilityInterval(NamedTuple):
     """Ends of an interval of a probability [1]."""
 
     low: float
     high: float
 
 
-def clopper_pearson(exceeded: int, runs: int, level: float = LEVEL, side: str = "two-sided") -> Interval:
+def clopper_pearson(exceeded: int, runs: int, level: float = LEVEL, side: str = "two-sided") -> ProbabilityInterval:
     """Return the interval of a probability from independent unweighted runs; it covers `level`.
 
     Source: Clopper & Pearson, Biometrika 26:404, 1934.
@@ -39,7 +39,7 @@ def clopper_pearson(exceeded: int, runs: int, level: float = LEVEL, side: str = 
             f"{exceeded} of {runs} runs at level {level} have no interval; valid: 0 <= exceeded <= runs, 0 < level < 1"
         )
     ends = binomtest(exceeded, runs, alternative=side).proportion_ci(level, "exact")
-    return Interval(float(ends.low), float(ends.high))
+    return ProbabilityInterval(float(ends.low), float(ends.high))
 
 
 def effective_size(weights: FloatArray) -> float:
@@ -51,7 +51,7 @@ def effective_size(weights: FloatArray) -> float:
     return float(np.sum(weights)) ** 2 / squares if squares > 0.0 else 0.0
 
 
-def log_interval(weights: FloatArray, runs: int, level: float = LEVEL) -> Interval:
+def log_interval(weights: FloatArray, runs: int, level: float = LEVEL) -> ProbabilityInterval:
     """Return the interval of a probability from independent weighted runs, symmetric on a logarithmic scale.
 
     The estimate is sum(w)/runs over the runs that exceeded. With their effective number e, its logarithm has a standard
@@ -66,4 +66,4 @@ def log_interval(weights: FloatArray, runs: int, level: float = LEVEL) -> Interv
     size = effective_size(weights)
     quantile = float(stdtrit(max(size - 1.0, 1.0), 0.5 + 0.5 * level))
     estimate, factor = float(np.sum(weights)) / runs, float(np.exp(quantile / np.sqrt(size)))
-    return Interval(estimate / factor, min(estimate * factor, 1.0))
+    return ProbabilityInterval(estimate / factor, min(estimate * factor, 1.0))

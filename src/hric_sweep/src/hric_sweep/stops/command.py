@@ -9,7 +9,7 @@ from tqdm import tqdm
 
 from franka_sim.franka_hw_sim import FrankaHWSim
 from hric_assessment.separation import stopping
-from hric_assessment.separation.stopping import Row, StopTable
+from hric_assessment.separation.stopping import StopRow, StopTable
 from hric_bags import files
 from hric_core.command import Argument, Command
 from hric_core.errors import HricError
@@ -81,7 +81,7 @@ def measured(robot: FrankaHWSim, speeds: Sequence[float], loads: Sequence[float]
     """
     limits = robot.box.config.limits
     poses = measuring.poses(limits.lower, limits.upper)
-    stopping_arm, rows = measuring.Stopping(robot), list[Row]()
+    stopping_arm, rows = measuring.StoppedArm(robot), list[StopRow]()
     pairs = [(load, speed) for load in loads for speed in speeds]
     for load, speed in tqdm(pairs, unit=" speeds", desc="stops", disable=not sys.stderr.isatty(), leave=False):
         if not rows or rows[-1].load != load:

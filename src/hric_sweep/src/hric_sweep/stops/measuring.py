@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from franka_hw_interface.model import Frame
-from franka_sim.box.requests import ControllerMode, GeneratorMode, MoveRequest, Outcome
+from franka_hw_interface.model import FrankaFrame
+from franka_sim.box.requests import ControllerMode, GeneratorMode, MoveRequest, RequestOutcome
 from franka_sim.franka_hw_sim import FrankaHWSim
-from hric_assessment.separation.stopping import Row
+from hric_assessment.separation.stopping import StopRow
 from hric_control.plant import Load
 from hric_core.errors import HricError
 from hric_core.geometry import FloatArray
@@ -61,7 +61,7 @@ class StopResult:
     distance: float
 
 
-class Stopping:
+class StoppedArm:
     """Arm of a simulation that is set to the start of a stop, at full speed, and then stopped.
 
     Args:
@@ -82,13 +82,13 @@ class Stopping:
         com = tuple(map(float, self._model.F_T_EE[:3, 3]))
         inertia = tuple((0.4 * mass * LOAD_RADIUS**2 * np.eye(3)).ravel().tolist())
         self._box.reset(self._robot.q_start)
-        if self._box.set_load(mass, com, inertia) is not Outcome.SUCCESS:
+        if self._box.set_load(mass, com, inertia) is not RequestOutcome.SUCCESS:
             raise HricError(f"a load of {mass:g} kg is refused; valid: what set_load takes")
         self._robot.plant.set_load(Load(mass, com, inertia) if mass else None, f"{self._robot.arm_id}_link8")
 
     def jacobian(self, q: Sequence[float] | FloatArray) -> FloatArray:
         """Return the Jacobian of the end effector's position, shape (3, 7) [m/rad]."""
-        return np.asarray(self._model.zero_jacobian(Frame.END_EFFECTOR, q)[:3])
+        return np.asarray(self._model.zero_jacobian(FrankaFrame.END_EFFECTOR, q)[:3])
 
     def stop(self, start: StopStart) -> StopResult:
         """Execute and measure one stop.
@@ -163,8 +163,8 @@ def poses(lower: Sequence[float], upper: Sequence[float]) -> list[FloatArray]:
 
 
 def worst(
-    stopping: Stopping, starts: Sequence[FloatArray], speed: float, load: float, max_velocity: Sequence[float]
-) -> Row | None:
+    stopping: StoppedArm, starts: Sequence[FloatArray], speed: float, load: float, max_velocity: Sequence[float]
+) -> StopRow | None:
     """Return the longest time and distance of all stops from a speed [m/s] with a load [kg] that is attached already.
 
     None: no pose reaches that speed.
@@ -172,4 +172,4 @@ def worst(
     stops = [stopping.stop(start) for q in starts for start in stopping.begins(q, speed, max_velocity)]
     if not stops:
         return None
-    return Row(speed, load, max(stop.time for stop in stops), max(stop.distance for stop in stops))
+    return StopRow(speed, load, max(stop.time for stop in stops), max(stop.distance for stop in stops))

@@ -31,7 +31,7 @@ OVERRIDES: Any = listing(text(empty=False), default=(), different=True, made=onc
 
 
 @dataclass(frozen=True)
-class Pair(Settings):
+class ComparedPair(Settings):
     """Pair of runs of a form that are compared."""
 
     runs: tuple[str, str] = names_(2, text="names of the runs")
@@ -60,8 +60,8 @@ class Form(Settings):
         OVERRIDES, text="name of each run and its own overrides, in the order in which they are run"
     )
     abscissa: str = text("", text="quantity and unit of run names that are numbers; abscissa of the figures")
-    compared: tuple[Pair, ...] = listing(
-        section(Pair), range(1, 100), text="which runs are overlaid on each other; figures show the first pair"
+    compared: tuple[ComparedPair, ...] = listing(
+        section(ComparedPair), range(1, 100), text="which runs are overlaid on each other; figures show the first pair"
     )
 
     def check(self, where: str) -> None:

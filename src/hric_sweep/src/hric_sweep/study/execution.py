@@ -11,16 +11,16 @@ from hric_bags import files
 from hric_bags.run_folder import RunFolder
 from hric_core.errors import FailureError
 from hric_sweep import definition
-from hric_sweep.definition import ROW, Plan
+from hric_sweep.definition import ROW, SweepPlan
 from hric_sweep.engines.pebble_engine import InProcessEngine
 from hric_sweep.journal import Journal
 from hric_sweep.study import tables
 from hric_sweep.study.definition import Form
-from hric_sweep.supervisor import Supervisor
+from hric_sweep.supervisor import SweepSupervisor
 from hric_sweep.task import code_version
 
 
-def plan_of(form: Form, arguments: Sequence[str], seed: int, root: Path) -> Plan:
+def plan_of(form: Form, arguments: Sequence[str], seed: int, root: Path) -> SweepPlan:
     """Return a form as a sweep: a list of recorded runs with one seed."""
     content = {
         "extends": form.experiment,
@@ -54,7 +54,7 @@ def execute(form: Form, arguments: Sequence[str], seed: int, folder: Path, *, pr
     bar = tqdm(total=len(form.runs), unit=" runs", desc=form.name, leave=False, disable=None if progress else True)
     with Journal(folder / form.name) as journal, closing(bar):
         engine, code = InProcessEngine(), code_version()
-        supervisor = Supervisor(plan, folder / form.name, journal, engine, code, lambda _: bar.update())
+        supervisor = SweepSupervisor(plan, folder / form.name, journal, engine, code, lambda _: bar.update())
         supervisor.run()
     if failures := [f"{row.values[ROW]}: {row.failure}" for row in supervisor.rows.values() if row.failure]:
         raise FailureError(f"form {form.name}, run {'; '.join(failures)}")

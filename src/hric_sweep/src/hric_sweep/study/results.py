@@ -16,7 +16,7 @@ from hric_run.definition.experiment import Experiment
 from hric_run.simulation import Simulation
 from hric_sweep.records import PlainData
 from hric_sweep.study import tables
-from hric_sweep.study.definition import Form, Pair
+from hric_sweep.study.definition import ComparedPair, Form
 
 
 def of_form(
@@ -75,7 +75,7 @@ def law_times(time: FloatArray) -> PlainData:
 
 
 def _compared(
-    pair: Pair, runs: Mapping[str, RunFolder], metrics: Mapping[str, PlainData], folder: Path, figures: bool
+    pair: ComparedPair, runs: Mapping[str, RunFolder], metrics: Mapping[str, PlainData], folder: Path, figures: bool
 ) -> PlainData:
     a, b = pair.runs
     result = compare(runs[a], runs[b], folder / f"{a}_{b}", labels=(a, b), figures=figures)
@@ -98,7 +98,7 @@ def _compared(
     }
 
 
-def _passed(pair: Pair, robot: float, person: float | None, force: float | None) -> bool | None:
+def _passed(pair: ComparedPair, robot: float, person: float | None, force: float | None) -> bool | None:
     """Return True if joints of robot and human, and grip forces, are within the bounds of a pair; None: it has none."""
     bounds = ((robot, pair.at_most), (person, pair.at_most), (force, pair.force_bound))
     within = [value <= bound for value, bound in bounds if value is not None and bound is not None]

@@ -7,14 +7,14 @@ import numpy as np
 
 from hric_analysis import human, tracking_run
 from hric_analysis.tracking import STEP
-from hric_analysis.tracking_run import Tracking
+from hric_analysis.tracking_run import MarkerTracking
 from hric_bags import reader as bag_reader
 from hric_bags import text as text_table
 from hric_bags.run_folder import RunFolder
 from hric_report import sections
 from hric_report.figure import Curve, Figure, Panel
 from hric_run.definition.parameters import HUMAN
-from hric_sweep.outputs import Output
+from hric_sweep.outputs import SweepOutput
 from hric_sweep.records import PlainData
 
 
@@ -82,7 +82,9 @@ def values(metrics: PlainData, part: str, columns: Mapping[str, TableColumn]) ->
         return None
     numbers: dict[str, float | str | None] = {}
     for name, column in columns.items():
-        number = Output(path=column.path, reduce=column.reduce).measured(metrics) if column.path else _share(metrics)
+        number = (
+            SweepOutput(path=column.path, reduce=column.reduce).measured(metrics) if column.path else _share(metrics)
+        )
         numbers[name] = None if np.isnan(number) else number
     if part == "human":
         settling = metrics["human"]["settling"]
@@ -158,13 +160,13 @@ def tracking_figure(runs: Mapping[str, RunFolder]) -> Figure | None:
     return Figure("tracking", title, "", panels, 0.02, columns=len(columns), caption=caption)
 
 
-def _tracking(folder: RunFolder) -> Tracking | None:
+def _tracking(folder: RunFolder) -> MarkerTracking | None:
     run = folder.read()
     bag = folder.bag_of(run)
     return tracking_run.analyse(folder.description(), bag, run, bag_reader.read(bag))
 
 
-def _panels(name: str, part: Tracking) -> tuple[Panel, Panel]:
+def _panels(name: str, part: MarkerTracking) -> tuple[Panel, Panel]:
     data, states, numbers = part.data, part.record.states, part.values
     assert data is not None
     axis = int(np.argmax(np.ptp(data.marker, axis=0)))

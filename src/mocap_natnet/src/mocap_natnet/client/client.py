@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 from mocap_natnet.client.received import Received
 from mocap_natnet.client.session import CONNECT_PERIOD, NAME, Session
-from mocap_natnet.client.settings import Route, Settings
+from mocap_natnet.client.settings import ClientSettings, Route
 from mocap_natnet.codec import CodecError, text
-from mocap_natnet.codec.descriptions import Model
-from mocap_natnet.codec.packets import HEADER, MAX_PAYLOAD, NAME_SIZE, Message, packet, split
+from mocap_natnet.codec.descriptions import ServerModel
+from mocap_natnet.codec.packets import HEADER, MAX_PAYLOAD, NAME_SIZE, NatNetMessage, packet, split
 
 LOG = logging.getLogger("hric.mocap_natnet")
 OK, WARN, ERROR = 0, 1, 2
@@ -28,7 +28,7 @@ RECEIVE_BUFFER = 1 << 22
 STRANGERS = 16
 """Number of unknown senders named in the log, once each; more are only counted (project default, unconfirmed)."""
 STRANGER = "stranger"
-_FRAME = HEADER.pack(Message.FRAMEOFDATA, 0)[:2]
+_FRAME = HEADER.pack(NatNetMessage.FRAMEOFDATA, 0)[:2]
 
 
 def datagram_socket() -> socket.socket:
@@ -42,14 +42,14 @@ def datagram_socket() -> socket.socket:
     return made
 
 
-class Health(NamedTuple):
+class ClientHealth(NamedTuple):
     """Level and text of a health report."""
 
     level: int
     text: str
 
 
-def health(session: Session, server: str, now: int, trouble: str = "") -> Health:
+def health(session: Session, server: str, now: int, trouble: str = "") -> ClientHealth:
     """Return the health of the session.
 
     Args:
@@ -60,19 +60,21 @@ def health(session: Session, server: str, now: int, trouble: str = "") -> Health
     """
     command_silent, data_silent = session.silent(now)
     if trouble and (command_silent or data_silent):
-        return Health(ERROR, trouble)
+        return ClientHealth(ERROR, trouble)
     if session.complaint:
-        return Health(ERROR, session.complaint)
+        return ClientHealth(ERROR, session.complaint)
     if session.info is None or command_silent:
-        return Health(WARN if not data_silent else ERROR, _no_response(session, server))
+        return ClientHealth(WARN if not data_silent else ERROR, _no_response(session, server))
     if data_silent:
-        return Health(ERROR, _no_frames(session))
+        return ClientHealth(ERROR, _no_frames(session))
     echo = session.clock.echo
     if echo is not None and not echo.synchronised:
-        return Health(
+        return ClientHealth(
             WARN, "frames arrive, but the server does not respond to echoes: their times are those of their arrival"
         )
-    return Health(OK, f"bitstream {text(session.info.version)}, {session.statistics.rate(now):.0f} frames per second")
+    return ClientHealth(
+        OK, f"bitstream {text(session.info.version)}, {session.statistics.rate(now):.0f} frames per second"
+    )
 
 
 def _no_response(session: Session, server: str) -> str:
@@ -131,9 +133,9 @@ class NatNetClient:
 
     def __init__(
         self,
-        settings: Settings,
+        settings: ClientSettings,
         on_frame: Callable[[Received], None] = lambda frame: None,
-        on_model: Callable[[Model], None] = lambda model: None,
+        on_model: Callable[[ServerModel], None] = lambda model: None,
         on_restart: Callable[[], None] = lambda: None,
         work: Callable[[], bool] = lambda: False,
     ) -> None:
@@ -171,7 +173,7 @@ class NatNetClient:
             self._thread = None
         with contextlib.suppress(OSError):
             if self._server:
-                self._command.sendto(packet(Message.DISCONNECT), (self._server, self.settings.command_port))
+                self._command.sendto(packet(NatNetMessage.DISCONNECT), (self._server, self.settings.command_port))
         for sock in (self._command, *self._data):
             sock.close()
 
@@ -186,7 +188,7 @@ class NatNetClient:
         """Send a request, wait for its response and return it; not from a callback. Raises CommandError."""
         return self.session.requests.send(words, timeout)
 
-    def health(self) -> Health:
+    def health(self) -> ClientHealth:
         """Return the health of the session."""
         return health(self.session, self._server, time.monotonic_ns(), self._trouble or self._send_trouble)
 
@@ -227,7 +229,7 @@ class NatNetClient:
         (address, port), frame = sender, datagram.startswith(_FRAME)
         if not self._server and port == self.settings.command_port:
             with contextlib.suppress(CodecError):
-                if split(datagram)[0] == Message.SERVERINFO:
+                if split(datagram)[0] == NatNetMessage.SERVERINFO:
                     self._server = address
         believed = address == self._server
         if frame and believed and port != self._frames_from:
@@ -249,7 +251,7 @@ class NatNetClient:
         elif now >= self._next_discovery:
             self._next_discovery = now + CONNECT_PERIOD
             datagrams, where = (
-                [packet(Message.DISCOVERY, NAME.encode().ljust(NAME_SIZE + 8, b"\0"))],
+                [packet(NatNetMessage.DISCOVERY, NAME.encode().ljust(NAME_SIZE + 8, b"\0"))],
                 self.settings.discovery,
             )
         else:

@@ -5,7 +5,7 @@ from collections import deque
 from dataclasses import dataclass, field
 
 from hric_core.errors import CommandError
-from mocap_natnet.codec.packets import Message, packet
+from mocap_natnet.codec.packets import NatNetMessage, packet
 
 RETRY_PERIOD = 100_000_000
 """Time between attempts [ns] (project default, unconfirmed; the vendor's library waits for 20 ms)."""
@@ -61,7 +61,7 @@ class Requests:
                 return []
             if request.attempts < ATTEMPTS:
                 request.attempts, request.due = request.attempts + 1, now + RETRY_PERIOD
-                return [packet(Message.REQUEST, request.words.encode() + b"\0")]
+                return [packet(NatNetMessage.REQUEST, request.words.encode() + b"\0")]
             self._end(f"the server does not respond to the request {request.words!r}")
         return []
 

@@ -5,10 +5,10 @@ from collections.abc import Callable
 from mocap_natnet.client.frame_clock import ExposureClock
 from mocap_natnet.client.received import NS, Received, Statistics
 from mocap_natnet.client.requests import Requests
-from mocap_natnet.client.settings import Route, Settings
+from mocap_natnet.client.settings import ClientSettings, Route
 from mocap_natnet.codec import Codec, CodecError, packets
-from mocap_natnet.codec.descriptions import Model
-from mocap_natnet.codec.packets import DATA_PORT, HEADER, MULTICAST_GROUP, Connect, Message, ServerInfo, packet
+from mocap_natnet.codec.descriptions import ServerModel
+from mocap_natnet.codec.packets import DATA_PORT, HEADER, MULTICAST_GROUP, Connect, NatNetMessage, ServerInfo, packet
 from mocap_natnet.codec.types import MODEL_CHANGED, VERSION_CHANGED, Frame
 
 CONNECT_PERIOD = NS // 2
@@ -59,16 +59,16 @@ class Session:
 
     def __init__(
         self,
-        settings: Settings,
+        settings: ClientSettings,
         on_frame: Callable[[Received], None] = lambda frame: None,
-        on_model: Callable[[Model], None] = lambda model: None,
+        on_model: Callable[[ServerModel], None] = lambda model: None,
         on_restart: Callable[[], None] = lambda: None,
     ) -> None:
         self.settings, self.statistics, self.requests = settings, Statistics(), Requests()
         self.clock = ExposureClock(settings.nominal_latency)
         self.info: ServerInfo | None = None
         self.complaint = ""
-        self.model: Model | None = None
+        self.model: ServerModel | None = None
         self.last_response: int | None = None
         self.last_frame: int | None = None
         self._on_frame, self._on_model, self._on_restart = on_frame, on_model, on_restart
@@ -110,7 +110,7 @@ class Session:
         if refusal:
             self.statistics.refused[refusal] += 1
         else:
-            self.statistics.taken[Message(message).name] += 1
+            self.statistics.taken[NatNetMessage(message).name] += 1
 
     def poll(self, now: int) -> list[bytes]:
         """Return the datagrams to be sent to the server now. Call it every 20 ms or more often."""
@@ -118,17 +118,17 @@ class Session:
         if self._wants_connect(now):
             self._connect_due, self._connecting, self._last_connect = False, True, now
             self.statistics.connects += 1
-            out.append(packet(Message.CONNECT, packets.encode_connect(Connect(NAME, self.settings.bitstream))))
+            out.append(packet(NatNetMessage.CONNECT, packets.encode_connect(Connect(NAME, self.settings.bitstream))))
         if self._codec is None or self.info is None:
             return out
         if self.clock.echo is not None and now >= self._due["echo"]:
             out.append(self._echo(now))
         if now >= self._due["keep alive"]:
             self._due["keep alive"] = now + KEEP_ALIVE_PERIOD
-            out.append(packet(Message.KEEPALIVE))
+            out.append(packet(NatNetMessage.KEEPALIVE))
         if self._wants_model and now >= self._due["model"]:
             self._due["model"] = now + MODEL_PERIOD
-            out.append(packet(Message.REQUEST_MODELDEF))
+            out.append(packet(NatNetMessage.REQUEST_MODELDEF))
         return out + self.requests.poll(now)
 
     def silent(self, now: int) -> tuple[bool, bool]:
@@ -165,20 +165,20 @@ class Session:
     def _take(self, message: int, datagram: bytes, end: int, now: int) -> str:
         """Use a datagram; return "" or the reason why it is unusable."""
         payload, refusal = datagram[HEADER.size : end], ""
-        if message == Message.FRAMEOFDATA:
+        if message == NatNetMessage.FRAMEOFDATA:
             return self._frame(datagram, end, now)
-        if message == Message.SERVERINFO:
+        if message == NatNetMessage.SERVERINFO:
             refusal = self._server_info(packets.decode_server_info(payload))
-        elif message == Message.MODELDEF:
+        elif message == NatNetMessage.MODELDEF:
             refusal = self._describe(datagram, end)
-        elif message == Message.ECHO_RESPONSE:
+        elif message == NatNetMessage.ECHO_RESPONSE:
             refusal = self._echoed(*packets.decode_echo_response(payload), now)
-        elif message in (Message.RESPONSE, Message.UNRECOGNIZED_REQUEST):
-            self.requests.respond(payload if message == Message.RESPONSE else None)
-        elif message == Message.DISCONNECT_BY_TIMEOUT:
+        elif message in (NatNetMessage.RESPONSE, NatNetMessage.UNRECOGNIZED_REQUEST):
+            self.requests.respond(payload if message == NatNetMessage.RESPONSE else None)
+        elif message == NatNetMessage.DISCONNECT_BY_TIMEOUT:
             self._connect_due = True
-        elif message != Message.MESSAGESTRING:
-            raise CodecError("unknown message", f"{Message(message).name} is no message of a server")
+        elif message != NatNetMessage.MESSAGESTRING:
+            raise CodecError("unknown message", f"{NatNetMessage(message).name} is no message of a server")
         self.last_response = now
         return refusal
 
@@ -278,7 +278,7 @@ class Session:
         self._echoes[now] = None
         while len(self._echoes) > 50:
             self._echoes.pop(next(iter(self._echoes)))
-        return packet(Message.ECHO_REQUEST, packets.encode_echo_request(now))
+        return packet(NatNetMessage.ECHO_REQUEST, packets.encode_echo_request(now))
 
     def _echoed(self, stamp: int, ticks: int, now: int) -> str:
         """Process the response to an echo of this client; others are refused."""

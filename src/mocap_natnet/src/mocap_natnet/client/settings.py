@@ -50,7 +50,7 @@ def bitstream(default: Version | None, description: str, name: str) -> Any:
 
 
 @dataclass(frozen=True)
-class Settings(Base):
+class ClientSettings(Base):
     """Parameters of the client."""
 
     server: str = address("127.0.0.1", "address of Motive's machine; empty: the first one that responds to a discovery")

@@ -4,11 +4,11 @@
 bytes are.
 """
 
-from mocap_natnet.codec.descriptions import ForcePlateDescription, Model
+from mocap_natnet.codec.descriptions import ForcePlateDescription, ServerModel
 from mocap_natnet.codec.frame import FrameDecoder, FrameEncoder
 from mocap_natnet.codec.layout import FIRST, LAST, Version, layout, parse, text
 from mocap_natnet.codec.model import decode_model, encode_model
-from mocap_natnet.codec.packets import COMMAND_PORT, DATA_PORT, HEADER, Message, packet
+from mocap_natnet.codec.packets import COMMAND_PORT, DATA_PORT, HEADER, NatNetMessage, packet
 from mocap_natnet.codec.reader import REASONS, CodecError
 from mocap_natnet.codec.types import Frame
 
@@ -21,7 +21,7 @@ __all__ = [
     "Codec",
     "CodecError",
     "ForcePlateDescription",
-    "Model",
+    "ServerModel",
     "Version",
     "parse",
     "text",
@@ -48,12 +48,12 @@ class Codec:
 
     def encode_frame(self, frame: Frame) -> bytes:
         """Return a FRAMEOFDATA datagram. Raises CodecError if it is too long."""
-        return packet(Message.FRAMEOFDATA, self._encoder.encode(frame))
+        return packet(NatNetMessage.FRAMEOFDATA, self._encoder.encode(frame))
 
-    def decode_model(self, datagram: bytes, end: int | None = None) -> Model:
+    def decode_model(self, datagram: bytes, end: int | None = None) -> ServerModel:
         """Return the model of a MODELDEF datagram. Raises CodecError."""
         return decode_model(self.layout, datagram, HEADER.size, end)
 
-    def encode_model(self, model: Model) -> bytes:
+    def encode_model(self, model: ServerModel) -> bytes:
         """Return a MODELDEF datagram. Raises CodecError if it is too long."""
-        return packet(Message.MODELDEF, encode_model(self.layout, model))
+        return packet(NatNetMessage.MODELDEF, encode_model(self.layout, model))

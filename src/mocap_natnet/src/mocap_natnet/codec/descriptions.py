@@ -122,7 +122,7 @@ Description = (
 )
 
 
-class Model(NamedTuple):
+class ServerModel(NamedTuple):
     """Complete description of a server.
 
     Attributes:

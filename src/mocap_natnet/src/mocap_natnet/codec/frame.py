@@ -7,7 +7,7 @@ from itertools import chain
 from typing import Any, TypeVar
 
 from hric_core.geometry import Vector
-from mocap_natnet.codec.layout import Layout
+from mocap_natnet.codec.layout import BitstreamLayout
 from mocap_natnet.codec.reader import COUNT_AND_SIZE, INT, VECTOR, CodecError, Reader
 from mocap_natnet.codec.types import (
     TRACKED,
@@ -40,7 +40,7 @@ class FrameDecoder:
         layout: layout of the bitstream.
     """
 
-    def __init__(self, layout: Layout) -> None:
+    def __init__(self, layout: BitstreamLayout) -> None:
         self._layout = layout
         self._sections: list[Callable[[Reader, int], Any]] = [_marker_sets, _unlabelled, self._bodies, self._skeletons]
         self._sections += [_assets] if layout.has["assets"] else [_nothing]
@@ -175,7 +175,7 @@ class FrameEncoder:
         layout: layout of the bitstream.
     """
 
-    def __init__(self, layout: Layout) -> None:
+    def __init__(self, layout: BitstreamLayout) -> None:
         self._layout = layout
         self._plain_body = not layout.has["body_markers"] and layout.has["body_flags"]
 

@@ -48,7 +48,7 @@ The fields are the markers of a body within the frame (in the description from 3
 
 
 @dataclass(frozen=True)
-class Layout:
+class BitstreamLayout:
     """Layout of a bitstream.
 
     Attributes:
@@ -75,7 +75,7 @@ class Layout:
 
 
 @functools.cache
-def layout(version: Version) -> Layout:
+def layout(version: Version) -> BitstreamLayout:
     """Return the layout of a bitstream. Raises CodecError if the bitstream is not known."""
     if not FIRST <= version <= LAST:
         raise CodecError("version", f"bitstream {text(version)}; this codec reads {text(FIRST)} to {text(LAST)}")
@@ -83,7 +83,7 @@ def layout(version: Version) -> Layout:
         name: version < until for name, until in UNTIL.items()
     }
     fields = _suffix_fields(flags)
-    return Layout(
+    return BitstreamLayout(
         version=version,
         has=flags,
         tail_known=version <= NEWEST_KNOWN,

@@ -7,15 +7,15 @@ from typing import Any, NamedTuple
 
 from hric_core.geometry import IDENTITY
 from mocap_natnet.codec import descriptions as d
-from mocap_natnet.codec.layout import FIRST, SINCE, Layout, Version, text
+from mocap_natnet.codec.layout import FIRST, SINCE, BitstreamLayout, Version, text
 from mocap_natnet.codec.reader import INT, VECTOR, CodecError, Reader
 
 
 class _Field(NamedTuple):
     """Part of a description on the wire: functions from and to its bytes."""
 
-    read: Callable[[Reader, Layout], Any]
-    pack: Callable[[Any, Layout], bytes]
+    read: Callable[[Reader, BitstreamLayout], Any]
+    pack: Callable[[Any, BitstreamLayout], bytes]
 
 
 def _number(form: str) -> _Field:
@@ -56,7 +56,7 @@ def _record(kind: Callable[..., Any], *of: _Field) -> _Field:
     )
 
 
-def _read_body_markers(reader: Reader, layout: Layout) -> tuple[d.DescribedMarker, ...]:
+def _read_body_markers(reader: Reader, layout: BitstreamLayout) -> tuple[d.DescribedMarker, ...]:
     """Return the markers from three consecutive arrays."""
     number = reader.count(VECTOR.size + 4 + layout.has["marker_names"])
     positions = reader.array(VECTOR, number)
@@ -65,7 +65,7 @@ def _read_body_markers(reader: Reader, layout: Layout) -> tuple[d.DescribedMarke
     return tuple(map(d.DescribedMarker, positions, labels, names))
 
 
-def _pack_body_markers(markers: tuple[d.DescribedMarker, ...], layout: Layout) -> bytes:
+def _pack_body_markers(markers: tuple[d.DescribedMarker, ...], layout: BitstreamLayout) -> bytes:
     number = len(markers)
     positions, labels = chain.from_iterable(marker.position for marker in markers), (marker.label for marker in markers)
     names = b"".join(_NAME.pack(marker.name, layout) for marker in markers) if layout.has["marker_names"] else b""
@@ -117,7 +117,7 @@ _KINDS = {
 """Types by the number before each description. The plate's fields are those of 3.0."""
 
 
-def decode_model(layout: Layout, data: bytes, offset: int = 0, end: int | None = None) -> d.Model:
+def decode_model(layout: BitstreamLayout, data: bytes, offset: int = 0, end: int | None = None) -> d.ServerModel:
     """Return the model description of a payload.
 
     Args:
@@ -131,12 +131,12 @@ def decode_model(layout: Layout, data: bytes, offset: int = 0, end: int | None =
     """
     reader = Reader(data, offset, len(data) if end is None else end)
     descriptions = [_read_description(reader, layout) for _ in range(reader.count(8))]
-    return d.Model(
+    return d.ServerModel(
         tuple(description for description in descriptions if description is not None), reader.skipped + reader.left
     )
 
 
-def _read_description(reader: Reader, layout: Layout) -> d.Description | None:
+def _read_description(reader: Reader, layout: BitstreamLayout) -> d.Description | None:
     """Return one description; None for an unknown type."""
     if not layout.has["sizes"]:
         kind = reader.integer()
@@ -151,12 +151,12 @@ def _read_description(reader: Reader, layout: Layout) -> d.Description | None:
     return reader.sized(size, lambda inner: _description(inner, layout, kind) if kind in _KINDS else None)
 
 
-def _description(reader: Reader, layout: Layout, kind: int) -> d.Description:
+def _description(reader: Reader, layout: BitstreamLayout, kind: int) -> d.Description:
     description: d.Description = _KINDS[kind].fields.read(reader, layout)
     return description
 
 
-def encode_model(layout: Layout, model: d.Model) -> bytes:
+def encode_model(layout: BitstreamLayout, model: d.ServerModel) -> bytes:
     """Return the payload; descriptions that the bitstream lacks are left out."""
     parts = []
     for description in model.descriptions:

@@ -23,7 +23,7 @@ _ECHO_REQUEST = struct.Struct("<Q")
 _ECHO_RESPONSE = struct.Struct("<QQ")
 
 
-class Message(IntEnum):
+class NatNetMessage(IntEnum):
     """Message ids."""
 
     CONNECT = 0
@@ -44,10 +44,10 @@ class Message(IntEnum):
     UNRECOGNIZED_REQUEST = 100
 
 
-_KNOWN = frozenset(int(message) for message in Message)
+_KNOWN = frozenset(int(message) for message in NatNetMessage)
 
 
-def packet(message: Message, payload: bytes = b"") -> bytes:
+def packet(message: NatNetMessage, payload: bytes = b"") -> bytes:
     """Return a datagram. Raises CodecError if the payload is too long for one."""
     if len(payload) > MAX_PAYLOAD:
         raise CodecError("length", f"{len(payload)} bytes of payload; a datagram holds {MAX_PAYLOAD}")
@@ -70,7 +70,7 @@ def split(datagram: bytes) -> tuple[int, int]:
         raise CodecError("unknown message", f"message id {message}")
     end = HEADER.size + size
     if end > len(datagram):
-        if message == Message.UNRECOGNIZED_REQUEST:
+        if message == NatNetMessage.UNRECOGNIZED_REQUEST:
             return message, len(datagram)
         raise CodecError("length", f"the header says {size} bytes, {len(datagram) - HEADER.size} came")
     return message, end

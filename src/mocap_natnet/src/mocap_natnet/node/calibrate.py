@@ -16,7 +16,7 @@ from hric_core.parameters import Settings, text
 from hric_core.ros.process import NodeApp
 from hric_msgs.msg import MocapData
 from mocap_natnet.node.parameters import MOCAP_FRAME, UP_AXIS
-from mocap_natnet.tracking.calibration import Calibration, save
+from mocap_natnet.tracking.calibration import FrameCalibration, save
 
 AVERAGED = 120
 """Number of frames averaged for one point; half a second at 240 Hz (project default, unconfirmed)."""
@@ -53,7 +53,7 @@ class CalibrateNode(NodeApp):
         settings = CalibrateSettings.read(node)
         self._body, self._up, self._base_frame = settings.body, settings.up_axis, settings.base_frame
         self._path = Path(settings.file)
-        self._calibration = Calibration()
+        self._calibration = FrameCalibration()
         self._recent: list[Vector] = []
         self._effector: Vector | None = None
         node.subscribe(node.beside("hric/perception/mocap"), MocapData, self._on_mocap)
@@ -112,5 +112,5 @@ class CalibrateNode(NodeApp):
 
     def _clear(self) -> str:
         """Remove all pairs."""
-        self._calibration = Calibration()
+        self._calibration = FrameCalibration()
         return "0 pairs"

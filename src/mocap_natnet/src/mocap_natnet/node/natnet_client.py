@@ -14,8 +14,8 @@ from hric_core.robot_time.follower import RobotTime
 from hric_core.robot_time.progress import ProgressReport
 from hric_core.ros import RosNode
 from hric_core.ros.process import NodeApp
-from mocap_natnet.client import Health, NatNetClient, Received, Settings
-from mocap_natnet.codec.descriptions import Model
+from mocap_natnet.client import ClientHealth, ClientSettings, NatNetClient, Received
+from mocap_natnet.codec.descriptions import ServerModel
 from mocap_natnet.node import take
 from mocap_natnet.node.parameters import Publishing
 from mocap_natnet.node.publisher import MocapPublisher, static_transform
@@ -43,15 +43,15 @@ class ClientNode(NodeApp):
 
     def __init__(self, node: RosNode) -> None:
         self._node = node
-        self._settings, self._publishing = Settings.read(node), Publishing.read(node)
+        self._settings, self._publishing = ClientSettings.read(node), Publishing.read(node)
         self._robot_time, self._progress = RobotTime(node), ProgressReport(node)
         self._publisher = MocapPublisher(node, self._publishing, self._robot_time.robot_time)
         # Frames that arrive while one is published wait here, not in the kernel, which drops what it has no room for.
-        self._queue: deque[Received | Model | str] = deque()
+        self._queue: deque[Received | ServerModel | str] = deque()
         self._client = NatNetClient(
             self._settings, self._queue.append, self._queue.append, lambda: self._queue.append(_RESTART), self._work
         )
-        self._recorder = take.Recorder(node, self._client.request) if self._publishing.record else None
+        self._recorder = take.TakeRecorder(node, self._client.request) if self._publishing.record else None
         self._diagnostics = node.advertise("/diagnostics", DiagnosticArray)
         self._health = ""
         for name in _SERVICES:
@@ -79,7 +79,7 @@ class ClientNode(NodeApp):
         self._robot_time.tick()
         state, values = self._client.health(), self._values()
         if state.level and self._robot_time.standing:
-            state = Health(DiagnosticStatus.WARN, f"the run is paused or has not begun; {state.text}")
+            state = ClientHealth(DiagnosticStatus.WARN, f"the run is paused or has not begun; {state.text}")
         elif state.level and state.text != self._health:
             (self._node.log_error if state.level == DiagnosticStatus.ERROR else self._node.log_warn)(state.text)
         elif not state.level and self._health != "":
@@ -126,7 +126,7 @@ class ClientNode(NodeApp):
         item = queue.popleft()
         if isinstance(item, Received):
             self._publisher.publish(item)
-        elif isinstance(item, Model):
+        elif isinstance(item, ServerModel):
             self._publisher.describe(item)
         else:
             self._publisher.restart()

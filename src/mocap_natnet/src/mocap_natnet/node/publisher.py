@@ -14,7 +14,7 @@ from hric_core.node import Node, Publisher
 from hric_core.robot_time import stamps
 from hric_msgs.msg import MocapData
 from mocap_natnet.client import Received
-from mocap_natnet.codec.descriptions import Model
+from mocap_natnet.codec.descriptions import ServerModel
 from mocap_natnet.node import messages
 from mocap_natnet.node.parameters import Publishing
 from mocap_natnet.tracking.tracking import TrackedBody, Tracker
@@ -121,7 +121,7 @@ class MocapPublisher:
         self._next_tf = self._next_balls = float("-inf")
         self._was_valid: dict[str, bool] = {}
 
-    def describe(self, model: Model) -> None:
+    def describe(self, model: ServerModel) -> None:
         """Store a description."""
         self.tracker.describe(model)
 

@@ -45,7 +45,7 @@ class Refused(CommandError):
     """Error of a command that Motive refuses at present."""
 
 
-class Recorder:
+class TakeRecorder:
     """Recorder that makes Motive record while a run is recorded; Motive may start later than the run.
 
     Args:

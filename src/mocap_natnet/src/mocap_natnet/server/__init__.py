@@ -2,26 +2,26 @@
 
 from hric_core.geometry import Track
 from mocap_natnet.server.motive import Motive
-from mocap_natnet.server.scene import OCCLUSION, TRIANGLE, Body, Faults, Plate, Scene
+from mocap_natnet.server.scene import OCCLUSION, TRIANGLE, CameraFaults, SceneBody, ServedPlate, ServedScene
 from mocap_natnet.server.server import MotiveServer
-from mocap_natnet.server.settings import TRANSPORTS, Settings
-from mocap_natnet.server.skeleton import Bone, Skeleton
-from mocap_natnet.server.sources import Sinusoid, Source, from_file
+from mocap_natnet.server.settings import TRANSPORTS, MotiveSettings
+from mocap_natnet.server.skeleton import Bone, ServedSkeleton
+from mocap_natnet.server.sources import SinusoidSource, Source, from_file
 
 __all__ = [
     "OCCLUSION",
     "TRANSPORTS",
     "TRIANGLE",
-    "Body",
     "Bone",
-    "Faults",
+    "CameraFaults",
     "Motive",
     "MotiveServer",
-    "Plate",
-    "Scene",
-    "Settings",
-    "Sinusoid",
-    "Skeleton",
+    "MotiveSettings",
+    "SceneBody",
+    "ServedPlate",
+    "ServedScene",
+    "ServedSkeleton",
+    "SinusoidSource",
     "Source",
     "Track",
     "from_file",

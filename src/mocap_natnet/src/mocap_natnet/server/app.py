@@ -19,10 +19,10 @@ from hric_core.processes import run_server
 from hric_core.robot_time.stream_time import Clock
 from mocap_natnet.codec import FIRST, LAST, parse, text
 from mocap_natnet.server.motive import Motive
-from mocap_natnet.server.scene import Faults, Scene
+from mocap_natnet.server.scene import CameraFaults, ServedScene
 from mocap_natnet.server.scene_file import DEFAULT_BODIES, Live, load
 from mocap_natnet.server.server import LOG, MotiveServer
-from mocap_natnet.server.settings import Settings
+from mocap_natnet.server.settings import MotiveSettings
 
 CLOCKS = ("run", "wall")
 TICK = 1.0
@@ -30,7 +30,7 @@ TICK = 1.0
 STREAM = ("rate", "transport", "unicast_to", "ip", "command_port", "data_port", "group", "client_timeout")
 FAULTS = ("latency", "jitter", "loss", "drift", "seed")
 SCENE_FAULTS = ("noise", "rotation_noise", "marker_noise", "occlusion_rate", "occlusion_length", "seed")
-"""Options that are parameters of `Settings`, and of the scene's `Faults`."""
+"""Options that are parameters of `MotiveSettings`, and of the scene's `CameraFaults`."""
 
 
 class LiveScene(Live, Protocol):
@@ -92,11 +92,11 @@ def _stream_arguments() -> list[Argument]:
     version = Argument(
         "--bitstream",
         group="stream",
-        default=text(Settings().version),
+        default=text(MotiveSettings().version),
         metavar="V",
         help=f"{text(FIRST)} to {text(LAST)} (default: %(default)s)",
     )
-    return [version, *_declared_arguments("stream", Settings(), STREAM)]
+    return [version, *_declared_arguments("stream", MotiveSettings(), STREAM)]
 
 
 def _fault_arguments() -> list[Argument]:
@@ -108,8 +108,8 @@ def _fault_arguments() -> list[Argument]:
         metavar="BEGIN:DURATION[:BODY]",
         help="BODY (default: every body) is not visible; may be repeated",
     )
-    delays = _declared_arguments("faults", Settings(), FAULTS[:-1])
-    return [*delays, *_declared_arguments("faults", Faults(), SCENE_FAULTS), occlude]
+    delays = _declared_arguments("faults", MotiveSettings(), FAULTS[:-1])
+    return [*delays, *_declared_arguments("faults", CameraFaults(), SCENE_FAULTS), occlude]
 
 
 def _declared_arguments(group: str, settings: Declared, names: Sequence[str]) -> list[Argument]:
@@ -145,14 +145,14 @@ def occlusion(words: str) -> tuple[float, float, str]:
 def make_motive(options: argparse.Namespace, live: Live | None = None) -> Motive:
     """Return the Motive of the arguments; `live` makes sources of the running system. Raises HricError."""
     values = vars(options)
-    settings = Settings(version=parse(options.bitstream), **{name: values[name] for name in (*STREAM, *FAULTS)})
+    settings = MotiveSettings(version=parse(options.bitstream), **{name: values[name] for name in (*STREAM, *FAULTS)})
     occlusions = tuple(map(occlusion, options.occlude))
-    faults = Faults(occlusions=occlusions, **{name: values[name] for name in SCENE_FAULTS})
+    faults = CameraFaults(occlusions=occlusions, **{name: values[name] for name in SCENE_FAULTS})
     described = not options.hide_plates
     scene = (
         load(options.scene, faults, options.up, described, live)
         if options.scene
-        else Scene(DEFAULT_BODIES, (), faults, options.up, described)
+        else ServedScene(DEFAULT_BODIES, (), faults, options.up, described)
     )
     known = {body.name for body in scene.bodies}
     for _, _, body in faults.occlusions:

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from mocap_natnet.codec import Codec, CodecError, Version, packets, parse, text
-from mocap_natnet.codec.packets import HEADER, Message, ServerInfo, packet
+from mocap_natnet.codec.packets import HEADER, NatNetMessage, ServerInfo, packet
 from mocap_natnet.codec.types import EDIT_MODE, MODEL_CHANGED, RECORDING, VERSION_CHANGED, Frame, Suffix
-from mocap_natnet.server.scene import Scene
-from mocap_natnet.server.settings import Settings
+from mocap_natnet.server.scene import ServedScene
+from mocap_natnet.server.settings import MotiveSettings
 
 Address = tuple[str, int]
 Outgoing = list[tuple[bytes, Address]]
@@ -69,7 +69,7 @@ class Motive:
             [s].
     """
 
-    def __init__(self, settings: Settings, scene: Scene) -> None:
+    def __init__(self, settings: MotiveSettings, scene: ServedScene) -> None:
         self.settings, self.scene = settings, scene
         self.recording, self.take, self.live = False, "", True
         self.hardware: Callable[[float], float] = _same
@@ -95,7 +95,7 @@ class Motive:
         for client in self._clients.values():
             client.version = version
 
-    def change_scene(self, scene: Scene) -> None:
+    def change_scene(self, scene: ServedScene) -> None:
         """Change the scene from the next frame on; a flag of that frame says that the description changed."""
         self.scene, self._pending_flags = scene, self._pending_flags | MODEL_CHANGED
 
@@ -175,20 +175,20 @@ class Motive:
         payload = datagram[HEADER.size : end]
         if client := self._clients.get(sender):
             client.received = time
-        if message == Message.CONNECT:
+        if message == NatNetMessage.CONNECT:
             return [(self._connect(datagram[HEADER.size :], sender, time), sender)]
-        if message == Message.DISCOVERY:
+        if message == NatNetMessage.DISCOVERY:
             return [(self._server_info(self._version), sender)] if self._version >= (3, 0) else []
-        if message == Message.REQUEST_MODELDEF:
+        if message == NatNetMessage.REQUEST_MODELDEF:
             return [(self._codec(self._version_of(sender)).encode_model(self.scene.model()), sender)]
-        if message == Message.ECHO_REQUEST:
+        if message == NatNetMessage.ECHO_REQUEST:
             return self._echo(payload, sender, time)
-        if message == Message.REQUEST:
+        if message == NatNetMessage.REQUEST:
             return [(self._request(payload.split(b"\0", 1)[0].decode(errors="replace"), sender), sender)]
-        if message == Message.REQUEST_FRAMEOFDATA:
+        if message == NatNetMessage.REQUEST_FRAMEOFDATA:
             number = max(0, int(time * self.settings.rate)) if latest is None else latest
             return [(self.datagram(self.frame(number), self._version_of(sender)), sender)]
-        if message == Message.DISCONNECT:
+        if message == NatNetMessage.DISCONNECT:
             self._clients.pop(sender, None)
         return []
 
@@ -223,13 +223,18 @@ class Motive:
             settings.transport == "multicast",
             settings.group,
         )
-        return packet(Message.SERVERINFO, packets.encode_server_info(info, RUBBISH))
+        return packet(NatNetMessage.SERVERINFO, packets.encode_server_info(info, RUBBISH))
 
     def _echo(self, payload: bytes, sender: Address, time: float) -> Outgoing:
         if self._version < (3, 0) or len(payload) < 8:
             return []
         stamp = packets.decode_echo_request(payload)
-        return [(packet(Message.ECHO_RESPONSE, packets.encode_echo_response(stamp, self.settings.ticks(time))), sender)]
+        return [
+            (
+                packet(NatNetMessage.ECHO_RESPONSE, packets.encode_echo_response(stamp, self.settings.ticks(time))),
+                sender,
+            )
+        ]
 
     def _request(self, words: str, sender: Address) -> bytes:
         name, _, argument = words.partition(",")
@@ -246,12 +251,12 @@ class Motive:
             "CurrentSessionPath": b"emulated\0",
         }
         if name in values:
-            return packet(Message.RESPONSE, values[name])
+            return packet(NatNetMessage.RESPONSE, values[name])
         if name in _ACCEPTED:
-            return packet(Message.RESPONSE, _OK)
+            return packet(NatNetMessage.RESPONSE, _OK)
         if name in _DONE_BY_NAME:
-            return packet(Message.RESPONSE, _OK if self._control(name, argument) else _FAILED)
-        return packet(Message.UNRECOGNIZED_REQUEST)
+            return packet(NatNetMessage.RESPONSE, _OK if self._control(name, argument) else _FAILED)
+        return packet(NatNetMessage.UNRECOGNIZED_REQUEST)
 
     def _control(self, name: str, argument: str) -> bool:
         """Execute a command of the timeline; False if it cannot be done now."""
@@ -270,16 +275,16 @@ class Motive:
 
     def _bitstream(self, argument: str, sender: Address) -> bytes:
         if not argument:
-            return packet(Message.RESPONSE, f"Bitstream,{text(self._version_of(sender))}".encode() + b"\0")
+            return packet(NatNetMessage.RESPONSE, f"Bitstream,{text(self._version_of(sender))}".encode() + b"\0")
         try:
             version = parse(argument)
         except CodecError:
-            return packet(Message.RESPONSE, _FAILED)
+            return packet(NatNetMessage.RESPONSE, _FAILED)
         client = self._clients.get(sender)
         if client is None or not self._may_speak(version):
-            return packet(Message.RESPONSE, _FAILED)
+            return packet(NatNetMessage.RESPONSE, _FAILED)
         client.version, self._pending_flags = version, self._pending_flags | VERSION_CHANGED
-        return packet(Message.RESPONSE, _OK)
+        return packet(NatNetMessage.RESPONSE, _OK)
 
 
 def _same(time: float) -> float:

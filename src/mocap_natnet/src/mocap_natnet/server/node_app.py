@@ -26,7 +26,7 @@ from hric_core.ros import RosNode, forward_to_ros, shut_down
 from hric_core.ros.process import check_private, end_with_roslaunch
 from mocap_natnet.server import app
 from mocap_natnet.server.server import LOG
-from mocap_natnet.server.sources import History, Source
+from mocap_natnet.server.sources import PoseHistory, Source
 
 LOOK = 0.02
 """Time between two checks of a link [s of wall time]. The constants of this file are project defaults, unconfirmed."""
@@ -60,7 +60,7 @@ class LiveSources:
 
     def topic(self, name: str) -> Source:
         """Return a source of geometry_msgs/PoseStamped by its stamps; a stamp of 0 counts as the time of arrival."""
-        history = History()
+        history = PoseHistory()
 
         def add(message: Any) -> None:
             stamp = message.header.stamp.to_sec() or self._robot_time.now()
@@ -87,7 +87,7 @@ class LiveSources:
         self._links.append(link)
         return self._in_stream(link.history)
 
-    def _in_stream(self, history: History) -> Source:
+    def _in_stream(self, history: PoseHistory) -> Source:
         def source(stream: float) -> Pose | None:
             run = self.run_of(stream)
             return None if run is None else history(run)
@@ -129,7 +129,7 @@ class LiveSources:
 
 class _Link:
     def __init__(self, name: str, frame: str) -> None:
-        self.name, self.frame, self.history, self.published = name, frame, History(), False
+        self.name, self.frame, self.history, self.published = name, frame, PoseHistory(), False
 
 
 class EmulatedMotiveNode(app.EmulatedMotiveCommand):

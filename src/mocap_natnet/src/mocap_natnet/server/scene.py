@@ -14,7 +14,7 @@ from hric_core.parameters import Parameter, Settings, listing, number, numbers, 
 from mocap_natnet.codec import descriptions as d
 from mocap_natnet.codec import types as t
 from mocap_natnet.codec.types import OF_ASSET, POINT_CLOUD, TRACKED, Analog, Frame, Marker, MarkerSet, RigidBody, Suffix
-from mocap_natnet.server.skeleton import Skeleton
+from mocap_natnet.server.skeleton import ServedSkeleton
 from mocap_natnet.server.sources import Source
 
 TRIANGLE: tuple[Vector, ...] = ((0.06, -0.02, 0.0), (-0.04, -0.03, 0.0), (-0.02, 0.05, 0.0))
@@ -30,7 +30,7 @@ BLOCK = 64
 
 
 @dataclass(frozen=True)
-class Body:
+class SceneBody:
     """Rigid body.
 
     Args:
@@ -54,7 +54,7 @@ class Body:
 
 
 @dataclass(frozen=True)
-class Plate:
+class ServedPlate:
     """Force plate of 0.6 x 0.4 m.
 
     Args:
@@ -85,7 +85,7 @@ OCCLUSION = Parameter("row", "[begin, duration] or [begin, duration, body]", _oc
 
 
 @dataclass(frozen=True)
-class Faults(Settings):
+class CameraFaults(Settings):
     """Measurement faults; repeatable by the seed."""
 
     noise: float = number(0.0, minimum=0.0, unit="m", text="of positions of bodies, standard deviation per axis")
@@ -98,7 +98,7 @@ class Faults(Settings):
 
 
 @dataclass
-class Scene:
+class ServedScene:
     """Bodies, plates and skeletons, as frames and as a description.
 
     Args:
@@ -110,17 +110,17 @@ class Scene:
         skeletons: with names and ids that no body has.
     """
 
-    bodies: tuple[Body, ...] = ()
-    plates: tuple[Plate, ...] = ()
-    faults: Faults = field(default_factory=Faults)
+    bodies: tuple[SceneBody, ...] = ()
+    plates: tuple[ServedPlate, ...] = ()
+    faults: CameraFaults = field(default_factory=CameraFaults)
     up: str = "y"
     describe_plates: bool = True
-    skeletons: tuple[Skeleton, ...] = ()
+    skeletons: tuple[ServedSkeleton, ...] = ()
 
     def __post_init__(self) -> None:
         if self.up not in UP_AXES:
             raise ParameterError(f"the axis that points up is {self.up!r}; valid: {', '.join(UP_AXES)}")
-        assets: list[Body | Skeleton] = [*self.bodies, *self.skeletons]
+        assets: list[SceneBody | ServedSkeleton] = [*self.bodies, *self.skeletons]
         for what, keys in (
             ("names", {asset.name for asset in assets}),
             ("streaming ids", {asset.id for asset in assets}),
@@ -179,7 +179,7 @@ class Scene:
             suffix,
         )
 
-    def model(self) -> d.Model:
+    def model(self) -> d.ServerModel:
         """Return the description."""
         named = {body.name: [f"Marker{index}" for index, _ in enumerate(body.markers, 1)] for body in self.bodies}
         named |= {skeleton.name: list(skeleton.markers) for skeleton in self.skeletons}
@@ -198,7 +198,7 @@ class Scene:
         descriptions += [skeleton.described(self.up) for skeleton in self.skeletons]
         if self.describe_plates:
             descriptions += [self._described(plate) for plate in self.plates]
-        return d.Model(tuple(descriptions))
+        return d.ServerModel(tuple(descriptions))
 
     def _hidden(self, name: str, time: float) -> bool:
         for begin, duration, who in self.faults.occlusions:
@@ -214,7 +214,7 @@ class Scene:
         size = faults.noise
         return Pose((x + size * noise[0], y + size * noise[1], z + size * noise[2]), orientation)
 
-    def _markers(self, body: Body, pose: Pose, noise: Sequence[float], time: float) -> list[Marker]:
+    def _markers(self, body: SceneBody, pose: Pose, noise: Sequence[float], time: float) -> list[Marker]:
         positions = [transformed(pose, marker) for marker in body.markers] if body.seen is None else body.seen(time)
         return self._labelled(body.id, positions, noise[6:])
 
@@ -230,7 +230,7 @@ class Scene:
         return markers
 
     def _skeleton(
-        self, skeleton: Skeleton, noise: Sequence[float], time: float
+        self, skeleton: ServedSkeleton, noise: Sequence[float], time: float
     ) -> tuple[list[RigidBody], list[Marker]]:
         """Return a skeleton's bones, in global coordinates, and its markers; both are occluded together."""
         poses, positions = skeleton.source(time)
@@ -245,12 +245,12 @@ class Scene:
         pose = pose_from_z_up(self.up, self._noisy(exact, noise))
         return RigidBody(number, pose.position, pose.orientation, self.faults.marker_noise, 0 if hidden else TRACKED)
 
-    def _plate(self, plate: Plate, time: float, period: float) -> Analog:
+    def _plate(self, plate: ServedPlate, time: float, period: float) -> Analog:
         times = [time - period * (plate.samples - 1 - index) / plate.samples for index in range(plate.samples)]
         samples = [plate.source(at) for at in times]
         return Analog(plate.id, tuple(zip(*samples, strict=True)) if samples else ((),) * len(PLATE_CHANNELS))
 
-    def _described(self, plate: Plate) -> d.ForcePlateDescription:
+    def _described(self, plate: ServedPlate) -> d.ForcePlateDescription:
         x, y, z = plate.centre
         a, b, c, e = (
             from_z_up(self.up, (x + dx, y + dy, z)) for dx, dy in ((0.3, 0.2), (0.3, -0.2), (-0.3, -0.2), (-0.3, 0.2))
@@ -267,7 +267,7 @@ class _Noise:
     They are three for a position, three for an orientation, three for each marker.
     """
 
-    def __init__(self, faults: Faults, sizes: Sequence[int]) -> None:
+    def __init__(self, faults: CameraFaults, sizes: Sequence[int]) -> None:
         self._seed, self._sizes = faults.seed, sizes
         self._silent = not (faults.noise or faults.rotation_noise or faults.marker_noise)
         self._zeros = [[0.0] * size for size in self._sizes]
@@ -291,7 +291,7 @@ class _Noise:
 class _Blinks:
     """Random occlusions, drawn as time advances."""
 
-    def __init__(self, faults: Faults) -> None:
+    def __init__(self, faults: CameraFaults) -> None:
         self._faults, self._random = faults, np.random.default_rng((faults.seed, 2**31))
         self._begins: list[float] = []
         self._ends: list[float] = []

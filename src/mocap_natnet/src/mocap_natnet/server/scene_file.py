@@ -11,10 +11,10 @@ from hric_core.geometry import UP_AXES, Pose, Track, Vector, from_rotation_vecto
 from hric_core.parameters import Settings, choice, listing, names, numbers, read_yaml, section, text, variant, whole
 from hric_core.trial.c3d import Trial, read_trial
 from mocap_natnet.server.c3d_source import RecordedBody, labels_of
-from mocap_natnet.server.scene import TRIANGLE, Body, Faults, Plate, Scene
-from mocap_natnet.server.sources import Sinusoid, Source, from_file
+from mocap_natnet.server.scene import TRIANGLE, CameraFaults, SceneBody, ServedPlate, ServedScene
+from mocap_natnet.server.sources import SinusoidSource, Source, from_file
 
-DEFAULT_BODIES = (Body("marker", Sinusoid()),)
+DEFAULT_BODIES = (SceneBody("marker", SinusoidSource()),)
 """One body on a sinusoid along x: 0.1 m, 0.25 Hz, as in the marker tracking of the thesis."""
 
 
@@ -28,14 +28,16 @@ class Live(Protocol):
         """Return a source that follows a link of the robot or the simulation."""
 
 
-def load(path: Path, faults: Faults, up: str, describe_plates: bool = True, live: Live | None = None) -> Scene:
+def load(
+    path: Path, faults: CameraFaults, up: str, describe_plates: bool = True, live: Live | None = None
+) -> ServedScene:
     """Return the scene of a file (INTERFACE.md gives its keys).
 
     Args:
         path: path of the file.
         faults: measurement faults of the scene.
         up: axis that points up in the stream.
-        describe_plates: see `Scene`.
+        describe_plates: see `ServedScene`.
         live: factory of sources that follow the running system; None: there is none.
 
     Raises:
@@ -44,7 +46,7 @@ def load(path: Path, faults: Faults, up: str, describe_plates: bool = True, live
     scene = _Scene.of(read_yaml(path), f"{path}:")
     bodies = tuple(body.built(path.parent, number, live) for number, body in enumerate(scene.bodies, 1))
     plates = tuple(plate.built(path.parent, number) for number, plate in enumerate(scene.plates, 1))
-    return Scene(bodies, plates, faults, up, describe_plates)
+    return ServedScene(bodies, plates, faults, up, describe_plates)
 
 
 class _Motion(Settings):
@@ -65,7 +67,7 @@ class _Still(_Motion):
 
 
 @dataclass(frozen=True)
-class _Sinusoid(Sinusoid, _Motion):
+class _Sinusoid(SinusoidSource, _Motion):
     def source(self, folder: Path, live: Live | None) -> Source:
         return self
 
@@ -183,13 +185,13 @@ class _Body(Settings):
         if isinstance(self.motion, _Recorded) and self.markers:
             raise ParameterError(f"{where}markers: those of motion c3d are in the file; valid: labels in motion")
 
-    def built(self, folder: Path, number: int, live: Live | None) -> Body:
+    def built(self, folder: Path, number: int, live: Live | None) -> SceneBody:
         """Return the body; number: default of its id."""
         id_ = number if self.id is None else self.id
         if isinstance(self.motion, _Recorded):
             recorded = self.motion.body(folder, self.name)
-            return Body(self.name, recorded, id_, recorded.markers, recorded.seen)
-        return Body(self.name, self.motion.source(folder, live), id_, self.markers or TRIANGLE)
+            return SceneBody(self.name, recorded, id_, recorded.markers, recorded.seen)
+        return SceneBody(self.name, self.motion.source(folder, live), id_, self.markers or TRIANGLE)
 
 
 @dataclass(frozen=True)
@@ -213,15 +215,15 @@ class _Plate(Settings):
                 f"{where}centre and wrench of a recorded plate are in the file; valid: id, serial, samples"
             )
 
-    def built(self, folder: Path, number: int) -> Plate:
+    def built(self, folder: Path, number: int) -> ServedPlate:
         """Return the plate; number: default of its id."""
         wrench, centre = self.wrench or (0.0,) * 6, self.centre or (0.0, 0.0, 0.0)
         id_, serial = number if self.id is None else self.id, self.serial or f"emulated-{number}"
         if self.recorded is None:
-            return Plate(lambda time: wrench, id_, serial, centre, self.samples)
+            return ServedPlate(lambda time: wrench, id_, serial, centre, self.samples)
         recorded_plate = self.recorded.trial(folder).plate(self.recorded.plate)
         x, y, z = recorded_plate.T_lab_plate[:3, 3].tolist()
-        return Plate(recorded_plate.at, id_, serial, (x, y, z), self.samples)
+        return ServedPlate(recorded_plate.at, id_, serial, (x, y, z), self.samples)
 
 
 @dataclass(frozen=True)

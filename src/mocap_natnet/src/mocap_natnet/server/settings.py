@@ -17,7 +17,7 @@ FREQUENCIES = (10_000_000, 3_312_787)
 
 
 @dataclass(frozen=True)
-class Settings(Base):
+class MotiveSettings(Base):
     """Parameters of the emulated Motive."""
 
     version: Version = bitstream((4, 1), "newest bitstream that it speaks", "version")

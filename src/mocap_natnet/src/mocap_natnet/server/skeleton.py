@@ -28,7 +28,7 @@ class Bone:
 
 
 @dataclass(frozen=True)
-class Skeleton:
+class ServedSkeleton:
     """Bones and markers of a skeleton.
 
     Args:

@@ -31,7 +31,7 @@ MAX_AGE = 0.5
 
 
 @dataclass(frozen=True)
-class Sinusoid(Settings):
+class SinusoidSource(Settings):
     """Sinusoidal motion: p(t) = centre + amplitude sin(2 pi frequency (t - begin)).
 
     The orientation is rotated by the rotation vector `rotation` times the same sine. Before `begin` the body is at the
@@ -91,7 +91,7 @@ def _is_number(text: str) -> bool:
         return False
 
 
-class History:
+class PoseHistory:
     """Source that receives its poses during the run, linear in between; thread-safe."""
 
     def __init__(self) -> None:

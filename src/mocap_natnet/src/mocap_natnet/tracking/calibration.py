@@ -13,7 +13,7 @@ from mocap_natnet.rigid_body import Fit
 
 
 @dataclass
-class Calibration:
+class FrameCalibration:
     """Paired points: positions of the body by the cameras (z up) and by the robot."""
 
     seen: list[Vector] = field(default_factory=list)

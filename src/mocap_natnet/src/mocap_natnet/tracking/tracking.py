@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from hric_core.geometry import Pose, Vector, compose, normalized, transformed
 from hric_core.geometry.poses import pose_from_z_up, pose_z_up, z_up
-from mocap_natnet.codec.descriptions import MarkerSetDescription, Model, RigidBodyDescription, SkeletonDescription
+from mocap_natnet.codec.descriptions import MarkerSetDescription, RigidBodyDescription, ServerModel, SkeletonDescription
 from mocap_natnet.codec.types import OCCLUDED, TRACKED, Frame, Marker, RigidBody
 from mocap_natnet.tracking.validity import PoseValidator
 
@@ -66,7 +66,7 @@ class Tracker:
         self._names: set[Hashable] = set()
         self._marker_names: dict[int, str] = {}
 
-    def describe(self, model: Model) -> None:
+    def describe(self, model: ServerModel) -> None:
         """Store the names of the bodies."""
         self._described = model.bodies
         self._marker_names = {}

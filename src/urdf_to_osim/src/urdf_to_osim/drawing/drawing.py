@@ -21,7 +21,7 @@ from vtkmodules.vtkRenderingOpenGL2 import vtkEGLRenderWindow
 
 from hric_core.errors import FailureError, HricError
 from hric_core.geometry import FloatArray
-from urdf_to_osim.decorations import Decoration, Look, Scene
+from urdf_to_osim.decorations import DecoratedModel, Decoration, Look
 
 READERS = {".obj": vtkOBJReader, ".stl": vtkSTLReader, ".vtp": vtkXMLPolyDataReader}
 AXES = ((0.85, 0.15, 0.15), (0.1, 0.6, 0.15), (0.15, 0.3, 0.85))
@@ -33,7 +33,7 @@ VIEW_ANGLE, MARGIN = 20.0, 0.05
 """Vertical view angle of the camera [deg], and free margin at the edges, relative to the picture [1]."""
 
 
-def draw(scene: Scene, look: Look) -> bytes:
+def draw(scene: DecoratedModel, look: Look) -> bytes:
     """Return a PNG of the scene.
 
     Raises:
@@ -112,7 +112,7 @@ def _floor_axes(up: FloatArray) -> tuple[FloatArray, FloatArray]:
     return forwards, np.cross(up, forwards)
 
 
-def _bounds(renderer: Any, scene: Scene) -> FloatArray:
+def _bounds(renderer: Any, scene: DecoratedModel) -> FloatArray:
     """Return the smallest and greatest coordinates of all geometry and the origin, shape (2, 3) [m]."""
     points = [np.zeros(3), *(T[:3, 3] for T in scene.frames.values()), *(T[:3, 3] for T in scene.centres.values())]
     if scene.decorations:

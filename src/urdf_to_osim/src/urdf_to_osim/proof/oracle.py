@@ -22,7 +22,7 @@ from hric_core.urdf import Joint, Limit, write_inertial, write_origin
 from hric_core.urdf.elements import parse
 from urdf_to_osim import transforms
 from urdf_to_osim.joints import joint_rotation
-from urdf_to_osim.prepare import Plan
+from urdf_to_osim.prepare import ConversionPlan
 
 # In pinocchio links and joints share one namespace.
 LINK, JOINT = "link:", "joint:"
@@ -61,7 +61,7 @@ class Oracle:
         DescriptionError: pinocchio cannot read the description.
     """
 
-    def __init__(self, plan: Plan, urdf_xml: str, gravity: Sequence[float], up: str) -> None:
+    def __init__(self, plan: ConversionPlan, urdf_xml: str, gravity: Sequence[float], up: str) -> None:
         try:
             self._model = pin.buildModelFromXML(rewritten(plan, urdf_xml))
         except (ValueError, RuntimeError) as error:
@@ -174,7 +174,7 @@ MOTIONS: dict[str, Callable[[FloatArray, FloatArray], Motion]] = {
 }
 
 
-def rewritten(plan: Plan, urdf_xml: str) -> str:
+def rewritten(plan: ConversionPlan, urdf_xml: str) -> str:
     """Return the description rewritten for pinocchio."""
     root = parse(urdf_xml)
     for element in root.iter():

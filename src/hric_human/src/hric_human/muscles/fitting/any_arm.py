@@ -19,7 +19,7 @@ from hric_human.muscles.fitting.delft import RANGE, SAMPLES, UNSEEN
 from hric_human.muscles.fitting.fit import NO_ARM, arm_errors, fit_error, fit_muscle, rounded
 from hric_human.muscles.fitting.model import ArmModel
 from hric_human.muscles.fitting.placing import Placing
-from hric_human.muscles.fitting.sample import Samples, poses
+from hric_human.muscles.fitting.sample import MuscleSamples, poses
 
 LOG = logging.getLogger("hric.human.muscles")
 WORKING = {**RANGE, "wr_flex": (-60.0, 60.0), "wr_dev": (-15.0, 25.0)}
@@ -102,7 +102,7 @@ def _range(placing: Placing) -> tuple[list[float], list[float]]:
     return lower, upper
 
 
-def _sampled(placing: Placing, model: ArmModel, requested: FloatArray) -> Samples:
+def _sampled(placing: Placing, model: ArmModel, requested: FloatArray) -> MuscleSamples:
     """Return the samples at reachable poses. Raises HricError if these are fewer than half."""
     q, lengths, arms, pulls = [], [], [], {centre: list[FloatArray]() for centre in CENTRES}
     for n, pose in enumerate(requested):
@@ -122,13 +122,13 @@ def _sampled(placing: Placing, model: ArmModel, requested: FloatArray) -> Sample
             f"{model.name} reaches {len(q)} of {len(requested)} poses of the working range; valid: half of them. Its "
             "coordinates have ranges of another arm, as of a left one"
         )
-    return Samples(
+    return MuscleSamples(
         np.array(q), np.array(lengths), np.array(arms), {centre: np.array(rows) for centre, rows in pulls.items()}
     )
 
 
 def _fitted(
-    samples: Samples, k: int, joints: tuple[str, ...], name: str, numbers: list[float], path: MusclePath
+    samples: MuscleSamples, k: int, joints: tuple[str, ...], name: str, numbers: list[float], path: MusclePath
 ) -> tuple[Muscle, FitError] | str:
     """Return a muscle and its errors, or the reason why it cannot be used."""
     force, optimal, slack = numbers
@@ -164,7 +164,7 @@ def _mm(error: FitError) -> str:
     return f"{1e3 * error.arm_rms:.1f} mm rms, {1e3 * error.arm_worst:.0f} mm at most"
 
 
-def _report_fibres(model: str, muscle: Muscle, samples: Samples, joints: tuple[str, ...]) -> None:
+def _report_fibres(model: str, muscle: Muscle, samples: MuscleSamples, joints: tuple[str, ...]) -> None:
     """Log muscles whose fibres leave their usual range, since nothing is repaired."""
     q = samples.q[:, [joints.index(name) for name in muscle.length.joints]]
     fibres = (muscle.length.values(q) - muscle.slack_length) / muscle.optimal_length

@@ -19,7 +19,7 @@ from hric_human.muscles.fitting.girdle import Girdle, angles_yzx, angles_yzy
 from hric_human.muscles.fitting.groups import GROUPS, Group
 from hric_human.muscles.fitting.muscle_paths import frames_of, muscle_path, resting
 from hric_human.muscles.fitting.repair import repaired
-from hric_human.muscles.fitting.sample import R_LINK_OPENSIM, Paths, Samples, poses
+from hric_human.muscles.fitting.sample import R_LINK_OPENSIM, MuscleSamples, Paths, poses
 from hric_human.muscles.polynomial import Polynomial
 
 RANGE = {
@@ -91,11 +91,11 @@ class DelftArm:
         )
         self.paths.put(dict(zip(_COORDINATES, angles, strict=True)))
 
-    def sample(self, q: FloatArray) -> Samples:
+    def sample(self, q: FloatArray) -> MuscleSamples:
         """Return the samples at poses, shape (N, 5) [rad]."""
         at = [self._at(pose) for pose in q]
         length, arms, *pulls = (np.array(values) for values in zip(*at, strict=True))
-        return Samples(q, length, arms, dict(zip(CENTRES, pulls, strict=True)))
+        return MuscleSamples(q, length, arms, dict(zip(CENTRES, pulls, strict=True)))
 
     def _at(self, pose: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return lengths, moment arms and pulls across shoulder and elbow."""
@@ -168,7 +168,7 @@ def _constant(group: Group, force: float, optimal: float, slack: float, drawn: M
     return Muscle(group.name, rounded(force), rounded(optimal), rounded(slack), length, {}, drawn)
 
 
-def _usable(muscle: Muscle, samples: Samples) -> Muscle:
+def _usable(muscle: Muscle, samples: MuscleSamples) -> Muscle:
     """Return the muscle with fibres within LINE_FIBRES, about the middle of their range."""
     values = muscle.length.values(samples.q[:, [JOINTS.index(name) for name in muscle.length.joints]])
     ends = np.array([values.min(), values.max()])

@@ -4,7 +4,7 @@ import numpy as np
 
 from hric_core.geometry import FloatArray
 from hric_human.muscles.anatomy import FitError, Muscle, MusclePath
-from hric_human.muscles.fitting.sample import Samples
+from hric_human.muscles.fitting.sample import MuscleSamples
 from hric_human.muscles.polynomial import Polynomial, monomials, slopes
 
 ORDERS, FEW_JOINTS = (5, 4), 3
@@ -19,7 +19,7 @@ If the girdle is fixed for the slopes and moves for the lengths, no polynomial s
 
 
 def fit_muscle(
-    samples: Samples,
+    samples: MuscleSamples,
     k: int,
     joints: tuple[str, ...],
     name: str,
@@ -46,13 +46,13 @@ def fit_muscle(
     return Muscle(name, rounded(force), rounded(optimal), rounded(slack), length, pulls, path)
 
 
-def arm_errors(samples: Samples, k: int, joints: tuple[str, ...], muscle: Muscle) -> FloatArray:
+def arm_errors(samples: MuscleSamples, k: int, joints: tuple[str, ...], muscle: Muscle) -> FloatArray:
     """Return the errors of muscle k's moment arms about the joints that it acts on, shape (N, joints) [m]."""
     acts = [joints.index(name) for name in muscle.length.joints]
     return np.asarray(-muscle.length.gradients(samples.q[:, acts]) - samples.arms[:, k, acts])
 
 
-def fit_error(samples: Samples, k: int, joints: tuple[str, ...], muscle: Muscle) -> FitError:
+def fit_error(samples: MuscleSamples, k: int, joints: tuple[str, ...], muscle: Muscle) -> FitError:
     """Return the errors of muscle k at samples that were not used in its fit."""
     acts = [joints.index(name) for name in muscle.length.joints]
     q = samples.q[:, acts]
@@ -64,7 +64,7 @@ def fit_error(samples: Samples, k: int, joints: tuple[str, ...], muscle: Muscle)
     return FitError(rounded(length), rounded(_rms(arms)), rounded(float(np.abs(arms).max(initial=0.0))), worst)
 
 
-def _length(samples: Samples, k: int, joints: tuple[str, ...]) -> Polynomial:
+def _length(samples: MuscleSamples, k: int, joints: tuple[str, ...]) -> Polynomial:
     """Return the muscle-tendon length polynomial; its negative slopes are the moment arms."""
     acts = np.flatnonzero(np.abs(samples.arms[:, k]).max(axis=0) > NO_ARM)
     order = ORDERS[len(acts) > FEW_JOINTS]
@@ -76,7 +76,7 @@ def _length(samples: Samples, k: int, joints: tuple[str, ...]) -> Polynomial:
 
 
 def _pull(
-    samples: Samples, k: int, centre: str, joints: tuple[str, ...], of: tuple[str, ...]
+    samples: MuscleSamples, k: int, centre: str, joints: tuple[str, ...], of: tuple[str, ...]
 ) -> tuple[Polynomial, Polynomial, Polynomial]:
     """Return the pull polynomials x, y, z of the angles of some joints."""
     order = ORDERS[len(of) > FEW_JOINTS] - 1

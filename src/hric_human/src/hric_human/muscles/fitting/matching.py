@@ -13,7 +13,15 @@ import numpy as np
 from hric_core.errors import HricError
 from hric_core.geometry import FloatArray
 from hric_human.muscles.fitting.model import Coordinate
-from hric_human.muscles.fitting.posture import AXES, FAR, Posture, circle_centre, nearest_axes, rotation_vector, unit
+from hric_human.muscles.fitting.posture import (
+    AXES,
+    FAR,
+    ModelPosture,
+    circle_centre,
+    nearest_axes,
+    rotation_vector,
+    unit,
+)
 
 LOG = logging.getLogger("hric.human.muscles")
 SHOULDER, WRIST = ("sh_flex", "sh_abd", "sh_rot"), ("wr_flex", "wr_dev")
@@ -58,7 +66,7 @@ class Matching:
         HricError: coordinates do not match the joints of an arm.
     """
 
-    def __init__(self, posture: Posture) -> None:
+    def __init__(self, posture: ModelPosture) -> None:
         self.posture, self._name = posture, posture.model.name
         self._thorax = self._axes_of_thorax()
         self.hinges = dict[str, Hinge]()

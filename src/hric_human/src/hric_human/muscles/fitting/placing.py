@@ -10,7 +10,7 @@ from hric_human.muscles.fitting.bones import chain
 from hric_human.muscles.fitting.matching import SHOULDER, Hinge, Matching
 from hric_human.muscles.fitting.model import ArmModel, Coordinate
 from hric_human.muscles.fitting.muscle_paths import frames_of, muscle_path, resting
-from hric_human.muscles.fitting.posture import AXES, STEP, Posture, rotation_vector, small_rotation
+from hric_human.muscles.fitting.posture import AXES, STEP, ModelPosture, rotation_vector, small_rotation
 from hric_human.muscles.fitting.sample import R_LINK_OPENSIM
 
 ACCURACY = 1e-8
@@ -33,7 +33,7 @@ class Placing:
     """
 
     def __init__(self, model: ArmModel) -> None:
-        self._posture, self._model = Posture(model), model
+        self._posture, self._model = ModelPosture(model), model
         self._matching = Matching(self._posture)
         self.hinges: dict[str, Hinge] = self._matching.hinges
         self._shoulder = self._matching.shoulder

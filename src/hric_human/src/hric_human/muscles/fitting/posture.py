@@ -26,7 +26,7 @@ SLOW = 1e-3
 """Rate of a bone per rate of a coordinate below which it does not rotate the bone [1]."""
 
 
-class Posture:
+class ModelPosture:
     """Model with angles of its coordinates.
 
     Attributes:

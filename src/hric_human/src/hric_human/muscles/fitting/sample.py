@@ -17,7 +17,7 @@ R_LINK_OPENSIM = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 
 @dataclass(frozen=True)
-class Samples:
+class MuscleSamples:
     """Samples of K muscles at N poses of m joints.
 
     Attributes:
@@ -33,15 +33,15 @@ class Samples:
     arms: FloatArray
     pulls: Mapping[str, FloatArray]
 
-    def part(self, rows: slice | NDArray[np.bool_]) -> "Samples":
+    def part(self, rows: slice | NDArray[np.bool_]) -> "MuscleSamples":
         """Return some of the poses."""
         pulls = {centre: pull[rows] for centre, pull in self.pulls.items()}
-        return Samples(self.q[rows], self.length[rows], self.arms[rows], pulls)
+        return MuscleSamples(self.q[rows], self.length[rows], self.arms[rows], pulls)
 
-    def joined(self, weights: FloatArray) -> "Samples":
+    def joined(self, weights: FloatArray) -> "MuscleSamples":
         """Return the samples of lines, weighted means of muscles; weights: shape (lines, K), rows add up to 1."""
         pulls = {centre: np.einsum("gk,nkx->ngx", weights, pull) for centre, pull in self.pulls.items()}
-        return Samples(self.q, self.length @ weights.T, np.einsum("gk,nkm->ngm", weights, self.arms), pulls)
+        return MuscleSamples(self.q, self.length @ weights.T, np.einsum("gk,nkm->ngm", weights, self.arms), pulls)
 
 
 def poses(lower: Sequence[float], upper: Sequence[float], count: int) -> FloatArray:
@@ -98,7 +98,7 @@ class Paths:
         of = [self.model.getJointSet().get(name).getParentFrame() for name in joints]
         return [frame.getPositionInGround(self.state).to_numpy() for frame in of]
 
-    def lines(self) -> "Lines":
+    def lines(self) -> "ForceLines":
         """Return the forces of the paths on bodies."""
         muscle, body, forces = [], [], []
         for k, path in enumerate(self._paths):
@@ -109,10 +109,10 @@ class Paths:
                 muscle.append(k)
                 body.append(self._bodies[name][0] if name in self._bodies else -1)
                 forces.append(direction.direction().to_numpy())
-        return Lines(len(self._paths), np.array(muscle), np.array(body), np.array(forces))
+        return ForceLines(len(self._paths), np.array(muscle), np.array(body), np.array(forces))
 
     def numbers(self, bodies: Sequence[str]) -> IntArray:
-        """Return the indices of bodies in `Lines`."""
+        """Return the indices of bodies in `ForceLines`."""
         return np.array([self._bodies[name][0] for name in bodies])
 
 
@@ -122,7 +122,7 @@ def members(group: Any) -> list[Any]:
 
 
 @dataclass(frozen=True)
-class Lines:
+class ForceLines:
     """Forces on bodies per force of a muscle.
 
     Attributes:
