@@ -24,7 +24,7 @@ PYTHON: dict[str, tuple[str, ...]] = {
     "franka_hw_interface.interfaces": (),
     "franka_hw_interface.model": (),
     "hric_run.definition.experiment": ("load", "Experiment", "Setpoint", "ExperimentError"),
-    "hric_report.headless": ("run", "Result"),
+    "hric_report.headless": ("run", "HeadlessResult"),
     "hric_bags.reader": (),
 }
 """Modules that users of the workspace import, and what they take of them; empty: all that is public."""
