@@ -196,16 +196,16 @@ class Node(Protocol):
         """True if everything happens within the call, in the caller's thread, so that a run is the same each time."""
 
     def child(self, name: str) -> "Node":
-        """Return a node with the same connection, one namespace deeper."""
+        """Return a node for the child namespace `name`, with the same connection."""
 
     def resolve(self, name: str) -> str:
-        """Return the absolute name."""
+        """Return the absolute form of a name, relative to this namespace."""
 
     def beside(self, name: str) -> str:
-        """Return the absolute name, one namespace up.
+        """Return the absolute form of a name, relative to the parent namespace.
 
-        For a private node this is the process's namespace, for a controller the robot's. What belongs to the whole
-        robot lies there, such as motion capture."""
+        The parent namespace of a private node is that of the process, the parent of a controller that of the robot.
+        Names that concern the whole robot, such as motion capture, are there."""
 
     def has_param(self, name: str) -> bool:
         """Return True if the parameter exists."""
@@ -273,7 +273,7 @@ class Namespaced:
         return self._namespace
 
     def beside(self, name: str) -> str:
-        """Return the absolute name, one namespace up."""
+        """Return the absolute form of a name, relative to the parent namespace."""
         return names.resolve(self._namespace.rpartition("/")[0], name)
 
     def search_param(self: Any, name: str, default: Any = REQUIRED) -> Any:

@@ -620,7 +620,13 @@ def variant(
     default: Any = REQUIRED,
     **about: Unpack[ParameterOptions],
 ) -> Any:
-    """Declare nested settings whose kind is given by the word at `key`; usual: word if there is none."""
+    """Declare nested settings of one of several kinds.
+
+    Args:
+        key: key of the mapping whose value selects the kind.
+        kinds: settings class by value of that key.
+        usual: kind that applies if the key is missing; empty: the key is required.
+    """
 
     def convert(value: Any, where: str, joints: Sequence[str]) -> Settings:
         if isinstance(value, Settings):

@@ -24,7 +24,7 @@ def parse(text: str, where: str) -> Any:
         where: file or place, for errors.
 
     Raises:
-        ParameterError: the text is not YAML, or has what is refused; gives the line.
+        ParameterError: the text is not YAML, or is refused as a likely mistake; the message gives the line.
     """
     try:
         return _load(text)
@@ -36,7 +36,7 @@ def parse(text: str, where: str) -> Any:
 
 
 class _Refusal(Exception):
-    """Refusal of YAML; the message begins with its line."""
+    """Error for legal YAML that is refused; the message begins with the line number."""
 
     def __init__(self, node: Any, text: str) -> None:
         super().__init__(f"line {node.start_mark.line + 1}: {text}")

@@ -23,7 +23,7 @@ JUMP = 1.0
 
 
 def fit_line(points: Iterable[tuple[float, float]], slope_limit: float) -> tuple[float, float]:
-    """Return (offset, slope) of the least-squares line through points; the slope is cut to its limit."""
+    """Return (offset, slope) of the least-squares line; the slope is limited to +-slope_limit."""
     xy = list(points)
     n = len(xy)
     mean_x, mean_y = sum(x for x, _ in xy) / n, sum(y for _, y in xy) / n
