@@ -1,8 +1,8 @@
 """Joints and root of a person by inverse kinematics of their markers, frame by frame.
 
-Each frame is a weighted least-squares problem: visible markers, and the prediction of the last frame, weak enough not
-to change what the markers determine. Joints that they do not determine follow the prediction for a moment (bridged, and
-flagged); then they are lost, and no longer reported.
+Each frame is a weighted least-squares problem with two terms: the visible markers, and the prediction from the last
+frame. The prediction has so little weight that it does not change what the markers determine. Joints that they do not
+determine follow the prediction for a moment and are flagged as bridged; after that they are lost, and not reported.
 """
 
 import math

@@ -163,13 +163,13 @@ def fit(path: Path) -> Anatomy:
 
 
 def _constant(group: Group, force: float, optimal: float, slack: float, drawn: MusclePath) -> Muscle:
-    """Return a line about pro_sup alone."""
+    """Return a muscle with a constant moment arm about pro_sup alone."""
     length = Polynomial(("pro_sup",), 1, (rounded(slack + MEAN_FIBRE * optimal), -group.arm))
     return Muscle(group.name, rounded(force), rounded(optimal), rounded(slack), length, {}, drawn)
 
 
 def _usable(muscle: Muscle, samples: MuscleSamples) -> Muscle:
-    """Return the muscle with fibres within LINE_FIBRES, about the middle of their range."""
+    """Return the muscle; its fibre and tendon lengths are identified again if its fibres leave LINE_FIBRES."""
     values = muscle.length.values(samples.q[:, [JOINTS.index(name) for name in muscle.length.joints]])
     ends = np.array([values.min(), values.max()])
     optimal, slack = _within(LINE_FIBRES, LINE_MIDDLE, ends, muscle.optimal_length, muscle.slack_length)
@@ -177,10 +177,11 @@ def _usable(muscle: Muscle, samples: MuscleSamples) -> Muscle:
 
 
 def _identified(paths: Paths, length: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return force along the line [N], optimal fibre length [m] and tendon length [m] of elements.
+    """Return force along the line of action [N], optimal fibre length [m] and tendon slack length [m] of the elements.
 
-    They are those of the file if `length`, shape (poses, elements) [m], leaves fibres within FIBRES; all heads of the
-    triceps now have the same insertion, and the mean of the range as optimal length.
+    The file's values are kept where the muscle-tendon lengths `length`, shape (poses, elements) [m], keep the fibres
+    within FIBRES; elsewhere they are identified again. The heads of the triceps now share one insertion, so their
+    tendon slack length is set such that the fibres are optimal at the mean length.
     """
     muscles = [paths.model.getMuscles().get(name) for name in paths.names]
     pennation = np.array([muscle.getPennationAngleAtOptimalFiberLength() for muscle in muscles])
@@ -197,7 +198,10 @@ def _identified(paths: Paths, length: FloatArray) -> tuple[FloatArray, FloatArra
 def _within(
     bounds: tuple[float, float], mean: float, length: FloatArray, optimal: float, slack: float
 ) -> tuple[float, float]:
-    """Return optimal fibre and tendon length [m], identified again if lengths, (poses,) [m], exceed the bounds."""
+    """Return optimal fibre and tendon slack length [m].
+
+    They are identified again if `length`, muscle-tendon lengths of shape (poses,) [m], takes the fibres out of bounds.
+    """
     shortest, longest = float(length.min()), float(length.max())
     if bounds[0] * optimal <= shortest - slack and longest - slack <= bounds[1] * optimal:
         return optimal, slack

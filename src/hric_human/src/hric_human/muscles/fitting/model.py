@@ -58,7 +58,7 @@ class ArmModel(ABC):
 
     @abstractmethod
     def put(self, angles: Mapping[str, float]) -> None:
-        """Set coordinates by name [rad]; others stay."""
+        """Set coordinates by name [rad]; the others do not change."""
 
     @abstractmethod
     def frame(self, body: str) -> tuple[FloatArray, FloatArray]:
@@ -82,7 +82,7 @@ class ArmModel(ABC):
 
     @abstractmethod
     def pulls(self, body: str) -> FloatArray:
-        """Return the force on a body and all distal ones per force of each muscle, in the ground, shape (K, 3) [1]."""
+        """Return the force on a body and all distal ones, per unit of muscle force, in the ground, shape (K, 3) [1]."""
 
     @abstractmethod
     def strengths(self) -> Strengths:

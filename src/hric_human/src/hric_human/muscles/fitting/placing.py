@@ -65,7 +65,10 @@ class Placing:
         return np.array([made[name] for name in self.joints]).T
 
     def pulls(self) -> dict[str, FloatArray]:
-        """Return the pulls by joint centre, see `Samples`, shape (K, 3) [1]."""
+        """Return, by joint centre, the force on the distal part per unit of muscle force, shape (K, 3) [1].
+
+        The axes are those of the proximal link, as in `MuscleSamples`.
+        """
         bones, R = self._posture.bones, (self._matching.R_ground_thorax(), self._matching.R_ground_humerus())
         return {
             centre: self._model.pulls(body) @ axes @ R_LINK_OPENSIM.T
@@ -73,7 +76,7 @@ class Placing:
         }
 
     def reference(self) -> dict[str, float]:
-        """Return the segment lengths by a subject's names [m]; without a hand, without the forearm's."""
+        """Return the segment lengths by their names in a subject [m]; a model without a hand has no forearm length."""
         posture = self._posture
         ends = {"upper_arm": posture.elbow - posture.shoulder}
         if posture.bones.wrist:

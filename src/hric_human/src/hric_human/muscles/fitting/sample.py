@@ -24,7 +24,7 @@ class MuscleSamples:
         q: joint positions, shape (N, m) [rad].
         length: muscle-tendon lengths, shape (N, K) [m].
         arms: moment arms, shape (N, K, m) [m].
-        pulls: by joint centre, force on the distal part per force of the muscle, in axes of the proximal link, shape
+        pulls: by joint centre, force on the distal part per unit of muscle force, in axes of the proximal link, shape
             (N, K, 3) [1].
     """
 
