@@ -28,7 +28,7 @@ SWITCHES, BACK = 3, 0.25
 SWITCHES: number of such jumps; BACK: share of the jump within which the joint is back [1].
 """
 MANY_PAIRS = 20
-"""Number of successive pairs of stamps that is no jitter any more (project default, unconfirmed)."""
+"""Number of successive pairs of stamps that jitter cannot explain (project default, unconfirmed)."""
 ARM_JOINTS = 4
 """Fewest joints of an arm; a gripper on the same topic has fewer (project default, unconfirmed)."""
 JOINTS = frozenset(joint.name for joint in joints(PARTS["whole_body"]))
@@ -38,7 +38,7 @@ ARMS = "two arms on one topic cannot be told apart; valid: a topic for each"
 
 
 def publishers(connections: Iterable[Any]) -> list[str]:
-    """Return the names of the nodes that published some connections, as far as the bag has them."""
+    """Return the names of the publishing nodes of some connections, as far as the bag holds them."""
     return sorted({name for c in connections if (name := getattr(getattr(c, "ext", None), "callerid", None))})
 
 
@@ -109,7 +109,7 @@ class RecordedJointStates:
 
 
 class _Body:
-    """Messages with one list of names; block: serialised names."""
+    """Joint states that share one list of joint names; block: the names as serialised."""
 
     def __init__(self, block: bytes) -> None:
         self.names, at = list[str](), 4
@@ -122,7 +122,7 @@ class _Body:
         self._numbers, self._stamps, self._positions = array("q"), array("d"), array("d")
 
     def add(self, raw: bytes, at: int) -> bool:
-        """Add a message whose positions begin at a byte; return True if it is time for a check."""
+        """Add a message whose positions begin at byte `at`; return True once BLOCK messages are stored."""
         if _integer(raw, at) == len(self.names):  # else it is refused or left out by its reader
             self._numbers.append(_integer(raw, 0))
             self._stamps.append(_integer(raw, 4) + 1e-9 * _integer(raw, 8))
@@ -130,7 +130,7 @@ class _Body:
         return len(self._stamps) >= BLOCK
 
     def mixed(self) -> str:
-        """Return why the messages are of two publishers in turns, "" if not; keep the last WINDOW of them."""
+        """Return the evidence that two publishers alternate, else ""; drop all but the last WINDOW messages."""
         numbers, stamps = np.array(self._numbers), np.array(self._stamps)
         positions = np.array(self._positions).reshape(len(stamps), len(self.names))
         for values, width in ((self._numbers, 1), (self._stamps, 1), (self._positions, positions.shape[-1])):
@@ -149,7 +149,7 @@ class _Body:
 
 
 def _away_and_back(stamps: FloatArray, positions: FloatArray, fastest: float) -> BoolArray:
-    """Return which poses jump faster than `fastest` [rad/s] and are back in the next message, shape (n - 2,)."""
+    """Return a mask of poses that jump faster than `fastest` [rad/s] and back in the next message, shape (n - 2,)."""
     if len(stamps) < 3 or not positions.size:
         return np.zeros(0, dtype=bool)
     steps = np.maximum(np.diff(stamps)[:-1], STEP)
@@ -160,7 +160,7 @@ def _away_and_back(stamps: FloatArray, positions: FloatArray, fastest: float) ->
 
 
 def _many(events: BoolArray) -> int | None:
-    """Return the index of the first of more than SWITCHES events within WINDOW; None: there are none."""
+    """Return the first index from which more than SWITCHES events lie within WINDOW messages; None: there is none."""
     at = np.flatnonzero(events)
     near = np.flatnonzero(at[SWITCHES:] - at[: max(len(at) - SWITCHES, 0)] < WINDOW)
     return int(at[near[0]]) if len(near) else None
