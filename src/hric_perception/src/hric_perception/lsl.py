@@ -204,7 +204,7 @@ def describe(info: pylsl.StreamInfo) -> tuple[Layout, FloatArray]:
 
 @dataclass(frozen=True)
 class LslSettings(Settings):
-    """Criteria for the stream; the default type is the sensor's."""
+    """Criteria that select the stream; without `type` it is the stream type of the sensor."""
 
     type: str | None = text(None)
     name: str = text("", figures=True)
@@ -214,7 +214,7 @@ class LslSettings(Settings):
     def reader(
         self, kind: str, stream: SampleStream, health: StreamHealth, choose: Callable[[Layout], Layout]
     ) -> LslReader:
-        """Return a reader for streams of a type, unless the parameters name another one."""
+        """Return a reader for streams of type `kind`, or of the type in these settings if there is one."""
         use_session(self.session)
         query = StreamQuery(kind if self.type is None else self.type, self.name, self.source_id)
         return LslReader(query, stream, health, choose)

@@ -80,7 +80,7 @@ class PersonSettings(Settings):
 
     @property
     def person(self) -> Subject:
-        """The subject, with `parts` of these settings."""
+        """Subject with `parts` of these settings in place of their own."""
         return replace(self.subject, parts=self.parts)
 
     @property

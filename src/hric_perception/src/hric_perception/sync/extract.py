@@ -1,6 +1,6 @@
-"""Extraction of stamps and values from messages. No ROS but the classes of its messages.
+"""Extraction of stamps and values from messages. Of ROS, only message classes are used.
 
-A message of most types is one sample. Those of `BATCHES` hold many, which are split, each with its stamp.
+A message is one sample, except for the types in `BATCHES`: their messages hold many samples, each with its own stamp.
 """
 
 from collections.abc import Callable, Sequence

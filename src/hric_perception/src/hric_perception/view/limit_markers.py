@@ -44,11 +44,11 @@ class Level(IntEnum):
 
 @dataclass(frozen=True)
 class LimitNearness:
-    """Nearness to limits.
+    """Nearness of a joint to its limits.
 
     Attributes:
         level: level of the nearest limit.
-        text: text about the near limits; empty: none.
+        text: list of the limits that are near, for the user; empty: no limit is near.
     """
 
     level: Level
