@@ -62,7 +62,7 @@ class Continuous(Distribution):
         """Frozen distribution of `scipy.stats`, without truncation."""
 
     def ppf(self, u: FloatArray) -> Sequence[Any]:
-        """Return the values at percentiles u."""
+        """Return the values at the percentiles u."""
         values: list[float] = self.frozen.ppf(u).tolist()
         return values
 
@@ -81,7 +81,7 @@ class Uniform(Continuous):
 
     @property
     def frozen(self) -> Any:
-        """Uniform distribution."""
+        """Frozen uniform distribution of `scipy.stats`."""
         return stats.uniform(self.low, self.high - self.low)
 
 
@@ -94,7 +94,7 @@ class LogUniform(Uniform):
 
     @property
     def frozen(self) -> Any:
-        """Log-uniform distribution."""
+        """Frozen log-uniform distribution of `scipy.stats`."""
         return stats.loguniform(self.low, self.high)
 
 
@@ -114,7 +114,7 @@ class Triangular(Uniform):
 
     @property
     def frozen(self) -> Any:
-        """Triangular distribution."""
+        """Frozen triangular distribution of `scipy.stats`."""
         span = self.high - self.low
         return stats.triang((self.mode - self.low) / span, self.low, span)
 
@@ -157,7 +157,7 @@ class Normal(Truncated):
 
     @property
     def frozen(self) -> Any:
-        """Normal distribution without its ends."""
+        """Frozen normal distribution of `scipy.stats`, without truncation."""
         return stats.norm(self.mean, self.std)
 
 
@@ -170,7 +170,7 @@ class LogNormal(Truncated):
 
     @property
     def frozen(self) -> Any:
-        """Log-normal distribution without its ends."""
+        """Frozen log-normal distribution of `scipy.stats`, without truncation."""
         return stats.lognorm(self.log_std, scale=self.median)
 
 

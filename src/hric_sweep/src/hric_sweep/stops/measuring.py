@@ -54,7 +54,7 @@ class StopResult:
 
     Attributes:
         time: time from the user stop until the end effector is at rest [s].
-        distance: length of its path in that time [m].
+        distance: path length of the end effector in that time [m].
     """
 
     time: float
@@ -62,10 +62,10 @@ class StopResult:
 
 
 class StoppedArm:
-    """Arm of a simulation that is set to the start of a stop, at full speed, and then stopped.
+    """Simulated arm that is set in motion at a given state and then stopped by the user stop.
 
     Args:
-        robot: robot of a simulation; nothing else may step it.
+        robot: simulated robot; nothing else may step it.
     """
 
     def __init__(self, robot: FrankaHWSim) -> None:
@@ -83,7 +83,7 @@ class StoppedArm:
         inertia = tuple((0.4 * mass * LOAD_RADIUS**2 * np.eye(3)).ravel().tolist())
         self._box.reset(self._robot.q_start)
         if self._box.set_load(mass, com, inertia) is not RequestOutcome.SUCCESS:
-            raise HricError(f"a load of {mass:g} kg is refused; valid: what set_load takes")
+            raise HricError(f"a load of {mass:g} kg is refused; valid: loads that set_load accepts")
         self._robot.plant.set_load(Load(mass, com, inertia) if mass else None, f"{self._robot.arm_id}_link8")
 
     def jacobian(self, q: Sequence[float] | FloatArray) -> FloatArray:
@@ -117,7 +117,7 @@ class StoppedArm:
         return float(np.linalg.norm(self.jacobian(states.position) @ np.array(states.velocity)))
 
     def begins(self, q: FloatArray, speed: float, max_velocity: Sequence[float]) -> Iterator[StopStart]:
-        """Yield starts at an end-effector speed [m/s] in a pose, within the joints' velocity limits.
+        """Yield start states in pose q with an end-effector speed [m/s], within the joints' velocity limits.
 
         The directions are the axes of the base, with the smallest joint velocities, and the motion of each joint alone,
         in both senses.
