@@ -292,7 +292,7 @@ def hand_positions(record: HumanRecord, section: NodeParameters) -> FloatArray:
 
 
 def moved(events: Sequence[RecordedHumanEvent], time: FloatArray) -> tuple[float, float]:
-    """Return begin and end of the motion from its events; default: those of the recording [s]."""
+    """Return start and end of the motion from its events [s]; without an event, start or end of the recording."""
     begins = [event.time for event in events if event.kind == "started"]
     ends = [event.time for event in events if event.kind == "ended"]
     begin = begins[-1] if begins else float(time[0])

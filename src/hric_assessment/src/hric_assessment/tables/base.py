@@ -25,7 +25,7 @@ class TableFile(Settings):
     source: tuple[str, ...] = _short_names("of all values that have none of their own, short names")
 
     def check(self, where: str) -> None:
-        """Refuse sources that the file does not describe."""
+        """Refuse source names that are not in `sources`."""
         check_sources(self.source, self.sources, where.rstrip(" :."))
 
     @property
@@ -51,7 +51,7 @@ class MarkedRow(Settings):
 
 
 def check_sources(names: Sequence[str], sources: Mapping[str, str], where: str) -> None:
-    """Raise UnknownParameterError for a source that the file does not describe."""
+    """Raise UnknownParameterError for a source name that is not in `sources`."""
     for name in names:
         if name not in sources:
             raise unknown("source", name, sources, where)
@@ -71,7 +71,7 @@ class ValueTable(TableFile):
     values: Mapping[str, Value] = mapping(section(Value))
 
     def check(self, where: str) -> None:
-        """Refuse sources that the file does not describe."""
+        """Refuse source names, of the file or of a row, that are not in `sources`."""
         super().check(where)
         for name, row in self.values.items():
             check_sources(row.source, self.sources, f"{where}values.{name}")

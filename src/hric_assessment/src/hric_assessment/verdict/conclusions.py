@@ -162,7 +162,7 @@ def _number(finding: Finding) -> tuple[float | None, float | None, str]:
 
 
 def with_remedy(finding: Finding) -> Finding:
-    """Return a finding; if it is not assessable, with the remedy for its missing data."""
+    """Return a finding; a remedy for the missing data is added if it is not assessable and has none."""
     if finding.outcome != Outcome.NOT_ASSESSABLE or finding.remedy:
         return finding
     remedy = SEE
