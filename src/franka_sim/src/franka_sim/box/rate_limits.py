@@ -25,7 +25,7 @@ from panda_description import CartesianLimit
 
 @dataclass(frozen=True, slots=True)
 class RateErrors:
-    """Names of libfranka for a position, velocity, acceleration or jerk outside of its limit."""
+    """libfranka's error names for a violated position, velocity, acceleration or jerk limit."""
 
     position: str
     velocity: str
@@ -34,7 +34,7 @@ class RateErrors:
 
     @classmethod
     def of(cls, generator: str) -> "RateErrors":
-        """Return the names that begin with `<generator>_`."""
+        """Return the error names that begin with `<generator>_`."""
         kinds = (
             "position_limits_violation",
             "velocity_limits_violation",
@@ -44,7 +44,7 @@ class RateErrors:
         return cls(*(f"{generator}_{kind}" for kind in kinds))
 
     def named(self, position: bool, velocity: bool, acceleration: bool, jerk: bool) -> Errors:
-        """Return the names of the violated limits."""
+        """Return the error names of the violated limits."""
         flags = (
             (position, self.position),
             (velocity, self.velocity),
@@ -83,7 +83,7 @@ class JointRates:
     Args:
         limits: limits of the arm.
         joint_names: joint names of the arm.
-        errors: names to report.
+        errors: error names to report.
         parameters: tolerances.
         time_step: control period [s].
         with_jerk: True if the jerk is limited; False for joint motion from inverse kinematics (Franka's documentation
@@ -111,7 +111,7 @@ class JointRates:
         self._position_step = [x * time_step for x in self.velocity]
 
     def start_anywhere(self, q: Sequence[float]) -> None:
-        """Allow a motion from q (7 floats [rad]) that is outside of the limits, but not farther than q itself."""
+        """Widen the position limits so that they include the start position q, 7 floats [rad]."""
         lower, upper = self._range
         self.lower = [min(low, x) for low, x in zip(lower, q, strict=True)]
         self.upper = [max(high, x) for high, x in zip(upper, q, strict=True)]
@@ -131,7 +131,7 @@ class JointRates:
     def violations(
         self, q: Sequence[float], dq: Sequence[float], ddq: Sequence[float], last_ddq: Sequence[float], after_loss: bool
     ) -> Errors:
-        """Return the limits that the motion violates.
+        """Return the error names of the limits that the motion violates.
 
         Args:
             q: positions of this step, 7 floats [rad].
