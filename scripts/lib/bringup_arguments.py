@@ -205,9 +205,9 @@ def _check_environment(arguments: Mapping[str, str]) -> None:
 
 
 def has_section(path: Path, name: str) -> bool:
-    """Return True if an experiment file has a section, as the launch files see it.
+    """Return True if an experiment file has a top-level section, found by the same text search as in the launch files.
 
-    Mistakes in the file are reported elsewhere."""
+    A file that cannot be read counts as one without the section; its error is reported elsewhere."""
     try:
         return f"\n{name}:" in "\n" + path.read_text()
     except (OSError, UnicodeDecodeError):

@@ -108,7 +108,7 @@ class MujocoRobot(EngineRobot):
         """Apply the commands, advance the engine, and read the new state.
 
         Args:
-            values: commands of all moving joints, with the meaning of their modes.
+            values: commands of all moving joints; the mode of each joint gives the quantity.
             push: function that applies forces to bodies, once their positions and velocities are known; None for none.
         """
         self.motor_effort = values

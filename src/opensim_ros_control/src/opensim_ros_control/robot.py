@@ -224,7 +224,7 @@ class OpenSimRobot(EngineRobot):
         """Apply the commands and advance.
 
         Args:
-            values: commands of all moving joints, with the meaning of their modes.
+            values: commands of all moving joints; the mode of each joint gives the quantity.
         """
         efforts, tau = cut(values, *self._bounds)
         self._divergence.check_efforts(efforts)

@@ -126,7 +126,13 @@ class PybulletPenaltyContact:
         self.last, self._links = [], {}
 
     def apply(self, forces: ExternalForces, robot: PybulletRobot, joints: Mapping[str, PybulletModelJoints]) -> None:
-        """Push each overlapping pair of links apart in the coming step; joints: of models around the robot."""
+        """Push each overlapping pair of links apart in the coming step.
+
+        Args:
+            forces: external forces of the step.
+            robot: the robot.
+            joints: joints of the other models, by model.
+        """
         self.last = []
         self.springs.begin()
         self._before, self._links = self._links, {}

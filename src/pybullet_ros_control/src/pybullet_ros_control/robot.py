@@ -160,7 +160,7 @@ class PybulletRobot(EngineRobot):
         Only bare positional engine calls: this runs every millisecond.
 
         Args:
-            values: commands of all moving joints, with the meaning of their modes.
+            values: commands of all moving joints; the mode of each joint gives the quantity.
             external: joint efforts of the forces that the plant applies in this step [N m]; None for none.
         """
         client, body, joints, motors = self._client, self.body.id, self._joints, self._motors

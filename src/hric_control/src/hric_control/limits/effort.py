@@ -133,7 +133,7 @@ class Limiter:
                 )  # fmt: skip
 
     def _begin(self, period: float) -> None:
-        """Prepare for a new period, a new selection, or cleared counts; rarely called by `enforce`."""
+        """Prepare for a new period, a new selection or cleared counts; `enforce` calls it only after such a change."""
         if not self.counts.start_checked:
             self.check_start()
         self._period, self._run = period, self.counts.run
