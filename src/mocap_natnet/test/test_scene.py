@@ -87,7 +87,7 @@ def test_kabsch_agrees_with_scipy_under_noise() -> None:
     ("points", "words"),
     [
         (TRIANGLE[:2], "three or more"),
-        (((0, 0, 0), (1, 0, 0), (2, 0, 0)), "one line"),
+        (((0, 0, 0), (1, 0, 0), (2, 0, 0)), "not collinear"),
         ((TRIANGLE[0], TRIANGLE[1], (math.nan, 0, 0)), "finite"),
     ],
 )

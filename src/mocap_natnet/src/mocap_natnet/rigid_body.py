@@ -32,10 +32,10 @@ class Fit:
             raise CommandError(f"a pose needs three or more pairs of points, got shapes {p.shape} and {q.shape}")
         if not (np.isfinite(p).all() and np.isfinite(q).all()):
             raise CommandError("a pose needs finite points")
-        for points, what in ((p, "in the body"), (q, "as seen")):
+        for points, what in ((p, "in the body"), (q, "seen by the cameras")):
             if on_one_line(points):
                 raise CommandError(
-                    f"a pose needs points that are not on one line; {what} they are: place one farther aside"
+                    f"a pose needs points that are not collinear, but those {what} are; move one of them off the line"
                 )
         (position,), (R,) = poses_of_points(p, q[None])
         x, y, z = position.tolist()

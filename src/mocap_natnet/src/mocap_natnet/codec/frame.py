@@ -71,7 +71,7 @@ class FrameDecoder:
         if number == 0:
             return ()
         if number < 0:
-            raise CodecError("count", f"{number} elements at {reader.offset}")
+            raise CodecError("count", f"negative number of elements, {number}, before byte {reader.offset}")
         return read(reader, number)
 
     def _section_with_size(self, reader: Reader, read: Callable[[Reader, int], T]) -> T | tuple[()]:
@@ -79,7 +79,7 @@ class FrameDecoder:
         if number == 0 and size == 0:
             return ()
         if number < 0:
-            raise CodecError("count", f"{number} elements at {reader.offset}")
+            raise CodecError("count", f"negative number of elements, {number}, before byte {reader.offset}")
         end = reader.begin_sized(size)
         value = read(reader, number)
         reader.end_sized(end)
@@ -115,7 +115,7 @@ class FrameDecoder:
     def _suffix(self, reader: Reader) -> Suffix:
         values = reader.unpack(self._layout.suffix)
         if values[-1] != 0 and self._layout.tail_known:
-            raise CodecError("end tag", f"{values[-1]} instead of 0 at {reader.offset - INT.size}")
+            raise CodecError("end tag", f"{values[-1]} instead of 0 at byte {reader.offset - INT.size}")
         if self._layout.plain_suffix:
             return Suffix(0.0, *values[:-1])
         return Suffix(**dict(zip(self._layout.suffix_fields[:-1], values, strict=False)))
@@ -124,7 +124,7 @@ class FrameDecoder:
 def _check(reader: Reader, number: int, size: int) -> None:
     if number * size > reader.left:
         raise CodecError(
-            "count", f"{number} elements of {size} bytes or more at {reader.offset}, {reader.left} bytes are left"
+            "count", f"{number} elements of at least {size} bytes at byte {reader.offset}, {reader.left} bytes are left"
         )
 
 

@@ -41,7 +41,7 @@ class Reader:
         begin = self.offset
         stop = begin + layout.size
         if stop > self.end:
-            raise CodecError("short", f"{layout.size} bytes expected at {begin}, {self.end - begin} are left")
+            raise CodecError("short", f"{layout.size} bytes expected at byte {begin}, {self.end - begin} are left")
         self.offset = stop
         return layout.unpack_from(self.data, begin)
 
@@ -54,7 +54,7 @@ class Reader:
         number = self.integer()
         if number < 0 or number * size > self.end - self.offset:
             raise CodecError(
-                "count", f"{number} elements of {size} bytes or more at {self.offset}, {self.left} bytes are left"
+                "count", f"{number} elements of at least {size} bytes at byte {self.offset}, {self.left} bytes are left"
             )
         return number
 
@@ -62,12 +62,12 @@ class Reader:
         """Return a text up to its NUL, which is skipped."""
         stop = self.data.find(b"\0", self.offset, self.end)
         if stop < 0:
-            raise CodecError("name", f"no end of the name at {self.offset}")
+            raise CodecError("name", f"the name at byte {self.offset} has no terminating NUL")
         begin, self.offset = self.offset, stop + 1
         try:
             return self.data[begin:stop].decode()
         except UnicodeDecodeError as error:
-            raise CodecError("name", f"the name at {begin} is not UTF-8") from error
+            raise CodecError("name", f"the name at byte {begin} is not UTF-8") from error
 
     def array(self, layout: struct.Struct, number: int) -> list[tuple[Any, ...]]:
         """Return `number` elements of one layout; the count was checked."""
@@ -76,7 +76,7 @@ class Reader:
         if self.offset > self.end:
             raise CodecError(
                 "short",
-                f"{number} elements of {layout.size} bytes expected at {begin}, {self.end - begin} bytes are left",
+                f"{number} elements of {layout.size} bytes expected at byte {begin}, {self.end - begin} bytes are left",
             )
         return list(layout.iter_unpack(self.data[begin : self.offset]))
 
@@ -93,7 +93,7 @@ class Reader:
         """Limit reading to `size` bytes from here; returns the argument for `end_sized`."""
         stop, end = self.offset + size, self.end
         if size < 0 or stop > end:
-            raise CodecError("size", f"{size} bytes stated at {self.offset}, {end - self.offset} are left")
+            raise CodecError("size", f"{size} bytes stated at byte {self.offset}, {end - self.offset} are left")
         self.end = stop
         return end
 
