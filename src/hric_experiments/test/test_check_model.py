@@ -223,11 +223,11 @@ def test_what_cannot_be_compared_is_refused_in_one_line_and_nothing_is_written(
         (("--columns", "qq=a"), "cannot read 'qq=a' of --columns; valid: t=NAME"),
         (("--columns", "q=a,b"), "--columns names 2 columns in 'a,b'; 7 are needed"),
         (("--columns", "q=angle{}"), "has no column angle1, angle2, angle3"),
-        (("--topic", "/joint_states"), "--topic is for bags; of a CSV file: --columns"),
+        (("--topic", "/joint_states"), "--topic is for bags; for a CSV file use --columns"),
         (("--friction", "dry"), "--friction dry: no such file; valid: none, identified, or a YAML file"),
         (("--load", "1"), "--load has 1 values; valid: 4 (mass x y z) or 10"),
         (("--load", "-1", "0", "0", "0"), "load mass must not be negative"),
-        (("-o", "x.yaml"), "-o names the file of a fit; valid: with --fit friction"),
+        (("-o", "x.yaml"), "-o names the file for the fitted friction; valid: only with --fit friction"),
         (("--urdf", "x.urdf", "--no-hand"), "--urdf brings its own inertials and hand"),
         (("--urdf", "nowhere.urdf"), "cannot read nowhere.urdf: No such file"),
         (("--cutoff", "30"), "a cut-off of 30 Hz needs 150 or more"),
@@ -332,7 +332,7 @@ def test_joints_and_topics_that_a_bag_does_not_have_are_refused_with_those_it_ha
     path = write_joint_states(tmp_path / "panda.bag", few, NAMES)
     assert "no joints left_joint1 to 7" in called(capsys, path, "--arm-id", "left")[2]
     assert "no topic with joints '/x' in panda.bag; valid: /joint_states" in called(capsys, path, "--topic", "/x")[2]
-    assert "--columns names the columns of a CSV file" in called(capsys, path, "--columns", "t=x")[2]
+    assert "--columns is for CSV files" in called(capsys, path, "--columns", "t=x")[2]
 
 
 def test_a_nan_in_a_bag_is_refused_with_its_message_and_field(data, tmp_path: Path, capsys) -> None:

@@ -41,7 +41,7 @@ class CheckModelCommand(Command):
     def run(self, arguments: argparse.Namespace) -> None:
         """Compare the robot model with the log of an arm."""
         if arguments.fitted is not None and arguments.fit is None:
-            raise LogError("-o names the file of a fit; valid: with --fit friction")
+            raise LogError("-o names the file for the fitted friction; valid: only with --fit friction")
         source = sources.find(arguments)
         friction, breakaway, named = sources.friction(arguments, source)
         model, description, described = sources.model(arguments, source)

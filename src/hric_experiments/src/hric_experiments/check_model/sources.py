@@ -53,10 +53,10 @@ def find(arguments: argparse.Namespace) -> LogSource:
     path = Path(arguments.run).expanduser()
     if path.suffix in (".bag", ".active") or path.is_dir() or not (path.is_file() or path.suffix):
         if arguments.columns:
-            raise LogError("--columns names the columns of a CSV file; of a bag: --topic and --arm-id")
+            raise LogError("--columns is for CSV files; for a bag use --topic and --arm-id")
         return _from_bag(arguments)
     if arguments.topic:
-        raise LogError("--topic is for bags; of a CSV file: --columns")
+        raise LogError("--topic is for bags; for a CSV file use --columns")
     names = [f"{arguments.arm_id or PANDA}_{joint}" for joint in JOINTS]
     log = csv_log.read_csv(path, names, csv_log.parse_columns(arguments.columns))
     return LogSource(log, path.name, path.with_name(f"{path.stem}_check_model"))

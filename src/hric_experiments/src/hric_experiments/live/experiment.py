@@ -227,7 +227,7 @@ class LiveExperiment:
         except (rospy.ServiceException, TimeoutError) as error:
             raise FailureError(f"the recorder does not respond: {error}") from error
         if not response.success:
-            raise FailureError(f"the recording could not be ended: {response.message}")
+            raise FailureError(f"the recording could not be stopped: {response.message}")
         return RunFolder(Path(response.message).parent)
 
 
