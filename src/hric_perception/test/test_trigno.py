@@ -131,7 +131,7 @@ def test_a_response_without_an_end_is_given_up_with_a_reason(sent: bytes, monkey
     feeder = threading.Thread(target=feed)
     feeder.start()
     try:
-        with pytest.raises(ValueError, match=r"no end of a response within 4096 bytes and 0\.3 s"):
+        with pytest.raises(ValueError, match=r"a response did not end within 4096 bytes and 0\.3 s"):
             client._response(ours)
     finally:
         ended.set()

@@ -158,5 +158,5 @@ class EmgPublisher:
         try:
             self._envelope = Envelope(self._settings, chunk.layout)
         except HricError as error:
-            LOG.error("no envelope: %s", error)
-            self._on_trouble(f"no envelope: {error}")
+            LOG.error("the EMG envelope is not published: %s", error)
+            self._on_trouble(f"the EMG envelope is not published: {error}")

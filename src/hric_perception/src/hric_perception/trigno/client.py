@@ -88,7 +88,7 @@ class TrignoClient(Driver):
             layout = settings.layout(_rate(command) or settings.rate)
             data.settimeout(IDLE)
             if (response := _request(command, "START")) != "OK":
-                raise ValueError(f"the response to START is {response!r}")
+                raise ValueError(f"the response to START is {response!r}; expected: 'OK'")
             self._stream.begin(layout, settings.latency)
             LOG.info("%s at %g Hz", layout.source, layout.rate)
             try:
@@ -135,7 +135,7 @@ def _response(command: socket.socket) -> str:
     received, deadline = b"", time.monotonic() + TIMEOUT
     while not received.endswith(protocol.END):
         if len(received) > MAX_RESPONSE or time.monotonic() > deadline:
-            raise ValueError(f"no end of a response within {MAX_RESPONSE} bytes and {TIMEOUT:g} s")
+            raise ValueError(f"a response did not end within {MAX_RESPONSE} bytes and {TIMEOUT:g} s")
         data = command.recv(4096)
         if not data:
             raise ConnectionResetError("the connection was closed")
