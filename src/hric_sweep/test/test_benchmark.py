@@ -128,7 +128,7 @@ def test_results_of_other_definitions_or_tables_are_not_compared(
 ) -> None:
     theirs = json.loads(json.dumps(quick[0]))
     theirs["hashes"][key] = "0" * 64
-    with pytest.raises(HricError, match="valid: results of the same one"):
+    with pytest.raises(HricError, match="valid: results made with the same"):
         results.compare(quick[0], theirs)
 
 

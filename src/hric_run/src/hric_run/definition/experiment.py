@@ -143,8 +143,8 @@ class RobotSpec(Settings):
             unread = [key for key, value in self.description.items() if value not in ("0 0 0", list(ORIGIN))]
             if self.urdf and unread:
                 raise ParameterError(
-                    f"{where}description.{unread[0]} has no effect beside {where}urdf, another robot's description; "
-                    "valid: one of them"
+                    f"{where}description.{unread[0]} has no effect beside {where}urdf, which gives another robot's "
+                    "description; valid: only one of the two"
                 )
         with mistakes.noted():
             friction = self.plant.get("friction", self.description.get("friction", "none"))

@@ -147,15 +147,15 @@ def compare(ours: PlainData, theirs: PlainData) -> list[str]:
     for key in ("definition", "tables"):
         if ours["hashes"][key] != theirs["hashes"][key]:
             raise HricError(
-                f"the results are of different {'definitions' if key == 'definition' else 'tables of limits'} "
-                f"({ours['hashes'][key][:12]} and {theirs['hashes'][key][:12]}); valid: results of the same one"
+                f"the results were made with different {'definitions' if key == 'definition' else 'tables of limits'} "
+                f"({ours['hashes'][key][:12]} and {theirs['hashes'][key][:12]}); valid: results made with the same"
             )
     names = [name for name in ours["controllers"] if name in theirs["controllers"]]
     if not names:
         raise HricError(f"no controller is in both results; here: {', '.join(ours['controllers'])}")
     for name in names:
         if ours["controllers"][name]["hash"] != theirs["controllers"][name]["hash"]:
-            raise HricError(f"controller {name} has different overrides in the two results; valid: the same file")
+            raise HricError(f"controller {name} has different overrides in the two results; valid: the same ones")
     return [line for name in names for line in _differences(name, ours, theirs)]
 
 
