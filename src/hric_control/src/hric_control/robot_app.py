@@ -246,7 +246,7 @@ class RobotApp:
         """
         if duration is not None and self.hw.time is None:
             raise HricError(
-                f"a duration cannot be given for {self.name}, whose robot time is not known; call stop() instead"
+                f"{self.name} has no robot time, so run() cannot take a duration; call run() without one, then stop()"
             )
         if duration is not None and round(duration / self.hw.period) < 1:
             return
