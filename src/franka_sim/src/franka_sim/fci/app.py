@@ -37,7 +37,7 @@ def _take_priority(priority: int) -> None:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
     except PermissionError:
         raise FailureError(
-            f"no right to real-time priority {priority}: allow it (ulimit -r) or leave --priority out"
+            f"real-time priority {priority} is not permitted: raise the limit (ulimit -r), or leave --priority out"
         ) from None
 
 

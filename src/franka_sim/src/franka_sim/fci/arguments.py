@@ -149,7 +149,7 @@ def care_arguments() -> list[Argument]:
             type=int,
             default=0,
             metavar="N",
-            help="real-time priority 1 to 99 (SCHED_FIFO); needs the right to it (default: none)",
+            help="real-time priority 1 to 99 (SCHED_FIFO); needs permission (default: none)",
         ),
         Argument(
             "--constant", group=CARE, action="store_true", help="no arm: a constant state, to measure the server alone"
