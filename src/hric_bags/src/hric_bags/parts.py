@@ -105,7 +105,7 @@ def typestore_of(definitions: frozenset[tuple[str, str, str]]) -> Typestore:
     store.register(types)
     for kind, _, checksum in definitions:
         if (actual := store.generate_msgdef(kind)[1]) != checksum:
-            raise BagError(f"the definition of {kind} has checksum {actual}, its messages {checksum}")
+            raise BagError(f"the definition of {kind} has checksum {actual}, but its messages have {checksum}")
     return store
 
 
