@@ -32,36 +32,36 @@ STATES, STEPS = 10, 30
 NONE = "-"
 HEAD = f"""# One description on three engines
 
-A description means the same on PyBullet, MuJoCo and OpenSim. This page says what, and shows it beside pinocchio, a rigid-body library that none of the engines uses.
+A robot description has the same meaning on PyBullet, MuJoCo and OpenSim. This page lists what is the same, and compares the engines with pinocchio, a rigid-body library that none of them uses.
 
 ## What holds on every engine
 
-- **Joints that mimic others** (`<mimic>`) obey q = multiplier * q_leader + offset from the start and in every step, also in chains, for sliding joints, across branches, beyond the
+- **Joints that mimic others** (`<mimic>`) obey q = multiplier * q_leader + offset from the start and in every step, also in chains, for prismatic joints, across branches, beyond the
   follower's own range, and with multiplier 0. The dynamics are those of the constrained robot: with q = J z + c, J'(M + B) J z'' = J'(tau - h). Drives, brakes, stops, friction, contact, wrenches
-  and bushings on one joint act on all that hang on it; a follower's stop stops its leader. `Plant.mass_matrix` and the effective mass of penalty contact have both. Where the robot is put, only the
-  leader's position counts. A follower with a `<transmission>` is refused: nothing can drive it by itself.
-- **Neighbours** never touch: links that are fixed to each other over any number of fixed joints, and all links of two such groups that one moving joint joins. The list is computed from the description
-  (`hric_core.urdf.Robot.neighbours`); no engine's own rule decides. All other links of the robot that overlap do touch, unless `collision_masks` lists them; a link without a shape between two others does
+  and bushings on one joint act on all joints that are coupled to it; a follower's stop stops its leader. `Plant.mass_matrix` and the effective mass of penalty contact include leader and followers. When
+  the robot's position is set, only the leader's position counts. A follower with a `<transmission>` is refused: nothing can drive it by itself.
+- **Neighbours** never touch. Neighbours are links that are connected by any number of fixed joints, and all links of two such groups that are connected by one moving joint. The list is computed from the description
+  (`hric_core.urdf.Robot.neighbours`); no engine applies a rule of its own. All other links of the robot that overlap do touch, unless `collision_masks` lists them; a link without a shape between two others does
   not make them neighbours.
-- **Closed chains** are not URDF: a link with two parents is refused. A chain that was cut moves as the tree that it is, its cut ends hang free. Where the loop keeps angles in a fixed ratio, as a parallelogram
-  does, `<mimic>` closes it exactly; else a bushing between the two cut ends does (`Plant.connect`), as a spring: 0.4 mm of play in a parallelogram of 3 kg at 20 kN/m.
-- **Sliding joints and joints without end** are as in the description; positions of the latter count turns and do not wrap.
-- A joint whose range has no width is held by its stops.
+- **Closed chains** are not URDF: a link with two parents is refused. A chain that was cut moves as a tree whose cut ends hang free. If the loop keeps angles in a fixed ratio, as a parallelogram
+  does, `<mimic>` closes it exactly; otherwise a bushing between the two cut ends closes it as a spring (`Plant.connect`): 0.4 mm of play in a parallelogram of 3 kg at 20 kN/m.
+- **Prismatic and continuous joints** are as in the description; the position of a continuous joint counts full turns and does not wrap.
+- A joint whose lower and upper limit are equal is held by its stops.
 
-## What an engine cannot
+## Limits of single engines
 
-- PyBullet keeps 1 mm around the convex hull of each mesh. The plant gives it hulls that are smaller by that: their sides are where they should be, their corners are round (the corner of a box touches 0.7 mm
-  late). A mesh thinner than 4 mm keeps a part of this skin.
-- MuJoCo shares contact between a follower and its leader by its equality constraint, to a ten-thousandth of the acceleration; what this leaves of the law is taken out at the end of the step.
-- PyBullet shares it by a gear, to the accuracy of its iteration; the end of the step is on the law.
+- PyBullet adds a margin of 1 mm around the convex hull of each mesh. The plant gives it hulls that are smaller by this margin: their sides are where they should be, their corners are round (the corner of a box touches 0.7 mm
+  late). A mesh thinner than 4 mm keeps a part of this margin.
+- MuJoCo distributes contact between a follower and its leader by its equality constraint, to a ten-thousandth of the acceleration. The rest of the deviation from the mimic law is removed at the end of the step.
+- PyBullet distributes it by a gear constraint, to the accuracy of its solver iterations; at the end of the step the joints obey the mimic law.
 
 ## Measured
 
-Acceleration: largest difference of one step of {1e6 * INSTANT:.0f} us to pinocchio in {STATES} random states with random efforts, relative to the largest acceleration of the state; descriptions of others without
-their damping, which at light links is stiffer than any step (damping has tests of its own). 0 where the speeds are equal
-to the last bit. Law: largest distance of a link from where the laws have it [rad or m], over {STEPS} steps of 1 ms. Contacts: pairs of links that overlap by more than {1e6 * TOUCHING:.0f} um where all joints are at zero: one number
-where all engines that load the robot have the same; "n deeper": they agree on overlaps of more than {1e3 * ROUND:.0f} mm. None are neighbours. "-": nothing to measure (no joint mimics; or a joint is held
-by a range of no width). Made by `python tests/conformance/table.py`; the tests in `tests/conformance` check a part of it.
+Acceleration: largest difference between the engine and pinocchio in one step of {1e6 * INSTANT:.0f} us, over {STATES} random states with random efforts, relative to the largest acceleration of the state. Public
+descriptions are taken without their damping, which at light links is stiffer than any step can resolve (damping has tests of its own). 0: the speeds are equal
+to the last bit. Law: largest distance of a link from the position that the mimic laws give [rad or m], over {STEPS} steps of 1 ms. Contacts: number of pairs of links that overlap by more than {1e6 * TOUCHING:.0f} um when all joints are at zero; it is one
+number if all engines that load the robot agree; "n deeper": they agree on overlaps of more than {1e3 * ROUND:.0f} mm. None of these pairs are neighbours. "-": nothing to measure (no joint mimics another, or a joint is held
+by equal limits). Made by `python tests/conformance/table.py`; the tests in `tests/conformance` check a part of it.
 
 """  # noqa: E501
 
@@ -127,7 +127,7 @@ def line(row: Row) -> str:
 def page(rows: Sequence[Row]) -> str:
     """The page as Markdown."""
     columns = [*(f"acceleration, {engine}" for engine in ENGINES), *(f"law, {engine}" for engine in ENGINES)]
-    head = "| robot | joints | that mimic | " + " | ".join(columns) + " | contacts |\n" + "|---" * 10 + "|\n"
+    head = "| robot | joints | mimic joints | " + " | ".join(columns) + " | contacts |\n" + "|---" * 10 + "|\n"
     refused = "".join(f"- `{row.name}` is refused: {text}\n" for row in rows for text in row.refusals)
     return HEAD + head + "\n".join(map(line, rows)) + f"\n\n{refused}".rstrip() + "\n"
 
