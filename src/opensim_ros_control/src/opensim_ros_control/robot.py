@@ -26,7 +26,7 @@ class OpenSimConfig(WindowlessConfig):
         1e-3,
         above=0.0,
         maximum=0.1,
-        text="of OpenSim's error control, as OpenSim defines it; without meaning for the other integrators",
+        text="accuracy of OpenSim's error control, as OpenSim defines it; the other integrators ignore it",
     )
     effort_limits: bool = flag(True, text="cut efforts to the description's limits")
 

@@ -49,7 +49,7 @@ class PlantConfig(Settings):
         number(minimum=0.0, unit="kg m^2"),
         0.1,
         others=0.0,
-        text="rotor inertia seen at the joint; of joints that a map leaves out 0",
+        text="rotor inertia seen at the joint; 0 for joints that a mapping leaves out",
     )
     friction: str = choice("none", "coulomb", "identified", text="joint friction")
     friction_parameters: Mapping[str, object] = mapping(
@@ -67,7 +67,7 @@ class PlantConfig(Settings):
         text="path or package://: pairs of link patterns that do not collide",
     )
     contact_stiffness: float = number(
-        75000.0, above=0.0, unit="N/m", text="of penalty contact where an object gives none"
+        75000.0, above=0.0, unit="N/m", text="stiffness of penalty contact for objects that give none"
     )
     surfaces: tuple[SurfaceRule, ...] = listing(
         section(SurfaceRule),
@@ -81,7 +81,7 @@ class PlantConfig(Settings):
     gravity: Vector = GRAVITY
     gui: bool = flag(False, text="window of the engine; needs a display")
     half_step_readout: bool = flag(True, text="semi-implicit: read q - dt dq/2 instead of the engine's q")
-    seed: int = whole(0, text="kept with the run; nothing in this plant is random")
+    seed: int = whole(0, text="recorded with the run; this plant uses no random numbers")
 
 
 @dataclass(frozen=True)
