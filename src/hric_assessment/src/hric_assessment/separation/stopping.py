@@ -31,11 +31,15 @@ NOT_A_BRAKE = "stops of an emulated arm in simulation, not of a real arm's brake
 class StopRow(Settings):
     """One stop."""
 
-    speed: float = number(above=0.0, unit="m/s", text="with which the end effector moves when braking begins")
-    load: float = number(0.0, minimum=0.0, unit="kg", text="that the arm carries")
-    time: float = number(above=0.0, maximum=10.0, unit="s", text="from then on until it is at rest")
+    speed: float = number(above=0.0, unit="m/s", text="speed of the end effector when braking begins")
+    load: float = number(0.0, minimum=0.0, unit="kg", text="load of the arm")
+    time: float = number(above=0.0, maximum=10.0, unit="s", text="time from then until the end effector is at rest")
     distance: float | None = number(
-        None, above=0.0, unit="m", default_text="speed times time", text="that the end effector covers in that time"
+        None,
+        above=0.0,
+        unit="m",
+        default_text="speed times time",
+        text="distance that the end effector covers in that time",
     )
 
 
@@ -47,15 +51,15 @@ class StopTable(Settings):
     If a row with less speed and load stops later or farther, that row counts.
     """
 
-    title: str = text(empty=False, text="as findings name it")
-    kind: str = choice(*KINDS, default=REQUIRED, text="what it was made by")
-    source: str = text(empty=False, text="who or what made it, when and how")
-    command: str | None = text(None, empty=False, text="that makes it again")
+    title: str = text(empty=False, text="title of the table in findings")
+    kind: str = choice(*KINDS, default=REQUIRED, text="origin of the values")
+    source: str = text(empty=False, text="who or what made the values, when and how")
+    command: str | None = text(None, empty=False, text="command that makes the file again")
     reaction_time: float = number(
         minimum=0.0,
         maximum=5.0,
         unit="s",
-        text="from the request to stop until braking begins; perception is not in it",
+        text="time from the request to stop until braking begins, without the perception time",
     )
     stops: tuple[StopRow, ...] = listing(section(StopRow), text="rows, see below")
 

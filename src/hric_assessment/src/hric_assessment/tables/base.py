@@ -10,19 +10,19 @@ MARKS = ("confirmed twice", "confirmed once", "unconfirmed", "chosen here")
 """Marks of a value: two or more independent public sources, one source, from memory only, or no source."""
 
 
-def _short_names(of: str, default: str = "") -> Any:
-    return listing(text(empty=False), default=(), different=True, single=True, text=of, default_text=default)
+def _short_names(meaning: str, default: str = "") -> Any:
+    return listing(text(empty=False), default=(), different=True, single=True, text=meaning, default_text=default)
 
 
 @dataclass(frozen=True)
 class TableFile(Settings):
     """Head of a table file."""
 
-    title: str = text(empty=False, text="as findings name it")
-    edition: str = text(empty=False, figures=True, text="likewise")
-    sources: Mapping[str, str] = mapping(text(empty=False), text="by short name")
-    mark: str = choice(*MARKS, default="unconfirmed", text="of all values that have none of their own")
-    source: tuple[str, ...] = _short_names("of all values that have none of their own, short names")
+    title: str = text(empty=False, text="title of the table in findings")
+    edition: str = text(empty=False, figures=True, text="edition of the table in findings")
+    sources: Mapping[str, str] = mapping(text(empty=False), text="description of each source by its short name")
+    mark: str = choice(*MARKS, default="unconfirmed", text="mark of all values that have none of their own")
+    source: tuple[str, ...] = _short_names("short names of the sources of all values that name none")
 
     def check(self, where: str) -> None:
         """Refuse source names that are not in `sources`."""
@@ -46,8 +46,8 @@ class TableFile(Settings):
 class MarkedRow(Settings):
     """Row with its mark and sources, where these differ from the file's."""
 
-    mark: str | None = choice(*MARKS, default=None, default_text="the file's", text="of the row")
-    source: tuple[str, ...] = _short_names("of the row", "the file's")
+    mark: str | None = choice(*MARKS, default=None, default_text="the file's", text="mark of the row")
+    source: tuple[str, ...] = _short_names("short names of the sources of the row", "the file's")
 
 
 def check_sources(names: Sequence[str], sources: Mapping[str, str], where: str) -> None:

@@ -75,7 +75,11 @@ class LimitTable(TableFile):
         text="transient over quasi-static force of rows without a transient one",
     )
     pressure_factor: float | None = number(
-        None, minimum=1.0, maximum=LARGEST_FACTOR, unit="1", text="likewise of pressures"
+        None,
+        minimum=1.0,
+        maximum=LARGEST_FACTOR,
+        unit="1",
+        text="transient over quasi-static pressure of rows without a transient one",
     )
     forces: tuple[ForceRow, ...] = listing(section(ForceRow), text="rows [N], see below")
     pressures: tuple[PressureRow, ...] = listing(section(PressureRow), default=(), text="rows [N/cm^2], see below")
