@@ -15,9 +15,9 @@ from interface_pages import pages
 from hric_core.parameters import Settings, rows
 
 _MARK = re.compile(r"<!-- declared: (.+) -->")
-_HEADING = re.compile(r"^(##+ Parameters\n)(?!A parameter that nobody reads)", re.MULTILINE)
+_HEADING = re.compile(r"^(##+ Parameters\n)(?!An unknown parameter)", re.MULTILINE)
 RULE = """\
-A parameter that nobody reads is refused before anything begins, with the nearest valid name: a node ends with exit code 2, a controller is not loaded.
+An unknown parameter is refused before anything starts, with the nearest valid name: a node ends with exit code 2, a controller is not loaded.
 """  # noqa: E501
 
 
