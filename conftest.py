@@ -135,9 +135,10 @@ def _log_as_it_was() -> Iterator[None]:
     """A node in the test's process sends what "hric" logs to rosout, and nowhere else: not for the tests that
     follow."""
     logger = logging.getLogger("hric")
-    kept = logger.propagate, logger.level, logger.handlers[:]
+    level, kept = logger.level, (logger.propagate, logger.handlers[:])
     yield
-    logger.propagate, logger.level, logger.handlers[:] = kept
+    logger.propagate, logger.handlers[:] = kept
+    logger.setLevel(level)  # also empties the logger's cache of what is enabled
 
 
 @contextmanager
@@ -164,6 +165,9 @@ def _as_before_the_test(request: pytest.FixtureRequest) -> Iterator[None]:
 
 @pytest.fixture(autouse=True, scope="module")
 def _as_before_the_file(request: pytest.FixtureRequest) -> Iterator[None]:
-    """A fixture of the whole file may hold a node, too."""
+    """A fixture of the whole file may hold a node, too; one of the session, made before this, logs as at the start."""
+    logger = logging.getLogger("hric")
+    logger.propagate, logger.handlers[:] = True, []
+    logger.setLevel(logging.NOTSET)
     with _log_as_it_was(), _parameters_as_they_were(request):
         yield

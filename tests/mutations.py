@@ -121,8 +121,8 @@ MUTATIONS = {
     "peak": Mutation(
         "the peak of a contact between two messages does not count",
         "hric_assessment",
-        "force = np.concatenate([course.force, course.reached[rose], [touch]])",
-        "force = np.concatenate([course.force, 0.0 * course.reached[rose], [touch]])",
+        "force = np.concatenate([series.force, series.reached[rose], [touch]])",
+        "force = np.concatenate([course.force, 0.0 * series.reached[rose], [touch]])",
         "peak_between_two_messages",
     ),
     "guided_speed": Mutation(

@@ -52,7 +52,7 @@ SCRIPTS = [
     ("setup --fast", r"no option --fast\nusage: .*--check .*--no-gui .*--with PART"),
     ("setup --with everything", r"--with everything is not possible; valid: checks, pictures"),
     ("docs --open", r"not understood: --open; valid: --serve or --check"),
-    ("count --total", r"--at REVISION.*--check.*--twins.*--words.*\n.*unrecognized arguments: --total"),
+    ("count --total", r"--at REVISION.*--check.*--twins.*--prose.*\n.*unrecognized arguments: --total"),
     ("lint --mend", r"no option --mend; valid: --fix"),
     ("test tests/test_nothing.py", r"no tests/test_nothing\.py; valid: .*src/PACKAGE/test.*--live, --all"),
 ]

@@ -20,7 +20,7 @@ def test_a_model_that_mujoco_refuses_is_gone_and_a_reset_goes_on_without_it(make
         raise HricError("MuJoCo cannot compile the scene")
 
     with monkeypatch.context() as patch:
-        patch.setattr(world, "Scene", refused)
+        patch.setattr(world, "CompiledScene", refused)
         with pytest.raises(HricError, match="cannot compile"):
             plant.spawn("ball", BALL, far)
     plant.reset([0.0] * 7)

@@ -626,6 +626,8 @@ def variant(
         key: key of the mapping whose value selects the kind.
         kinds: settings class by value of that key.
         usual: kind that applies if the key is missing; empty: the key is required.
+        default: value if the settings are missing.
+        about: further options, see ParameterOptions.
     """
 
     def convert(value: Any, where: str, joints: Sequence[str]) -> Settings:
