@@ -4,6 +4,7 @@ Executables (`src/PACKAGE/nodes/NAME`, programs of scripts) are no modules. For 
 a package of its own, `executables.PACKAGE.NAME`, so that the contracts hold them, too.
 """
 
+import logging
 import re
 import sys
 import tempfile
@@ -34,7 +35,18 @@ def main(root: Path = WORKSPACE) -> int:
         for names, listed in ((packages, config["root_packages"]), (packages - {EXECUTABLES} | executables, layers)):
             if wrong := sorted(names ^ set(listed)):
                 raise HouseError(f"{CONFIG}, [tool.importlinter]: {', '.join(wrong)} is not listed, or not there")
-        return int(lint_imports(str(root / CONFIG), no_cache=True, no_logo=True))
+        with _enabled_loggers():
+            return int(lint_imports(str(root / CONFIG), no_cache=True, no_logo=True))
+
+
+@contextmanager
+def _enabled_loggers() -> Iterator[None]:
+    """Enable afterwards the loggers that import-linter disables when it configures logging, all but its own."""
+    loggers = [logger for logger in logging.root.manager.loggerDict.values() if isinstance(logger, logging.Logger)]
+    enabled = [logger for logger in loggers if not logger.disabled]
+    yield
+    for logger in enabled:
+        logger.disabled = False
 
 
 def graph(root: Path = WORKSPACE) -> Mapping[str, frozenset[str]]:
