@@ -106,6 +106,19 @@ def test_what_a_wrong_checksum_leaves_readable_is_kept_and_marked(
     assert (expected - contents(whole)).total() <= 1
 
 
+@pytest.mark.parametrize("kind", ["headless", "none"])
+def test_flipped_bit_of_the_index_is_found_where_readers_stumble(kind: str, tmp_path: Path) -> None:
+    whole, damaged = write(tmp_path / "whole.bag", kind), tmp_path / "damaged.bag"
+    data, expected = whole.read_bytes(), contents(whole)
+    index = struct.unpack("<Q", data[(at := data.index(b"index_pos=") + 10) : at + 8])[0]
+    for bit in range(8 * index, 8 * len(data), 29):  # each bit of a byte in turn
+        flipped = bytearray(data)
+        flipped[bit // 8] ^= 1 << bit % 8
+        damaged.write_bytes(flipped)
+        if examine(damaged).code != 4:
+            assert contents(damaged) == expected, f"bit {bit % 8} of byte {bit // 8 - index} of the index"
+
+
 def test_zeros_before_the_index_are_no_damage(tmp_path: Path) -> None:
     path = write(tmp_path / "a.bag", "none")
     data = path.read_bytes()

@@ -83,6 +83,9 @@ class BagScan:
         self.chunks = 0
         self.damage: list[str] = []
         self.doubtful: list[str] = []
+        self._fields: dict[int, Fields] = {}
+        self._indexed: set[int] = set()
+        self._used: set[int] = set()
 
     def messages(self) -> Iterator[tuple[int, int, bytes]]:
         """Yield (number of the connection, time of recording [ns], serialised message) in the order of the file.
@@ -94,6 +97,8 @@ class BagScan:
             view = FileView(file, os.fstat(file.fileno()).st_size)
             for chunk in self._chunks(view):
                 yield from self._messages(view, chunk)
+        if self._indexed and (missing := sorted(self._used - self._indexed)):
+            self.damage.append(f"the index has no record of the connections {missing}: readers miss their messages")
 
     def _chunks(self, view: FileView) -> list[_Chunk]:
         """Read everything except the data of the chunks."""
@@ -109,6 +114,7 @@ class BagScan:
             elif record.kind == INDEX and last is not None:
                 last.index.append(record)
             elif record.kind == CONNECTION:
+                self._indexed.add(LENGTH.unpack(record.fields[b"conn"])[0])
                 self._connection(record.fields, view[record.start : record.end], confirmed=False)
             elif record.kind == CHUNK_INFO:
                 summaries[_POSITION.unpack(record.fields[b"chunk_pos"])[0]] = (
@@ -181,6 +187,7 @@ class BagScan:
             lost |= indexed and entry != (number, time)
             times.append(_nanoseconds(time))
             counts[number] += 1
+            self._used.add(number)
             yield number, times[-1], data
         if not record.open:
             self._judge(chunk, unpacked, times, counts, lost or bool(entries) or (bool(times) and not indexed))
@@ -218,11 +225,11 @@ class BagScan:
 
     def _connection(self, fields: Fields, data: bytes, *, confirmed: bool) -> None:
         """Store a connection record, unless a better copy is known; confirmed: by a checksum."""
-        inner = fields_of(data)
+        number, inner = LENGTH.unpack(fields[b"conn"])[0], fields_of(data)
         if inner is None:
+            self.damage.append(f"a record of the connection {number} is damaged: readers refuse the bag")
             return
         text = {key: value.decode("utf-8", "replace") for key, value in inner.items()}
-        number = LENGTH.unpack(fields[b"conn"])[0]
         # The topic is in the record's header: the data have the name before remapping.
         connection = BagConnection(
             fields[b"topic"].decode("utf-8", "replace"),
@@ -233,7 +240,7 @@ class BagScan:
             text.get(b"latching", "0") == "1",
         )
         known = self.connections.setdefault(number, connection)
-        if known == connection:
+        if known == connection and self._fields.setdefault(number, inner) == inner:
             return
         self.damage.append(f"two records of the connection {number} ({known.topic}) differ")
         if confirmed or _is_sound(connection, text.get(b"topic", "")) > _is_sound(known, text.get(b"topic", "")):
