@@ -1,4 +1,4 @@
-"""What a person's joints carry and what both hands of theirs lift, in a verdict of signals that are known."""
+"""Joint loads and two-handed lifts in verdicts of known signals."""
 
 from pathlib import Path
 from typing import Any

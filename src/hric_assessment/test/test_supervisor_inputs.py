@@ -1,4 +1,4 @@
-"""Who sees the person: a tracked one by the messages of their node."""
+"""Person sources of the supervisor: a tracked person by the messages of the tracking node."""
 
 from types import SimpleNamespace
 

@@ -123,7 +123,7 @@ def test_the_help_costs_little_more_than_starting_python() -> None:
     ],
 )
 def test_the_shell_completes(line: str, offered: str, tmp_path: Path) -> None:
-    """As the function of argcomplete for bash and zsh calls it: what is offered comes on file descriptor 8."""
+    """Call the completion as argcomplete's shell function does; the words come on file descriptor 8."""
     with (tmp_path / "offered").open("wb") as output:
         subprocess.run(
             ["bash", "-c", f"exec {sys.executable} {PROGRAM} 8>&{output.fileno()} 9>/dev/null"],

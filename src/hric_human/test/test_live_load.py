@@ -49,7 +49,7 @@ def force_at(when: float, point: np.ndarray) -> HandForce:
 
 
 def grasped(when: float) -> np.ndarray:
-    """Where the person has the robot."""
+    """Return the point where the hand holds the robot, in the world [m]."""
     MOVER.place(when)
     return MOVER.point(BODY.segments["right_hand"].link, np.array([0.05, 0.0, -0.1]))
 

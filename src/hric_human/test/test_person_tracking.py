@@ -132,7 +132,7 @@ def somebody_else(seed: int) -> tuple[Mover, dict[str, np.ndarray]]:
 
 
 def still(mover: Mover, offsets: dict[str, np.ndarray], seed: int) -> np.ndarray:
-    """Where the person's markers are while they stand upright, each joint 3 deg off (standard deviation)."""
+    """Marker positions of the person standing upright, each joint 3 deg off (standard deviation)."""
     off = np.random.default_rng(seed).normal(0.0, np.radians(3.0), len(BODY.joints))
     low, high = np.array([joint.range for joint in BODY.joints.values()]).T
     return mover.markers(0.0, offsets, off.clip(low, high))

@@ -57,8 +57,10 @@ class Mover:
         return q
 
     def torque(self, time: float, link: str, force: np.ndarray, torque: np.ndarray, point: np.ndarray) -> np.ndarray:
-        """What the joints need, n [N m], beside a force [N] at a point [m] and a torque [N m] on a link, in axes of the
-        world; root and joints move with differences of their positions."""
+        """Return the torques that the joints need, n [N m], with a force and a torque on a link.
+
+        The force is in [N], at a point [m], the torque in [N m]. Vectors are in axes of the world; root and joints move with differences of their positions.
+        """
         h = 1e-4
         before, now, after = (self.state(time + dt) for dt in (-h, 0.0, h))
         forth, back = (pinocchio.difference(self.model, *pair) / h for pair in ((now, after), (before, now)))
@@ -83,7 +85,7 @@ class Mover:
     def markers(
         self, time: float, offsets: dict[str, np.ndarray] | None = None, joints: np.ndarray | None = None
     ) -> np.ndarray:
-        """Where the person's markers are, shape (m, 3) [m].
+        """Marker positions of the person, shape (m, 3) [m].
 
         Args:
             time: [s].

@@ -128,7 +128,7 @@ def test_in_an_experiment_the_electrodes_are_on_the_arm_that_follows() -> None:
 )
 def test_what_needs_wires_is_refused_by_name_beside_emg_that_needs_none(section: dict[str, Any], words: str) -> None:
     raw = experiment.read("pd_step") | {"emg": {}} | section
-    with pytest.raises(HricError, match=f"{words}, which needs a network connection"):
+    with pytest.raises(HricError, match=f"{words}, which needs a network .*; valid: scripts/bringup experiment:=sweep"):
         Simulation(experiment.parse("sweep", raw))
 
 

@@ -133,7 +133,7 @@ def test_an_experiment_without_the_sensor_says_so() -> None:
 def test_the_headless_runner_has_no_wires_and_refuses_by_name(tmp_path: Any) -> None:
     with pytest.raises(
         HricError,
-        match=r"data_collection has sync, which needs a network connection",
+        match=r"data_collection has sync, which needs a network connection .*; valid: scripts/bringup",
     ):
         headless.run(load("data_collection"), root=tmp_path)
     assert list(tmp_path.iterdir()) == []
