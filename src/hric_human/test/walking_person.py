@@ -59,7 +59,8 @@ class Mover:
     def torque(self, time: float, link: str, force: np.ndarray, torque: np.ndarray, point: np.ndarray) -> np.ndarray:
         """Return the torques that the joints need, n [N m], with a force and a torque on a link.
 
-        The force is in [N], at a point [m], the torque in [N m]. Vectors are in axes of the world; root and joints move with differences of their positions.
+        The force is in [N], at a point [m], the torque in [N m]. Vectors are in axes of the world; root and joints move
+        with differences of their positions.
         """
         h = 1e-4
         before, now, after = (self.state(time + dt) for dt in (-h, 0.0, h))
