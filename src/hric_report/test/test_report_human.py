@@ -130,7 +130,9 @@ class TestInABrowser:
     pytestmark = in_a_browser
 
     @pytest.mark.parametrize("time", [0.1, 0.9, 1.1])
-    def test_his_links_are_where_pinocchio_puts_them(self, page: Browser, data: run_data.RunData, time: float) -> None:
+    def test_their_links_are_where_pinocchio_puts_them(
+        self, page: Browser, data: run_data.RunData, time: float
+    ) -> None:
         assert data.person is not None
         settings = HumanSettings.of(data.run["definition"]["human"], "human")
         body, record = describe(settings.person), data.person.record
@@ -207,14 +209,14 @@ class TestInABrowser:
             tail = np.array(AT) - 0.002 * force * np.array([0.0, 0.6, -0.8])
             np.testing.assert_allclose(page.evaluate(f"{arrow}.object.position.toArray()"), tail, atol=1e-6)
 
-    def test_the_page_shows_his_figures_and_names_his_forces_without_a_problem(self, page: Browser) -> None:
+    def test_the_page_shows_their_figures_and_names_their_forces_without_a_problem(self, page: Browser) -> None:
         assert "Grip force" in page.evaluate("document.getElementById('the-human').textContent")
         legend = page.evaluate("document.getElementById('view-legend').textContent")
         assert "activation of the muscles" in legend
         assert "force of panda_hand on human::r_wrist" in legend and "contact of lower arm, wrist" in legend
         assert page.problems == [] and page.requests == []
 
-    def test_of_several_runs_each_human_has_the_colour_of_his_robot(
+    def test_of_several_runs_each_human_has_the_colour_of_their_robot(
         self, page: Browser, run: RunFolder, tmp_path: Path
     ) -> None:
         words = [str(run.path), str(run.path), "--labels", "one", "two", "--output", str(tmp_path)]
