@@ -56,6 +56,12 @@ class Skin:
         return moved
 
     @property
+    def influences(self) -> tuple[npt.NDArray[np.int64], FloatArray]:
+        """Indices of the four links of the largest weights of each vertex, and these weights, each of shape (n, 4)."""
+        links = np.argsort(-self.weights, axis=1, kind="stable")[:, :4]
+        return links, np.take_along_axis(self.weights, links, axis=1)
+
+    @property
     def colours(self) -> FloatArray:
         """Colour of each vertex in work clothes: red, green, blue, shape (n, 3)."""
         return np.array([CLOTHES[name] for name in ZONES])[self.zones]
