@@ -91,9 +91,13 @@ class Browser:
 
     def open(self, path: Path) -> None:
         """Open a file, and wait until its scripts ran."""
+        self.open_address(path.resolve().as_uri())
+
+    def open_address(self, address: str) -> None:
+        """Open an address, and wait until its scripts ran."""
         self.problems.clear()
         self.requests.clear()
-        self._page = path.resolve().as_uri()
+        self._page = address
         self.call("Page.navigate", url=self._page)
         self.wait("document.readyState === 'complete'")
 

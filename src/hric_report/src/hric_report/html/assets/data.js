@@ -1,12 +1,18 @@
 "use strict";
 // Data of the page: report.data is its description, report.read(place) returns one of its arrays as a typed array.
-const report = { data: JSON.parse(document.getElementById("data").textContent) };
+const report = {};
 {
   const KINDS = { f8: Float64Array, f4: Float32Array, u4: Uint32Array };
-  const text = atob(document.getElementById("numbers").textContent);
-  const bytes = new Uint8Array(text.length);
-  for (let k = 0; k < text.length; k++) bytes[k] = text.charCodeAt(k);
-  report.read = (place) => new KINDS[place.kind](bytes.buffer, place.offset, place.count);
+  let bytes;
+
+  // Set data and arrays; numbers: all arrays in base64.
+  report.load = (data, numbers) => {
+    report.data = data;
+    bytes = Uint8Array.from(atob(numbers), (character) => character.charCodeAt(0));
+  };
+
+  // Return an array of the page; one that has been read already stays as it is.
+  report.read = (place) => (ArrayBuffer.isView(place) ? place : new KINDS[place.kind](bytes.buffer, place.offset, place.count));
 }
 
 // Return the number of values of an increasing array that are not above `value`.

@@ -176,6 +176,26 @@
     }
   }
 
+  const INSTANTS = 20000; // most instants of a running system that are kept: 11 minutes at 30 Hz
+
+  // Array that grows by rows; when it is full, the older half goes.
+  class Rows {
+    constructor(kind, width) {
+      Object.assign(this, { width, data: new kind(64 * width), rows: 0 });
+    }
+
+    push(row) {
+      if ((this.rows + 1) * this.width > this.data.length) {
+        const kept = this.rows < INSTANTS ? 0 : this.rows >> 1, left = this.data.subarray(kept * this.width, this.rows * this.width);
+        const larger = new this.data.constructor(this.rows < INSTANTS ? 2 * this.data.length : this.data.length);
+        larger.set(left);
+        Object.assign(this, { data: larger, rows: this.rows - kept });
+      }
+      this.data.set(row, this.rows++ * this.width);
+      return this.data.subarray(0, this.rows * this.width);
+    }
+  }
+
   class Robot {
     constructor(spec, scene) {
       Object.assign(this, { label: spec.label, role: spec.role, joints: [], links: new Map() });
@@ -205,6 +225,17 @@
       this.skin = spec.skin && new Skin(spec.skin, this.links);
       if (this.skin) scene.add(this.skin.object);
       this.trails = [...this.trailOfTip(spec.tip, scene), ...this.trailsOfTracks()];
+    }
+
+    // Add an instant of a running system: joint positions q, null where unknown, and the pose of the root if it moves.
+    append(t, { q, root }) {
+      this.rows ||= { time: new Rows(Float64Array, 1), position: new Rows(Float32Array, this.columns), root: new Rows(Float32Array, 7), rootTime: new Rows(Float64Array, 1) };
+      const before = this.position.subarray(-this.columns);
+      this.position = this.rows.position.push(q.map((value, k) => value ?? before[k] ?? 0));
+      this.time = this.rows.time.push([t]);
+      if (!root) return;
+      this.motion ||= new Track({ kind: "frame", time: new Float64Array(0), values: new Float32Array(0), name: "root" });
+      Object.assign(this.motion, { time: this.rows.rootTime.push([t]), values: this.rows.root.push(root), width: 7 });
     }
 
     // Return the trail of the end effector in the world.
@@ -297,6 +328,32 @@
       for (const arrow of this.arrows) arrow.material.color.set(report.colour(arrow.colour));
     }
   }
+
+  // Contact forces of a running system by name, each an arrow that ends at its point.
+  report.Forces = class {
+    constructor(scene) {
+      Object.assign(this, { scene, arrows: new Map() });
+    }
+
+    append(t, forces) {
+      for (const { name } of forces) if (!this.arrows.has(name)) this.arrows.set(name, this.make(name));
+      for (const [name, { rows, arrow }] of this.arrows) {
+        const { point, force } = forces.find((one) => one.name === name) || { point: [0, 0, 0], force: [0, 0, 0] };
+        Object.assign(arrow, { time: rows.time.push([t]), point: rows.point.push(point), force: rows.force.push(force) });
+      }
+    }
+
+    make(name) {
+      const arrow = new Arrow({ name, time: new Float64Array(0), force: new Float32Array(0), point: new Float32Array(0), per_newton: PER_NEWTON, ends: true });
+      arrow.material.color.set(report.colour("limit"));
+      this.scene.add(arrow.object);
+      return { arrow, rows: { time: new Rows(Float64Array, 1), point: new Rows(Float32Array, 3), force: new Rows(Float32Array, 3) } };
+    }
+
+    show(t) {
+      for (const { arrow } of this.arrows.values()) arrow.show(t);
+    }
+  };
 
   report.makeRobots = (scene) => report.data.scene.robots.map((spec) => new Robot(spec, scene));
 }

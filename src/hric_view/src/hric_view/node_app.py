@@ -1,0 +1,97 @@
+"""Node `view`: the window of a running system in a browser."""
+
+import threading
+from dataclasses import dataclass
+
+import numpy as np
+import rospy
+from geometry_msgs.msg import PoseStamped
+from sensor_msgs.msg import JointState
+
+from hric_core.parameters import Settings, number, text, whole
+from hric_core.ros import RosNode
+from hric_core.ros.process import NodeApp
+from hric_core.urdf import mimic_laws, read
+from hric_human.body import describe
+from hric_human.participant.settings import HumanSettings
+from hric_msgs.msg import RegionContacts
+from hric_report.html.scene import SceneRobot, SceneSkin
+from hric_skin import fitted
+from hric_view import page
+from hric_view.live import LiveForces, LiveJoints, frame
+from hric_view.server import LOOPBACK, ViewServer
+
+PORT = 8090
+"""TCP port of the window; project default."""
+HUMAN = "human"
+"""Name of the simulated person: of their topics below `hric/`, and of their section among the robot's participants."""
+
+
+@dataclass(frozen=True)
+class WindowSettings(Settings):
+    """Parameters of the node."""
+
+    host: str = text(LOOPBACK, empty=False, text="address of this machine on which the window listens")
+    port: int = whole(PORT, minimum=0, maximum=65535, text="TCP port of the window; 0: a free one")
+    rate: float = number(30.0, minimum=1.0, maximum=120.0, unit="Hz", text="of the frames, in wall time")
+    robot_description: str = text("robot_description", empty=False, text="parameter with the URDF of the arm")
+
+
+class Window(NodeApp):
+    """Window node; it listens from construction on.
+
+    Args:
+        node: private node.
+
+    Raises:
+        HricError: a parameter is not valid, the port is taken, or a description cannot be read.
+    """
+
+    def __init__(self, node: RosNode) -> None:
+        settings = WindowSettings.read(node)
+        self._root, self._robots = RosNode(), list[SceneRobot]()
+        self._joints, self._forces = list[LiveJoints](), LiveForces()
+        self._add(str(self._root.param(settings.robot_description)), "joint_states")
+        if self._root.has_param(f"hric/{HUMAN}/robot_description"):
+            self._add_human()
+        message = page.scene_message(self._robots)
+        title = f"{self._root.namespace.strip('/') or 'robot'}, live"
+        self._server = ViewServer(lambda socket: page.render(title, socket), lambda: message, settings.host, settings.port)
+        rospy.loginfo("The window is open at %s", self._server.address)
+        self._stop, self._period = threading.Event(), 1.0 / settings.rate
+        self._thread = threading.Thread(target=self._run, name="frames", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop sending and listening."""
+        self._stop.set()
+        self._thread.join()
+        self._server.close()
+
+    def _add(self, description: str, topic: str) -> SceneRobot:
+        """Add a robot or person whose joint states are on a topic."""
+        joints = read(description).joints
+        laws = mimic_laws(joints)
+        names = tuple(joint.name for joint in joints.values() if joint.type != "fixed" and joint.name not in laws)
+        live = LiveJoints(names)
+        self._joints.append(live)
+        self._root.subscribe(topic, JointState, live.push, queue_size=10)
+        robot = SceneRobot("", description, names, np.zeros(1), np.zeros((1, len(names))))
+        self._robots.append(robot)
+        return robot
+
+    def _add_human(self) -> None:
+        """Add the simulated person, with their skin and the forces on them."""
+        robot = self._add(str(self._root.param(f"hric/{HUMAN}/robot_description")), f"hric/{HUMAN}/joint_states")
+        section = dict(self._root.param(f"robot/participants/{HUMAN}"))
+        section.pop("type")
+        settings = HumanSettings.of(section, HUMAN)
+        body = describe(settings.person)
+        robot.pose, robot.skin = settings.root(body), SceneSkin.of(fitted(body))
+        self._root.subscribe(f"hric/{HUMAN}/root", PoseStamped, self._joints[-1].push_root, queue_size=1)
+        self._root.subscribe(f"hric/{HUMAN}/contacts", RegionContacts, self._forces.push, queue_size=100)
+
+    def _run(self) -> None:
+        while not self._stop.wait(self._period):
+            if self._server.viewers:
+                self._server.send(frame(self._joints, self._forces.take()))

@@ -1,0 +1,160 @@
+"""Only who has the address of the window sees it, and nobody who sees it can disturb it or the others."""
+
+import http.client
+from collections.abc import Iterator
+from contextlib import ExitStack
+from urllib.parse import urlsplit
+
+import pytest
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import ClientConnection, connect
+
+from hric_core.errors import FailureError
+from hric_view.server import MAX_MESSAGE, MAX_VIEWERS, ViewServer
+
+SCENE = '{"data":{}}'
+
+
+@pytest.fixture
+def server() -> Iterator[ViewServer]:
+    made = ViewServer(lambda socket: f"<p>{socket}", lambda: SCENE)
+    yield made
+    made.close()
+
+
+def get(server: ViewServer, path: str, **headers: str) -> tuple[int, str]:
+    address = urlsplit(server.address)
+    client = http.client.HTTPConnection(str(address.hostname), address.port, timeout=10)
+    client.request("GET", path, headers=headers)
+    answer = client.getresponse()
+    return answer.status, answer.read().decode()
+
+
+def viewer(server: ViewServer, origin: str | None = "", token: str | None = None, host: str = "") -> ClientConnection:
+    """Connect as the page does, or as somebody else; origin: "": that of the page."""
+    address = urlsplit(server.address)
+    query = address.query if token is None else f"token={token}"
+    return connect(
+        f"ws://{address.netloc}/socket?{query}",
+        origin=f"http://{address.netloc}" if origin == "" else origin,  # type: ignore[arg-type]
+        additional_headers={"Host": host} if host else None,
+        open_timeout=10,
+    )
+
+
+def test_the_printed_address_has_the_page_of_its_own_socket(server: ViewServer) -> None:
+    address = urlsplit(server.address)
+    assert address.hostname == "127.0.0.1"
+    assert get(server, f"/?{address.query}") == (200, f"<p>ws://{address.netloc}")
+
+
+@pytest.mark.parametrize("query", ["", "?token=", "?token=AAAAAAAAAAAAAAAAAAAAAA", "?token=%E4%BA%BA", "?token=a&token=b"])
+@pytest.mark.parametrize("path", ["/", "/socket", "/else"])
+def test_without_the_token_there_is_no_page(server: ViewServer, path: str, query: str) -> None:
+    status, text = get(server, path + query)
+    assert status == 403 and "token" in text
+
+
+def test_another_path_has_nothing(server: ViewServer) -> None:
+    assert get(server, f"/else?{urlsplit(server.address).query}")[0] == 404
+
+
+@pytest.mark.parametrize("host", ["evil.example", "127.0.0.1", "evil.example:{port}", ""])
+def test_another_name_of_this_host_is_refused(server: ViewServer, host: str) -> None:
+    address = urlsplit(server.address)
+    assert get(server, f"/?{address.query}", Host=host.format(port=address.port))[0] == 403
+
+
+def test_a_viewer_gets_scene_and_frames(server: ViewServer) -> None:
+    with viewer(server) as client:
+        assert client.recv(10) == SCENE
+        server.send("1")
+        assert client.recv(10) == "1"
+        server.send("2")
+        assert client.recv(10) == "2"
+
+
+@pytest.mark.parametrize("origin", [None, "null", "http://evil.example", "https://127.0.0.1", "http://127.0.0.1.evil.example"])
+def test_a_page_of_another_origin_is_refused(server: ViewServer, origin: str | None) -> None:
+    with pytest.raises(InvalidStatus) as refused:
+        viewer(server, origin)
+    assert refused.value.response.status_code == 403
+
+
+@pytest.mark.parametrize("token", ["", "wrong"])
+def test_a_socket_without_the_token_is_refused(server: ViewServer, token: str) -> None:
+    with pytest.raises(InvalidStatus) as refused:
+        viewer(server, token=token)
+    assert refused.value.response.status_code == 403
+
+
+def test_the_token_of_a_server_before_is_refused(server: ViewServer) -> None:
+    before = ViewServer(lambda socket: "", lambda: SCENE)
+    token = urlsplit(before.address).query.removeprefix("token=")
+    before.close()
+    with pytest.raises(InvalidStatus):
+        viewer(server, token=token)
+
+
+MESSAGES = [
+    "", "{", "[]", "null", '{"do":"pause"}', "x" * MAX_MESSAGE, "x" * (MAX_MESSAGE + 1), "x" * 10**6, b"", b"\x00\xff", b"x" * 10**5,
+    "\u0000", '{"a":' * 800, "1e999", "NaN", '{"do":["rm"]}', "<script>", "\U0001f600", '{"do":"stop","do":"start"}', "-" * 4000,
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("message", MESSAGES, ids=[f"bad{number}" for number in range(len(MESSAGES))])
+def test_who_sends_anything_is_disconnected_and_the_others_are_not(server: ViewServer, message: str | bytes) -> None:
+    with viewer(server) as good, viewer(server) as bad:
+        assert good.recv(10) == bad.recv(10) == SCENE
+        with pytest.raises(ConnectionClosed) as closed:
+            bad.send(message)
+            for _ in range(100):
+                bad.recv(10)
+        assert closed.value.rcvd is not None and closed.value.rcvd.code in (1008, 1009)
+        server.send("1")
+        assert good.recv(10) == "1"
+
+
+def test_a_viewer_that_does_not_read_delays_nobody(server: ViewServer) -> None:
+    with viewer(server) as stuck, viewer(server) as good:
+        assert stuck.recv(10) == good.recv(10) == SCENE
+        large = "x" * 10**6
+        for number in range(60):
+            server.send(f"{number} {large}")
+            assert str(good.recv(10)).startswith(f"{number} ")
+
+
+def test_more_viewers_than_allowed_are_refused(server: ViewServer) -> None:
+    with ExitStack() as stack:
+        clients = [stack.enter_context(viewer(server)) for _ in range(MAX_VIEWERS)]
+        assert [client.recv(10) for client in clients] == [SCENE] * MAX_VIEWERS
+        with pytest.raises(InvalidStatus) as refused:
+            viewer(server)
+        assert refused.value.response.status_code == 503
+
+
+def test_who_has_left_is_no_viewer(server: ViewServer) -> None:
+    with viewer(server) as client:
+        client.recv(10)
+        assert server.viewers == 1
+    with viewer(server) as client:
+        for number in range(100):
+            server.send(str(number))
+            client.recv(10)
+            if server.viewers == 1:
+                break
+        assert server.viewers == 1
+
+
+def test_a_taken_port_is_an_error_with_the_way_out(server: ViewServer) -> None:
+    with pytest.raises(FailureError, match="in use; valid: an address of this machine and a free port, or port 0"):
+        ViewServer(lambda socket: "", lambda: "", port=int(urlsplit(server.address).port or 0))
+
+
+def test_closing_ends_the_connections(server: ViewServer) -> None:
+    made = ViewServer(lambda socket: "", lambda: SCENE)
+    with viewer(made) as client:
+        client.recv(10)
+        made.close()
+        with pytest.raises(ConnectionClosed):
+            client.recv(10)

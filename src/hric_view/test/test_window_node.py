@@ -1,0 +1,165 @@
+"""The node of the window shows what the running system says, to viewers alone, and ends with a word."""
+
+import json
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import rospy
+from browser import Browser, installed
+from geometry_msgs.msg import PoseStamped
+from real_master import end_nodes, ros, roscore  # noqa: F401
+from sensor_msgs.msg import JointState
+from websockets.sync.client import connect
+
+from hric_core.robot_time import stamps
+from hric_human.body import Subject, describe
+from hric_msgs.msg import RegionContact, RegionContacts
+
+pytestmark = pytest.mark.alone
+
+NODE = Path(__file__).parents[1] / "nodes" / "view"
+ARM = """<robot name="arm"><link name="base"/><link name="one"><visual><geometry><box size="0.1 0.1 0.4"/></geometry></visual></link>
+<link name="two"/>
+<joint name="arm_joint1" type="revolute"><parent link="base"/><child link="one"/><axis xyz="0 0 1"/>
+<limit lower="-1" upper="2" velocity="2" effort="10"/></joint>
+<joint name="arm_joint2" type="revolute"><parent link="one"/><child link="two"/><axis xyz="0 1 0"/>
+<limit lower="-1" upper="2" velocity="2" effort="10"/></joint></robot>"""
+SUBJECT = {"code": "S1", "mass": 79.0, "height": 1.75, "sex": "male", "parts": "upper_body"}
+
+
+@pytest.fixture
+def address(ros: str) -> Iterator[str]:  # noqa: F811
+    """Address of the window of an arm with a person beside it; the node ends with the test."""
+    subject = Subject.of(SUBJECT, "subject:")
+    rospy.set_param("/robot_description", ARM)
+    rospy.set_param("/hric/human/robot_description", describe(subject).urdf)
+    rospy.set_param("/robot/participants/human", {"type": "hric_human/Human", "subject": SUBJECT})
+    node = start("_port:=0")
+    yield opened(node)
+    (said,) = end_nodes(node)
+    for name in ("/robot_description", "/hric/human/robot_description", "/robot/participants"):
+        rospy.delete_param(name)
+    assert node.returncode == 0 and "Traceback" not in said, said
+
+
+def start(*words: str) -> subprocess.Popen[str]:
+    return subprocess.Popen([sys.executable, str(NODE), *words], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+
+
+def opened(node: subprocess.Popen[str]) -> str:
+    assert node.stdout is not None
+    for line in node.stdout:
+        if found := re.search(r"http://\S+", line):
+            return found[0]
+    raise AssertionError("the node ended without an address")
+
+
+class Robot:
+    """Publishers of what the window shows."""
+
+    def __init__(self) -> None:
+        self.joints = rospy.Publisher("/joint_states", JointState, queue_size=1)
+        self.person = rospy.Publisher("/hric/human/joint_states", JointState, queue_size=1)
+        self.root = rospy.Publisher("/hric/human/root", PoseStamped, queue_size=1)
+        self.contacts = rospy.Publisher("/hric/human/contacts", RegionContacts, queue_size=1)
+
+    def say(self, time: float) -> None:
+        """Publish one state, with a contact of 30 N on the forearm."""
+        stamp = stamps.to_time(time)
+        arm = JointState(name=["arm_joint2"], position=[0.25])
+        arm.header.stamp = stamp
+        self.joints.publish(arm)
+        elbow = JointState(name=["right_el_flex"], position=[1.5])
+        elbow.header.stamp = stamp
+        self.person.publish(elbow)
+        root = PoseStamped()
+        root.pose.position.x, root.pose.orientation.w = 0.9, 1.0
+        self.root.publish(root)
+        contact = RegionContact(link="r_elbow", regions=["lower arm, wrist"], force=30.0, peak=30.0)
+        contact.point.x, contact.normal.z = 0.4, -1.0
+        self.contacts.publish(RegionContacts(touching=[contact]))
+
+
+@pytest.fixture
+def robot(ros: str) -> Iterator[Robot]:  # noqa: F811
+    made = Robot()
+    yield made
+    for publisher in (made.joints, made.person, made.root, made.contacts):
+        publisher.unregister()
+
+
+def frames(address: str, robot: Robot) -> Iterator[dict[str, Any]]:
+    """Frames of a viewer while the robot says the same again and again."""
+    origin, _, query = address.partition("/?")
+    with connect(f"{origin.replace('http', 'ws')}/socket?{query}", origin=origin) as viewer:  # type: ignore[arg-type]
+        yield json.loads(viewer.recv(20))
+        for number in range(400):
+            robot.say(2.0 + 0.01 * number)
+            yield json.loads(viewer.recv(20))
+
+
+def test_viewers_get_the_scene_and_what_the_topics_say(address: str, robot: Robot) -> None:
+    came = frames(address, robot)
+    arm, person = next(came)["data"]["scene"]["robots"]
+    assert [joint["name"] for joint in arm["joints"]] == ["arm_joint1", "arm_joint2"] and arm["skin"] is None
+    assert "r_wrist" in person["skin"]["links"]
+    elbow = next(joint["column"] for joint in person["joints"] if joint["name"] == "right_el_flex")
+    frame = next(frame for frame in came if frame["robots"][1].get("root") and frame.get("forces"))
+    first, second = frame["robots"]
+    assert first["q"] == [None, 0.25] and second["q"][elbow] == 1.5
+    assert second["root"] == [0.9, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
+    assert frame["forces"] == [{"name": "lower arm, wrist", "point": [0.4, 0.0, 0.0], "force": [0.0, 0.0, -30.0]}]
+    assert frame["t"] >= 2.0
+    came.close()
+
+
+def test_a_taken_port_ends_the_node_with_one_line(address: str) -> None:
+    port = address.partition("/?")[0].rpartition(":")[2]
+    node = start(f"_port:={port}", "__name:=second")
+    said, _ = node.communicate(timeout=30)
+    assert node.returncode == 1 and "Traceback" not in said
+    assert f"cannot listen on 127.0.0.1, port {port}: Address already in use; valid:" in said
+
+
+def test_without_a_description_the_node_ends_with_a_word(ros: str) -> None:  # noqa: F811
+    node = start("_port:=0", "_robot_description:=nowhere")
+    said, _ = node.communicate(timeout=30)
+    assert node.returncode != 0 and "Traceback" not in said and "nowhere" in said
+    rospy.delete_param("/view/robot_description")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not installed(), reason="no chromium; scripts/setup --with checks installs it")
+class TestInABrowser:
+    def test_arm_person_and_force_are_drawn_where_they_are(self, address: str, robot: Robot, tmp_path: Path) -> None:
+        with Browser(tmp_path) as page:
+            page.open_address(address)
+            for number in range(100):
+                robot.say(2.0 + 0.01 * number)
+                if page.evaluate("report.started === true && report.forces.arrows.size === 1"):
+                    break
+            robots = "report.replay.robots"
+            page.evaluate("report.replay.scene.updateMatrixWorld(true)")
+            assert page.evaluate(f"{robots}[0].position[{robots}[0].position.length - 1]") == 0.25
+            at = page.evaluate(f"{robots}[1].root.getWorldPosition(new THREE.Vector3()).toArray()")
+            assert at == pytest.approx([0.9, 0.0, 0.0], abs=1e-6)
+            assert page.evaluate(f"{robots}[1].skin.object.visible")
+            assert page.problems == [] and page.requests == []
+
+    def test_a_lost_connection_is_told_and_comes_back(self, ros: str, robot: Robot, tmp_path: Path) -> None:  # noqa: F811
+        rospy.set_param("/robot_description", ARM)
+        node = start("_port:=0")
+        address = opened(node)
+        with Browser(tmp_path) as page:
+            page.open_address(address)
+            page.wait("document.getElementById('link').textContent.startsWith('connected')")
+            node.send_signal(signal.SIGINT)
+            node.communicate(timeout=30)
+            page.wait("document.getElementById('link').textContent.includes('lost')")
+        rospy.delete_param("/robot_description")
