@@ -48,7 +48,9 @@ def test_the_printed_address_has_the_page_of_its_own_socket(server: ViewServer) 
     assert get(server, f"/?{address.query}") == (200, f"<p>ws://{address.netloc}")
 
 
-@pytest.mark.parametrize("query", ["", "?token=", "?token=AAAAAAAAAAAAAAAAAAAAAA", "?token=%E4%BA%BA", "?token=a&token=b"])
+@pytest.mark.parametrize(
+    "query", ["", "?token=", "?token=AAAAAAAAAAAAAAAAAAAAAA", "?token=%E4%BA%BA", "?token=a&token=b"]
+)
 @pytest.mark.parametrize("path", ["/", "/socket", "/else"])
 def test_without_the_token_there_is_no_page(server: ViewServer, path: str, query: str) -> None:
     status, text = get(server, path + query)
@@ -74,7 +76,9 @@ def test_a_viewer_gets_scene_and_frames(server: ViewServer) -> None:
         assert client.recv(10) == "2"
 
 
-@pytest.mark.parametrize("origin", [None, "null", "http://evil.example", "https://127.0.0.1", "http://127.0.0.1.evil.example"])
+@pytest.mark.parametrize(
+    "origin", [None, "null", "http://evil.example", "https://127.0.0.1", "http://127.0.0.1.evil.example"]
+)
 def test_a_page_of_another_origin_is_refused(server: ViewServer, origin: str | None) -> None:
     with pytest.raises(InvalidStatus) as refused:
         viewer(server, origin)

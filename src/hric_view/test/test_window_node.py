@@ -49,7 +49,9 @@ def address(ros: str) -> Iterator[str]:  # noqa: F811
 
 
 def start(*words: str) -> subprocess.Popen[str]:
-    return subprocess.Popen([sys.executable, str(NODE), *words], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    return subprocess.Popen(
+        [sys.executable, str(NODE), *words], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
 
 
 def opened(node: subprocess.Popen[str]) -> str:

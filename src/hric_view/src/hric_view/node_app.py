@@ -56,7 +56,9 @@ class Window(NodeApp):
             self._add_human()
         message = page.scene_message(self._robots)
         title = f"{self._root.namespace.strip('/') or 'robot'}, live"
-        self._server = ViewServer(lambda socket: page.render(title, socket), lambda: message, settings.host, settings.port)
+        self._server = ViewServer(
+            lambda socket: page.render(title, socket), lambda: message, settings.host, settings.port
+        )
         rospy.loginfo("The window is open at %s", self._server.address)
         self._stop, self._period = threading.Event(), 1.0 / settings.rate
         self._thread = threading.Thread(target=self._run, name="frames", daemon=True)

@@ -29,8 +29,8 @@ MAX_VIEWERS = 20
 """Largest number of viewers at a time; project default, unconfirmed."""
 CLOSED_BY_POLICY = 1008
 """Code of RFC 6455 for a message that breaks the rules of the server."""
-CLOSING = 1.0
-"""Longest wait for a viewer that says goodbye [s]; project default, unconfirmed."""
+PATIENCE = 1.0
+"""Longest wait for the request of a new connection, and for the answer when one is closed [s]; project default."""
 IDLE = 0.5
 """Longest wait for a frame until a viewer is looked after again [s]."""
 
@@ -51,7 +51,9 @@ class ViewServer:
         FailureError: the port is taken, or the host is no address of this machine.
     """
 
-    def __init__(self, page: Callable[[str], str], scene: Callable[[], str], host: str = LOOPBACK, port: int = 0) -> None:
+    def __init__(
+        self, page: Callable[[str], str], scene: Callable[[], str], host: str = LOOPBACK, port: int = 0
+    ) -> None:
         try:
             self._socket = socket.create_server((host, port))
         except OSError as error:
@@ -74,7 +76,8 @@ class ViewServer:
             process_request=self._answer,
             max_size=MAX_MESSAGE,
             compression=None,
-            close_timeout=CLOSING,
+            open_timeout=PATIENCE,
+            close_timeout=PATIENCE,
             server_header=None,
         )
         self._thread = threading.Thread(target=self._server.serve_forever, name="window", daemon=True)
@@ -109,7 +112,9 @@ class ViewServer:
             return _text(http.HTTPStatus.FORBIDDEN, "wrong or missing token; valid: the address that was printed\n")
         if address.path == "/socket":
             full = self.viewers >= MAX_VIEWERS
-            return _text(http.HTTPStatus.SERVICE_UNAVAILABLE, f"{MAX_VIEWERS} viewers are connected\n") if full else None
+            return (
+                _text(http.HTTPStatus.SERVICE_UNAVAILABLE, f"{MAX_VIEWERS} viewers are connected\n") if full else None
+            )
         if address.path == "/":
             return _response(http.HTTPStatus.OK, "text/html", self._page)
         return _text(http.HTTPStatus.NOT_FOUND, "nothing here; valid: the address that was printed\n")
