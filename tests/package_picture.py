@@ -18,7 +18,7 @@ HOUSES = {
         *("pybullet_ros_control", "opensim_ros_control", "mujoco_ros_control"),
     ),
     "human": ("hric_human", "hric_skin", "hric_assessment", "hric_perception", "mocap_natnet"),
-    "lab": ("hric_bags", "hric_run", "hric_analysis", "hric_report", "hric_sweep", "hric_experiments"),
+    "lab": ("hric_bags", "hric_run", "hric_analysis", "hric_report", "hric_sweep", "hric_view", "hric_experiments"),
 }
 """The packages with Python of each house; scripts belong to none."""
 LOOKS = {"core": ("#e3ecf7", 0.0, 1.0), "human": ("#f9e8dc", 0.0, 0.55), "lab": ("#e3f2e6", 0.55, 1.0)}

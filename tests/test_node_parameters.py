@@ -15,6 +15,7 @@ WRONG = {
     "hric_perception/force_plate": ("_natnet/servr:=a", "server"),
     "hric_perception/live_plot": ("_rate:=3", "none"),
     "hric_perception/live_view": ("_ratee:=3", "rate"),
+    "hric_view/view": ("_ratee:=3", "rate"),
     "hric_perception/person": ("_subjekt:=a", "subject"),
     "hric_perception/synchronizer": ("_plann:={}", "plan"),
     "hric_perception/synchronizer_cpp": ("_plann:={}", "queue"),

@@ -278,7 +278,7 @@ WORDS: dict[str, tuple[str, ...]] = {
     "env": ("sim", "real"),
     "robot": ("panda", "fr3"),
     "rviz": (*BOOL, "auto"),
-    "view": (*BOOL, "auto", "plot"),
+    "view": (*BOOL, "auto", "plot", "web"),
     "record": (*BOOL, "auto", "on_trigger"),
     "html": BOOL,
     "mocap": ("auto", "none", "emulated", "motive"),

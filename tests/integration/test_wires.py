@@ -69,7 +69,7 @@ def attacked(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Attacked]:
         except (RuntimeError, OSError) as error:
             pytest.skip(str(error))
         stack.callback(network.close)
-        words = [f"{ROOT}/scripts/bringup", "env:=real", "robot_ip:=emulated", "rviz:=false"]
+        words = [f"{ROOT}/scripts/bringup", "env:=real", "robot_ip:=emulated", "rviz:=false", "view:=web"]
         system = LiveSystem(
             folder,
             *network.command(network.lab, *words, f"experiment:={experiment(folder)}", f"mocap_server:={LAB}")[1:],

@@ -24,8 +24,8 @@ from hric_msgs.msg import RegionContact, RegionContacts
 pytestmark = pytest.mark.alone
 
 NODE = Path(__file__).parents[1] / "nodes" / "view"
-ARM = """<robot name="arm"><link name="base"/><link name="one"><visual><geometry><box size="0.1 0.1 0.4"/></geometry></visual></link>
-<link name="two"/>
+ARM = """<robot name="arm"><link name="base"/><link name="two"/>
+<link name="one"><visual><geometry><box size="0.1 0.1 0.4"/></geometry></visual></link>
 <joint name="arm_joint1" type="revolute"><parent link="base"/><child link="one"/><axis xyz="0 0 1"/>
 <limit lower="-1" upper="2" velocity="2" effort="10"/></joint>
 <joint name="arm_joint2" type="revolute"><parent link="one"/><child link="two"/><axis xyz="0 1 0"/>

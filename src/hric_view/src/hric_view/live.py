@@ -55,7 +55,7 @@ class LiveJoints:
     def state(self) -> dict[str, Any]:
         """Return positions [rad, m] and, if it moves, the pose of the root: x, y, z [m], quaternion x, y, z, w.
 
-        A joint that was not yet heard of is null.
+        A joint is null until its position has been received.
         """
         with self._lock:
             positions = [None if math.isnan(position) else position for position in self._positions]

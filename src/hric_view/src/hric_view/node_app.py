@@ -37,7 +37,7 @@ class WindowSettings(Settings):
     robot_description: str = text("robot_description", empty=False, text="parameter with the URDF of the arm")
 
 
-class Window(NodeApp):
+class BrowserWindow(NodeApp):
     """Window node; it listens from construction on.
 
     Args:

@@ -58,8 +58,8 @@ class ViewServer:
             self._socket = socket.create_server((host, port))
         except OSError as error:
             raise FailureError(
-                f"the window cannot listen on {host}, port {port}: {os.strerror(error.errno or 0)}; valid: an address of this machine "
-                "and a free port, or port 0 for any"
+                f"the window cannot listen on {host}, port {port}: {os.strerror(error.errno or 0)}; valid: an address "
+                "of this machine and a free port, or port 0 for any"
             ) from error
         self._token, self._scene = secrets.token_urlsafe(16), scene
         name = f"{host}:{self._socket.getsockname()[1]}"
@@ -126,18 +126,20 @@ class ViewServer:
         try:
             connection.send(self._scene())
             number = 0
-            while not self._ended:
-                with self._new:
-                    self._new.wait_for(lambda: self._number != number or self._ended, IDLE)
-                    frame, fresh, number = self._frame, self._number != number, self._number
-                if fresh:
+            while not self._ended and not connection.protocol.close_expected():
+                before, (frame, number) = number, self._after(number)
+                if number != before:
                     connection.send(frame)
-                elif connection.protocol.close_expected():
-                    return
         except ConnectionClosed:
             pass
         finally:
             self._viewers.discard(connection)
+
+    def _after(self, number: int) -> tuple[str, int]:
+        """Return the newest frame and its number, as soon as it is not that number, or after IDLE at the latest."""
+        with self._new:
+            self._new.wait_for(lambda: self._number != number or self._ended, IDLE)
+            return self._frame, self._number
 
     def _listen(self, connection: ServerConnection) -> None:
         """Close the connection of a viewer that sends anything: this window cannot be used for control."""
