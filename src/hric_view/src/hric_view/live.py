@@ -1,6 +1,5 @@
 """State of a running system for the window: newest joint positions, root poses and forces. No node."""
 
-import json
 import math
 import threading
 from collections.abc import Sequence
@@ -91,15 +90,3 @@ class LiveForces:
         with self._lock:
             forces, self._largest = list(self._largest.values()), {}
         return forces
-
-
-def frame(robots: Sequence[LiveJoints], forces: Sequence[Force]) -> str:
-    """Return the frame of the newest states: JSON without NaN."""
-    times = [robot.time for robot in robots if not math.isnan(robot.time)]
-    content: dict[str, Any] = {"t": max(times, default=None), "robots": [robot.state() for robot in robots]}
-    if forces:
-        content["forces"] = [
-            {"name": name, "point": [round(v, 4) for v in point], "force": [round(v, 2) for v in force]}
-            for name, point, force in forces
-        ]
-    return json.dumps(content, allow_nan=False, separators=(",", ":"))

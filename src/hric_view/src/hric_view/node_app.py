@@ -18,7 +18,7 @@ from hric_msgs.msg import RegionContacts
 from hric_report.html.scene import SceneRobot, SceneSkin
 from hric_skin import fitted
 from hric_view import page
-from hric_view.live import LiveForces, LiveJoints, frame
+from hric_view.live import LiveForces, LiveJoints
 from hric_view.server import LOOPBACK, ViewServer
 
 PORT = 8090
@@ -96,4 +96,4 @@ class BrowserWindow(NodeApp):
     def _run(self) -> None:
         while not self._stop.wait(self._period):
             if self._server.viewers:
-                self._server.send(frame(self._joints, self._forces.take()))
+                self._server.send(page.frame(self._joints, self._forces.take()))

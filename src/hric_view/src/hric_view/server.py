@@ -1,6 +1,6 @@
 """Server of the window: one page by HTTP, and a WebSocket that carries the scene and its frames to each viewer.
 
-Both ask for the token in the address that the server prints; the WebSocket also refuses pages of other origins, and
+Both require the token in the address that the server prints; the WebSocket also refuses pages of other origins, and
 both refuse other names of this host, which guards against DNS rebinding. A viewer gets the newest frame whenever the
 one before has left; a slow one gets fewer, and delays nobody.
 """
@@ -30,7 +30,7 @@ MAX_VIEWERS = 20
 CLOSED_BY_POLICY = 1008
 """Code of RFC 6455 for a message that breaks the rules of the server."""
 PATIENCE = 1.0
-"""Longest wait for the request of a new connection, and for the answer when one is closed [s]; project default."""
+"""Longest wait for the request of a new connection, and for the response when one is closed [s]; project default."""
 IDLE = 0.5
 """Longest wait for a frame until a viewer is looked after again [s]."""
 
@@ -73,7 +73,7 @@ class ViewServer:
             self._serve,
             sock=self._socket,
             origins=[Origin(f"http://{name}") for name in self._names],
-            process_request=self._answer,
+            process_request=self._respond,
             max_size=MAX_MESSAGE,
             compression=None,
             open_timeout=PATIENCE,
@@ -102,7 +102,7 @@ class ViewServer:
         self._server.shutdown()
         self._thread.join()
 
-    def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
+    def _respond(self, connection: ServerConnection, request: Request) -> Response | None:
         """Return the page, or a refusal; None: go on with the handshake of a WebSocket."""
         address = urlsplit(request.path)
         token = parse_qs(address.query).get("token", [""])[0]
