@@ -25,7 +25,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "build" / "mutate"
 LINK = "workspace"
-"""Name of the link to the workspace in the folder of the mutants: tests must be below the folder in which pytest runs."""
+"""Name of the link to the workspace in the folder of the mutants, since tests must be below the folder of pytest."""
 PAGE = ROOT / "docs" / "mutations.md"
 PARTS = {
     "contact": "hric_assessment/contact",
@@ -93,7 +93,10 @@ def settings() -> str:
 def prepare() -> None:
     """Make the folder in which mutmut runs, with links to the packages and its configuration."""
     for package in TESTS:
-        for link, target in (("src", f"src/{package}"), ("share", "")):  # the code, and the configuration files it reads
+        for link, target in (
+            ("src", f"src/{package}"),
+            ("share", ""),
+        ):  # the code, and the configuration files it reads
             (FOLDER / link).mkdir(parents=True, exist_ok=True)
             if not (FOLDER / link / package).exists():
                 (FOLDER / link / package).symlink_to(ROOT / "src" / package / target)
@@ -194,7 +197,9 @@ def run(given: argparse.Namespace) -> int:
 def main(arguments: Sequence[str]) -> int:
     """Run the command and return its exit code."""
     parser = argparse.ArgumentParser("scripts/mutate", description=__doc__.split("\n")[0])
-    parser.add_argument("--only", nargs="+", default=[], metavar="PATTERN", help="patterns of mutants to try, such as '*separation*'")
+    parser.add_argument(
+        "--only", nargs="+", default=[], metavar="PATTERN", help="patterns of mutants to try, such as '*separation*'"
+    )
     parser.add_argument("--again", action="store_true", help="also try the mutants that survived before")
     parser.add_argument("--report", action="store_true", help="print the stored results without trying mutants")
     return run(parser.parse_args(list(arguments)))

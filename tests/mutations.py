@@ -195,7 +195,7 @@ def broken(mutation: Mutation, folder: Path) -> Path:
 
 
 def run_tests(mutation: Mutation, source: Path | None) -> tuple[int, str]:
-    """Run the tests of a mutation with a source folder first in PYTHONPATH, and return pytest's exit code and output."""
+    """Run the tests of a mutation with `source` first in PYTHONPATH; return pytest's exit code and output."""
     path = os.pathsep.join([*([str(source)] if source else []), os.environ.get("PYTHONPATH", "")])
     command = [sys.executable, "-m", "pytest", "-q", "-x", "-m", "not slow and not live"]
     done = subprocess.run(

@@ -123,7 +123,7 @@ def test_a_mistake_is_answered_with_what_is_valid(argument: str, texts: tuple[st
     "given", [("experiment:=marker_tracking",), ("mocap:=motive",), ("mocap:=emulated", "experiment:=pd_step")]
 )
 def test_an_unpaced_run_has_no_motion_capture(given: tuple[str, ...]) -> None:
-    with pytest.raises(ArgumentError, match="paced; valid: a factor above 0, or the headless runner"):
+    with pytest.raises(ArgumentError, match="paced run; valid: a factor above 0, or the headless runner"):
         checked(*given, "real_time_factor:=0")
     checked(*given, "real_time_factor:=0.5")
 
@@ -161,7 +161,9 @@ def test_sensors_are_emulated_unless_requested(tmp_path: Path) -> None:
             split(given), NAMES, Choices(CONTROLLERS, ("data_collection",), {"emg": ("data_collection",)})
         )
         assert tuple(device(name, arguments, CHOICES) for name in ("emg", "force_plate")) == wanted
-    with pytest.raises(ArgumentError, match=r"not possible with sensors \(emg:=emulated\), which come by wire"):
+    with pytest.raises(
+        ArgumentError, match=r"not possible with sensors \(emg:=emulated\), which are received over the network"
+    ):
         checked("emg:=emulated", "real_time_factor:=0")
     checked("emg:=emulated", "real_time_factor:=0.5")
 

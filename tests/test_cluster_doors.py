@@ -94,10 +94,10 @@ def test_with_a_certificate_dask_is_to_refuse_all_else(words: str) -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ("worker", r"nothing is no address of a scheduler; valid: tcp://HOST:PORT"),
-        (f"worker {OTHERS}:8786", r"10\.0\.0\.1:8786 is no address of a scheduler"),
-        ("worker ucx://127.0.0.1:8786", r"is no address of a scheduler"),
-        ("worker tcp://127.0.0.1:8786 --workers none", r"--workers none; valid: 1 or more"),
+        ("worker", r"nothing is not the address of a scheduler; valid: tcp://HOST:PORT"),
+        (f"worker {OTHERS}:8786", r"10\.0\.0\.1:8786 is not the address of a scheduler"),
+        ("worker ucx://127.0.0.1:8786", r"is not the address of a scheduler"),
+        ("worker tcp://127.0.0.1:8786 --workers none", r"--workers none is not possible; valid: 1 or more"),
         (f"worker tcp://{OTHERS}:8786", r"whoever reaches it runs programs as you; valid: a certificate"),
         ("scheduler --host 0.0.0.0", r"whoever reaches it runs programs as you; valid: a certificate"),
     ],

@@ -51,7 +51,7 @@ SCRIPTS = [
     ("replay latest --rate=0", r"--rate: '0' is not possible; valid: a number above 0"),
     ("setup --fast", r"no option --fast\nusage: .*--check .*--no-gui .*--with PART"),
     ("setup --with everything", r"--with everything is not possible; valid: checks, pictures"),
-    ("docs --open", r"not understood: --open; valid: --serve or --check"),
+    ("docs --open", r"unknown arguments: --open; valid: --serve or --check"),
     ("count --total", r"--at REVISION.*--check.*--twins.*--prose.*\n.*unrecognized arguments: --total"),
     ("lint --mend", r"no option --mend; valid: --fix"),
     ("test tests/test_nothing.py", r"no tests/test_nothing\.py; valid: .*src/PACKAGE/test.*--live, --all"),

@@ -195,7 +195,7 @@ def test_a_copied_template_needs_no_build(start: Start, tmp_path: Path) -> None:
     with system.started("roslaunch", "my_controller", "my_controller.launch"):
         system.wait_running("my_controller")
     system.interrupt()
-    assert "nothing yet; begins with: rosservice call /hric/experiment/start_recording" in system.output
+    assert "nothing yet; start it with: rosservice call /hric/experiment/start_recording" in system.output
     assert not system.runs.exists()
     again = start("env:=sim", "rviz:=false", "record:=false", "controller:=my_controller", ROS_PACKAGE_PATH=packages)
     again.wait_running("my_controller")
