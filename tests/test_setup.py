@@ -1,4 +1,4 @@
-"""scripts/setup refuses what it cannot do, tells what is missing, and costs nothing when all is there."""
+"""scripts/setup refuses unsupported systems, reports what is missing, and is fast if nothing is missing."""
 
 import os
 import shutil
