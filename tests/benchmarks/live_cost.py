@@ -410,7 +410,7 @@ def main() -> None:
     """Run the command."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=MEASURES)
-    parser.add_argument("--seconds", type=float, default=5.0, help="of each run [s]")
+    parser.add_argument("--seconds", type=float, default=5.0, help="duration of each run [s]")
     parser.add_argument("--rounds", type=int, default=10)
     chosen = parser.parse_args()
     rounds = MEASURES[chosen.what](chosen.seconds, chosen.rounds)

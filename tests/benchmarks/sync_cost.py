@@ -261,9 +261,9 @@ def main() -> None:
     from real_master import start_roscore
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seconds", type=float, default=12.0, help="of the feed [s]")
+    parser.add_argument("--seconds", type=float, default=12.0, help="duration of the input data [s]")
     parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("words", nargs="*", help="only variants whose name holds all of them")
+    parser.add_argument("words", nargs="*", help="only variants whose names contain all these words")
     chosen = parser.parse_args()
     start_roscore()
     rospy.init_node("sync_cost", disable_signals=True)

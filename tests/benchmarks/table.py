@@ -191,7 +191,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         "scripts/benchmark", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("cases", nargs="*", metavar="CASE", help="names, or how they begin, such as cycle/mujoco; all")
+    parser.add_argument("cases", nargs="*", metavar="CASE", help="cases whose names begin with CASE, such as cycle/mujoco; default: all")
     parser.add_argument(
         "--compare",
         nargs="?",
@@ -200,8 +200,8 @@ def _parser() -> argparse.ArgumentParser:
         help="a table that was saved on such a processor (that of the last release), or the folder of another "
         "workspace that is set up: old and new then take turns",
     )
-    parser.add_argument("--save", type=Path, metavar="FILE", help="keep the table")
-    parser.add_argument("--processes", type=int, default=8, metavar="N", help="of each case (8)")
+    parser.add_argument("--save", type=Path, metavar="FILE", help="also save the table to a file")
+    parser.add_argument("--processes", type=int, default=8, metavar="N", help="processes per case (default: 8)")
     return parser
 
 
