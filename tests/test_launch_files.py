@@ -193,7 +193,7 @@ def test_the_emulated_motive_has_a_default_body() -> None:
 
 @pytest.mark.parametrize(
     ("given", "text"),
-    [("mocap:=optitrack", "auto, none, emulated, motive"), ("real_time_factor:=0", "needs a run that is paced")],
+    [("mocap:=optitrack", "auto, none, emulated, motive"), ("real_time_factor:=0", "needs a paced run")],
 )
 def test_an_impossible_mocap_stops_the_launch(given: str, text: str) -> None:
     with pytest.raises(RLException, match=text):
@@ -235,7 +235,7 @@ def test_one_argument_selects_each_real_sensor() -> None:
 
 
 def test_sensors_need_a_run_that_is_paced() -> None:
-    with pytest.raises(RLException, match="need a run that is paced"):
+    with pytest.raises(RLException, match="need a paced run"):
         loaded("emg:=emulated", "real_time_factor:=0")
 
 

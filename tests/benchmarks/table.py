@@ -191,7 +191,9 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         "scripts/benchmark", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("cases", nargs="*", metavar="CASE", help="cases whose names begin with CASE, such as cycle/mujoco; default: all")
+    parser.add_argument(
+        "cases", nargs="*", metavar="CASE", help="start of the names of the cases, such as cycle/mujoco; default: all"
+    )
     parser.add_argument(
         "--compare",
         nargs="?",
