@@ -1,4 +1,4 @@
-"""What every RobotHW of the arm must do; whoever writes a controller relies on it."""
+"""Behaviour of the RobotHW of an arm on which controllers rely, tested on every backend."""
 
 import threading
 
