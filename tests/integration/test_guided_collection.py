@@ -146,7 +146,7 @@ def test_motion_capture_plate_robot_and_grip_are_in_one_bag_at_common_instants(
     figure(f"{what}: robot time per wall time", metrics["real_time_factor"], "1")
     figure(f"{what}: missed deadlines", missed_deadlines(bag), "1")
     begin, end = check_counts(system, metrics)
-    # What the plate carries is the person's weight, give or take what they and the robot do to each other.
+    # The load on the plate is the person's weight, plus or minus the force between person and robot.
     assert samples_of(bag)[2].mean() == pytest.approx(-WEIGHT, rel=0.05)
     assert any(message.closed for message in messages(bag, GRIP))
     check_stamps(bag, begin, end, figure, what)

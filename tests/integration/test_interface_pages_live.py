@@ -201,7 +201,7 @@ def test_every_topic_of_the_running_system_is_documented(graph: Graph) -> None:
             part = next((part for part in ACTION_PARTS if topic.endswith(part)), None)
             if part and any(row.matches(topic.removesuffix(part)) for row in actions):
                 continue
-            # A topic that one of our nodes offers may be heard by another without a row of its own.
+            # A node may subscribe to a topic of another documented node without a separate row.
             if direction == "sub" and any(row.matches(topic) for row in topics):
                 continue
             unknown.append((direction, topic, side[topic]))
