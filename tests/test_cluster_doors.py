@@ -1,4 +1,4 @@
-"""A scheduler and a worker of Dask listen on loopback, or with a certificate, or when told that anybody may come."""
+"""A Dask scheduler and worker listen on loopback only, unless they have certificates or --insecure."""
 
 import re
 import socket
@@ -16,12 +16,12 @@ from hric_core.errors import HricError  # noqa: E402
 from hric_sweep.engines import make  # noqa: E402
 
 OTHERS = "10.0.0.1"
-"""Of another machine, in the tests."""
+"""Address of another machine in the tests."""
 
 
 @pytest.fixture(autouse=True)
 def names(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Names that stand for this machine, for another one, and for both."""
+    """Define host names of this machine, of another one, and of both."""
     known = {"far.lab": [OTHERS], "both.lab": ["127.0.0.1", OTHERS], "near.lab": ["127.0.1.1", "::1"]}
     real = socket.getaddrinfo
 
@@ -94,10 +94,10 @@ def test_with_a_certificate_dask_is_to_refuse_all_else(words: str) -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ("worker", r"nothing is no address of a scheduler; valid: tcp://HOST:PORT"),
-        (f"worker {OTHERS}:8786", r"10\.0\.0\.1:8786 is no address of a scheduler"),
-        ("worker ucx://127.0.0.1:8786", r"is no address of a scheduler"),
-        ("worker tcp://127.0.0.1:8786 --workers none", r"--workers none; valid: 1 or more"),
+        ("worker", r"nothing is not the address of a scheduler; valid: tcp://HOST:PORT"),
+        (f"worker {OTHERS}:8786", r"10\.0\.0\.1:8786 is not the address of a scheduler"),
+        ("worker ucx://127.0.0.1:8786", r"is not the address of a scheduler"),
+        ("worker tcp://127.0.0.1:8786 --workers none", r"--workers none is not possible; valid: 1 or more"),
         (f"worker tcp://{OTHERS}:8786", r"whoever reaches it runs programs as you; valid: a certificate"),
         ("scheduler --host 0.0.0.0", r"whoever reaches it runs programs as you; valid: a certificate"),
     ],

@@ -1,5 +1,4 @@
-"""What is given wrong is answered at once: one line or block that says what is wrong and what would be valid, exit
-code 2, and nothing is written."""
+"""Invalid arguments end a program with exit code 2 and an error that names the valid ones; nothing is written."""
 
 import os
 import re
@@ -15,11 +14,11 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 MISTAKE = 2
 BLOCK = 18
-"""Lines that an answer has at most: the options of the tool that has most of them, and what is wrong."""
+"""Maximum number of lines of an error with usage, for the tool with the most options."""
 SCRIPT_TIME = 0.3
-"""Processor time that a script takes at most [s]."""
+"""Maximum processor time of a script [s]."""
 NOBODY = "http://127.0.0.1:1"
-"""Where no ROS master is."""
+"""Address without a ROS master."""
 
 FILES = {
     "notes.txt": "not a bag\n",
@@ -39,7 +38,7 @@ FILES = {
     "cut.urdf": "<robot",
     "open/run.yaml": "experiment: pd_step\n",
 }
-"""What the user has: path and content."""
+"""Files of the user: content by path."""
 
 SCRIPTS = [
     ("bringup envv:=real", r"no argument 'envv' \(did you mean env\?\); valid: .*simulator"),
@@ -51,12 +50,12 @@ SCRIPTS = [
     ("replay latest --rate=0", r"--rate: '0' is not possible; valid: a number above 0"),
     ("setup --fast", r"no option --fast\nusage: .*--check .*--no-gui .*--with PART"),
     ("setup --with everything", r"--with everything is not possible; valid: checks, pictures"),
-    ("docs --open", r"not understood: --open; valid: --serve or --check"),
+    ("docs --open", r"unknown arguments: --open; valid: --serve or --check"),
     ("count --total", r"--at REVISION.*--check.*--twins.*--prose.*\n.*unrecognized arguments: --total"),
     ("lint --mend", r"no option --mend; valid: --fix"),
     ("test tests/test_nothing.py", r"no tests/test_nothing\.py; valid: .*src/PACKAGE/test.*--live, --all"),
 ]
-"""Words after scripts/, and what the answer has."""
+"""Words after scripts/, and pattern of the error."""
 
 TOOLS = [
     ("hric_core hric", r"hric: no command ''; valid: approaches, .*urdf"),
@@ -169,12 +168,12 @@ TOOLS = [
     ("urdf_to_osim urdf_to_osim cut.urdf", r"cut\.urdf: the robot description is not XML: unclosed token: line 1"),
     ("urdf_to_osim picture nowhere.osim --pose elbow", r"--pose elbow: it must be COORDINATE=VALUE"),
 ]
-"""Words after rosrun, and what the answer has."""
+"""Words after rosrun, and pattern of the error."""
 
 
 @pytest.fixture(scope="module")
 def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """All that a tool could write to, and what the user gives it, in `here`."""
+    """Home folder to which a tool could write, with the user's files in `here`."""
     folder = tmp_path_factory.mktemp("home")
     for name in ("ros", "runs", "here"):
         (folder / name).mkdir()
@@ -187,7 +186,7 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A workspace that was never set up."""
+    """Copy of the workspace without set-up."""
     folder = tmp_path_factory.mktemp("workspace")
     parts = ("scripts", "tests/house", "src/hric_bringup", "src/hric_experiments/config", "src/hric_bags/src")
     for part in (*parts, "src/hric_core/src"):
@@ -204,7 +203,7 @@ def contents(folder: Path) -> dict[str, tuple[int, int]]:
 
 
 def answer(command: list[str], home: Path, environment: dict[str, str]) -> str:
-    """What a command says that is wrong, when all else is as it must be."""
+    """Run a command with invalid arguments, check exit code and written files, and return its error message."""
     own = {"HOME": str(home), "ROS_HOME": str(home / "ros"), "HRIC_RUNS": str(home / "runs"), "ROS_MASTER_URI": NOBODY}
     before = contents(home)
     done = subprocess.run(
@@ -241,7 +240,7 @@ def test_mistakes_in_an_experiment_file_end_the_bring_up_before_anything_starts(
 def test_a_script_says_it_before_any_set_up_and_with_next_to_no_computing(
     words: str, pattern: str, home: Path, copy: Path
 ) -> None:
-    """With a Python that has nothing but itself."""
+    """Run with a Python without packages."""
     script, *others = shlex.split(words)
     before, began = contents(copy), resource.getrusage(resource.RUSAGE_CHILDREN)
     told = answer([str(copy / "scripts" / script), *others], home, {"PATH": os.defpath})
