@@ -111,7 +111,7 @@ def test_a_wrong_setting_is_named(given: dict, words: str) -> None:
 
 def test_a_rate_that_cannot_hold_the_band_is_refused() -> None:
     with pytest.raises(
-        ParameterError, match="band has 450 Hz, which samples at 500 Hz cannot hold; valid: above 0, below 250 Hz"
+        ParameterError, match="band is 450 Hz; valid with 500 samples per second: above 0, below 250 Hz"
     ):
         Envelope(EnvelopeSettings(), Layout("slow", ("a",), ("V",), 500.0))
     with pytest.raises(ParameterError, match="mvc names the channel 'leg'; valid: biceps, triceps"):

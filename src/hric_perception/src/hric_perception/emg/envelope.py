@@ -13,15 +13,18 @@ from hric_core.parameters import mapping, number, numbers, whole
 from hric_perception.chunk import Chunk, FloatArray, Layout
 
 SHORT_GAP = 0.05
-"""Longest gap over which filters continue; after a longer one they restart [s] (project default, unconfirmed)."""
+"""Longest gap in the samples across which the filters keep their state [s] (project default, unconfirmed).
+
+After a longer gap they restart.
+"""
 
 GRID = 16384
-"""Number of frequencies at which the delay of the band-pass is computed."""
+"""Number of frequencies at which the group delay of the band-pass is computed."""
 
 
 @dataclass(frozen=True)
 class EnvelopeSettings(Base):
-    """Settings of the filter chain."""
+    """Settings of the filter chain from raw EMG to its envelope."""
 
     band: tuple[float, ...] = numbers(
         2,
@@ -49,20 +52,19 @@ class EnvelopeSettings(Base):
 
 
 def band_sections(settings: EnvelopeSettings, rate: float) -> FloatArray:
-    """Return the second-order sections of band-pass and notches at a rate [Hz].
+    """Return the second-order sections of band-pass and notches at a sample rate [Hz], shape (sections, 6).
 
     Raises:
-        ParameterError: a frequency that is too high for the rate.
+        ParameterError: a frequency is not between 0 and half the rate, or the band does not rise.
     """
     half, (low, high) = rate / 2, settings.band
     for name, value in (("band", high), *(("notch", value) for value in settings.notch), ("lowpass", settings.lowpass)):
         if not 0 < value < half:
             raise ParameterError(
-                f"envelope: {name} has {value:g} Hz, which samples at {rate:g} Hz cannot hold; valid: above 0, below "
-                f"{half:g} Hz"
+                f"envelope: {name} is {value:g} Hz; valid with {rate:g} samples per second: above 0, below {half:g} Hz"
             )
     if not 0 < low < high:
-        raise ParameterError(f"envelope: band is {low:g} to {high:g} Hz; valid: rising, above 0")
+        raise ParameterError(f"envelope: band is {low:g} to {high:g} Hz; valid: two rising frequencies above 0")
     parts = [scipy.signal.butter(settings.band_order, settings.band, "bandpass", fs=rate, output="sos")]
     parts += [
         scipy.signal.tf2sos(*scipy.signal.iirnotch(value, settings.notch_quality, fs=rate)) for value in settings.notch
@@ -71,12 +73,12 @@ def band_sections(settings: EnvelopeSettings, rate: float) -> FloatArray:
 
 
 def low_sections(settings: EnvelopeSettings, rate: float) -> FloatArray:
-    """Return the second-order sections of the low-pass."""
+    """Return the second-order sections of the low-pass at a sample rate [Hz], shape (sections, 6)."""
     return np.asarray(scipy.signal.butter(settings.lowpass_order, settings.lowpass, fs=rate, output="sos"))
 
 
 def lag(settings: EnvelopeSettings, rate: float) -> float:
-    """Return the delay of the envelope behind a slow change of the amplitude at a rate [Hz] [s].
+    """Return the delay of the envelope behind a slow change of the EMG amplitude [s], at a sample rate [Hz].
 
     It is the group delay of the low-pass at frequency 0, sum over its sections of (sum k b_k / sum b_k - sum k a_k /
     sum a_k) samples, plus the mean group delay of band-pass and notches for a white signal, each frequency weighted by
@@ -92,13 +94,13 @@ def lag(settings: EnvelopeSettings, rate: float) -> float:
 
 
 class Envelope:
-    """Filter chain with state: the sizes of the chunks make no difference.
+    """EMG envelope filter with state: its result does not depend on how samples are split into chunks.
 
     The filters replace a value that is not finite by the previous one; the envelope of that sample is NaN.
 
     Args:
-        settings: settings of the chain.
-        layout: layout of the chunks; channels measured in seconds (time codes) have no envelope.
+        settings: settings of the filter chain.
+        layout: layout of the raw EMG; channels measured in seconds (time codes) have no envelope.
 
     Attributes:
         layout: layout of the envelope.
@@ -125,7 +127,7 @@ class Envelope:
         self._clear()
 
     def add(self, chunk: Chunk) -> Chunk | None:
-        """Return the envelope of a chunk; None if none of its samples is kept."""
+        """Return the envelope of the next chunk of raw EMG; None if decimation leaves none of its samples."""
         if self._next is None or not 0 <= chunk.first - self._next <= SHORT_GAP * self._rate:
             self._clear()
         self._next = chunk.after

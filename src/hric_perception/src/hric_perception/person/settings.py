@@ -19,7 +19,7 @@ DOMINANT = "dominant"
 
 @dataclass(frozen=True)
 class HandForceSettings(PoseSettings):
-    """Source of the force on the hand, and its pose in the frame of the markers."""
+    """Parameters of the force on the person's hand: its sensor, and that sensor's pose in the markers' frame."""
 
     xyz: Vector = numbers(
         3, ORIGIN, unit="m", text="of the robot's base, or of the middle of the plate, in the frame of the markers"
@@ -39,7 +39,7 @@ class HandForceSettings(PoseSettings):
 
 @dataclass(frozen=True)
 class PersonSettings(Settings):
-    """Body, markers, calibration and hand force of the person."""
+    """Parameters of the node `person`: body, markers, calibration and hand force."""
 
     subject: Subject = SUBJECT
     parts: str = choice("upper_body", "whole_body", text="estimated parts of the body")
@@ -64,7 +64,7 @@ class PersonSettings(Settings):
     force: HandForceSettings = section(HandForceSettings)
 
     def check(self, where: str) -> None:
-        """Refuse markers and joints that the body does not have, and too few markers."""
+        """Check that the body has the named markers and joints, and that the markers suffice. Raises HricError."""
         mistakes, body = Mistakes(), describe(self.person)
         for checked_names, valid, kind, key in (
             (self.markers or (), body.markers, "marker", "markers"),
@@ -80,7 +80,7 @@ class PersonSettings(Settings):
 
     @property
     def person(self) -> Subject:
-        """Subject with `parts` of these settings in place of their own."""
+        """Subject, reduced or extended to the parts of the body that this node estimates."""
         return replace(self.subject, parts=self.parts)
 
     @property
@@ -94,7 +94,7 @@ class PersonSettings(Settings):
         return self.markers or tuple(describe(self.person).markers)
 
     def known(self) -> tuple[Body, bool]:
-        """Return the body, and True if it is calibrated.
+        """Return the person's body model, and True if it is calibrated to them.
 
         Raises:
             HricError: the calibration is of another person, or its file is not valid.
@@ -104,12 +104,12 @@ class PersonSettings(Settings):
         calibration = BodyCalibration.load(self.path)
         if (calibration.subject.code, calibration.subject.parts) != (self.person.code, self.parts):
             raise HricError(
-                f"{self.path} is of {calibration.subject.code} ({calibration.subject.parts}); valid: a calibration of "
-                f"{self.person.code} ({self.parts})"
+                f"{self.path} is for {calibration.subject.code} ({calibration.subject.parts}); valid: a calibration "
+                f"for {self.person.code} ({self.parts})"
             )
         return calibration.body, True
 
     @property
     def path(self) -> Path:
-        """Path of the calibration."""
+        """Path of the calibration file."""
         return Path(self.calibration).expanduser()
