@@ -164,7 +164,7 @@ def test_a_plate_that_measures_nobody_says_so_and_sends_nothing(run: TellsTime, 
     process = nodes.start("emulated_plate", "__name:=wrong", "_load:={program: body}")
     output = process.communicate(timeout=30)[0]
     assert process.returncode == 2
-    assert "/wrong/person is not set, and {program: body} measures the human in the robot's plant" in output
+    assert "/wrong/person is not set, but {program: body} measures a simulated human" in output
     said = Diagnosis("emulated_plate")
     nodes.start("emulated_plate", f"_session:=nobody_{os.getpid()}", "_load:={program: body}", PERSON_ARGUMENT)
-    wait(lambda: said.says("nothing is known of the human in the robot's plant"))
+    wait(lambda: said.says("waiting for the first message about the simulated human"))
