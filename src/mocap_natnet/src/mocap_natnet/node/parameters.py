@@ -1,4 +1,4 @@
-"""Parameters of the client node."""
+"""Parameters of the node `natnet_client` for what it publishes."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -9,18 +9,18 @@ from hric_core.parameters import Settings, choice, flag, number, numbers, sectio
 from mocap_natnet.tracking.validity import Volume
 
 MOCAP_FRAME = "mocap"
-"""Name of the frame of the stream."""
+"""Name of the tf frame of the mocap stream."""
 
 
 @dataclass(frozen=True)
 class Preset:
-    """Names under which bodies are published; `{}` is replaced by the body.
+    """Naming scheme of topics and frames of rigid bodies; `{}` is replaced by the body's name.
 
     Args:
-        pose: topic of the poses.
-        child: frame of a body in tf.
-        frame: frame of the stream.
-        ground_pose: topic of the poses on the ground, "": none.
+        pose: topic of a body's pose.
+        child: tf frame of a body.
+        frame: tf frame of the stream.
+        ground_pose: topic of a body's two-dimensional pose on the ground; "": none.
     """
 
     pose: str = "mocap/{}/pose"
@@ -34,12 +34,12 @@ PRESETS = {
     "mocap_optitrack": Preset("{}/pose", "{}/base_link", "world", "{}/ground_pose"),
     "natnet_ros": Preset("natnet_ros/rigid_bodies/{}/pose"),
 }
-"""Presets of this project, and of drivers of the same name, so that existing nodes find their topics."""
+"""Naming schemes by name: of this project, and of other drivers, so that nodes written for these find their topics."""
 
 
 @dataclass(frozen=True)
 class BaseFromMocap(PoseSettings):
-    """Pose of the mocap frame in the robot's base."""
+    """Parameters of the pose of the mocap frame, turned to z up, in the robot's base."""
 
     xyz: Vector = numbers(3, ORIGIN, unit="m", text="pose of the mocap frame, turned to z up, in the base")
 
@@ -80,15 +80,15 @@ class Publishing(Settings):
 
     @property
     def preset(self) -> Preset:
-        """Names of topics and frames."""
+        """Naming scheme of topics and frames that the parameter `topics` selects."""
         return PRESETS[self.topics]
 
     @property
     def base_from_mocap(self) -> Pose:
-        """Pose of the mocap frame, rotated to z up, in the base."""
+        """Pose of the mocap frame, rotated to z up, in the robot's base."""
         return self.base.pose
 
     @property
     def frame(self) -> str:
-        """Frame of the published data."""
+        """Name of the tf frame of the published data."""
         return self.base_frame or self.preset.frame

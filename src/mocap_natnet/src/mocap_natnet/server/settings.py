@@ -11,14 +11,14 @@ from mocap_natnet.codec.packets import COMMAND_PORT, DATA_PORT, MULTICAST_GROUP
 TRANSPORTS = ("unicast", "multicast")
 UNICAST_TO = ("endpoint", "data_port", "both")
 MAX_RATE = 10_000.0
-"""Highest rate [Hz], project default, unconfirmed."""
+"""Highest frame rate [Hz] (project default, unconfirmed)."""
 FREQUENCIES = (10_000_000, 3_312_787)
-"""Ticks per second of observed servers: newer Windows, an older one."""
+"""Clock frequencies of observed servers [Hz]: on a newer Windows, and on an older one."""
 
 
 @dataclass(frozen=True)
 class MotiveSettings(Base):
-    """Parameters of the emulated Motive."""
+    """Parameters of the emulated Motive's stream."""
 
     version: Version = bitstream((4, 1), "newest bitstream that it speaks", "version")
     rate: float = number(240.0, minimum=1e-3, maximum=MAX_RATE, unit="Hz", text="frames per second")
