@@ -96,7 +96,7 @@ BAD: dict[str, tuple[Any, Any, Any]] = {
     "mocap.stream.occlusions names the body 'head'; valid: hand": ({}, {"occlusions": [[1, 1, "head"]]}, None),
     r"mocap.stream.occlusions\[0\] is \[1\]; valid: a list of 2 finite numbers": ({}, {"occlusions": [[1]]}, None),
     "mocap.base_from_mocap.xyzw is .*; valid: a unit quaternion": ({}, {}, {"xyzw": [1, 1, 0, 0]}),
-    "mocap.human.markers has 2 rows; valid: three": ({"markers": [[0, 0, 0], [1, 0, 0]]}, {}, None),
+    "mocap.human.markers has 2 rows; valid: at least three": ({"markers": [[0, 0, 0], [1, 0, 0]]}, {}, None),
     "mocap.human.still.table is 3; valid: a list of 3 finite numbers": ({"still": {"table": 3}}, {}, None),
     "mocap.human is 'x'; valid: a mapping": ("x", {}, None),
 }
