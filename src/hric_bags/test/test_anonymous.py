@@ -233,7 +233,7 @@ def test_what_is_left_of_the_run_is_coarse(exported: tuple[Path, exporting.Expor
 def test_what_was_dropped_coarsened_and_left_is_listed(exported: tuple[Path, exporting.ExportResult]) -> None:
     folder, result = exported
     said = (folder / "about" / "anonymised.txt").read_text()
-    for part in ("dates of the run", "mass of the subject: to the next 10 kg", "height of the subject", STAYS):
+    for part in ("dates of the run", "mass of the subject: rounded to 10 kg", "height of the subject", STAYS):
         assert part in said and any(part in note for note in result.notes)
 
 

@@ -86,7 +86,7 @@ def assessable(pairs: Iterable[PairForce]) -> list[PairForce]:
             why = (
                 "the kind of contact is not known"
                 if pair.kind == contact_info.UNKNOWN
-                else "it is two to six times the real transient force"
+                else "it is two to six times the transient of an elastic contact"
             )
             raise RigidForceError(
                 f"the force of {pair.body_a} on {pair.body_b} ({pair.kind} contact) cannot be assessed: {why}; {REMEDY}"
@@ -118,6 +118,6 @@ def note(pairs: Sequence[PairForce]) -> str:
     if all(pair.kind == PENALTY for pair in pairs):
         return ""
     return (
-        "Forces of contacts that are not penalty contacts are two to six times the real transient force: they must not "
-        f"be assessed; {REMEDY}."
+        "Forces of contacts other than penalty contacts are two to six times the transient of an elastic contact and must "
+        f"not be assessed; {REMEDY}."
     )
