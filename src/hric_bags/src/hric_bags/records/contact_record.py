@@ -118,6 +118,6 @@ def note(pairs: Sequence[PairForce]) -> str:
     if all(pair.kind == PENALTY for pair in pairs):
         return ""
     return (
-        "Forces of contacts other than penalty contacts are two to six times the transient of an elastic contact and must "
-        f"not be assessed; {REMEDY}."
+        "Forces of contacts other than penalty contacts are two to six times the transient of an elastic contact and "
+        f"must not be assessed; {REMEDY}."
     )

@@ -173,8 +173,7 @@ def see(
         seed: seed of all randomness.
         where: prefix of the mappings' names in error messages, e.g. "mocap.".
         person: section `human` of the experiment, the simulated human that the program `body` needs.
-        world_from_base: mapping `xyz` [m], `xyzw`: pose of the robot's base in the world, in which the simulated human
-            is placed; None: identity.
+        world_from_base: mapping `xyz` [m], `xyzw`: pose of the robot's base in the world; None: identity.
 
     Raises:
         HricError: a value is not valid; the message names its key.
