@@ -40,7 +40,7 @@ class SensorNode(NodeApp):
         self._driver.start()
 
     def tick(self) -> None:
-        """Publish diagnostics. Raises HricError in a run that is not paced."""
+        """Publish diagnostics. Raises HricError if the run is not paced, that is, not held to a real-time factor."""
         self._robot_time.tick()
         health = self._health.report(self._robot_time.standing)
         health.values.update(
@@ -85,7 +85,7 @@ class EmulatedNode(NodeApp):
         node.log_info(f"streaming {settings.title} at {settings.rate:g} Hz by {settings.transport}")
 
     def tick(self) -> None:
-        """Publish diagnostics. Raises HricError in a run that is not paced."""
+        """Publish diagnostics. Raises HricError if the run is not paced, that is, not held to a real-time factor."""
         self._robot_time.tick()
         sensor, replayed = self._sensor, self._replayed
         sends = isinstance(self._source, Emulator)

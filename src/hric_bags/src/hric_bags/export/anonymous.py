@@ -103,7 +103,7 @@ class Anonymiser:
         self._run, self._metrics = run, metrics
         self._done: dict[str, None] = {}
         self._templates: dict[tuple[str, str, int], list[Template | None]] = {}
-        """Templates by topic, type and size of messages [B]; None: messages that are decoded each time."""
+        """Topic, type and size [B] of messages -> their templates; None in place of one: such messages are decoded."""
 
     def _note(self, what: str) -> None:
         self._done.setdefault(what)

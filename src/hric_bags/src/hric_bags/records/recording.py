@@ -245,7 +245,7 @@ class _Taken:
         """Return the recording of all messages.
 
         Raises:
-            BagError: there are two control logs, or two publishers of one.
+            BagError: there are two control logs, or two publishers of one topic.
         """
         self._check_publishers(reader)
         topics = {topic: info.msgcount for topic, info in reader.topics.items()}

@@ -93,7 +93,7 @@ class SafetyMessages:
         self._mode, self._rows, self._events = "", array("d"), list[tuple[float, Any]]()
 
     def add(self, kind: str, message: Any) -> None:
-        """Add a message of one of TYPES."""
+        """Add a hric_msgs/SafetyState or hric_msgs/SafetyEvent; kind: its message type, one of TYPES."""
         stamp = seconds(message.header.stamp)
         if kind == EVENT_TYPE:
             self._events.append((stamp, message))

@@ -85,7 +85,7 @@ class PersonNode(NodeApp):
         node.subscribe(node.beside(FRAMES), MocapData, self._on_frame, queue_size=1)
 
     def tick(self) -> None:
-        """Publish diagnostics. Raises HricError in a run that is not paced."""
+        """Publish diagnostics. Raises HricError if the run is not paced, that is, not held to a real-time factor."""
         self._robot_time.tick()
         self._reporter.report(self._health.report())
         self._load_reporter.report(self._load.report())

@@ -26,7 +26,7 @@ from mocap_natnet.node.parameters import Publishing
 
 NS = 1e-9
 LOOK = 0.5
-"""Time between checks of the connection [s] (project default, unconfirmed)."""
+"""Time between checks of the NatNet connection [s] (project default, unconfirmed)."""
 CODE_PERIOD = 1.0
 """Period after which a time code starts at 0 again [s]: a 32 bit float has too few digits for more."""
 

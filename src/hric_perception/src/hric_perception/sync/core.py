@@ -60,11 +60,11 @@ class Window:
         self._rows.clear()
 
     def mean(self) -> list[float]:
-        """Return the mean skew of each source [s]; 0 if there was no sample."""
+        """Return the mean skew of each source [s], the time between value and instant; 0 if there was no sample."""
         return [float(skews.mean()) if len(skews) else 0.0 for skews in map(self._skews, range(self._sources))]
 
     def largest(self) -> list[float]:
-        """Return the largest skew of each source [s]."""
+        """Return the largest skew of each source [s], the time between value and instant."""
         return [float(self._skews(index).max(initial=0.0)) for index in range(self._sources)]
 
     def valid(self) -> list[float]:
@@ -74,7 +74,7 @@ class Window:
         return list(map(float, np.concatenate([row.valid for row in self._rows]).mean(axis=0)))
 
     def delay(self) -> float:
-        """Return the longest waiting time of an instant [s]."""
+        """Return the longest time that an instant waited for samples [s]."""
         return max((row.waited for row in self._rows), default=0) * 1e-9
 
     def _skews(self, index: int) -> Values:

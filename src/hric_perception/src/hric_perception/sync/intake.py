@@ -53,7 +53,7 @@ class Intake:
         self._waiting.append((arrived, samples))
 
     def collect(self) -> tuple[float, MessageSamples] | None:
-        """Return (arrival of the last one [s], waiting samples with stamps in any order); None if there are none."""
+        """Return (arrival of the last queued message [s], all queued samples in order of arrival); None without any."""
         count = len(self._waiting)
         if not count:
             return None

@@ -29,7 +29,7 @@ Subscribers with a short queue, such as rosbag record with its 100 messages, thu
 (project default, unconfirmed).
 """
 STATUS_PERIOD = 0.2
-"""Period of the status [s]; a source that starves is reported after its time-out plus at most this."""
+"""Period of the status messages [s]; a starving source is reported at most this after its time-out."""
 STATUSES = 5
 """Number of status messages per diagnostics message (1 Hz, REP 107).
 

@@ -18,7 +18,7 @@ TIMEOUT = 2.0
 MAX_RESPONSE = 4096
 """Longest accepted response to a command [B]; valid ones have one line."""
 AGAIN = 0.5
-"""Time between attempts to connect [s]."""
+"""Time between attempts to connect to the Trigno server [s]."""
 IDLE = 0.1
 """Longest time until the thread notices that it is to end [s]."""
 BUFFER = 1 << 16

@@ -16,7 +16,7 @@ PER_NEWTON_GRIP, PER_NEWTON_CONTACT = 0.02, 0.002
 SHAFT, HEAD, TEXT = 0.01, 0.025, 0.04
 """Diameters of an arrow's shaft and head, and height of letters [m]."""
 FORCE_MIN = 0.1
-"""Smallest force with an arrow [N]."""
+"""Smallest force that is shown by an arrow [N]."""
 GRIP_LIFETIME, CONTACT_LIFETIME = 0.5, 1.0
 """Lifetimes of the markers [s]: long enough to see an impact that lasts milliseconds.
 

@@ -18,9 +18,15 @@ from hric_core.robot_time import stamps
 from hric_core.urdf import Joint, read
 
 NEAR_POSITION, AT_POSITION = 0.2, 0.05
-"""Distance to the end of the range below which a joint is near it, or at it; project default, unconfirmed [rad]."""
+"""Distance from the end of a joint's range below which the joint is near that end, or at it [rad].
+
+Project default, unconfirmed.
+"""
 NEAR_RATIO, AT_RATIO = 0.8, 0.95
-"""Share of the velocity or effort limit above which a joint is near it, or at it; project default, unconfirmed [1]."""
+"""Share of the velocity or effort limit above which a joint is near that limit, or at it [1].
+
+Project default, unconfirmed.
+"""
 NEAR_WALL, AT_WALL = 0.1, 0.02
 """Distance to a face of the workspace below which the end effector is near it, or at it [m].
 

@@ -1,4 +1,4 @@
-"""Protocol of Motive, without sockets: frames of a scene, responses to requests, and their receivers."""
+"""Emulated Motive without sockets: frames of a scene, responses to requests, and the clients that receive frames."""
 
 import struct
 from collections.abc import Callable
@@ -48,7 +48,7 @@ _ACCEPTED = frozenset(
 
 @dataclass
 class _Client:
-    """Receiver of frames by unicast."""
+    """Client that receives frames by unicast: its bitstream, and when its last datagram came [s]."""
 
     version: Version
     received: float

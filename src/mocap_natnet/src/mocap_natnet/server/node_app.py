@@ -78,7 +78,7 @@ class LiveSources:
 
         Args:
             name: name of the link; `model::link` of another model of the simulation.
-            frame: frame of its poses.
+            frame: frame in which its poses are given.
         """
         if not self._links:
             self._buffer = tf2_ros.Buffer()
@@ -139,7 +139,7 @@ class EmulatedMotiveNode(app.EmulatedMotiveCommand):
     """Emulate a Motive (OptiTrack) that streams by NatNet to any client, in robot time if a ROS master runs."""
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Serve until the shutdown request; without a master, or with --clock wall, without ROS."""
+        """Serve until the node shuts down; without a ROS master, or with --clock wall, serve without ROS."""
         check_private(NAME)
         end_with_roslaunch()
         if arguments.clock == "wall" or not rosgraph.is_master_online():

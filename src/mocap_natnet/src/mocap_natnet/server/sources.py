@@ -71,7 +71,7 @@ def from_file(path: Path) -> Track:
             continue
         if len(row) not in (4, 8) or not all(map(_is_number, row)):
             raise ParameterError(
-                f"trajectory {path}, line {line}: valid: 4 or 8 numbers: time, x, y, z[, qx, qy, qz, qw]"
+                f"trajectory {path}, line {line} is not a pose; valid: 4 or 8 numbers: time, x, y, z[, qx, qy, qz, qw]"
             )
         t, x, y, z, *q = map(float, row)
         if q and not any(q):
