@@ -1,4 +1,4 @@
-"""What the health command finds in a bag, and what it makes of a damaged one."""
+"""Findings of the health command in bags, and the salvage of damaged ones."""
 
 import io
 import json
@@ -35,7 +35,7 @@ def contents(path: Path) -> list[tuple[str, int, bytes]]:
 
 
 def points(path: Path, stamps: Any, recorded: Any = None) -> Path:
-    """A bag with a topic of stamped points."""
+    """Write a bag with one topic of stamped points."""
     with BagWriter(path) as bag:
         for stamp, time in zip(stamps, stamps if recorded is None else recorded, strict=True):
             message = PointStamped()
@@ -45,7 +45,7 @@ def points(path: Path, stamps: Any, recorded: Any = None) -> Path:
 
 
 def findings(path: Path) -> str:
-    """The findings, one per line."""
+    """Return the findings on a bag, one per line."""
     return "\n".join(f"{finding.level} {finding.topic} {finding.text}" for finding in examine(path).findings)
 
 

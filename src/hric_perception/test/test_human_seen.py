@@ -28,7 +28,7 @@ BASE = {"xyz": [1.0, -2.0, 0.3], "xyzw": [0.0, 0.0, math.sin(0.4), math.cos(0.4)
 
 
 def seen(stream: dict[str, Any], base: dict[str, Any] | None = None, seed: int = 0) -> tuple[list[Any], list[Any]]:
-    """(frames, true poses) of 2 s."""
+    """Return (frames, true poses) of 2 s."""
     client = {"up_axis": stream.get("up_axis", "y"), "body": "hand"} | (
         {"base_from_mocap": base, "base_frame": "panda_link0"} if base else {}
     )

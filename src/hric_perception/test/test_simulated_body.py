@@ -1,4 +1,4 @@
-"""The human in the robot's plant before cameras and on a plate: from their messages alone, without a plant."""
+"""The simulated human as measured by cameras and a force plate, from messages alone, without a simulation."""
 
 import math
 from typing import Any
@@ -118,7 +118,7 @@ def seen(stream: dict[str, Any], seed: int = 0) -> tuple[list[Any], list[Any], l
 
 TOPICS = (("joint_states", JointState), ("events", HumanEvent))
 TORQUE = np.array([0.5, -0.25, 1.0])
-"""Of the grip, about its point [N m]."""
+"""Torque of the grip about its point [N m]."""
 MARKS = {100: "closed", 300: "started", 800: "ended"}
 """Events of the person, by milliseconds."""
 

@@ -1,5 +1,4 @@
-"""What a client believes of what it is sent: nothing unasked, no clock that is not known well enough, and each datagram
-is counted."""
+"""Which datagrams a client uses: none that it did not request, none before the clock is known; all are counted."""
 
 import sys
 from pathlib import Path

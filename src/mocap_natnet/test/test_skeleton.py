@@ -1,4 +1,4 @@
-"""A skeleton before the emulated cameras: through our own codec, and as a reader of another author has it."""
+"""A skeleton measured by the emulated cameras, decoded by this codec and by that of another author."""
 
 import math
 
