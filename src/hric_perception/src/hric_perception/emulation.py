@@ -28,27 +28,31 @@ Project default, unconfirmed.
 NS = 1e-9
 PERIOD = 0.01
 """Default time between two sendings of an emulated sensor [s of wall time] (project default, unconfirmed)."""
-SEED: Any = whole(0, minimum=0, name="seed", text="of all that is random")
-BLOCK: Any = number(PERIOD, minimum=0.001, maximum=1.0, unit="s", name="block", text="of wall time between sendings")
+SEED: Any = whole(0, minimum=0, name="seed", text="seed of all randomness")
+BLOCK: Any = number(PERIOD, minimum=0.001, maximum=1.0, unit="s", name="block", text="wall time between two sendings")
 
 
 @dataclass(frozen=True)
 class Faults(Settings):
     """Faults that an emulated sensor adds to its samples; equal for equal seeds."""
 
-    noise: float = number(0.0, minimum=0.0, unit="unit of the channel", text="white, standard deviation")
-    bias: float = number(0.0, unit="unit of the channel", text="added")
+    noise: float = number(0.0, minimum=0.0, unit="unit of the channel", text="standard deviation of white noise")
+    bias: float = number(0.0, unit="unit of the channel", text="constant that is added")
     delay: float = number(
-        0.0, minimum=0.0, maximum=5.0, unit="s", text="from a sample to its sending, beside the time stamp"
+        0.0,
+        minimum=0.0,
+        maximum=5.0,
+        unit="s",
+        text="time from a sample to its sending, which the time stamp does not include",
     )
     dropouts: tuple[tuple[float, float], ...] = listing(
         numbers(2),
         default=(),
         unit="s of robot time",
-        text="begin and duration of times in which nothing is sent; the numbers of the samples go on",
+        text="begin and duration of times in which nothing is sent, while sequence numbers continue",
     )
-    dropout_rate: float = number(0.0, minimum=0.0, maximum=100.0, unit="1/s", text="of random ones")
-    dropout_length: float = number(0.05, minimum=0.0, maximum=60.0, unit="s", text="their mean duration")
+    dropout_rate: float = number(0.0, minimum=0.0, maximum=100.0, unit="1/s", text="rate of random drop-outs")
+    dropout_length: float = number(0.05, minimum=0.0, maximum=60.0, unit="s", text="mean duration of random drop-outs")
     not_finite: tuple[tuple[float, float], ...] = listing(
         numbers(2),
         default=(),
@@ -56,7 +60,7 @@ class Faults(Settings):
         unit="s of robot time",
         text="begin and duration of times in which the first channel is NaN",
     )
-    time_code: bool = flag(False, text="whether one channel is robot time of its sample [s]")
+    time_code: bool = flag(False, text="send the robot time of each sample in a further channel [s]")
     seed: int = 0
 
 

@@ -78,9 +78,9 @@ class DeviceSettings(Settings):
     """Type of the device's LSL stream."""
     transport: str = choice("lsl")
     session: str = text("", figures=True, text="LSL session, see below")
-    name: str = text("emulated", figures=True, text="of the LSL stream")
+    name: str = text("emulated", figures=True, text="name of the LSL stream")
     rate: float = number(minimum=10.0, maximum=20000.0, unit="Hz")
-    faults: Mapping[str, object] = mapping(default={}, text="see below")
+    faults: Mapping[str, object] = mapping(default={}, text="faults of the samples, see below")
     seed: int = SEED
     block: float = BLOCK
 

@@ -72,9 +72,9 @@ class SensorSection(Settings):
     """Keys that the driver's node reads."""
     described_keys: ClassVar[tuple[str, ...]] = ()
     """Keys that are only used in exported files, such as c3d."""
-    transport: str = choice("lsl", text="by which the samples come")
+    transport: str = choice("lsl", text="transport of the samples")
     channels: tuple[str, ...] = ()
-    rate: float = number(1000.0, minimum=10.0, maximum=20_000.0, unit="Hz", text="of the emulated device")
+    rate: float = number(1000.0, minimum=10.0, maximum=20_000.0, unit="Hz", text="sample rate of the emulated device")
     device: str = choice(EMULATED, REAL, NONE, text="real: without the emulated device; none: without the sensor")
     chunk: float = number(
         0.05,
@@ -83,7 +83,9 @@ class SensorSection(Settings):
         unit="s",
         text="duration of a message; a few large ones cost less than many small ones (project default, unconfirmed)",
     )
-    lsl: Mapping[str, object] | None = for_node(section(LslSettings), "which stream: hric_perception")
+    lsl: Mapping[str, object] | None = for_node(
+        section(LslSettings), "selection of the LSL stream, see hric_perception"
+    )
     emulated: Mapping[str, Any] = mapping(default={}, text="what the emulated device measures, and its `faults`")
 
     @classmethod

@@ -25,7 +25,7 @@ PERSON: Any = anything(
     None,
     name="person",
     default_text="none",
-    text="with `{program: body}`: the section `human` of the experiment, that is, who is in the plant, and where",
+    text="with `{program: body}`: section `human` of the experiment, with the simulated human and their place",
 )
 
 

@@ -31,14 +31,14 @@ class EmulatedEmgSettings(DeviceSettings):
 
     kind: ClassVar[str] = "EMG"
     transport: str = choice("lsl", "trigno")
-    name: str = text("emulated_emg", figures=True, text="of the LSL stream")
+    name: str = text("emulated_emg", figures=True, text="name of the LSL stream")
     rate: float = number(2000.0, minimum=100.0, maximum=20000.0, unit="Hz")
-    muscles: tuple[str, ...] = muscle_names("how many of the usual ones, or names")
+    muscles: tuple[str, ...] = muscle_names("number of default muscles, or names of muscles")
     amplitude: float = number(AMPLITUDE, minimum=0.0, maximum=1.0, unit="V", text="root mean square at full activation")
     activation: Settings = PROGRAM
     ip: str = text("127.0.0.1", text="address of the Trigno server")
-    command_port: int = whole(COMMAND_PORT, minimum=0, maximum=65535, text="TCP")
-    data_port: int = whole(EMG_PORT, minimum=0, maximum=65535, text="TCP")
+    command_port: int = whole(COMMAND_PORT, minimum=0, maximum=65535, text="TCP port of commands; 0: any free one")
+    data_port: int = whole(EMG_PORT, minimum=0, maximum=65535, text="TCP port of EMG data; 0: any free one")
 
     @property
     def source(self) -> str:

@@ -30,25 +30,26 @@ class EnvelopeSettings(Base):
         2,
         (20.0, 450.0),
         unit="Hz",
-        text="edges of the band-pass; 20 to 450 Hz is what surface EMG is recorded with by custom (SENIAM, ISEK; "
-        "textbook)",
+        text="edges of the band-pass; 20 to 450 Hz is usual for surface EMG (SENIAM, ISEK; textbook)",
     )
     band_order: int = whole(
-        2, minimum=1, maximum=8, text="of the Butterworth prototype; the band-pass has twice as many poles"
+        2, minimum=1, maximum=8, text="order of the Butterworth prototype; the band-pass has twice as many poles"
     )
     notch: tuple[float, ...] = numbers(
-        range(9), (50.0,), unit="Hz", text="frequencies that are cut out; 50 Hz: the mains"
+        range(9), (50.0,), unit="Hz", text="frequencies removed by notch filters; 50 Hz: the mains"
     )
-    notch_quality: float = number(30.0, above=0.0, text="frequency over width at -3 dB")
-    lowpass: float = number(6.0, above=0.0, unit="Hz", text="of the rectified signal; 3 to 6 Hz by custom (textbook)")
-    lowpass_order: int = whole(4, minimum=1, maximum=8, text="Butterworth")
+    notch_quality: float = number(30.0, above=0.0, text="quality of the notch filters: frequency over width at -3 dB")
+    lowpass: float = number(
+        6.0, above=0.0, unit="Hz", text="cut-off of the low-pass of the rectified signal; 3 to 6 Hz is usual (textbook)"
+    )
+    lowpass_order: int = whole(4, minimum=1, maximum=8, text="order of the Butterworth low-pass")
     mvc: Mapping[str, float] = mapping(
         number(above=0.0),
         {},
         unit="unit of the channel",
-        text="envelope of the maximum voluntary contraction by channel; others are not normalised",
+        text="envelope at maximum voluntary contraction, by channel; other channels are not normalised",
     )
-    decimate: int = whole(10, minimum=1, maximum=10000, text="every so many samples one of the envelope")
+    decimate: int = whole(10, minimum=1, maximum=10000, text="number of EMG samples per sample of the envelope")
 
 
 def band_sections(settings: EnvelopeSettings, rate: float) -> FloatArray:

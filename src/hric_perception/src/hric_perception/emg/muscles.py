@@ -114,7 +114,7 @@ class TopicActivation(Settings):
     """Settings of the activation of a simulated human's muscles, received on a topic."""
 
     topic: str = text("hric/human/activation", empty=False)
-    side: str = choice("right", "left", text="arm that wears the electrodes of the usual muscles")
+    side: str = choice("right", "left", text="arm with the electrodes of the default muscles")
 
 
 PROGRAM: Any = variant(

@@ -33,11 +33,17 @@ class EmgSection(SensorSection):
 
     name, emulated_name = "emg", "emulated_emg"
     driver_keys = ("envelope", "lsl", "trigno")
-    transport: str = choice("lsl", "trigno", text="by which EMG comes")
-    channels: tuple[str, ...] = muscle_names("how many of the usual muscles, or names, which a real stream needs")
-    rate: float = number(2000.0, minimum=100.0, maximum=20_000.0, unit="Hz", text="of the emulated device")
-    envelope: Mapping[str, object] | None = for_node(section(EnvelopeSettings), "how it is made: hric_perception")
-    trigno: Mapping[str, object] | None = for_node(section(TrignoSettings), "which server: hric_perception")
+    transport: str = choice("lsl", "trigno", text="transport of the EMG")
+    channels: tuple[str, ...] = muscle_names(
+        "number of default muscles, or names of muscles, which a real stream needs"
+    )
+    rate: float = number(2000.0, minimum=100.0, maximum=20_000.0, unit="Hz", text="sample rate of the emulated device")
+    envelope: Mapping[str, object] | None = for_node(
+        section(EnvelopeSettings), "filters and normalisation of the envelope, see hric_perception"
+    )
+    trigno: Mapping[str, object] | None = for_node(
+        section(TrignoSettings), "connection to the Trigno server, see hric_perception"
+    )
 
     @classmethod
     def parts(cls) -> tuple[type[DriverSettings], type[DeviceSettings]]:

@@ -59,8 +59,8 @@ class RecordedHuman(TrialSettings):
     name: str = text("hand", figures=True)
     begin: float = number(0.0, minimum=0.0, maximum=3600.0, unit="s")
     still: Mapping[str, Vector] = mapping(numbers(3, unit="m"), {})
-    labels: tuple[str, ...] | None = names(None, None, text="of the hand's markers")
-    bodies: Mapping[str, tuple[str, ...]] = mapping(names(), {}, text="further ones: name -> labels")
+    labels: tuple[str, ...] | None = names(None, None, text="labels of the hand's markers")
+    bodies: Mapping[str, tuple[str, ...]] = mapping(names(), {}, text="further rigid bodies: name -> labels of markers")
 
     def check(self, where: str) -> None:
         """Raise ParameterError if a further body has the hand's name."""
@@ -83,7 +83,7 @@ class StreamSettings(Settings):
     """Settings and faults of the emulated Motive's stream."""
 
     rate: float = number(240.0, minimum=1.0, maximum=1000.0, unit="Hz")
-    version: Version = bitstream((4, 1), "newest that it speaks", "bitstream")
+    version: Version = bitstream((4, 1), "newest bitstream (protocol version) of the emulated Motive", "bitstream")
     transport: str = choice(*TRANSPORTS, default="multicast")
     up_axis: str = choice(*UP_AXES)
     command_port: int = whole(COMMAND_PORT, minimum=1, maximum=65535)

@@ -36,23 +36,23 @@ class EmulatedHumanSettings(Settings):
     """Parameters of the node `emulated_human`; the function `see` reads the mappings."""
 
     human: Any = anything({}, default_text="`{program: sinusoid}`", text="how the hand moves, see below")
-    stream: Any = anything({}, text="how Motive streams, see below")
+    stream: Any = anything({}, text="settings and faults of Motive's stream, see below")
     base_from_mocap: Any = anything(
         None,
         default_text="identity",
-        text="`xyz` [m], `xyzw`: pose of the mocap frame, turned to z up, in the base, as `natnet_client` has it",
+        text="`xyz` [m], `xyzw`: pose of the mocap frame, turned to z up, in the base, as for `natnet_client`",
     )
     person: Any = PERSON
     world_from_base: Any = anything(
         None,
         default_text="identity",
-        text="`xyz` [m], `xyzw`: pose of the base in the world, in which `person` is",
+        text="`xyz` [m], `xyzw`: pose of the base in the world, in which `person` is placed",
     )
     base_frame: str = text("panda_link0", text="frame of `hric/human/hand`, in which the program moves")
     seed: int = SEED
     ip: str = address("127.0.0.1", "address to listen on", empty=False)
     state_topic: str = text(
-        "", text="of the robot; empty: `franka_state_controller/franka_states` in the node's namespace"
+        "", text="topic of the robot's state; empty: `franka_state_controller/franka_states` in the node's namespace"
     )
 
 

@@ -22,12 +22,12 @@ class HandForceSettings(PoseSettings):
     """Parameters of the force on the person's hand: its sensor, and that sensor's pose in the markers' frame."""
 
     xyz: Vector = numbers(
-        3, ORIGIN, unit="m", text="of the robot's base, or of the middle of the plate, in the frame of the markers"
+        3, ORIGIN, unit="m", text="position of the robot's base, or of the plate's middle, in the frame of the markers"
     )
     source: str = choice(
         NONE, ROBOT, PLATE, text="source of the force on a hand: the external wrench of the robot, or a plate"
     )
-    hand: str = choice(DOMINANT, "right", "left", text="on which hand it acts")
+    hand: str = choice(DOMINANT, "right", "left", text="hand on which the force acts")
     id: str = PLATE_ID
 
     def side(self, subject: Subject) -> str | None:
@@ -46,20 +46,20 @@ class PersonSettings(Settings):
     markers: tuple[str, ...] | None = names(
         default=None,
         default_text="all of the body",
-        text="markers of the body that the person wears: names of Plug-in Gait",
+        text="markers that the person wears, by the names of Plug-in Gait",
     )
     labels: Mapping[str, str] = mapping(
-        text(empty=False), default={}, text="name in the stream by marker, where it has another one"
+        text(empty=False), default={}, text="name in the mocap stream by marker, for markers with another name there"
     )
     asset: str = text("", text="asset of the stream (`asset/marker`) that the person's markers belong to; empty: any")
     pose: Mapping[str, float] = mapping(
         number(unit="rad"),
         default={},
-        text="angles of joints that are not zero in the pose that the person takes for `calibrate`; none: standing "
+        text="angles of the joints that are not zero in the pose for `calibrate`; none: standing "
         "upright, arms hanging, thumbs forward",
     )
     calibration: str = text(
-        "", text="YAML file that `calibrate` writes, and that is read at the start where it is there; empty: none"
+        "", text="YAML file that `calibrate` writes, and that is read at the start if it exists; empty: none"
     )
     force: HandForceSettings = section(HandForceSettings)
 

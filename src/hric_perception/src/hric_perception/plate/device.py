@@ -35,7 +35,7 @@ class EmulatedPlateSettings(DeviceSettings):
 
     kind: ClassVar[str] = "Force"
     transport: str = choice("lsl", "natnet")
-    name: str = text("emulated_plate", figures=True, text="of the LSL stream")
+    name: str = text("emulated_plate", figures=True, text="name of the LSL stream")
     rate: float = number(1000.0, minimum=10.0, maximum=20000.0, unit="Hz")
     load: Settings = PROGRAM
     person: Any = PERSON

@@ -31,7 +31,12 @@ def plate_name(name: str) -> str:
 
 
 PLATE_ID: Any = text(
-    "1", valid="letters, digits and _", figures=True, made=plate_name, name="id", text="in the names of topics"
+    "1",
+    valid="letters, digits and _",
+    figures=True,
+    made=plate_name,
+    name="id",
+    text="id of the plate in the names of topics",
 )
 
 
@@ -39,7 +44,7 @@ PLATE_ID: Any = text(
 class PlatePose(PoseSettings):
     """Parameters of a force plate's pose: middle of its surface, z normal to it, in a parent frame."""
 
-    xyz: Vector = numbers(3, ORIGIN, unit="m", text="of the middle of the surface, in `frame`")
+    xyz: Vector = numbers(3, ORIGIN, unit="m", text="position of the middle of the surface in `frame`")
     frame: str = text("world")
 
 

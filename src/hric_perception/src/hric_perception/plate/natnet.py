@@ -168,7 +168,7 @@ def plate_of(
 class PlateStream(Settings):
     """Settings of the emulated Motive that streams a plate."""
 
-    rate: float = number(200.0, minimum=1.0, maximum=1000.0, unit="Hz", text="of frames")
+    rate: float = number(200.0, minimum=1.0, maximum=1000.0, unit="Hz", text="frame rate")
     ip: str = address("127.0.0.1", "address to listen on", empty=False)
     command_port: int = whole(COMMAND_PORT, minimum=0, maximum=65535)
     data_port: int = whole(DATA_PORT, minimum=1, maximum=65535)

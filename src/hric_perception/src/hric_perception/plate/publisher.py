@@ -34,15 +34,15 @@ class ForcePlateSettings(DriverSettings):
     also: ClassVar[tuple[str, ...]] = NATNET
     source: str = choice("lsl", "natnet")
     id: str = PLATE_ID
-    frame: str = text("", default_text="`force_plate_<id>`", text="of the vectors")
+    frame: str = text("", default_text="`force_plate_<id>`", text="tf frame of force and moment")
     pose: PlatePose | None = section(PlatePose, None)
     height: float = number(
         0.0,
         unit="m",
-        text="of the surface over the origin of the device's moments; its sign differs between makers: check with "
-        "a known weight",
+        text="height of the surface above the origin of the device's moments; its sign differs between makers: check "
+        "with a known weight",
     )
-    invert: bool = flag(False, text="the device measures the reaction, not the load")
+    invert: bool = flag(False, text="true: the device measures the reaction, not the load")
 
     def publisher(self, node: Node, on_trouble: Callable[[str], None]) -> "PlatePublisher":
         """Return the publisher of samples, wrench and centre of pressure."""

@@ -56,17 +56,19 @@ class PlateSection(SensorSection):
     name, emulated_name = "force_plate", "emulated_plate"
     driver_keys = ("id", "height", "invert", "pose", "lsl", "natnet")
     described_keys = ("size", "calibration")
-    transport: str = choice("lsl", "natnet", text="by which the samples come")
+    transport: str = choice("lsl", "natnet", text="transport of the samples")
     channels: tuple[str, ...] = CHANNELS
     id: str = PLATE_ID
-    height: float | None = number(None, unit="m", text="of the surface over the origin of the device's moments")
-    invert: bool | None = flag(None, text="whether the device reports the reaction, not the load")
+    height: float | None = number(None, unit="m", text="height of the surface above the origin of the device's moments")
+    invert: bool | None = flag(None, text="true: the device reports the reaction, not the load")
     pose: Mapping[str, object] | None = for_node(
         section(PlatePose), "`frame`, `xyz` [m], `xyzw` of the middle of the surface"
     )
-    natnet: Mapping[str, object] | None = for_node(section(PlateClient), "which server and `plate`: hric_perception")
+    natnet: Mapping[str, object] | None = for_node(
+        section(PlateClient), "NatNet connection and `plate`, see hric_perception"
+    )
     size: tuple[float, ...] = numbers(
-        2, PLATE_SIZE, above=0.0, unit="m", text="of the surface along x and y, for c3d files"
+        2, PLATE_SIZE, above=0.0, unit="m", text="size of the surface along x and y, for c3d files"
     )
     calibration: tuple[tuple[float, ...], ...] | None = CALIBRATION
 

@@ -132,7 +132,7 @@ also arrive in batches of 20 ms.
 class SyncSettings(Settings):
     """Parameters of the node `synchronizer`."""
 
-    plan: Mapping[str, object] = mapping(text='what is synchronised, and how: see "Synchroniser"')
+    plan: Mapping[str, object] = mapping(text='plan of the synchronisation, see "Synchroniser"')
     rates: tuple[float, ...] | None = listing(
         number(above=0.0, maximum=10_000.0),
         range(1, 100),
@@ -142,9 +142,15 @@ class SyncSettings(Settings):
         text="several streams of one plan with policy resample, each with its own rate, on `<topic>_<rate>hz`: "
         "one subscription to each source serves all; not of `synchronizer_cpp`",
     )
-    topic: str = text(TOPIC, empty=False, text="of the samples; `_layout` and `_status` are added for the others")
+    topic: str = text(
+        TOPIC, empty=False, text="topic of the samples; layout and status are on `<topic>_layout` and `<topic>_status`"
+    )
     period: float = number(
-        PERIOD, above=0.0, maximum=1.0, unit="s", text="between looks at what is due; not of `synchronizer_cpp`"
+        PERIOD,
+        above=0.0,
+        maximum=1.0,
+        unit="s",
+        text="period at which due samples are published; not of `synchronizer_cpp`",
     )
 
 

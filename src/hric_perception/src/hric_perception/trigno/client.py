@@ -31,16 +31,20 @@ RATES = 1.0, 1e5
 class TrignoSettings(Base):
     """Parameters of the connection to a Trigno server: address and EMG channels."""
 
-    host: str = text("127.0.0.1", empty=False, text="address")
-    command_port: int = whole(protocol.COMMAND_PORT, minimum=1, maximum=65535, text="TCP")
-    data_port: int = whole(protocol.EMG_PORT, minimum=1, maximum=65535, text="TCP")
+    host: str = text("127.0.0.1", empty=False, text="address of the Trigno server")
+    command_port: int = whole(protocol.COMMAND_PORT, minimum=1, maximum=65535, text="TCP port of commands")
+    data_port: int = whole(protocol.EMG_PORT, minimum=1, maximum=65535, text="TCP port of EMG data")
     channels: tuple[str, ...] = names(
         range(1, protocol.CHANNELS + 1),
         tuple(f"emg{index}" for index in range(1, protocol.CHANNELS + 1)),
-        text="names of the first sensors; a channel named `time` carries a time code [s]",
+        text="names of the first sensors; a channel named `time` has a time code [s]",
     )
     rate: float = number(
-        protocol.RATE, minimum=RATES[0], maximum=RATES[1], unit="Hz", text="of a server that does not report it"
+        protocol.RATE,
+        minimum=RATES[0],
+        maximum=RATES[1],
+        unit="Hz",
+        text="sample rate of a server that does not report it",
     )
     latency: float = number(
         0.0, minimum=0.0, maximum=1.0, unit="s", text="minimum time from a sample to its arrival here"

@@ -47,9 +47,15 @@ class ViewSettings(Settings):
     """Parameters of the node `live_view`."""
 
     rate: float = number(
-        30.0, minimum=1.0, maximum=200.0, unit="Hz", text="of its topics, in wall time; a topic without news is silent"
+        30.0,
+        minimum=1.0,
+        maximum=200.0,
+        unit="Hz",
+        text="rate of the topics in wall time; nothing is published without a new message",
     )
-    limits_rate: float = number(10.0, minimum=0.0, maximum=100.0, unit="Hz", text="of the markers; 0: none")
+    limits_rate: float = number(
+        10.0, minimum=0.0, maximum=100.0, unit="Hz", text="rate of the markers of limits; 0: none"
+    )
     plates: tuple[str, ...] = listing(
         PLATE_ID, default=("1",), single=True, text="force plates whose wrench is published"
     )

@@ -54,12 +54,12 @@ class ClientSettings(Base):
     """Parameters of the NatNet client's connection."""
 
     server: str = address("127.0.0.1", "address of Motive's machine; empty: the first one that responds to a discovery")
-    discovery: str = address(BROADCAST, "where the discovery is sent")
+    discovery: str = address(BROADCAST, "address to which discovery messages are sent")
     local: str = address("", "address of the network card that faces Motive; empty: the one by which Motive is reached")
-    command_port: int = whole(COMMAND_PORT, minimum=1, maximum=65535, text="UDP")
-    data_port: int = whole(0, minimum=0, maximum=65535, text="UDP; 0: as Motive says")
-    group: str = group("", "multicast group; empty: as Motive says")
-    transport: str = choice(*TRANSPORTS, text="`auto`: as Motive says")
+    command_port: int = whole(COMMAND_PORT, minimum=1, maximum=65535, text="UDP port of Motive's commands")
+    data_port: int = whole(0, minimum=0, maximum=65535, text="UDP port of frames; 0: as Motive reports it")
+    group: str = group("", "multicast group of frames; empty: as Motive reports it")
+    transport: str = choice(*TRANSPORTS, text="transport of frames; `auto`: as Motive reports it")
     bitstream: Version | None = bitstream(
         None, "requested of a unicast server, e.g. `4.1`; empty: its newest. 2.5 to 4.5 are read", "bitstream"
     )
@@ -68,7 +68,7 @@ class ClientSettings(Base):
         minimum=0.0,
         maximum=10.0,
         unit="s",
-        text="from exposure to arrival, where the server does not report it",
+        text="time from exposure to arrival, if the server does not report it",
     )
 
 

@@ -28,14 +28,14 @@ STILL = 0.002
 class CalibrateSettings(Settings):
     """Parameters of the node `calibrate`."""
 
-    body: str = text("", figures=True, text="body on the end effector; empty: the first of the stream")
+    body: str = text("", figures=True, text="rigid body on the end effector; empty: the first of the stream")
     up_axis: str = UP_AXIS
-    base_frame: str = text("panda_link0", text="goes into the file")
+    base_frame: str = text("panda_link0", text="name of the base frame, which is written into the file")
     file: str = text(
         "base_from_mocap.yaml",
-        text="parameters for `natnet_client`; load them with `rosparam load FILE /natnet_client`",
+        text="file to write, with parameters of `natnet_client`; load it with `rosparam load FILE /natnet_client`",
     )
-    state_topic: str = text("franka_state_controller/franka_states", text="of the robot")
+    state_topic: str = text("franka_state_controller/franka_states", text="topic of the robot's state")
 
 
 class CalibrateNode(NodeApp):

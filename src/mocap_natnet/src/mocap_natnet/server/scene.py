@@ -91,13 +91,19 @@ OCCLUSION = Parameter("row", "[begin, duration] or [begin, duration, body]", _oc
 class CameraFaults(Settings):
     """Measurement faults of the emulated cameras; equal for equal seeds."""
 
-    noise: float = number(0.0, minimum=0.0, unit="m", text="of positions of bodies, standard deviation per axis")
-    rotation_noise: float = number(0.0, minimum=0.0, unit="rad", text="of their orientations, per axis")
-    marker_noise: float = number(0.0, minimum=0.0, unit="m", text="of each marker besides")
-    occlusions: tuple[tuple[float, float, str], ...] = listing(OCCLUSION, default=(), text="body: empty for all")
-    occlusion_rate: float = number(0.0, minimum=0.0, unit="1/s", text="random occlusions of all bodies")
-    occlusion_length: float = number(0.3, minimum=0.0, unit="s", text="their mean duration")
-    seed: int = whole(0, minimum=0, text="of all that is random")
+    noise: float = number(0.0, minimum=0.0, unit="m", text="noise of positions of bodies, standard deviation per axis")
+    rotation_noise: float = number(
+        0.0, minimum=0.0, unit="rad", text="noise of orientations of bodies, standard deviation per axis"
+    )
+    marker_noise: float = number(
+        0.0, minimum=0.0, unit="m", text="additional noise of each marker, standard deviation per axis"
+    )
+    occlusions: tuple[tuple[float, float, str], ...] = listing(
+        OCCLUSION, default=(), text="occlusions; without a body: of all bodies"
+    )
+    occlusion_rate: float = number(0.0, minimum=0.0, unit="1/s", text="rate of random occlusions of all bodies")
+    occlusion_length: float = number(0.3, minimum=0.0, unit="s", text="mean duration of random occlusions")
+    seed: int = whole(0, minimum=0, text="seed of all randomness")
 
 
 @dataclass

@@ -23,8 +23,10 @@ REASONS = ("not finite", "not a unit quaternion", "outside the volume", "too fas
 class Volume(Settings):
     """Parameters of the volume in which poses are valid (project default, unconfirmed: a large laboratory)."""
 
-    low: Vector = numbers(3, (-10.0, -10.0, -2.0), unit="m", text="a pose outside counts as lost (mocap frame, z up)")
-    high: Vector = numbers(3, (10.0, 10.0, 5.0), unit="m")
+    low: Vector = numbers(
+        3, (-10.0, -10.0, -2.0), unit="m", text="lower corner; a pose outside counts as lost (mocap frame, z up)"
+    )
+    high: Vector = numbers(3, (10.0, 10.0, 5.0), unit="m", text="upper corner")
 
     def check(self, where: str) -> None:
         """Check that the lower corner is below the upper one. Raises ParameterError."""
