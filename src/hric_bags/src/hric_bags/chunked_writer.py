@@ -16,7 +16,7 @@ CHUNK_TIME = 1_000_000_000
 _HEAD = Struct("<II3sBI5sII5sIII")
 """Format of a message record up to its data: header length; size, name and value of each field; data length."""
 _NAMES = (_HEAD.size - 8, 4, b"op=", RecordType.MSGDATA, 9, b"conn="), (13, b"time=")
-"""Values of that format that are the same for all messages."""
+"""Values in the header of a message record that are the same for all messages."""
 
 
 class ChunkedWriter(Writer):

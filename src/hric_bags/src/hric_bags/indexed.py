@@ -29,7 +29,7 @@ _MESSAGE = b"\x04\x00\x00\x00op=" + bytes([RecordType.MSGDATA])
 _HEAD = 55
 """Size of the head of an index record (one connection in one chunk), with the length of its data [B]."""
 _INDEX_DATA, _CONNECTION = b"\x04\x00\x00\x00op=\x04", b"\x09\x00\x00\x00conn="
-"""Bytes that are part of that head; the connection's number follows the second one."""
+"""Bytes in the head of each index record; the connection's number follows the second ones."""
 BLOCK = 4096
 """Number of index entries that are converted to Python objects at a time."""
 _size = Struct("<L").unpack_from

@@ -206,7 +206,7 @@ def _within(times: FloatArray, spans: tuple[tuple[float, float], ...] | list[tup
 
 
 class Outlet(Protocol):
-    """Sender or receiver of an emulated sensor's samples, such as an LSL outlet."""
+    """Interface of a sender or receiver of an emulated sensor's samples, such as an LSL outlet."""
 
     def push(self, times: FloatArray, data: FloatArray) -> None:
         """Send samples; times: stamps by the monotonic clock, shape (n,) [s]; data: values, shape (n, channels)."""

@@ -31,19 +31,22 @@ It is longer with arrival times, since delayed samples arrive in a burst afterwa
 LEARN = 10
 """Number of sample blocks after which the scatter of their stamps is known."""
 SPREADS = 6.0
-"""Smallest offset from the line that is a gap, in mean deviations of the stamps; the largest limit here applies."""
+"""Smallest offset of a block from the fitted line that counts as a gap [mean deviations of the stamps].
+
+The largest of SPREADS, SAMPLES and ARRIVAL_GAP applies.
+"""
 SAMPLES = 1.5
-"""Smallest offset from the line that is a gap, in sample periods."""
+"""Smallest offset of a block from the fitted line that counts as a gap [sample periods]."""
 ARRIVAL_GAP = 0.1
-"""Smallest offset from the line that is a gap, with arrival times, which are late in bursts [s]."""
+"""Smallest offset of a block from the fitted line that counts as a gap, with arrival times, which are uneven [s]."""
 PASSES, TRIM, FINE = 3, 5.0, 1e-5
-"""Number of passes of the line fit, and its outliers: beyond TRIM median deviations and beyond FINE [s]."""
+"""Passes of the fit of robot time over sample number; outliers are beyond TRIM median deviations and FINE [s]."""
 FIT_ALL, FIT_INTERVAL = 20, 4
-"""Schedule of the line fit: at each of the first FIT_ALL blocks, then at every FIT_INTERVAL-th, to save time."""
+"""Blocks at which the line is fitted: each of the first FIT_ALL, then every FIT_INTERVAL-th, to save time."""
 STEPS = 51
 """Number of newest blocks from which the time between samples and its scatter are computed."""
 DEVIATIONS = 3.0
-"""Smallest gap by the source's own clock, in largest recent deviations of its stamps from even steps."""
+"""Smallest gap by the monotonic clock [largest recent deviations of stamps from even steps]."""
 CLOCK_STEP = 0.1
 """Jump of robot time beyond which it counts as a clock reset [s]."""
 JUMP = 10.0
@@ -135,7 +138,7 @@ class SampleClock:
         return abs(strayed) <= self._limit() or (self._latency is not None and -JUMP < strayed < 0)
 
     def _limit(self) -> float:
-        """Return the smallest offset of a block from the line that is a gap [s]."""
+        """Return the smallest offset of a block's time from the fitted line that counts as a gap [s]."""
         limit = max(SAMPLES / self.layout.rate, SPREADS * self._spread)
         return limit if self._latency is None else max(limit, ARRIVAL_GAP)
 
@@ -144,10 +147,10 @@ class SampleClock:
         return float(np.median(self._steps)) if self._steps else 1.0 / self.layout.rate
 
     def _step(self, count: int) -> None:
-        """Skip the sequence numbers of samples lost before the first `count` held-back blocks, or begin a new line.
+        """Account for a gap before `count` held-back blocks: skip numbers of lost samples, or begin a new line fit.
 
         Lost samples are a gap in monotonic and robot time. A gap in only one of them is a pause of the run, or a
-        correction of robot time, and begins a new line.
+        correction of robot time, and begins a new line fit.
         """
         strayed, length = self._strayed(count), self._step_length()
         missing = (self._held[count - 1][0] - self._monotonic) / length - self._samples(count)

@@ -23,7 +23,7 @@ SWITCHED_ON = -1.0
 
 
 class SamplePublisher(Protocol):
-    """Publisher of a sensor's samples; called from one thread."""
+    """Interface of a publisher of a sensor's samples, which is called from one thread."""
 
     def choose(self, layout: Layout) -> Layout:
         """Return the layout with which a stream's samples are published. Raises ParameterError."""
@@ -33,7 +33,7 @@ class SamplePublisher(Protocol):
 
 
 class Closable(Protocol):
-    """Sender of an emulated sensor's samples that can be stopped."""
+    """Interface of a sender of an emulated sensor's samples that can be stopped."""
 
     def close(self) -> None:
         """Stop sending."""
@@ -178,7 +178,7 @@ class HeadlessSensor:
         sensor.due(SWITCHED_ON)
 
     def advance(self, time: float) -> None:
-        """Advance to a robot time [s], and send the samples due by then when a block has passed."""
+        """Advance to a robot time [s]; once per block, send the samples that are due."""
         if time >= self._blocks * self._block:
             self._blocks = int(time / self._block) + 1
             self._clock.time = time

@@ -68,7 +68,7 @@ _LEFT_OUT = object()
 
 @dataclass(frozen=True)
 class Privacy:
-    """Privacy classes of keys, words and message types, as config/privacy.yaml explains them."""
+    """Privacy classes of keys, words and message types: what anonymised exports contain, and in which form."""
 
     public: frozenset[str]
     private: frozenset[str]

@@ -21,7 +21,10 @@ from hric_core.trial.opensim_text import read_storage
 MARGIN = 0.05
 """Time left out at both ends of the run, where the tool's splines are inexact [s]; project default, unconfirmed."""
 EFFORT_AGE = 0.5
-"""Mean age of a simulated robot's logged effort, that of the cycle before, against its position [periods]."""
+"""Mean age of a simulated robot's logged effort relative to its logged position [control periods].
+
+The logged effort acted during the cycle before.
+"""
 FORCE_ENDINGS = {"rad": "_moment", "m": "_force"}
 """Unit of a coordinate -> ending that the tool appends to its name."""
 

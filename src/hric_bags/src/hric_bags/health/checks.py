@@ -11,7 +11,7 @@ from hric_bags.health.streams import TopicStream
 GAP_FACTOR = 3.0
 """Time between stamps of a regular stream that counts as a gap [median periods]; project default, unconfirmed."""
 MIN_GAP = 0.02
-"""Shortest excess of such a time over the period that counts as a gap [s]; project default, unconfirmed."""
+"""Smallest excess of the time between stamps over the period that is a gap [s]; project default, unconfirmed."""
 REGULAR_SHARE = 0.8
 """Share of periods that must be within 50 % of the median in a regular stream [1]; project default, unconfirmed."""
 MIN_MESSAGES = 20

@@ -86,7 +86,7 @@ class SimulatedBody(Program):
         return ServedSkeleton(SKELETON, number, tuple(bones), tuple(self._body.markers), source)
 
     def _q(self, time: float) -> Sequence[float]:
-        """Return the joint positions at a time of the stream [rad]."""
+        """Return the joint positions [rad] at a time of the stream [s]; all 0 while they are not known."""
         robot_time = self.robot_time(time)
         positions = None if robot_time is None else self.states.at(robot_time)
         return self._rest if positions is None else positions

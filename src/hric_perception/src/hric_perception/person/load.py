@@ -23,7 +23,7 @@ from hric_perception.person.settings import HandForceSettings
 from hric_perception.stream import OK, START, WARN, Driver, StreamReport
 
 PORTION = 0.05
-"""Time span of the frames that are computed together [s of the stamps]: many cost little more than one.
+"""Time span of the mocap frames whose muscle load is computed together [s of the stamps]: many cost little more.
 
 The constants of this file are project defaults, unconfirmed.
 """

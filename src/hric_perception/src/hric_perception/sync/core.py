@@ -56,7 +56,7 @@ class Window:
             self._rows.popleft()
 
     def clear(self) -> None:
-        """Remove all batches."""
+        """Remove all statistics."""
         self._rows.clear()
 
     def mean(self) -> list[float]:

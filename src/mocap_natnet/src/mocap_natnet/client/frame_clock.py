@@ -12,7 +12,7 @@ from hric_core.robot_time.rising_line import Line, RisingLine, fit_line
 from mocap_natnet.codec.types import Frame
 
 WINDOW = 30.0
-"""Age beyond which echoes are discarded [s]."""
+"""Age beyond which clock echoes are discarded [s]."""
 ROUND_TRIP_SPREAD = 50e-6
 """Largest excess of an echo's round trip over the shortest one with which it is used [s]; others are less exact."""
 SLOPE_SPAN = 2.0
@@ -24,7 +24,7 @@ RESTART_ERROR = 5e-3
 RESTART_ECHOES = 3
 """Number of consecutive echoes or delays off the fit that restart it (project default, unconfirmed)."""
 MINIMUM_WINDOW = 10.0
-"""Window of the running minimum of delays [s]."""
+"""Time window of the running minimum of the frames' delays [s]."""
 FAR = 1.0
 """Largest valid difference of a delay from the running minimum [s] (project default, unconfirmed)."""
 NS = 1_000_000_000
@@ -63,7 +63,7 @@ class EchoClock:
 
     @property
     def synchronised(self) -> bool:
-        """True if an echo was received."""
+        """True if the server has returned an echo, so that its clock is known."""
         return self._origin is not None
 
     @property
