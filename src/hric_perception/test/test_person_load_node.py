@@ -157,7 +157,7 @@ def test_what_his_muscles_do_comes_within_a_second_of_sixty_estimates_and_more(
     settled = came[first : first + 400]
     figure("person with the load of their muscles, live at 120 Hz: share of a processor", share, "1")
     values = {pair.key: pair.value for pair in said.seen[-1].values}
-    figure("person, load of their muscles alone: share of a processor", float(values["processor [1]"]), "1")
+    figure("person, load of their muscles alone: share of a processor", float(values["processor share [1]"]), "1")
     behind = np.array([when - one.header.stamp.to_sec() for when, one in settled])
     figure("person, load of their muscles: received so late, median", float(np.median(behind)), "s of robot time")
     figure("person, load of their muscles: received so late, at most", behind.max(), "s of robot time")
