@@ -1,4 +1,4 @@
-"""The node `emulated_human` under a master, heard by the real client."""
+"""The node `emulated_human` under a ROS master, received by the real client."""
 
 import contextlib
 import os
@@ -92,7 +92,7 @@ def test_the_hand_rests_until_it_is_started_and_the_client_sees_what_it_really_d
 
 
 def at(truth: list[Any], when: float) -> float:
-    """y of the hand at a time, between two of its poses."""
+    """Return the hand's y at a time [s], interpolated between two of its poses."""
     after = next(k for k, message in enumerate(truth) if message.header.stamp.to_sec() >= when)
     a, b = truth[after - 1], truth[after]
     share = (when - a.header.stamp.to_sec()) / (b.header.stamp.to_sec() - a.header.stamp.to_sec())
