@@ -226,7 +226,7 @@ class CartesianImpedanceLaw:
         return [min(max(x, -limit), limit) for x, limit in zip(tau, self._effort, strict=True)]
 
     def _null_vector(self, J: FloatArray) -> FloatArray:
-        """Return the unit null vector of J, shape (7,), by one step from the previous one, or by an SVD if that fails."""
+        """Return the unit null vector of J, shape (7,), by one step from the last one, or by an SVD if that fails."""
         self._matrix[:6], self._matrix[6] = J, self._null
         try:
             null = np.linalg.solve(self._matrix, _LAST)

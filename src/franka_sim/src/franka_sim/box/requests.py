@@ -16,7 +16,7 @@ class ControllerMode(IntEnum):
 
 
 class GeneratorMode(IntEnum):
-    """Motion generator: the quantity that the client commands beside torques. Numbers as in the Franka state message."""
+    """Motion generator: the quantity that the client commands. Numbers as in the Franka state message."""
 
     IDLE = 0
     JOINT_POSITION = 1

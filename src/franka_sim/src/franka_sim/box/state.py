@@ -46,7 +46,7 @@ def _desired_twist(state: BoxState) -> list[float]:
 
 
 def _written_by_generator(name: str, otherwise: Callable[[BoxState], list[float]]) -> Any:
-    """Return a field that a Cartesian motion generator writes while it runs; at other times it is computed when read."""
+    """Return a field that a Cartesian motion generator writes while it runs; otherwise it is computed when read."""
     slot = RobotState.__dict__[name]
 
     def compute(state: BoxState) -> list[float]:
