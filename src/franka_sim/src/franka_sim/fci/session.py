@@ -156,9 +156,8 @@ class Service(ABC):
         oldest = next(connection for connection, host in hosts.items() if host == crowd)
         self._on_connection(oldest, READ)  # its handshake may just have arrived
         if oldest in self._waiting:
-            self._drop(
-                oldest, f"{self._waiting[oldest][0]} is refused: more than {MAX_WAITING} connections wait for a handshake"
-            )
+            peer = self._waiting[oldest][0]
+            self._drop(oldest, f"{peer} is refused: more than {MAX_WAITING} connections wait for a handshake")
 
     def _on_connection(self, connection: FciConnection, events: int) -> None:
         if events & WRITE:
