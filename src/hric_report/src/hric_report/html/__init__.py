@@ -29,7 +29,7 @@ def write(folder: RunFolder, *, progress: bool = False) -> Path:
         progress: show a progress bar while the bag is read.
 
     Raises:
-        HricError: the bag or the description cannot be used, or a library of the page is not installed.
+        HricError: the bag or the robot description cannot be read, or a library for the page is not installed.
     """
     from hric_report.html import run_data, run_page
     from hric_report.html.verdict import verdict_of
