@@ -141,7 +141,7 @@ def test_the_part_opens_with_five_answers_and_a_picture_and_folds_the_rest_away(
     head, rest = verdict.part(MADE).split("<details>", 1)
     replies = re.findall(r"<th scope=row>(\w+)</th><td><span class=\"reply \w+\">([\w ]+)</span>", head)
     assert replies == [(one["question"], one["reply"]) for one in MADE["answers"]]
-    assert "<b>125 % of the limit</b> /hric/human2: " in head and "To know it: record the arm&#39;s motion" in head
+    assert "<b>125 % of the limit</b> /hric/human2: " in head and "To find out: record the arm&#39;s motion" in head
     assert '<svg class="moment"' in head and 'data-time="1.25"' in head
     assert "Findings" in rest and '<svg class="body"' in rest and '<svg class="strip"' in rest
 
