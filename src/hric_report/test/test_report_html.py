@@ -265,7 +265,7 @@ def test_no_legend_covers_a_title_or_a_panel(shown: Browser) -> None:
 def test_on_a_narrow_screen_what_was_found_still_comes_before_the_replay(shown: Browser) -> None:
     shown.call("Emulation.setDeviceMetricsOverride", width=420, height=900, deviceScaleFactor=1, mobile=False)
     top = "document.getElementById('%s').getBoundingClientRect().top"
-    found, replay, motion = (shown.evaluate(top % name) for name in ("what-was-found", "replay", "motion"))
+    found, replay, motion = (shown.evaluate(top % name) for name in ("key-figures", "replay", "motion"))
     shown.call("Emulation.clearDeviceMetricsOverride")
     assert found < replay < motion
 

@@ -225,7 +225,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
 def test_a_run_with_a_person_gets_a_verdict_with_its_page(run: RunFolder) -> None:
     found = json.loads((run.path / "verdict.json").read_text())
     page = (run.path / report_html.NAME).read_text()
-    assert page.index('id="what-it-would-have-meant"') < page.index('id="what-was-found"')
+    assert page.index('id="safety-and-ergonomics"') < page.index('id="key-figures"')
     assert page.count("<th scope=row>") == len(found["answers"]) and page.count(DISCLAIMER) == 1
 
 
@@ -317,7 +317,7 @@ def test_the_page_says_nothing_on_the_console_and_asks_for_nothing(opened: Brows
 
 @in_a_browser
 def test_a_click_on_an_episode_sets_the_time_of_the_replay(opened: Browser) -> None:
-    opened.evaluate("document.querySelector('#what-it-would-have-meant details').open = true")
+    opened.evaluate("document.querySelector('#safety-and-ergonomics details').open = true")
     times = opened.evaluate("[...document.querySelectorAll('rect.jump')].map((one) => Number(one.dataset.time))")
     assert len(times) > 3 and max(times) > 0.5
     for index, time in enumerate(times):
@@ -334,7 +334,7 @@ def test_keys_and_rows_do_the_same(opened: Browser) -> None:
     late = "[...document.querySelectorAll('rect.jump')].find((one) => Number(one.dataset.time) > 0.5)"
     opened.evaluate(f"{late}.dispatchEvent(new KeyboardEvent('keydown', {{key: 'Enter', bubbles: true}}))")
     assert opened.evaluate("report.time") > 0.5
-    row = "document.querySelector('#what-it-would-have-meant tr.event')"
+    row = "document.querySelector('#safety-and-ergonomics tr.event')"
     opened.evaluate(f"{row}.click()")
     assert opened.evaluate("report.time") == pytest.approx(opened.evaluate(f"Number({row}.dataset.time)"), abs=1e-6)
 

@@ -59,7 +59,7 @@ def overview(run: RunFile, metrics: Content) -> PageTable:
     rows += [(key, str(run[key])) for key in ("error", "subject", "notes") if run.get(key)]
     if run.get("arm_error"):
         rows.append(("arm error at the end", str(run["arm_error"])))
-    return PageTable("What ran", ("what", "value"), tuple(rows))
+    return PageTable("Overview of the run", ("entry", "value"), tuple(rows))
 
 
 def setpoint_table(move: Content) -> PageTable:
