@@ -70,7 +70,6 @@ def extremes(values: FloatArray, edges: npt.NDArray[np.int64]) -> FloatArray:
 
     The smallest value comes first if the part ends higher than it begins, else the largest.
 
-
     Args:
         values: array, shape (n,); NaN is ignored.
         edges: increasing indices of the starts of the parts, and the end, shape (parts + 1,).
