@@ -368,7 +368,7 @@ class TestThesisStep:
             and told["joint damping [N m s/rad]"] == "0"
         )
         assert (
-            told["setpoint"] == "led through a trapezoid"
+            told["setpoint"] == "trapezoidal velocity profile"
             and "start" in told
             and "joint limits at the start" not in told
         )
