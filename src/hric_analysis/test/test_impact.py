@@ -75,7 +75,11 @@ def test_what_is_expected_is_beside_what_was_found_in_text_table_and_figures(
     balanced, contact = press.curves
     assert contact.values[-50:] == pytest.approx(balanced.values[-50:], rel=0.05)
     shown = render_page(replace(run_page.build(data), figures=[], robots=[]))
-    rows = shown[shown.index("<h3>Impacts compared with the closed form</h3>") :].partition("</tbody>")[0].partition("<tbody>")[2]
+    rows = (
+        shown[shown.index("<h3>Impacts compared with the closed form</h3>") :]
+        .partition("</tbody>")[0]
+        .partition("<tbody>")[2]
+    )
     assert rows.count("<tr>") == sum(one["transient"] is not None for one in found["human"]["contacts"])
 
 

@@ -61,8 +61,7 @@ void BagWriter::put(Message message)
     return;
   if (bytes_ + size > MAX_WAITING)
   {
-    ROS_ERROR_COND(dropped_ == 0,
-                   "%s: the disk is too slow and the queue in memory is full: messages are dropped",
+    ROS_ERROR_COND(dropped_ == 0, "%s: the disk is too slow and the queue in memory is full: messages are dropped",
                    path_.c_str());
     ++dropped_;
     return;

@@ -17,7 +17,8 @@ namespace
 constexpr char HELP[] =
     "Record topics into a bag until SIGINT or SIGTERM. The bag is called BAG.active until it is closed.\n"
     "Usage: rosrun hric_experiments bag_recorder BAG [--exclude EXPRESSION] [TOPIC...]\n"
-    "Without TOPIC all topics are recorded, except those whose complete name matches the regular expression EXPRESSION. "
+    "Without TOPIC all topics are recorded, except those whose complete name matches the regular expression "
+    "EXPRESSION. "
     "Run folders, splitting and free disk space are managed by the node recorder.\n";
 // Polling period of received messages, which are stamped at their receipt; one wake-up processes many of them.
 const ros::WallDuration PERIOD(0.01);
@@ -63,8 +64,8 @@ int record(const hric_experiments::Options& options)
     recorder.take();
   }
   if (writer.dropped())
-    ROS_ERROR("%s: %lu messages were dropped, because the disk was too slow and the queue in memory was full", options.bag.c_str(),
-              writer.dropped());
+    ROS_ERROR("%s: %lu messages were dropped, because the disk was too slow and the queue in memory was full",
+              options.bag.c_str(), writer.dropped());
   writer.finish();
   return 0;
 }

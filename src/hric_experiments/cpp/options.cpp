@@ -38,7 +38,8 @@ Options readOptions(const std::vector<std::string>& arguments)
     else
       options.topics.push_back(*argument);
   if (options.bag.empty())
-    throw std::invalid_argument("the path of the bag is missing; usage: bag_recorder BAG [--exclude EXPRESSION] [TOPIC...]");
+    throw std::invalid_argument(
+        "the path of the bag is missing; usage: bag_recorder BAG [--exclude EXPRESSION] [TOPIC...]");
   return options;
 }
 

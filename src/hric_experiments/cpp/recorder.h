@@ -28,7 +28,8 @@ public:
   }
 
 private:
-  void report(const ros::Time& reached);  // reached: time up to which messages were received; 0: the recording has ended
+  void report(
+      const ros::Time& reached);  // reached: time up to which messages were received; 0: the recording has ended
   void lookForTopics();
   bool chosen(const std::string& topic) const;
   void subscribe(const std::string& topic);

@@ -93,7 +93,7 @@ def overlay(
         b: run B; joints are matched by name, or by name without the prefix of the arm.
         orders_a: order of the joints in each controller of run A.
         orders_b: order of the joints in each controller of run B.
-        fit: True to shift B by whole cycles of A, at most FIT_RANGE, so that the positions agree best; this hides delays.
+        fit: True to shift B by whole cycles of A, at most FIT_RANGE, so that positions agree best; this hides delays.
 
     Raises:
         ComparisonError: the runs differ in joints or setpoints, or have no common time.

@@ -370,7 +370,7 @@ def instability_reasons(settling: Settling | None) -> list[str]:
 
 
 def _faded(time: FloatArray, values: FloatArray, begin: float, end: float) -> float | None:
-    """Return the time from `end` until values stay below SETTLED times their peak during the motion [s]; None: never."""
+    """Return the time from `end` until values stay below SETTLED times the motion's peak [s]; None: they never do."""
     peak = float(values[(time >= begin) & (time <= end)].max())
     above = time[(time > end) & (values > SETTLED * peak)]
     if not len(above):

@@ -153,8 +153,8 @@ class JointMetrics:
         effort_ripple: peak-to-peak value of the torque sent in the last RIPPLE_WINDOW seconds [N m].
         velocity_ratio, effort_ratio, rotatum_ratio: peak divided by the limit [1].
         limited_cycles: number of cycles in which each kind of limit acted.
-        velocity_ratio_max, position_excess_max: largest ratio to the velocity limit [1], and largest distance outside the
-            position range [rad], as reported by the robot for all cycles.
+        velocity_ratio_max, position_excess_max: largest ratio to the velocity limit [1], largest distance outside the
+            position range [rad]; reported by the robot for all cycles.
         started_outside: True if the joint started outside its position range.
     """
 

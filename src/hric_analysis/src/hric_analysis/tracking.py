@@ -55,7 +55,7 @@ class FollowedMarker:
     origins: tuple[FloatArray, ...]
 
     def desired(self, lag: int) -> FloatArray:
-        """Return the desired end-effector position for a lag of `lag` steps, shape (n, 3) [m]; NaN while not following."""
+        """Return the desired end-effector position for a lag [steps], shape (n, 3) [m]; NaN while not following."""
         path = np.full_like(self.ee, np.nan)
         for (begin, end), origin in zip(self.stretches, self.origins, strict=True):
             if begin + lag < end:
@@ -63,7 +63,7 @@ class FollowedMarker:
         return path
 
     def error(self, lag: int) -> FloatArray:
-        """Return the tracking error for a lag of `lag` steps, shape (n, 3) [m]; NaN while not following."""
+        """Return the tracking error for a lag [steps], shape (n, 3) [m]; NaN while not following."""
         return self.ee - self.desired(lag)
 
 

@@ -45,7 +45,9 @@ class RunCommand(Command):
             ),
             Argument("--no-figures", action="store_true", help="draw no figures"),
             Argument(
-                "--html", action="store_true", help="also write report.html: one file with plots, tables and a 3D replay"
+                "--html",
+                action="store_true",
+                help="also write report.html: one file with plots, tables and a 3D replay",
             ),
         ]
 
@@ -105,7 +107,7 @@ def experiment_arguments(what: str) -> list[Argument]:
 
 
 def sort_words(arguments: argparse.Namespace) -> None:
-    """Separate the experiment from the overrides: words with := are overrides. Raises ExperimentError: invalid words."""
+    """Separate the experiment from the overrides: words with := are overrides. Raises ExperimentError."""
     words = [word for word in (arguments.experiment, *arguments.overrides) if word is not None]
     for word in words:
         key, sign, value = word.partition("=")
@@ -116,7 +118,9 @@ def sort_words(arguments: argparse.Namespace) -> None:
     names = [word for word in words if ":=" not in word]
     if len(names) != 1:
         valid = f"valid: {', '.join(experiment.names())}, or the path of a YAML file"
-        raise experiment.ExperimentError(f"exactly one experiment is needed; given: {', '.join(names) or 'none'}; {valid}")
+        raise experiment.ExperimentError(
+            f"exactly one experiment is needed; given: {', '.join(names) or 'none'}; {valid}"
+        )
     arguments.experiment = names[0]
 
 

@@ -63,10 +63,13 @@ class DescribeCommand(Command):
         """Return the arguments."""
         return [
             Argument(
-                "what", choices=["urdf", "human_urdf", *DESCRIBED, *_nodes()], help="a description (URDF), or parameters (YAML)"
+                "what",
+                choices=["urdf", "human_urdf", *DESCRIBED, *_nodes()],
+                help="a description (URDF), or parameters (YAML)",
             ),
             *experiment_arguments(
-                f"one of: {', '.join(experiment.names())}; none: the bring-up without experiment; or the path of a YAML file"
+                f"one of: {', '.join(experiment.names())}; none: the bring-up without experiment; or the path of a "
+                "YAML file"
             ),
             Argument(
                 "--also",

@@ -28,7 +28,8 @@ class ReportCommand(Command):
             Argument(
                 "--html",
                 action="store_true",
-                help="also write report.html: one file with plots, tables and a 3D replay, for any browser; for a bag or "
+                help="also write report.html: one file with plots, tables and a 3D replay, for any browser; for a bag "
+                "or "
                 "c3d file: NAME_report.html next to it, with verdict and replay",
             ),
             Argument("--no-figures", action="store_true", help="draw no figures"),

@@ -65,7 +65,9 @@ def differences(pairs: Sequence[tuple[str, str, Comparison]]) -> Figure:
     names = pairs[0][2].joint_names
     title, unit = "Differences of the positions", "difference [rad]"
     figure = per_joint("differences", title, unit, names, curves, min_height=1e-6, abscissa=SINCE)
-    return figure.about(sections.RESULTS, "Position of each joint in the first run minus its position in the other run.")
+    return figure.about(
+        sections.RESULTS, "Position of each joint in the first run minus its position in the other run."
+    )
 
 
 def _largest(compared: Comparison, joint: str, kind: str) -> str:

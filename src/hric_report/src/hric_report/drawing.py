@@ -141,8 +141,8 @@ def drawn(figure: Figure, sheets: Sheets) -> Drawing:
 
     Args:
         figure: figure to draw.
-        sheets: cache of matplotlib figures by layout, extended by this function: creating panels and ticks takes as long
-            as drawing in them. A figure that reuses one replaces the figure drawn before in it.
+        sheets: cache of matplotlib figures by layout, extended here, since creating panels and ticks takes as long as
+            drawing in them. A figure that reuses one replaces the figure drawn before in it.
     """
     if (rows := figure.panels[0].heat) is not None:
         return heat.drawn(rows, figure.abscissa)

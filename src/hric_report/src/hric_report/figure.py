@@ -114,7 +114,7 @@ class Figure:
     def horizontal_range(self, panel: Panel) -> tuple[float, float]:
         """Return the ends of a panel's horizontal axis if it is not time.
 
-        With equal scales the axis is as long as the vertical axis of the panel, else it covers the curves of all panels.
+        With equal scales it is as long as the vertical axis of the panel, else it covers the curves of all panels.
         """
         if not self.equal:
             return _extent(curve.time for each in self.panels for curve in each.curves)

@@ -60,8 +60,8 @@ def run(
         figures: draw the figures.
 
     Raises:
-        HricError: the experiment is invalid, and no folder was created; or the run failed: then run.yaml has the status,
-            and the `exit_code` of the error is FAILURE.
+        HricError: the experiment is invalid, and no folder was created; or the run failed: then run.yaml has its
+            status, and the `exit_code` of the error is FAILURE.
     """
     with Simulation(definition, seed=seed) as simulation:
         folder = RunFolder.create(root, definition.name)

@@ -113,7 +113,9 @@ def _human(values: HumanMetrics) -> list[KeyFigure]:
 def _supervised(values: SupervisorMetrics) -> list[KeyFigure]:
     stopped, slowed = (f"{100.0 * share:.1f} %" for share in (values.share_stopped, values.share_slowed))
     return [
-        KeyFigure("Stopped", stopped, f"of the time the supervisor stopped the arm; for another {slowed} it slowed the arm"),
+        KeyFigure(
+            "Stopped", stopped, f"of the time the supervisor stopped the arm; for another {slowed} it slowed the arm"
+        ),
         KeyFigure(
             "Closer than the protective distance",
             _count(len(values.violations), "time"),
@@ -219,7 +221,10 @@ def _setpoints(setpoints: Sequence[SetpointMetrics]) -> list[KeyFigure]:
         meaning = f"time until all joints stay within {band} rad of the setpoint; the last is {name}"
         figures.append(KeyFigure("Settling time", f"{time:.2f} s", meaning))
     name, worst = max(joints, key=lambda item: item[1].overshoot)
-    return [*figures, KeyFigure("Overshoot", scaled(worst.overshoot, "rad"), f"largest distance beyond a setpoint: {name}")]
+    return [
+        *figures,
+        KeyFigure("Overshoot", scaled(worst.overshoot, "rad"), f"largest distance beyond a setpoint: {name}"),
+    ]
 
 
 def _recorded(sources: Mapping[str, SourceMetrics]) -> list[KeyFigure]:

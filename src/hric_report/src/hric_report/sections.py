@@ -19,7 +19,12 @@ ORDER = (VERDICT, RESULTS, MOTION, FORCES, HUMAN, SUPERVISOR, TRACKING, EMG, PLA
 KNOWN = (
     (r"/emg/raw$", EMG, "Muscle activity", "Raw EMG as sent by the device, one panel per muscle."),
     (r"/emg/envelope$", EMG, "Envelope of the muscle activity", "Rectified and low-pass filtered EMG."),
-    (r"/view/emg$", EMG, "Envelope of the muscle activity, for the live view", "EMG envelope as sent to the live view."),
+    (
+        r"/view/emg$",
+        EMG,
+        "Envelope of the muscle activity, for the live view",
+        "EMG envelope as sent to the live view.",
+    ),
     (
         r"/force_plate/([^/]+)/wrench$",
         PLATE,
@@ -44,7 +49,12 @@ KNOWN = (
         "External wrench on the end effector",
         "Estimated by the robot, in its stiffness frame.",
     ),
-    (r"/arm_wrench$", FORCES, "External wrench, for the live view", "Estimated external wrench as sent to the live view."),
+    (
+        r"/arm_wrench$",
+        FORCES,
+        "External wrench, for the live view",
+        "Estimated external wrench as sent to the live view.",
+    ),
     (
         r"/commanded_wrench$",
         FORCES,

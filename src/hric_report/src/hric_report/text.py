@@ -166,7 +166,8 @@ def _supervisor(supervisor: SupervisorMetrics) -> str:
     ]
     if late.median is not None and late.p99 is not None:
         lines.append(
-            f"- delay from a measured pose to the cycle that applied the request: median {1e3 * late.median:.1f} ms, 99 % "
+            f"- delay from a measured pose to the cycle that applied the request: median {1e3 * late.median:.1f} ms, "
+            "99 % "
             f"{1e3 * late.p99:.1f} ms"
         )
     events = supervisor.events

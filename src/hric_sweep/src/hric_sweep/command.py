@@ -66,7 +66,9 @@ class SweepCommand(Command):
 def _resume_study(folder: Path, arguments: argparse.Namespace) -> int:
     """Resume a study. Raises HricError: --jobs or --dask was given; the runs of a study are not parallel."""
     if arguments.jobs is not None or arguments.dask is not None:
-        raise HricError(f"{folder} is a study, which executes one run after the other; valid: without --jobs and --dask")
+        raise HricError(
+            f"{folder} is a study, which executes one run after the other; valid: without --jobs and --dask"
+        )
     from hric_sweep.study import running  # slow to import: errors are reported before
 
     return running.resume(folder, progress=not arguments.quiet)
@@ -94,7 +96,9 @@ def _probe(plan: SweepPlan, engine: SweepEngine, code: str) -> None:
     """Check that each variable has an effect. Raises HricError: one has none, or the experiment refuses its values."""
     from hric_sweep import probe
 
-    print(f"checking that each variable has an effect, at both ends of its range: {probe.runs_of(plan)} runs", flush=True)
+    print(
+        f"checking that each variable has an effect, at both ends of its range: {probe.runs_of(plan)} runs", flush=True
+    )
     for warning in probe.probe(plan, engine, code):
         print(f"warning: {warning}", file=sys.stderr)
 

@@ -106,7 +106,9 @@ class Objective(FileSettings):
 class Keep(FileSettings):
     """Selection of runs that are repeated at the end of the sweep, to store their signals."""
 
-    worst: int = whole(10, minimum=0, text="number of runs with the most extreme objective, or exceedance if there is no objective")
+    worst: int = whole(
+        10, minimum=0, text="number of runs with the most extreme objective, or exceedance if there is no objective"
+    )
     failed: bool = flag(True, text="also keep failed runs, at most `worst` of them")
 
 
@@ -115,7 +117,9 @@ class Quick(FileSettings):
     """Changes of the sweep for the short form (`--quick`)."""
 
     runs: int = whole(8, minimum=1, text="number of runs, instead of `runs`")
-    changes: tuple[str, ...] = listing(text(empty=False), default=(), made=once, text="additional overrides of the experiment in all runs")
+    changes: tuple[str, ...] = listing(
+        text(empty=False), default=(), made=once, text="additional overrides of the experiment in all runs"
+    )
     sampler: Any = anything({}, default_text="none", text="keys that replace those of `sampler`")
 
 
@@ -132,7 +136,9 @@ class SweepSection(FileSettings):
         text="overrides of each run, by the run's name, for the sampler `list`; or MODULE:FUNCTION, which returns the "
         "overrides for a seed",
     )
-    correlation: Any = anything((), default_text="none", text="correlations, each a list of two variables and the coefficient")
+    correlation: Any = anything(
+        (), default_text="none", text="correlations, each a list of two variables and the coefficient"
+    )
     sampler: Settings = SAMPLER
     runs: int | None = whole(
         None,
@@ -146,7 +152,8 @@ class SweepSection(FileSettings):
     seed: int = whole(0, minimum=0, text="seed of the sampler; also the seed of the first run")
     until: str = choice(
         *ENDS,
-        text="end of a run. duration: that of the experiment. contact: end of the first contact with the person, at most "
+        text="end of a run. duration: that of the experiment. contact: end of the first contact with the person, at "
+        "most "
         "1 s after its start; without contact, 1 s before the duration",
     )
     outputs: Mapping[str, SweepOutput] = mapping(section(SweepOutput), text="numbers stored for each run, by name")
@@ -163,7 +170,7 @@ class SweepSection(FileSettings):
     quick: Quick = section(Quick)
 
     def check(self, where: str) -> None:
-        """Replace `rows` by a variable whose values are the rows' names. Raises an error for rows that are no overrides."""
+        """Add a variable whose values are the names of the rows. Raises an error for rows that are no overrides."""
         if not self.rows:
             return
         if isinstance(self.rows, str):
@@ -193,7 +200,9 @@ class Sweep(FileSettings):
     name: str = ""
     description: str = text("", text="one-line description")
     extends: str = text(empty=False, text="the experiment: its name, or the path of its YAML file")
-    changes: tuple[str, ...] = listing(text(empty=False), default=(), made=once, text="overrides of the experiment in all runs")
+    changes: tuple[str, ...] = listing(
+        text(empty=False), default=(), made=once, text="overrides of the experiment in all runs"
+    )
     sweep: SweepSection = section(SweepSection, REQUIRED)
 
 
@@ -336,7 +345,7 @@ def plan(name: str, content: PlainData, *, quick: bool = False, base: PlainData 
 
 @contextmanager
 def _noted(mistakes: Mistakes, where: str = "") -> Iterator[None]:
-    """Collect any user error raised in the block; `where` is put before the message of one that is no ParameterError."""
+    """Collect any user error raised in the block; `where` precedes the message of one that is no ParameterError."""
     with mistakes.noted():
         try:
             yield

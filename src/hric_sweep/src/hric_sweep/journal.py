@@ -48,7 +48,9 @@ class Journal(AbstractContextManager["Journal"]):
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
             os.close(self._file)
-            raise JournalError(f"another program writes {self.path}; valid: wait until that program has ended") from error
+            raise JournalError(
+                f"another program writes {self.path}; valid: wait until that program has ended"
+            ) from error
         content = self.path.read_bytes() if self.path.is_file() else b""  # a device file has no content to read
         self._size = content.rfind(b"\n") + 1
         if self._size < len(content):

@@ -43,7 +43,9 @@ class Anchor(Settings):
 
     percentile: float = number(above=0.0, maximum=99.999, unit="%", text="share of the people with a smaller value")
     value: float | None = number(None, above=0.0, text="value of the quantity at this percentile, in its unit")
-    subject: str = text("", text="subject who has the value: name of a file in config/subjects of hric_human, without its ending")
+    subject: str = text(
+        "", text="subject who has the value: name of a file in config/subjects of hric_human, without its ending"
+    )
     mark: str = choice(*MARKS, default=REQUIRED, text="reliability of the value for this percentile")
     source: str = text(empty=False, text="source of the value")
 

@@ -40,11 +40,14 @@ class RerunCommand(Command):
         )
         print(f"{result.metrics['report']}\nrun folder: {result.folder.path}\npage: {report_html.write(result.folder)}")
         state = result.metrics["state_sha256"]
-        if plan.section.until != definition.ENDS[0]:  # the recorded run lasts to the end of the experiment, so its hash differs
+        if (
+            plan.section.until != definition.ENDS[0]
+        ):  # the recorded run lasts to the end of the experiment, so its hash differs
             state = task.run(repeated).state_sha256
         if state != row["state_sha256"]:
             raise HricError(
-                f"the repeated run differs: state_sha256 is {state}; in the sweep it was {row['state_sha256']}: code or machine differ (sweep: "
+                f"the repeated run differs: state_sha256 is {state}; in the sweep it was {row['state_sha256']}: code "
+                "or machine differ (sweep: "
                 f"code {before.code[:12]}, here {task.code_version()[:12]})"
             )
         print(f"state_sha256: {row['state_sha256']}, as in the sweep")

@@ -110,7 +110,9 @@ def find(folder: str | Path) -> Path:
     for candidate in (Path(folder).expanduser(), runs_root() / folder):
         if (candidate / "sweep.yaml").is_file():
             return candidate.resolve()
-    raise HricError(f"no sweep {str(folder)!r} (a folder with sweep.yaml), neither in the current folder nor in {runs_root()}")
+    raise HricError(
+        f"no sweep {str(folder)!r} (a folder with sweep.yaml), neither in the current folder nor in {runs_root()}"
+    )
 
 
 def read(folder: str | Path) -> pyarrow.Table:

@@ -26,8 +26,8 @@ from panda_description.inertial_sets import INERTIAL_SETS
 class CheckModelCommand(Command):
     """Compare the robot model with the log of an arm.
 
-    The torque that the model needs for the logged motion, tau = M(q) ddq + C dq + g + friction(dq), is compared with the
-    torque measured behind the gears (tau_J). Prints the residual of each joint, draws figures, and can fit friction.
+    The model's torque for the logged motion, tau = M(q) ddq + C dq + g + friction(dq), is compared with the torque
+    measured behind the gears (tau_J). Prints the residual of each joint, draws figures, and can fit friction.
     Needs no ROS master.
     """
 
@@ -82,12 +82,15 @@ def _log_arguments() -> list[Argument]:
             help="topic of a bag with control log, Franka states or joint states (default: control log, else the topic "
             "with most messages)",
         ),
-        Argument("--arm-id", default="", help="prefix of the joint names (default: prefix of the bag's only arm, else panda)"),
+        Argument(
+            "--arm-id", default="", help="prefix of the joint names (default: prefix of the bag's only arm, else panda)"
+        ),
         Argument("--inertials", choices=INERTIAL_SETS, help="inertial set (default: set of the run, else barycentric)"),
         Argument(
             "--hand",
             action=argparse.BooleanOptionalAction,
-            help="the arm had the Franka hand, or none (default: as in the run, else the model that fits the log better)",
+            help="the arm had the Franka hand, or none (default: as in the run, else the model that fits the log "
+            "better)",
         ),
         Argument(
             "--urdf",

@@ -38,7 +38,8 @@ def parse_columns(texts: Sequence[str]) -> dict[str, str]:
         key, separator, value = text.partition("=")
         if key not in MEANINGS or not separator or not value:
             raise LogError(
-                f"cannot read {text!r} of --columns; valid: t=NAME, and q=, dq=, tau= with seven names separated by commas, "
+                f"cannot read {text!r} of --columns; valid: t=NAME, and q=, dq=, tau= with seven names separated by "
+                "commas, "
                 f"or one name with {{}} for 1 to 7"
             )
         columns[key] = value
@@ -103,7 +104,9 @@ def _columns(names: Sequence[str], chosen: Mapping[str, str], file: str) -> list
     flat = [name for group in columns for name in group]
     twice = sorted({name for name in flat if flat.count(name) > 1 or names.count(name) > 1})
     if twice:
-        raise LogError(f"{file}: column {', '.join(twice)} exists or is selected twice; columns in the file: {', '.join(names)}")
+        raise LogError(
+            f"{file}: column {', '.join(twice)} exists or is selected twice; columns in the file: {', '.join(names)}"
+        )
     return flat
 
 
@@ -149,7 +152,8 @@ def _missing(key: str, names: Sequence[str], file: str) -> LogError:
     usual, how = ("t", "t=NAME") if key == "t" else (f"{key}1 to {key}7", f"{key}=NAME{{}}")
     return LogError(
         f"{file} has no columns {usual} for the {MEANINGS[key]}; columns in the file: {', '.join(names)}; select "
-        f"them with --columns {how}" + ("" if key == "t" else " ({} stands for 1 to 7), or seven names separated by commas")
+        f"them with --columns {how}"
+        + ("" if key == "t" else " ({} stands for 1 to 7), or seven names separated by commas")
     )
 
 

@@ -106,7 +106,9 @@ def _description(
     is_chosen = arguments.inertials is not None or arguments.hand is not None
     if arguments.urdf is not None:
         if is_chosen:
-            raise LogError("--urdf already defines inertials and hand; valid: without --inertials, --hand and --no-hand")
+            raise LogError(
+                "--urdf already defines inertials and hand; valid: without --inertials, --hand and --no-hand"
+            )
         return read_description(arguments.urdf), arguments.urdf.name, None
     if source.urdf and not is_chosen:
         return source.urdf, "robot.urdf of the run", None
@@ -161,7 +163,7 @@ def try_hand(
         return HandTrial(
             arguments, (f"WARNING: {sums}; try {option}, or check if hand:= of the run was right",) if better else ()
         )
-    return HandTrial(other if better else arguments, (f"the better model was chosen, as neither --hand nor --no-hand is given: {sums}",))
+    return HandTrial(other if better else arguments, (f"neither --hand nor --no-hand is given: {sums}",))
 
 
 def _loaded(made: KdlFrankaModel, load: Sequence[float] | None) -> str:
@@ -169,7 +171,9 @@ def _loaded(made: KdlFrankaModel, load: Sequence[float] | None) -> str:
     if load is None:
         return ""
     if len(load) not in (4, 10):
-        raise LogError(f"--load has {len(load)} values; valid: 4 (mass x y z) or 10 (mass x y z ixx ixy ixz iyy iyz izz)")
+        raise LogError(
+            f"--load has {len(load)} values; valid: 4 (mass x y z) or 10 (mass x y z ixx ixy ixz iyy iyz izz)"
+        )
     mass, com, (xx, xy, xz, yy, yz, zz) = load[0], load[1:4], load[4:] or (0.0,) * 6
     made.set_load(mass, com, (xx, xy, xz, xy, yy, yz, xz, yz, zz))
     return f", load {mass:g} kg at {' '.join(f'{value:g}' for value in com)} m"

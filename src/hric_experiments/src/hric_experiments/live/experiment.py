@@ -68,7 +68,9 @@ class LiveExperiment:
         self._settings = settings = ExperimentSettings.read(RosNode("~"))
         self.experiment: Experiment = experiments.load(settings.experiment, overrides.separate(settings.overrides))
         if added := self.experiment.added_sections:
-            raise HricError(f"sections not available in a live run: {', '.join(added)}; valid: hric run {settings.experiment}")
+            raise HricError(
+                f"sections not available in a live run: {', '.join(added)}; valid: hric run {settings.experiment}"
+            )
         controllers = dict.fromkeys(setpoint.controller for setpoint in self.experiment.setpoints)
         self._publishers = {
             name: rospy.Publisher(f"{name}/command", Float64MultiArray, queue_size=10) for name in controllers
@@ -131,7 +133,9 @@ class LiveExperiment:
         for setpoint in self.experiment.setpoints:
             joints = rospy.get_param(f"{setpoint.controller}/joints", None)
             parameters.check_setpoint(setpoint, joints or [""] * len(setpoint.positions), limits)
-        self._wait(lambda: [] if rospy.get_time() > 0.0 else ["/clock"], "robot time does not advance: no messages on {}")
+        self._wait(
+            lambda: [] if rospy.get_time() > 0.0 else ["/clock"], "robot time does not advance: no messages on {}"
+        )
         if self._human is not None:
             self._wait(self._human.missing, "motion capture is not ready: {}")
         self._wait(self._sensors.missing, "sensors do not publish: {}")
@@ -151,7 +155,7 @@ class LiveExperiment:
         self._wait(lambda: [] if self._folder else [RECORDING_TOPIC], "no recorder is recording: no message on {}")
 
     def _wait_subscribed(self) -> None:
-        """Wait until the recorder has subscribed to all topics of robot, sensors and setpoints; log a warning if it has not."""
+        """Wait until the recorder has subscribed to all topics of robot, sensors, setpoints; warn after a timeout."""
         recorder, robot = self._recorder, rospy.resolve_name("robot")
         others = {*(self._human.nodes() if self._human is not None else []), *self._sensors.nodes()}
         commands = {publisher.resolved_name for publisher in self._publishers.values()}
@@ -175,7 +179,9 @@ class LiveExperiment:
         deadline = time.monotonic() + timeout
         while left := missing():
             if time.monotonic() > deadline:
-                raise NotReady(f"experiment {self.experiment.name} not started: after {timeout:g} s {text.format(', '.join(left))}")
+                raise NotReady(
+                    f"experiment {self.experiment.name} not started: after {timeout:g} s {text.format(', '.join(left))}"
+                )
             live_node.sleep(5 * POLL)
 
     def _missing_controllers(self) -> list[str]:
@@ -188,7 +194,7 @@ class LiveExperiment:
         return [name for name in self.experiment.controllers if name not in running]
 
     def _send(self) -> tuple[list[float], float]:
-        """Send the setpoints at their times; return [begin, end] of the experiment, robot time [s], and real-time factor."""
+        """Send the setpoints at their times; return begin and end in robot time [s], and the real-time factor."""
         if self._human is not None:
             self._human.start()
         if self.experiment.human is not None:
@@ -205,7 +211,9 @@ class LiveExperiment:
         try:
             response = rospy.ServiceProxy(parameters.HUMAN_START, Trigger)()
         except rospy.ServiceException as error:
-            raise FailureError(f"the simulated human does not respond (service {parameters.HUMAN_START}): {error}") from error
+            raise FailureError(
+                f"the simulated human does not respond (service {parameters.HUMAN_START}): {error}"
+            ) from error
         if not response.success:
             raise FailureError(f"the simulated human cannot start its motion: {response.message}")
 
@@ -221,7 +229,8 @@ class LiveExperiment:
                 last = (now, time.monotonic())
             elif time.monotonic() - last[1] > 5.0 and self._missing_controllers():
                 raise FailureError(
-                    f"experiment {self.experiment.name} ended: robot time stands at {now:.3f} s and the robot does not respond"
+                    f"experiment {self.experiment.name} ended: robot time stands at {now:.3f} s and the robot does "
+                    "not respond"
                 )
             live_node.sleep(POLL)
 

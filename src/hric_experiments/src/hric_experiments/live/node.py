@@ -70,7 +70,9 @@ def wait_for_master(timeout: float = MASTER_TIMEOUT) -> None:
     deadline = time.monotonic() + timeout
     while not rosgraph.is_master_online():
         if time.monotonic() > deadline:
-            raise FailureError(f"no ROS master responds at {os.environ.get('ROS_MASTER_URI', '(ROS_MASTER_URI is not set)')}")
+            raise FailureError(
+                f"no ROS master responds at {os.environ.get('ROS_MASTER_URI', '(ROS_MASTER_URI is not set)')}"
+            )
         sleep(0.1)
 
 
@@ -92,8 +94,8 @@ def interrupted() -> bool:
 
 
 def _interrupt(*_: Any) -> None:
-    # Only the first signal raises, so that a second one does not interrupt the shutdown. The flag is needed because rospy
-    # catches all exceptions in some places.
+    # Only the first signal raises, so that a second one does not interrupt the shutdown. The flag is needed, too,
+    # because rospy catches all exceptions in some places.
     first = not _stop.is_set()
     _stop.set()
     if first:

@@ -27,7 +27,7 @@ class SpawnError(FailureError):
 
 
 def configure(definition: Experiment) -> None:
-    """Set the experiment's controller parameters on the parameter server; other parameters of controllers remain."""
+    """Set the experiment's controller parameters on the parameter server; add missing controllers."""
     configured = parameters.controllers(definition)
     for name in definition.controllers:
         present = rospy.get_param(name, None)
@@ -85,7 +85,9 @@ def _wait_for_manager(timeout: float) -> None:
             return
         except rospy.ROSException as error:
             if time.monotonic() > deadline:
-                raise SpawnError(f"the controller manager {rospy.resolve_name(MANAGER)} does not respond after {timeout:g} s") from error
+                raise SpawnError(
+                    f"the controller manager {rospy.resolve_name(MANAGER)} does not respond after {timeout:g} s"
+                ) from error
 
 
 def _reason() -> str:

@@ -289,7 +289,9 @@ class BagRecorder:
             if self._last is None:
                 raise RecordError(f"no recording is running; valid: {START_SERVICE}")
             return self._last
-        with contextlib.suppress(rospy.ROSException):  # the publisher is already closed if the master requested the shutdown
+        with contextlib.suppress(
+            rospy.ROSException
+        ):  # the publisher is already closed if the master requested the shutdown
             self._publisher.publish(String(""))
         try:
             path = self._last = recording.stop(timeout)
@@ -298,7 +300,9 @@ class BagRecorder:
             recording.fail(f"{notes['error']}; {error}" if "error" in notes else str(error))
             raise
         recording.finish(status, **notes)
-        self._recording = None  # reset last, so that after an interruption before this line `close` still closes the recording
+        self._recording = (
+            None  # reset last, so that after an interruption before this line `close` still closes the recording
+        )
         rospy.loginfo("recorded %s%s", path, f" and {recording.parts - 1} more parts" if recording.parts > 1 else "")
         return path
 

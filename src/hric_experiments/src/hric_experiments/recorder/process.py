@@ -48,8 +48,8 @@ def arguments(bag: Path, topics: Sequence[str], exclude: str, node_name: str) ->
 class RecorderProcess:
     """Child process `bag_recorder` that writes one bag.
 
-    Ctrl-C on the terminal does not reach the child process; `stop` ends it. The operating system ends it if this process
-    is killed or the thread that created this object ends.
+    Ctrl-C on the terminal does not reach the child process; `stop` ends it. The operating system ends it if this
+    process is killed or the thread that created this object ends.
 
     Args:
         bag: final path of the bag.

@@ -83,7 +83,8 @@ class RecorderSettings(Settings):
         MIN_FREE,
         minimum=0.0,
         unit="MB",
-        text="free disk space below which a recording is not started, or is ended with a complete bag and an error in the "
+        text="free disk space below which a recording is not started, or is ended with a complete bag and an error in "
+        "the "
         "log and on `/diagnostics`; the buffered messages must still fit",
     )
     runs: str = text("", text="folder of all runs; empty: $HRIC_RUNS, else runs/ of the workspace")

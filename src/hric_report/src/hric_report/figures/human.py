@@ -55,7 +55,9 @@ def figures(data: FigureData) -> list[Figure]:
     )
     return [
         *made,
-        strength.about(HUMAN, f"Joint torque divided by the strength in the direction in which the torque acts. {ESTIMATE}"),
+        strength.about(
+            HUMAN, f"Joint torque divided by the strength in the direction in which the torque acts. {ESTIMATE}"
+        ),
         angles.about(HUMAN, "Joint angles of the simulated body."),
     ]
 
@@ -66,7 +68,8 @@ def _muscle_figures(record: MuscleRecord) -> list[Figure]:
     rows = tuple(name.partition("_")[2] if len(sides) == 1 else name for name in record.names)
     heat = heat_map(rows, record.time, record.activation, "activation [1]", ACTIVATION_COLOURS)
     caption = (
-        f"Activation of {len(record.muscles)} muscles, and of the ideal actuators of joints without muscles, whose names "
+        f"Activation of {len(record.muscles)} muscles, and of the ideal actuators of joints without muscles, whose "
+        "names "
         f"end with their direction. All values above {heat.top:g} have the same colour. {ESTIMATE}"
     )
     made = [Figure("activation", "Activation of the muscles", "", (Panel("", (), heat=heat),)).about(HUMAN, caption)]
@@ -95,8 +98,10 @@ def _contact_figures(impacts: Sequence[ExpectedContact]) -> list[Figure]:
     made = []
     if panels := [_blow_panel(*impact_and_form) for impact_and_form in hardest.values()]:
         text = (
-            "Force on the human from the first touch on, for the hardest impact of each pair of bodies; for comparison the "
-            "half sine of two reflected masses with the spring of the body region, aligned with the first recorded force. "
+            "Force on the human from the first touch on, for the hardest impact of each pair of bodies; for "
+            "comparison the "
+            "half sine of two reflected masses with the spring of the body region, aligned with the first recorded "
+            "force. "
             f"{ESTIMATE}"
         )
         figure = Figure(
@@ -104,7 +109,9 @@ def _contact_figures(impacts: Sequence[ExpectedContact]) -> list[Figure]:
         )
         made.append(figure.about(HUMAN, text))
     if panels := [_press_panel(impact, impact.clamping) for impact in impacts if impact.clamping]:
-        text = f"Force of lasting contacts, and the force along the normal that the commanded torque balances. {ESTIMATE}"
+        text = (
+            f"Force of lasting contacts, and the force along the normal that the commanded torque balances. {ESTIMATE}"
+        )
         figure = Figure("press", "Clamping", "force [N]", tuple(panels), min_height=1.0)
         made.append(figure.about(HUMAN, text))
     return made
@@ -151,7 +158,8 @@ def _carrying(transport: Transport, key: str) -> Figure:
     )
     a, b = transport.ends
     caption = (
-        f"Vertical force of the grips {a} and {b} on {transport.body} as share of its weight; internal force, the part of "
+        f"Vertical force of the grips {a} and {b} on {transport.body} as share of its weight; internal force, the "
+        "part of "
         "both grip forces that cancels along the line between the grips (positive: squeezed, negative: stretched); "
         f"inclination of this line (positive: {b} is higher). {ESTIMATE}"
     )
@@ -167,7 +175,9 @@ def _path(transport: Transport, key: str) -> Figure:
         ("middle of both", "s2", transport.centre),
     ]
     curves = [Curve(name, role, transport.time, point - point[0]) for name, role, point in points]
-    caption = f"Displacement of both ends of {transport.body} and of their midpoint from the start, seen along each axis."
+    caption = (
+        f"Displacement of both ends of {transport.body} and of their midpoint from the start, seen along each axis."
+    )
     figure = path(key, f"Path of {transport.body}", curves, ("from above", "from the side", "along x"))
     return figure.about(HUMAN, caption)
 

@@ -40,7 +40,9 @@ def _torques(log: ControlRecord, limits: Limits) -> list[Figure]:
     torques = per_joint("torques", "Commanded torques", unit, names, [requested, sent], bounds, min_height=0.2)
     bounds, unit = _bounds(limits, "rotatum limit", "effort_rate"), "rate [N m/s]"
     of_torques = per_joint("rotatum", "Rate of torque (rotatum)", unit, names, [rates], bounds, min_height=2.0)
-    requests = "Torque requested by the controller, and torque sent after the limits were applied. Dotted: limits, if near."
+    requests = (
+        "Torque requested by the controller, and torque sent after the limits were applied. Dotted: limits, if near."
+    )
     return [
         torques.about(sections.FORCES, requests),
         of_torques.about(sections.FORCES, "Rate of change of the torque sent, per cycle. Dotted: its limits, if near."),

@@ -6,7 +6,8 @@ from hric_report.sections import SUPERVISOR
 
 CAPTION = (
     "Distance between the arm and the body part with the smallest margin, and the protective distance required at the "
-    "measured speeds; speed scale requested by the supervisor. Bands: the arm moves nearer than the protective distance. "
+    "measured speeds; speed scale requested by the supervisor. Bands: the arm moves nearer than the protective "
+    "distance. "
     "Estimate of a model, not a certified safety function."
 )
 

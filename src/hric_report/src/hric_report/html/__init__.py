@@ -70,7 +70,9 @@ def metrics_of(folder: RunFolder) -> JsonObject:
     try:
         values: JsonObject = json.loads(folder.metrics_path.read_text())
     except (OSError, ValueError) as error:
-        raise RunFolderError(f"cannot read {folder.metrics_path}: {error}; the command `report` writes the file again") from error
+        raise RunFolderError(
+            f"cannot read {folder.metrics_path}: {error}; the command `report` writes the file again"
+        ) from error
     return values
 
 

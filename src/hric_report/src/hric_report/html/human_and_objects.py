@@ -92,7 +92,7 @@ def _grip(grip: GripRecord, rate: float, shift: float) -> Arrow:
 
 
 def _contact(contact: ContactRecord, rate: float, shift: float) -> Arrow:
-    """Return the arrow of a contact force; it shows the peak force between replayed instants, so that none is missed."""
+    """Return the arrow of a contact force; it shows the peak between replayed instants, so that none is missed."""
     first = instants(contact.time, rate)
     parts = np.split(np.arange(len(contact.time)), first[1:])
     largest = [part[np.argmax(contact.force[part])] for part in parts]

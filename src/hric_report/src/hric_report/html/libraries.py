@@ -43,7 +43,9 @@ def plotly() -> Library:
     try:
         return Library(f"plotly.js (MIT licence), from plotly {version('plotly')}", path.read_text())
     except OSError as error:
-        raise FailureError(f"cannot read plotly.js: {error}; run scripts/setup, which installs the pinned plotly") from error
+        raise FailureError(
+            f"cannot read plotly.js: {error}; run scripts/setup, which installs the pinned plotly"
+        ) from error
 
 
 def three() -> Library:
@@ -62,7 +64,9 @@ def three() -> Library:
         ) from error
     matches = [line for line in lines if line.startswith(THREE_BEGINS) and _sha256(line) == THREE_SHA256]
     if not matches:
-        raise FailureError(f"{path} does not contain three.js r{THREE_RELEASE}; run scripts/setup, which installs the pinned trimesh")
+        raise FailureError(
+            f"{path} does not contain three.js r{THREE_RELEASE}; run scripts/setup, which installs the pinned trimesh"
+        )
     licence = "/* three.js: Copyright 2010-2022 Three.js Authors, SPDX-License-Identifier: MIT */\n"
     return Library(f"three.js (MIT licence), from trimesh {version('trimesh')}", licence + matches[0])
 

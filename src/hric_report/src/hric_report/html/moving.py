@@ -121,7 +121,7 @@ def _unit(quaternions: FloatArray) -> FloatArray:
 
 
 def _placed(frame: str, links: set[str], statics: Statics) -> tuple[str, Rotation, FloatArray]:
-    """Return (parent, rotation, translation [m]) of a fixed frame; parent: first link, or last known frame, above it."""
+    """Return (parent, rotation, translation [m]) of a fixed frame; parent: nearest link, else topmost known frame."""
     name, R, p = frame, Rotation.identity(), np.zeros(3)
     for _ in range(len(statics) + 1):
         if name in links or name not in statics:

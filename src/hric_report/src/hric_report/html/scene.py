@@ -280,7 +280,7 @@ def _joint(joint: Joint, law: Mimic | None, columns: tuple[str, ...]) -> dict[st
 
 
 def joint_track(log: ControlRecord, rate: float) -> tuple[FloatArray, FloatArray]:
-    """Return times, shape (n,) [s], and joint positions, shape (n, j) [rad, m], with at most `rate` instants per second.
+    """Return times, shape (n,) [s], and joint positions, shape (n, j) [rad, m], at most `rate` instants per second.
 
     The first and the last instant of the log are always included.
     """

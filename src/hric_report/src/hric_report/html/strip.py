@@ -1,4 +1,4 @@
-"""Charts with rows of bars over time ("strips"), drawn by `strip.html`; a click on a bar sets the replay to its start."""
+"""Charts with rows of bars over time ("strips"), drawn by `strip.html`; a click on a bar sets the replay's time."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

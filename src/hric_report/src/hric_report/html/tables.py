@@ -53,7 +53,10 @@ def overview(run: RunFile, metrics: Content) -> PageTable:
             f"{log['duration']:.3f} s, {log['cycles']} cycles, {number(run.get('real_time_factor'))} times real time",
         ),
         ("cycles missing, repeated", f"{log['missing_cycles']}, {log['repeated_cycles']}"),
-        ("revision", f"{str(revision.get('commit') or '-')[:12]}{' (with local changes)' if revision.get('dirty') else ''}"),
+        (
+            "revision",
+            f"{str(revision.get('commit') or '-')[:12]}{' (with local changes)' if revision.get('dirty') else ''}",
+        ),
         ("hash of the states", str(metrics.get("state_sha256") or "-")[:16]),
     ]
     rows += [(key, str(run[key])) for key in ("error", "subject", "notes") if run.get(key)]

@@ -1,4 +1,4 @@
-"""Types of those entries of verdict.json that a page reads; full schema: config/verdict.schema.json (hric_assessment)."""
+"""Types of those entries of verdict.json that a page reads; its schema is in hric_assessment/config."""
 
 from collections.abc import Sequence
 from typing import TypedDict
@@ -7,7 +7,7 @@ from hric_assessment.typed_json import Content
 
 
 class FindingEntry(TypedDict):
-    """Finding: assessment result. share: ratio to the limit [1]; window: begin and end, robot time [s]; None: unknown."""
+    """Assessment result. share: ratio to the limit [1]; window: begin and end, robot time [s]; None: unknown."""
 
     group: str
     subject: str

@@ -28,7 +28,7 @@ HIGH = 0.3
 
 
 def write(result: MuscleLoadResult, folder: Path) -> list[Path]:
-    """Write activations, forces, joint torques and joint reactions as .sto files; overwrite existing ones, return paths.
+    """Write activations, forces, joint torques and joint reactions as .sto files, overwriting any; return their paths.
 
     Raises:
         HricError: a file cannot be written.
@@ -71,7 +71,7 @@ def render(result: MuscleLoadResult, fatigue: bool = False) -> str:
 
     Args:
         result: muscle load of a motion.
-        fatigue: True to add the fatigued share of each muscle at the end (model 3CC-r; published values not reproduced).
+        fatigue: True to add the fatigued share of each muscle at the end (3CC-r; published values not reproduced).
     """
     load = result.load
     span = load.time[-1] - load.time[0]
@@ -145,7 +145,8 @@ class MuscleLoadCommand(Command):
             Argument(
                 "--person",
                 metavar="RUN|FILE.yaml",
-                help="for a c3d file: the person, as defined in a run (with its recorded grip forces) or an experiment file",
+                help="for a c3d file: the person, as defined in a run (with its recorded grip forces) or an "
+                "experiment file",
             ),
             Argument(
                 "--plate",
@@ -220,13 +221,19 @@ def _muscles_arguments() -> list[Argument]:
         Argument(
             "--muscles",
             metavar="FILE",
-            help=f"muscle anatomy: {NAME} (built in); a .json file that fit_muscles wrote; or a model of a right arm as "
+            help=f"muscle anatomy: {NAME} (built in); a .json file that fit_muscles wrote; or a model of a right arm "
+            "as "
             ".osim or MuJoCo .xml, which is fitted at its first use (default: the anatomy of the person)",
         ),
         Argument(
-            "--strength", type=float, metavar="FACTOR", help="strength factor of the muscles (default: the factor of the person)"
+            "--strength",
+            type=float,
+            metavar="FACTOR",
+            help="strength factor of the muscles (default: the factor of the person)",
         ),
         Argument(
-            "--fatigue", action="store_true", help="add the fatigue of each muscle (model 3CC-r, whose published values were NOT reproduced)"
+            "--fatigue",
+            action="store_true",
+            help="add the fatigue of each muscle (model 3CC-r, whose published values were NOT reproduced)",
         ),
     ]

@@ -120,12 +120,14 @@ def computed(
     notes.append(f"external forces act on the links: {', '.join(force.link for force in loads) or 'none'}")
     for contact in (person.record.contacts if person.record is not None else {}).values():
         notes.append(
-            f"NOT included: contact force on {contact.link}, at most {contact.force.max():.1f} N (the bag lacks its direction)"
+            f"NOT included: contact force on {contact.link}, at most {contact.force.max():.1f} N (the bag lacks its "
+            "direction)"
         )
     for side, outside in load.outside.items():
         if outside.any():
             notes.append(
-                f"{side} arm: for {100 * outside.mean():.1f} % of the time outside the range of the fitted muscle paths; "
+                f"{side} arm: for {100 * outside.mean():.1f} % of the time outside the range of the fitted muscle "
+                "paths; "
                 "its muscles are left out there"
             )
     return MuscleLoadResult(load, person.body, anatomy, tuple(notes))

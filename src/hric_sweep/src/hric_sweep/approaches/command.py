@@ -39,7 +39,8 @@ class ApproachesCommand(Command):
     """
 
     epilog = (
-        "exit codes: 0 no contact with the moving arm was above limits; 3 at least one was; 4 at least one could not be "
+        "exit codes: 0 no contact with the moving arm was above limits; 3 at least one was; 4 at least one could not "
+        "be "
         "assessed, or a run failed."
     )
 
@@ -48,8 +49,17 @@ class ApproachesCommand(Command):
         return [
             Argument("--count", type=int, default=COUNT, help=f"number of approaches (default: {COUNT})"),
             Argument("--quick", action="store_true", help=f"simulate only {QUICK} approaches"),
-            Argument("--first", type=int, default=0, help="seed of the first approach; the others have the seeds after it (default: 0)"),
-            Argument("--without", action="store_true", help="the supervisor only observes; it neither slows nor stops the arm"),
+            Argument(
+                "--first",
+                type=int,
+                default=0,
+                help="seed of the first approach; the others have the seeds after it (default: 0)",
+            ),
+            Argument(
+                "--without",
+                action="store_true",
+                help="the supervisor only observes; it neither slows nor stops the arm",
+            ),
             Argument("--simulator", default="mujoco", help="physics engine (default: mujoco)"),
             Argument("--jobs", type=int, default=2, help="number of processes (default: 2)"),
             Argument(
@@ -114,7 +124,8 @@ def report(responses: Sequence[RunResponse], first: int, *, supervised: bool) ->
         f"of {count}, at most {bound:.1f} % (one-sided {100.0 * CONFIDENCE:.0f} %)",
         f"contacts with a moving arm: {_counts(responses, MOVING)}",
         f"contacts with a standing arm, by the person's own motion: {_counts(responses, STANDING)}",
-        f"assumed contact area: {CONTACT_AREA:g} m^2 (project default); the bound counts contacts that are not assessable "
+        f"assumed contact area: {CONTACT_AREA:g} m^2 (project default); the bound counts contacts that are not "
+        "assessable "
         f"as above limits",
         f"decisions of the supervisor while the arm moved nearer to the person than the protective distance: "
         f"{sum(run.outputs['violations'] or 0.0 for run in completed):.0f}",
@@ -124,7 +135,9 @@ def report(responses: Sequence[RunResponse], first: int, *, supervised: bool) ->
     if exceeding:
         largest = max(run.outputs["known_share"] or 0.0 for run in completed) or np.inf
         lines.append(f"largest contact above limits: {largest:.1f} times the limit")
-        lines.append("seeds with a contact above limits: " + ", ".join(exceeding[:20]) + (", ..." if len(exceeding) > 20 else ""))
+        lines.append(
+            "seeds with a contact above limits: " + ", ".join(exceeding[:20]) + (", ..." if len(exceeding) > 20 else "")
+        )
     if len(completed) < count:
         lines.append(f"failed runs, contacts unknown (counted as above limits in the bound): {count - len(completed)}")
         lines += [f"  seed {first + run.index}: {run.failure}" for run in responses if run.failure]

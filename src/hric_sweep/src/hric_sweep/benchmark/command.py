@@ -52,7 +52,11 @@ class BenchmarkCommand(Command):
                 help=f"YAML files of controllers, compared with the reference controllers ({references})",
             ),
             Argument("--without-references", action="store_true", help="compare only the given controllers"),
-            Argument("--definition", metavar="FILE", help="YAML file of the benchmark (default: the benchmark of this workspace)"),
+            Argument(
+                "--definition",
+                metavar="FILE",
+                help="YAML file of the benchmark (default: the benchmark of this workspace)",
+            ),
             Argument("--collaborations", nargs="+", default=[], metavar="NAME", help="run only these collaborations"),
             Argument("--bodies", nargs="+", default=[], metavar="NAME", help="run only these body sizes"),
             Argument("--seeds", type=int, metavar="N", help="run only the first N seeds"),
@@ -105,7 +109,9 @@ def _chosen(options: argparse.Namespace) -> tuple[Benchmark, PlainData, list[Ben
         raise HricError("nothing to compare; valid: with --without-references, at least one CONTROLLER file")
     controllers = [definition.controller(name, benchmark) for name in names]
     if len({controller.name for controller in controllers}) < len(controllers):
-        raise HricError(f"two controllers have the same name: {', '.join(controller.name for controller in controllers)}")
+        raise HricError(
+            f"two controllers have the same name: {', '.join(controller.name for controller in controllers)}"
+        )
     return benchmark, content, controllers
 
 

@@ -49,7 +49,8 @@ class Score(SweepOutput):
 
     limit: float | None = number(
         None,
-        text="largest accepted value, or smallest if larger is better; beyond it, a finding is out of limits and a task "
+        text="largest accepted value, or smallest if larger is better; beyond it, a finding is out of limits and a "
+        "task "
         "is not completed",
     )
     better: str = choice("smaller", "larger", text="values that are better: smaller or larger ones")
@@ -73,7 +74,9 @@ class Collaboration(FileSettings):
 
     name: str = ""
     extends: str = text(empty=False, text="the experiment: its name, or the path of its YAML file")
-    changes: tuple[str, ...] = listing(text(empty=False), default=(), text="overrides of the experiment in all its runs")
+    changes: tuple[str, ...] = listing(
+        text(empty=False), default=(), text="overrides of the experiment in all its runs"
+    )
     findings: Mapping[str, Score] = mapping(section(Score), text="scores that have a limit")
     ergonomics: Mapping[str, Score] = mapping(section(Score), text="scores of the person's physical load")
     task: Mapping[str, Score] = mapping(section(Score), text="scores of task time and error")
@@ -95,7 +98,9 @@ class BenchmarkPopulation(FileSettings):
 
     name: str = text(empty=False, text="name of the population")
     source: str = text("", text="source of the body percentiles")
-    bodies: Mapping[str, str] = mapping(text(empty=False), text="subject file of each body, by a short name such as p50")
+    bodies: Mapping[str, str] = mapping(
+        text(empty=False), text="subject file of each body, by a short name such as p50"
+    )
 
 
 @dataclass(frozen=True)
@@ -107,7 +112,10 @@ class Benchmark(FileSettings):
     seeds: tuple[int, ...] = listing(whole(minimum=0), range(1, 1000), different=True, text="seeds; each gives one run")
     changes: tuple[str, ...] = listing(text(empty=False), default=(), text="overrides of the experiments in all runs")
     tolerance: float = number(
-        0.02, minimum=0.0, maximum=1.0, text="relative difference up to which two values count as equal, for ranks and --compare"
+        0.02,
+        minimum=0.0,
+        maximum=1.0,
+        text="relative difference up to which two values count as equal, for ranks and --compare",
     )
     timeout: float = number(
         600.0, above=0.0, unit="s", text="limit of processor time per run, and of wall time without progress"
@@ -159,7 +167,9 @@ class BenchmarkController(FileSettings):
 
     name: str = ""
     description: str = text("", text="one-line description")
-    prediction: Prediction | None = section(Prediction, None, text="rank predicted from its design; none: no prediction")
+    prediction: Prediction | None = section(
+        Prediction, None, text="rank predicted from its design; none: no prediction"
+    )
     changes: Mapping[str, tuple[str, ...]] = mapping(
         OVERRIDES,
         text="overrides by name of the collaboration: which controllers run, of which type and with which gains",
@@ -236,7 +246,7 @@ def _check(controller: BenchmarkController, benchmark: Benchmark) -> None:
 
 
 def arguments(benchmark: Benchmark, collaboration: Collaboration, by: BenchmarkController, subject: str) -> list[str]:
-    """Return the overrides of a run in order: benchmark, collaboration, body, controller; later ones take precedence."""
+    """Return the overrides of a run in order: benchmark, collaboration, body, controller; the last one wins."""
     body = f"human.subject:={subject}"
     return [*benchmark.changes, *collaboration.changes, body, *by.changes.get(collaboration.name, ())]
 

@@ -24,7 +24,8 @@ ROBUSTNESS = "robustness"
 """Category that ranks the spread of all scores over bodies and seeds."""
 RULE = (
     "1. findings: fewer runs that are above a limit or could not be judged; 2. ergonomics: smaller mean rank; "
-    "3. task: smaller mean rank; 4. robustness: fewer runs not completed, then smaller mean rank of the spread. A later "
+    "3. task: smaller mean rank; 4. robustness: fewer runs not completed, then smaller mean rank of the spread. A "
+    "later "
     "category counts only if all earlier ones are equal. In a collaboration, controllers are ranked by the median of "
     "each score over bodies and seeds; all scores have equal weight; controllers that differ by no more than the "
     "tolerance share a rank."
@@ -123,7 +124,7 @@ def _cell(collaboration: Collaboration, rows: Mapping[BenchmarkRun, RunResponse]
 
 
 def _states(collaboration: Collaboration, category: str, response: RunResponse) -> set[str]:
-    """Return the states "within", "beyond" or "unknown" that a run's scores of a category have; always with "within"."""
+    """Return the states of a run's scores in a category: "within" (always), and "beyond" or "unknown" if any has it."""
     scores = collaboration.scores(category).items()
     return {"within", *(_state(score, response.outputs[f"{category}.{name}"]) for name, score in scores)}
 

@@ -80,7 +80,7 @@ class _WorkerState:
             return self._engine
 
     def reference(self, handshake: Handshake) -> ReferenceRun:
-        """Return the result of the reference run. Raises Differs: the child process has different code than this one."""
+        """Return the result of the reference run. Raises Differs: the child process has different code."""
         if handshake.session not in self._references:
             self._references[handshake.session] = self.engine(handshake.memory).check(handshake.reference)
         return self._references[handshake.session]

@@ -60,7 +60,7 @@ class DaskEngine:
 
     @classmethod
     def local(cls, jobs: int, memory: float) -> "DaskEngine":
-        """Return an engine with a Dask cluster on this machine's loopback interface; the cluster ends with the engine."""
+        """Return an engine with a Dask cluster on this machine (loopback interface), which ends with the engine."""
         distributed = _distributed()
         cluster = distributed.LocalCluster(
             n_workers=jobs,

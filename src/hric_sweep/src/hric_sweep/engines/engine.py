@@ -93,7 +93,10 @@ def same(results: Iterable[tuple[str, ReferenceRun]], expected: ReferenceRun) ->
     """
     differing = [f"{name}: {why}" for name, result in results if (why := difference(expected, result))]
     if differing:
-        raise Differs("workers have different code or results, so that their runs would not be comparable:\n  " + "\n  ".join(differing))
+        raise Differs(
+            "workers have different code or results, so that their runs would not be comparable:\n  "
+            + "\n  ".join(differing)
+        )
     return expected
 
 

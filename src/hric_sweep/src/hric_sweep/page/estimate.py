@@ -12,7 +12,10 @@ from hric_sweep.statistics.intervals import LEVEL, clopper_pearson
 APART = 6
 """Maximum number of words a variable may have for a table of the probability by word. Project default,
 unconfirmed."""
-KIND = ("Clopper-Pearson interval.", "Clopper-Pearson interval for independent points; the points are spread evenly, so it is usually too wide.")
+KIND = (
+    "Clopper-Pearson interval.",
+    "Clopper-Pearson interval for independent points; the points are spread evenly, so it is usually too wide.",
+)
 TRUSTED = 20.0
 """Minimum effective number of exceeding runs for an importance sampling interval with nominal coverage
 (docs/concepts/rare_events.md)."""
@@ -48,7 +51,10 @@ def lines(study: RecordedSweep, assumption: str) -> list[str]:
     of = f"P({condition(study)} {assumption})"
     estimate = study.estimate or _counted(study, exceeded, failed)
     if estimate is None:
-        return [f"{of}: not known yet", "The estimate follows when the first runs (for subset simulation: all levels) are finished."]
+        return [
+            f"{of}: not known yet",
+            "The estimate follows when the first runs (for subset simulation: all levels) are finished.",
+        ]
     level = f"{100.0 * estimate.level:g} % interval"
     low, high = number(estimate.low, 3), number(estimate.high, 3)
     if estimate.probability > 0.0:
@@ -100,7 +106,8 @@ def _method(study: RecordedSweep, estimate: Estimate) -> str:
             sentences += f" Below about {TRUSTED:g} the interval is not reliable: more runs are needed."
     if study.sampler in SPREAD:
         sentences += (
-            " The points are spread evenly, not drawn independently, so this interval for independent points is usually "
+            " The points are spread evenly, not drawn independently, so this interval for independent points is "
+            "usually "
             "too wide."
         )
     return sentences

@@ -41,9 +41,17 @@ def cost(study: RecordedSweep) -> PageTable:
         rows += [_cost(study, name, hosts == name) for name in names]
     elif names:
         rows[0] = (names[0], *rows[0][1:])
-    times = ("processor time, total [s]", "per run: mean [s]", "median [s]", "95th percentile [s]", "wall time, mean [s]")
+    times = (
+        "processor time, total [s]",
+        "per run: mean [s]",
+        "median [s]",
+        "95th percentile [s]",
+        "wall time, mean [s]",
+    )
     head = ("machine", "runs", *times, "repeated")
-    return PageTable("", head, tuple(rows), "The hash of the results does not include these times, as they depend on the machine.")
+    return PageTable(
+        "", head, tuple(rows), "The hash of the results does not include these times, as they depend on the machine."
+    )
 
 
 def _cost(study: RecordedSweep, name: str, rows: Sequence[bool] | np.ndarray) -> tuple[str, ...]:

@@ -35,8 +35,8 @@ class Quantile:
 def of_sample(values: FloatArray, share: float, level: float) -> Quantile:
     """Return a quantile of independent values of one distribution of any shape.
 
-    The interval lies between two order statistics, whose ranks follow from the binomial distribution (David and Nagaraja,
-    Order Statistics, 3rd ed., 7.1).
+    The interval lies between two order statistics, whose ranks follow from the binomial distribution (David and
+    Nagaraja, Order Statistics, 3rd ed., 7.1).
 
     Args:
         values: sample, shape (n,).

@@ -53,7 +53,7 @@ def of(study: RecordedSweep) -> Sample:
         return Sample(np.zeros(study.runs), independent=False, refused=why)
     if study.sampler == SUBSET:
         first = np.asarray(study.columns["batch"]) == 0
-        note = f"Based only on the {first.sum()} runs of the first level, which are drawn from the distributions themselves."
+        note = f"Based only on the {first.sum()} runs of the first level, which are drawn from the distributions."
         return Sample(first.astype(float), independent=True, note=note)
     if study.sampler == CROSS_ENTROPY and study.weighted:
         return _weighted(study)

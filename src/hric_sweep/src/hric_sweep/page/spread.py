@@ -116,7 +116,8 @@ def caption(study: RecordedSweep, sample: Sample) -> str:
         return f"{shown} Intervals of {100 * LEVEL:g} % by bootstrap."
     if study.sampler in SPREAD:
         return (
-            f"{shown} Intervals of {100 * LEVEL:g} % by order statistics for independent points; these points are spread "
+            f"{shown} Intervals of {100 * LEVEL:g} % by order statistics for independent points; these points are "
+            "spread "
             "evenly, so the intervals are usually too wide."
         )
     return f"{shown} Intervals of {100 * LEVEL:g} % by order statistics, valid for any distribution."

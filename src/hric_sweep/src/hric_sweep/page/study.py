@@ -164,7 +164,7 @@ class RecordedSweep:
 
     @cached_property
     def weights(self) -> FloatArray:
-        """Weights of the runs (likelihood ratios), shape (runs,); 1 for points drawn from the distributions themselves."""
+        """Weights of the runs (likelihood ratios), shape (runs,); 1: drawn from the distributions themselves."""
         return np.asarray(self.columns["weight"], dtype=float)
 
     @property
@@ -173,7 +173,7 @@ class RecordedSweep:
         return bool(np.any(self.weights != 1.0))
 
     def numbers(self, name: str) -> tuple[FloatArray, list[str]]:
-        """Return the numbers of a column and its labels; a column of words has number k for label k, others no labels."""
+        """Return the numbers of a column and its labels; words have number k for label k, numbers have no labels."""
         values = self.columns[name]
         if values.dtype.kind in "iuf":
             return values.astype(float), []

@@ -36,10 +36,13 @@ METHOD = "importance sampling, t interval of the logarithm"
 
 @dataclass(frozen=True)
 class CrossEntropy(Settings):
-    """Importance sampling for a rare exceedance with up to three failure regions; for more or curved ones use subset."""
+    """Importance sampling for a rare exceedance with up to three failure regions; for more or curved ones: subset."""
 
     batch: int | None = whole(
-        None, minimum=SMALLEST_BATCH, text="number of runs per batch; none: a tenth of all runs", default_text="runs / 10"
+        None,
+        minimum=SMALLEST_BATCH,
+        text="number of runs per batch; none: a tenth of all runs",
+        default_text="runs / 10",
     )
 
     def sampler(self, space: Space, runs: int | None, seed: int) -> "CrossEntropySampler":
@@ -111,7 +114,9 @@ class CrossEntropySampler:
     def tell(self, results: Sequence[SamplerResult]) -> None:
         """Store the results of the batch and adapt the proposal. Raises HricError: results have no margin."""
         if self._open is None:
-            raise HricError("the sampler received results before it drew points; valid: results of a batch that was drawn")
+            raise HricError(
+                "the sampler received results before it drew points; valid: results of a batch that was drawn"
+            )
         first = sum(len(batch.z) for batch in (*self._adapting, *self._final))
         in_order(results, first, len(self._open.z))
         done, self._open = with_results(self._open, results), None

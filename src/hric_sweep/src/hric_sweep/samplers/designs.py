@@ -125,7 +125,9 @@ class Saltelli(Settings):
         """Return the design. Raises ParameterError: correlated variables, or `runs` is not n + 2 times a power of 2."""
         if not space.independent:
             raise refused(
-                "sweep.sampler.kind", "saltelli", "variables without correlation, for which alone the indices are defined"
+                "sweep.sampler.kind",
+                "saltelli",
+                "variables without correlation, for which alone the indices are defined",
             )
         count, n = _required(runs), len(space.names)
         rows, rest = divmod(count, n + self.extra)

@@ -1,8 +1,8 @@
 """Proposal distributions for importance sampling: mixtures of normal distributions fitted to weighted points.
 
 The points are normal scores, so the variables are standard normal. A proposal is a mixture of a share of the standard
-normal, which bounds the weights (a defensive mixture: Hesterberg, Technometrics 37:185, 1995), and components fitted to the points near the
-limit, one for each failure region (Kurtz & Song, Struct. Saf. 42:35, 2013).
+normal, which bounds the weights (a defensive mixture: Hesterberg, Technometrics 37:185, 1995), and components fitted to
+the points near the limit, one for each failure region (Kurtz & Song, Struct. Saf. 42:35, 2013).
 """
 
 from dataclasses import dataclass
@@ -114,7 +114,7 @@ def _fitted(z: FloatArray, weights: FloatArray, count: int, size: float) -> Prop
 
 
 def _far_apart(z: FloatArray, weights: FloatArray, count: int) -> FloatArray:
-    """Return initial means: the point of largest weight, then those of largest weight x squared distance to the others."""
+    """Return initial means: the point of largest weight, then those of largest weight x squared distance to these."""
     chosen = [z[np.argmax(weights)]]
     while len(chosen) < count:
         nearest = np.min([np.sum((z - point) ** 2, axis=1) for point in chosen], axis=0)

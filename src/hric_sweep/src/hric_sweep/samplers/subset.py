@@ -100,7 +100,9 @@ class SubsetSampler:
     def tell(self, results: Sequence[SamplerResult]) -> None:
         """Store the results of a step; failed runs count as not exceeding. Raises HricError: results have no margin."""
         if self._open is None:
-            raise HricError("the sampler received results before it drew points; valid: results of a batch that was drawn")
+            raise HricError(
+                "the sampler received results before it drew points; valid: results of a batch that was drawn"
+            )
         in_order(results, self._count, len(self._open.z))
         batch, self._open = with_results(self._open, results), None
         self._count, self._batches = self._count + len(results), self._batches + 1
@@ -126,7 +128,7 @@ class SubsetSampler:
         self._a = min(max(math.sqrt(max(1.0 - spread, 0.0)), 0.3), 0.98)
 
     def _finish(self, z: FloatArray, margins: FloatArray, chained: bool) -> None:
-        """Finish a level; it is the last if a tenth exceeds the limit or no levels are left, else start the next chains."""
+        """Finish a level; it is the last if a tenth exceeds or no levels are left, else start the next chains."""
         order = np.argsort(-margins, kind="stable")
         level = 0.5 * float(margins[order[self._chains - 1]] + margins[order[self._chains]])
         self._done = level >= 0.0 or len(self._variances) + 1 == self._levels or not np.isfinite(level)

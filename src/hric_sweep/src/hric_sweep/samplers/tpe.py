@@ -89,7 +89,9 @@ class TpeSampler:
         """Pass the results of the batch to Optuna. Raises HricError: a run that did not fail has no objective."""
         in_order(results, self._count, len(self._open))
         if any(result.objective is None and result.exceeded is not None for result in results):
-            raise HricError("results have no objective, which the sampler tpe needs; valid: a sweep file with sweep.objective")
+            raise HricError(
+                "results have no objective, which the sampler tpe needs; valid: a sweep file with sweep.objective"
+            )
         failed = self._optuna.trial.TrialState.FAIL
         for trial, result in zip(self._open, results, strict=True):
             if result.objective is None:

@@ -64,7 +64,7 @@ class Blows:
         robot.box.report = lambda text: None  # reflexes are part of what is measured
 
     def approach(self, q: FloatArray, direction: FloatArray) -> ImpactApproach:
-        """Return the approach along a direction, shape (3,), with joint position `q` at the contact, shape (7,) [rad]."""
+        """Return the approach along `direction`, shape (3,); `q`: joint position at the contact, shape (7,) [rad]."""
         model = self._robot.model
         J = model.zero_jacobian(FrankaFrame.END_EFFECTOR, q)
         dq = np.linalg.pinv(J) @ np.array([*direction, 0.0, 0.0, 0.0])

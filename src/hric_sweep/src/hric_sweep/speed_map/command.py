@@ -67,7 +67,8 @@ class SpeedMapCommand(Command):
                 "--arm",
                 choices=[arm.value for arm in ArmBehaviour],
                 default=ArmBehaviour.DRIVEN.value,
-                help="behaviour during the contact. driven: joint control continues the motion, with the reflexes of the "
+                help="behaviour during the contact. driven: joint control continues the motion, with the reflexes of "
+                "the "
                 "control box (default); passive: gravity compensation only, as the closed form assumes",
             ),
             *(_range_argument(*axis) for axis in (("--x", X), ("--y", Y), ("--z", Z))),
@@ -90,7 +91,9 @@ class SpeedMapCommand(Command):
         with Simulation(definition) as simulation:
             robot = simulation.app.hw
             if not isinstance(robot, FrankaHWSim):
-                raise HricError(f"the robot {definition.robot.hw} has no emulated control box; valid: franka_sim/FrankaHWSim")
+                raise HricError(
+                    f"the robot {definition.robot.hw} has no emulated control box; valid: franka_sim/FrankaHWSim"
+                )
             progress = tqdm(
                 measure(robot, request, points),
                 total=len(points),
@@ -108,7 +111,8 @@ class SpeedMapCommand(Command):
 
 
 def _range_argument(name: str, default: tuple[float, float, int]) -> Argument:
-    text = f"lowest and highest coordinate in the base frame [m], and number of points (default: {' '.join(map(str, default))})"
+    values = " ".join(map(str, default))
+    text = f"lowest and highest coordinate in the base frame [m], and number of points (default: {values})"
     return Argument(name, nargs=3, type=float, default=default, metavar=("LOW", "HIGH", "COUNT"), help=text)
 
 

@@ -61,7 +61,7 @@ class MeasuringDevice:
         """Advance the device by one time step; return the mean force on the arm in this step [N].
 
         Args:
-            travel: distance that the arm has moved along the direction since the first touch, at the start of the step [m].
+            travel: distance along the direction that the arm has moved since the first touch, at the step's start [m].
             speed: speed of the arm along the direction [m/s].
         """
         depth, closing = travel - self._travel, speed - self._speed

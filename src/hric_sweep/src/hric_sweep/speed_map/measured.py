@@ -140,7 +140,9 @@ def limit_speed(force_of: Callable[[float], float], limit: float, guess: float) 
         low, high = (speed, high) if force < limit else (low, speed)
         following = speed * limit / force if force > 0.0 else 2.0 * speed
         speed = following if low < following < high else 0.5 * (low + min(high, 4.0 * max(low, guess)))
-    raise FailureError(f"no limit speed found: the peak force is below {limit:g} N at {low:g} m/s and above it at {high:g} m/s")
+    raise FailureError(
+        f"no limit speed found: the peak force is below {limit:g} N at {low:g} m/s and above it at {high:g} m/s"
+    )
 
 
 def alone(cell: MapCell) -> bool:

@@ -36,7 +36,8 @@ def clopper_pearson(exceeded: int, runs: int, level: float = LEVEL, side: str = 
     """
     if not 0 <= exceeded <= runs or runs < 1 or not 0.0 < level < 1.0:
         raise HricError(
-            f"{exceeded} of {runs} runs at level {level} give no confidence interval; valid: 0 <= exceeded <= runs, 0 < level < 1"
+            f"{exceeded} of {runs} runs at level {level} give no confidence interval; valid: 0 <= exceeded <= runs, 0 "
+            "< level < 1"
         )
     ends = binomtest(exceeded, runs, alternative=side).proportion_ci(level, "exact")
     return ProbabilityInterval(float(ends.low), float(ends.high))

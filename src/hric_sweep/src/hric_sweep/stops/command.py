@@ -57,15 +57,18 @@ class MeasureStopsCommand(Command):
             robot = simulation.app.hw
             if not isinstance(robot, FrankaHWSim):
                 raise HricError(
-                    f"the robot {definition.robot.hw} has no emulated control box to stop it; valid: franka_sim/FrankaHWSim"
+                    f"the robot {definition.robot.hw} has no emulated control box to stop it; valid: "
+                    "franka_sim/FrankaHWSim"
                 )
             table = measured(robot, sorted(set(arguments.speeds)), sorted(set(arguments.loads)), arguments.command)
         if arguments.out is None:
             print(stopping.as_yaml(table), end="")
             return
         files.write_text(arguments.out, stopping.as_yaml(table))
-        print(f"table of {len(table.stops)} stops, the worst for each speed and load: {arguments.out}\n"
-            f"These are {stopping.NOT_A_BRAKE}.")
+        print(
+            f"table of {len(table.stops)} stops, the worst for each speed and load: {arguments.out}\n"
+            f"These are {stopping.NOT_A_BRAKE}."
+        )
 
 
 def measured(robot: FrankaHWSim, speeds: Sequence[float], loads: Sequence[float], command: str) -> StopTable:

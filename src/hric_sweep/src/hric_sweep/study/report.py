@@ -22,7 +22,8 @@ def render(result: PlainData) -> str:
         lines += [_run_line(run, values) for run, values in form["runs"].items()]
         if "start_pose_difference_max" in form:
             lines.append(
-                f"  link frames at the start agree within {form['start_pose_difference_max']:.1e} (positions in m, entries "
+                f"  link frames at the start agree within {form['start_pose_difference_max']:.1e} (positions in m, "
+                "entries "
                 "of rotation matrices)"
             )
         lines += tables.lines(form["runs"], "tracking", "marker tracking", tables.TRACKING_COLUMNS)
@@ -42,7 +43,14 @@ def _run_line(name: str, run: PlainData) -> str:
 def _differences(pairs: Sequence[PlainData]) -> list[str]:
     people = [key for key in PEOPLE if any(pair[key] is not None for pair in pairs)]
     forces = any(pair["force_bound"] is not None for pair in pairs)
-    head = ["difference of joint positions [rad]", "largest", "rms", "steady", *(PEOPLE[key] for key in people), "limit"]
+    head = [
+        "difference of joint positions [rad]",
+        "largest",
+        "rms",
+        "steady",
+        *(PEOPLE[key] for key in people),
+        "limit",
+    ]
     cells = [[*head, *(["limit [N]"] if forces else []), ""]]
     for pair in pairs:
         verdict = {None: "reported", True: "within bounds", False: "OUT OF BOUNDS"}[pair["passed"]]

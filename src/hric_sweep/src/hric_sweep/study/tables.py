@@ -140,7 +140,9 @@ def human_figure(runs: Mapping[str, PlainData], abscissa: str) -> Figure | None:
         curves = Curve("", "measured", at, numbers), Curve("", "samples", at, numbers)
         panels.append(Panel(name, curves, unit=f"[{unit}"))
     unstable = ", ".join(f"{x:g}" for x, run in people if run["settling"] == human.UNSTABLE)
-    caption = "Estimates from a model of the human." + f" Unstable after the motion in the runs {unstable}." * bool(unstable)
+    caption = "Estimates from a model of the human." + f" Unstable after the motion in the runs {unstable}." * bool(
+        unstable
+    )
     made = Figure("human", "Load on the human", "", tuple(panels), abscissa=abscissa)
     return made.about(sections.RESULTS, caption)
 
