@@ -61,8 +61,8 @@ SCRIPTS = [
 TOOLS = [
     ("hric_core hric", r"hric: no command ''; valid: approaches, .*urdf"),
     ("hric_core hric rn pd_step", r"hric: no command 'rn'; valid: .*did you mean run\?"),
-    ("hric_core hric run", r"hric run: one experiment is needed; got none; valid: .*pd_step"),
-    ("hric_experiments run", r"one experiment is needed; got none; valid: .*pd_step"),
+    ("hric_core hric run", r"hric run: exactly one experiment is needed; given: none; valid: .*pd_step"),
+    ("hric_experiments run", r"exactly one experiment is needed; given: none; valid: .*pd_step"),
     ("hric_experiments run step_pd", r"no experiment 'step_pd' .*valid: co_transport, .*pd_step"),
     ("hric_experiments run pd_step kpp:=200", r"no override 'kpp' \(did you mean kp\?\); valid: .*kd, kp, limits"),
     ("hric_experiments run pd_step friction:=dry", r"'friction:=dry'; valid: none, coulomb, identified, or a YAML"),
@@ -116,7 +116,7 @@ TOOLS = [
     ("hric_experiments check_model notes.csv", r"notes\.csv has no columns t .*there: a, b; .*--columns t=NAME"),
     (
         "hric_experiments measure_stops --speeds 40",
-        r"no pose reaches 40 m/s within the velocity limits; valid: slower ones",
+        r"no pose reaches 40 m/s within the joint velocity limits; valid: lower speeds",
     ),
     ("hric_experiments speed_map --region face", r"no contact with face is permitted .* valid: neck; "),
     ("hric_experiments inverse_dynamics nowhere", r"no run folder 'nowhere'"),

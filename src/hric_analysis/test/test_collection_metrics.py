@@ -183,7 +183,7 @@ def test_frames_go_on_after_the_last_number_of_their_counter(tmp_path: Path) -> 
 def test_without_an_interval_nothing_is_known_to_be_sent(tmp_path: Path) -> None:
     found = judged(write(tmp_path / "a.bag"), None)
     assert found.sources[EMG].sent is None and found.sources[EMG].recorded == int(END * RATE)
-    assert "number of sent samples unknown" in sensor_text.collection(found.sources, found.sync)
+    assert "number of sent samples not known" in sensor_text.collection(found.sources, found.sync)
 
 
 @pytest.mark.parametrize("skew", [0.0, 0.002])

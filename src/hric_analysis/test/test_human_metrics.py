@@ -170,7 +170,7 @@ def test_a_run_with_a_human_says_what_it_required_of_him(guided: runner.Headless
     assert found["subject"] == "P50M"
     assert 0.5 < found["grips"]["guide"]["force_max"] < 10.0
     assert 0.0 < found["strength_share_max"] < 0.5
-    assert "a model's estimate" in (guided.folder.path / "summary.txt").read_text()
+    assert "(model estimate)" in (guided.folder.path / "summary.txt").read_text()
     assert {"grip.svg", "strength.svg", "human_joints.svg"} <= {
         p.name for p in (guided.folder.path / "figures").iterdir()
     }
@@ -197,7 +197,7 @@ def test_a_run_with_muscles_says_what_it_cost_them(by_muscles: runner.HeadlessRe
     assert 0.01 < found["activation_mean"] < found["activation_max"] < 0.5
     assert 100.0 < found["contact"]["right_shoulder"]["force_max"] < 2000.0
     summary = (folder / "summary.txt").read_text()
-    assert "- muscles: activation at most" in summary and "- contact force between bones" in summary
+    assert "- muscles: highest activations" in summary and "- contact force between bones" in summary
     assert {"activation.svg", "joint_contact.svg"} <= {path.name for path in (folder / "figures").iterdir()}
     assert tables.values(by_muscles.metrics, "human", tables.HUMAN_COLUMNS)["activation_max"] == found["activation_max"]
 

@@ -101,7 +101,7 @@ def test_without_the_truth_the_frames_serve_and_nothing_is_said_of_stamps() -> N
     assert found.lag == pytest.approx(LAG, abs=2e-3)
     assert found.rms_error < 5e-4
     assert (found.stamp_error, found.marker, found.acceleration.ratio) == (None, "motion capture", None)
-    assert "against the motion capture" in sensor_text.tracking(found)
+    assert "reference: motion capture" in sensor_text.tracking(found)
 
 
 @pytest.mark.parametrize("late", [-0.003, 0.0, 0.0042])
@@ -144,7 +144,7 @@ def test_a_marker_at_rest_or_never_seen_has_no_lag() -> None:
     assert "lag not known" in sensor_text.tracking(found)
     unseen = judged(replace(record, frames=replace(record.frames, valid=np.zeros_like(record.frames.valid))))
     assert unseen.first_marker is None and unseen.rms_error is None
-    assert "no valid marker of hand came" in sensor_text.tracking(unseen)
+    assert "no valid marker of hand was received" in sensor_text.tracking(unseen)
 
 
 def test_the_end_effector_of_a_log_is_where_the_models_kinematics_puts_it() -> None:

@@ -111,7 +111,7 @@ def test_all_topics_but_the_excluded_are_recorded_also_those_that_come_later(ros
         ([], "the path of the bag is missing"),
         (["x.bag", "--exclude", "("], "--exclude '(' is no regular expression"),
         (["x.bag", "--exclude"], "--exclude needs a regular expression"),
-        (["--split", "x.bag"], "option '--split' is not known; valid: --exclude EXPRESSION"),
+        (["--split", "x.bag"], "unknown option '--split'; valid: --exclude EXPRESSION"),
     ],
 )
 def test_an_invalid_command_line_is_one_error_before_the_master_is_contacted(

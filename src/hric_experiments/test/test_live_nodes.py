@@ -153,7 +153,7 @@ def test_an_armed_experiment_waits_for_the_trigger_then_records_reports_and_ends
     experiment = system.node("experiment", f"_experiment:={path}", "_armed:=true", "_ready_timeout:=10")
     assert experiment.stdout is not None
     said = ""
-    while "waits for the trigger" not in said:
+    while "waits until the recording is triggered" not in said:
         said = experiment.stdout.readline()
         assert said, "the experiment ended"
     assert not system.runs.exists() and recorder.poll() is None
@@ -220,7 +220,7 @@ def test_an_experiment_that_sees_nobody_says_so(system: System, tmp_path: Path) 
     system.until(lambda: system.serves("/controller_manager/list_controllers"))
     code, output = ended(system.node("experiment", f"_experiment:={path}", "_record:=false", "_ready_timeout:=5"))
     assert code == 1 and "Traceback" not in output, output
-    assert "no motion capture: nothing on /hric/perception/mocap; does natnet_client run?" in output
+    assert "motion capture is not ready: no messages on /hric/perception/mocap; is the node natnet_client running?" in output
 
 
 def test_ctrl_c_closes_the_bag_and_leaves_no_process(system: System) -> None:
@@ -254,7 +254,7 @@ def test_an_experiment_without_robot_ends_on_ctrl_c_without_traceback(system: Sy
 def test_an_experiment_that_never_becomes_ready_says_what_is_missing(system: System) -> None:
     code, output = ended(system.node("experiment", "_experiment:=pd_step", "_ready_timeout:=0.5"))
     assert code == 1 and "Traceback" not in output, output
-    assert "controllers that do not run: controller_manager/list_controllers" in output
+    assert "controllers are not running: controller_manager/list_controllers" in output
 
 
 def test_an_unknown_experiment_is_one_line_with_the_valid_names(system: System) -> None:
@@ -279,6 +279,6 @@ def test_a_recorder_that_does_not_end_is_killed_and_reported(tmp_path: Path) -> 
         tmp_path / "a.bag", ["sh", "-c", f"trap '' INT; touch {tmp_path}/a.bag.active; while :; do sleep 0.05; done"]
     )
     process.wait_open(PATIENCE)
-    with pytest.raises(RecordError, match=r"not closed within 0\.5 s; what was recorded is in a\.bag\.active"):
+    with pytest.raises(RecordError, match=r"not closed within 0\.5 s; the recorded messages are in a\.bag\.active"):
         process.stop(0.5)
     assert not process.running

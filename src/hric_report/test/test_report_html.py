@@ -89,7 +89,7 @@ def test_a_short_run_is_shown_whole() -> None:
 def test_ten_minutes_with_every_sensor_make_less_than_20_MB(run: RunFolder) -> None:
     text = page.render_page(run_page.build(_long(run, duration=600.0)))
     assert len(text.encode()) < 20e6
-    assert "Long curves are thinned" in text
+    assert "Long curves are reduced" in text
 
 
 def _long(run: RunFolder, duration: float) -> run_data.RunData:

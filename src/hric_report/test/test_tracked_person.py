@@ -114,7 +114,7 @@ def test_what_cannot_be_tracked_is_refused(run: Path, tmp_path: Path, capsys: py
         muscle_load.of_tracked(str(copy))
     content["definition"]["person"] = None
     (copy / "run.yaml").write_text(yaml.safe_dump(content))
-    with pytest.raises(MuscleLoadError, match="did not track a person; valid: a run of an experiment with"):
+    with pytest.raises(MuscleLoadError, match="no person was tracked in .*; valid: a run of an experiment with"):
         muscle_load.of_tracked(str(copy))
 
 

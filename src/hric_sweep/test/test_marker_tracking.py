@@ -56,7 +56,7 @@ def test_the_arm_follows_the_marker_within_lag_error_and_acceleration(
     assert [phase["phase"] for phase in metrics["tracking"]["phases"]] == ["rest", "moving", "done"]
     assert abs(metrics["tracking"]["stamp_error"]["mean"]) < 5 * metrics["tracking"]["stamp_error"]["uncertainty"]
     assert json.loads(folder.metrics_path.read_text())["tracking"] == metrics["tracking"]
-    assert re.search(r"lag \d+\.\d ms, RMS error after it \d\.\d\d mm", metrics["report"])
+    assert re.search(r"lag \d+\.\d ms; after compensation of the lag: RMS error \d\.\d\d mm", metrics["report"])
     assert all(
         (folder.path / "figures" / name).stat().st_size > 10_000 for name in ("tracking.png", "tracking_path.png")
     )
@@ -127,4 +127,4 @@ def test_the_whole_experiment_and_the_thesiss_mode_stand_side_by_side(tmp_path: 
             check_as_expected(metrics)
     assert runs["thesis"]["tracking"]["ignored"] > 2000 and runs["thesis"]["tracking"]["acceleration_ratio"] > 5
     assert (result.folder / "modes" / "tracking.png").is_file()
-    assert re.search(r"following the marker +lag \[ms\]", result.metrics["report"])
+    assert re.search(r"marker tracking +lag \[ms\]", result.metrics["report"])

@@ -137,7 +137,7 @@ def test_approaches_have_the_finding_of_the_verdict(clamp: SimpleNamespace) -> N
     }
     rest = dict.fromkeys(names, 0.0)
     text = command.report([RunResponse("", 0, rest | outputs)], 0, supervised=True)
-    assert "contacts with a standing arm, by the person's own speed: in 1 of 1 runs (above limits in 1," in text
+    assert "contacts with a standing arm, by the person's own motion: in 1 of 1 runs (above limits in 1," in text
 
 
 def test_an_output_of_a_sweep_has_the_finding_of_the_verdict(clamp: SimpleNamespace) -> None:

@@ -116,7 +116,7 @@ def test_joints_and_grip_force_of_a_human_have_bounds_too(tmp_path: Path) -> Non
 
 def test_options_of_an_engine_are_refused_for_a_study(tmp_path: Path) -> None:
     (tmp_path / "study.yaml").touch()
-    with pytest.raises(HricError, match="is a study, whose runs follow each other; valid: without --jobs and --dask"):
+    with pytest.raises(HricError, match="is a study, which executes one run after the other; valid: without --jobs and --dask"):
         perform(["sweep", "--resume", str(tmp_path), "--jobs", "2"])
 
 

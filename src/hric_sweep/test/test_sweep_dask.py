@@ -140,7 +140,7 @@ def test_a_client_that_gave_the_scheduler_up_says_that_it_is_lost_whatever_it_fa
         (carried,) = engine._fetched([chunk])
         with pytest.raises(Lost, match=r"connection to the Dask scheduler at tcp://.* lost"):
             engine._outcomes(chunk, carried, 1)
-        with pytest.raises(HricError, match=r"at tcp://.* was lost during the handshake; valid: start it again"):
+        with pytest.raises(HricError, match=r"at tcp://.* was lost during the handshake; valid: restart it"):
             engine.check({})
     finally:
         engine.close(now=True)

@@ -135,7 +135,7 @@ def test_a_rare_event_has_the_estimate_of_its_sampler_with_the_effective_sample_
     folder = sweep_folder.write(tmp_path / "a", 50, sampler="cross_entropy", estimate=found, weight=weights)
     for line in (estimate(text_of(folder)), summary(folder)):
         assert "= 1.25e-05, 90 % interval 8e-06 to 2e-05" in line and "Log scale; 12 of 49 runs exceeded" in line
-        assert "effective number of those that exceeded 210" in line and "Clopper" not in line
+        assert "effective number of exceeding runs 210" in line and "Clopper" not in line
         assert "Check with unweighted runs: 0 of 20 runs, 0 to 0.139; it agrees." in line
         assert "not reliable" not in line
     few = sweep_folder.write(tmp_path / "b", 50, sampler="cross_entropy", estimate={**found, "ess": 12}, weight=weights)
@@ -188,10 +188,10 @@ def test_a_sweep_without_any_run_yet_has_a_page(tmp_path: Path) -> None:
 
 
 def test_a_folder_that_is_no_sweep_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(RunFolderError, match=r"runs\.parquet.*valid: the folder of a sweep"):
+    with pytest.raises(RunFolderError, match=r"runs\.parquet.*valid: the run folder of a sweep"):
         page.write(tmp_path)
     parquet.write_table(pyarrow.table({"a": [1.0]}), tmp_path / "runs.parquet")
-    with pytest.raises(RunFolderError, match="valid: the folder of a sweep"):
+    with pytest.raises(RunFolderError, match="valid: the run folder of a sweep"):
         page.write(tmp_path)
 
 
@@ -262,7 +262,7 @@ def test_what_is_too_much_is_sampled_by_seed_and_the_caption_says_so(
     assert len(rows) in range(100, 111) and set(study.order_of_worst[0][:10]) <= set(rows)
     assert np.array_equal(rows, drawn.chosen(study))
     text = text_of(tmp_path / "a")
-    assert f"Drawn: a sample of {len(rows)} of 1000 runs by seed 0" in text
+    assert f"Drawn: a random sample of {len(rows)} of 1000 runs (seed 0)" in text
     assert len(re.search(r"id=ids>([^<]*)", text)[1].split()) == len(rows)  # type: ignore[index]
 
 

@@ -162,7 +162,7 @@ def test_with_none_exceeded_the_upper_limit_is_about_three_by_the_runs() -> None
     ("exceeded", "runs", "level"), [(4, 3, 0.95), (-1, 3, 0.95), (0, 0, 0.95), (1, 3, 0.0), (1, 3, 1.0), (1, 3, 1.5)]
 )
 def test_counts_and_levels_that_cannot_be_have_no_interval(exceeded: int, runs: int, level: float) -> None:
-    told = f"{exceeded} of {runs} runs at level {level} have no interval; valid: 0 <= exceeded <= runs, 0 < level < 1"
+    told = f"{exceeded} of {runs} runs at level {level} give no confidence interval; valid: 0 <= exceeded <= runs, 0 < level < 1"
     with pytest.raises(HricError) as caught:
         clopper_pearson(exceeded, runs, level)
     assert str(caught.value) == told

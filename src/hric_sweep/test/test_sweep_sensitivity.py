@@ -95,11 +95,11 @@ def test_draws_in_which_nothing_varies_have_no_say_and_each_of_the_fewest_rows_m
 @pytest.mark.parametrize(
     "output, words",
     [
-        (np.zeros(11), "11 runs are no design of Saltelli; valid: a multiple of 5 in order of index"),
+        (np.zeros(11), "11 runs are no complete Saltelli design; valid: a multiple of 5 runs in order of index"),
         (np.ones(5 * 32), "the same in all runs"),
         (np.repeat([1.0, 1.0, 2.0, 3.0, 4.0], 32), "the same in all runs"),
         (np.full(5 * 32, np.nan), "0 rows"),
-        (np.arange(5.0 * 15), "15 rows of the design have no failed run; valid: 16 or more"),
+        (np.arange(5.0 * 15), "only 15 rows of the design have no failed run; valid: 16 or more"),
         (np.append(np.arange(5.0 * 32 - 2), [np.inf, -np.inf]), "the output is infinite in 2 runs"),
     ],
 )
@@ -145,7 +145,7 @@ def test_weights_of_equal_size_count_as_none_and_a_run_that_weighs_twice_as_two(
 
 
 def test_a_variable_that_varies_among_runs_without_weight_alone_does_not_vary() -> None:
-    with pytest.raises(HricError, match="3 runs or more in which both vary"):
+    with pytest.raises(HricError, match="at least 3 runs, in which both quantities vary"):
         rank_correlation(np.array([1.0, 1.0, 1.0, 2.0, 3.0]), np.arange(5.0), np.array([1.0, 1.0, 1.0, 0.0, 0.0]))
 
 

@@ -86,7 +86,7 @@ def test_the_page_says_what_its_weights_are_worth(tmp_path: Path) -> None:
 def test_weights_that_are_worth_few_runs_are_refused_with_a_sentence(tmp_path: Path) -> None:
     weights = np.r_[np.full(3, 10.0), np.full(57, 1e-3)]
     text = page.write(sweep_folder.write(tmp_path / "a", 60, sampler="cross_entropy", weight=weights)).read_text()
-    words = "By their weights the 60 runs are worth 3 runs drawn from the distributions: too few"
+    words = "With their weights, the 60 runs are worth 3 runs drawn from the distributions: too few"
     assert f"No distributions. {words}" in text and f"No rank correlations. {words}" in text
     assert "<figcaption>" not in text and '"spread":false' in text and "class=rank" not in text
 
@@ -104,7 +104,7 @@ def test_of_subset_simulation_the_first_level_counts_alone_and_the_page_says_so(
     first = int(counted.counts.sum())
     assert set(study.columns["batch"][counted.counts > 0.0]) == {0} and 0 < first < study.runs
     text = page.write(study.folder).read_text()
-    assert f"Of the {first} runs of the first level alone, which are drawn from the distributions themselves." in text
+    assert f"Based only on the {first} runs of the first level, which are drawn from the distributions." in text
 
 
 def test_a_sweep_with_weights_that_has_only_begun_is_a_plain_sample(tmp_path: Path) -> None:

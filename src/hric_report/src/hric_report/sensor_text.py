@@ -14,7 +14,7 @@ def tracking(values: TrackingMetrics) -> str:
         parts.append(f"{values.controller}: no valid marker of {values.body or 'any body'} was received")
     else:
         parts.append(
-            f"{values.controller} follows {values.body} (against the {values.marker}), from "
+            f"{values.controller} follows {values.body} (reference: {values.marker}), from "
             f"{values.first_marker:.3f} s on:"
         )
         parts.append(
