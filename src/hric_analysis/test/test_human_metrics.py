@@ -1,4 +1,4 @@
-"""What a run required of the human in it: from records with known results, and from a run."""
+"""Load metrics of the human in a run: records with known results, and a run."""
 
 import json
 from collections.abc import Sequence
@@ -42,7 +42,7 @@ STARTED, ENDED = (
 
 
 def grip(name: str = "guide", closed: tuple[float, float] = (0.0, 9.0), **changes: Any) -> GripRecord:
-    """One that carries nothing and rests."""
+    """Return a grip at rest without force."""
     zeros, held = np.zeros((len(TIME), 3)), (closed[0] <= TIME) & (closed[1] > TIME)
     made = GripRecord(name, "baton::link", f"{name}::palm", TIME, held, zeros, zeros, zeros, np.zeros(len(TIME)))
     return replace(made, **changes)
@@ -58,7 +58,7 @@ def record(
 
 
 def pulse(height: float, begin: float, end: float) -> Any:
-    """Along x, shape (n, 3)."""
+    """Return a pulse along x, shape (n, 3)."""
     values = np.zeros((len(TIME), 3))
     values[(begin <= TIME) & (end >= TIME), 0] = height
     return values

@@ -1,5 +1,4 @@
-"""check_model as users call it: CSV files of any kind, bags, run folders; what it prints, writes and refuses; and the
-friction that it fits, used."""
+"""hric check_model: CSV files, bags and run folders as input; output, files and errors; use of the fitted friction."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -32,7 +31,7 @@ TEXT = "--no-figures"
 
 @pytest.fixture(scope="module")
 def data() -> simulated.Simulated:
-    """Every tenth sample of a simulation: 100 Hz, for files that are quick to read."""
+    """Return every tenth sample of a simulation: 100 Hz, for files that are quick to read."""
     made = simulated.simulate(panda_description.load(meshes=False, collision=False), 8.0)
     return simulated.Simulated(*(values[::10] for values in (made.time, made.q, made.dq, made.tau)))
 
@@ -96,12 +95,12 @@ def test_a_log_is_compared_drawn_and_its_friction_fitted_and_read_back(data, tmp
 
 
 def total(printed: str) -> float:
-    """Sum of the residuals' RMS [N m]."""
+    """Return the sum of the RMS of the residuals [N m]."""
     return float(next(line for line in printed.splitlines() if line.startswith("sum")).split()[1])
 
 
 def renamed(q: str, dq: str, tau: str, t: str = "t", first: int = 1) -> dict[str, str]:
-    """Names of the columns: {} stands for the joint's number from `first` on."""
+    """Return names of columns; {}: number of the joint, from `first`."""
     patterns = {"q": q, "dq": dq, "tau": tau}
     return {
         "t": t,
@@ -258,7 +257,7 @@ def test_hand_load_and_inertial_set_belong_to_the_model(data, tmp_path: Path, ca
 
 
 def without_hand(data: simulated.Simulated) -> simulated.Simulated:
-    """The log of an arm that made the same motion without a hand."""
+    """Return the log of the same motion of an arm without a hand."""
     ddq = np.gradient(data.dq, data.time, axis=0)
     needed = []
     for hand in (True, False):
@@ -274,7 +273,11 @@ def test_whether_the_arm_had_a_hand_is_tried_where_nobody_says(data, tmp_path: P
     out = called(capsys, bare, TEXT)[1]
     assert "without hand" in out and "neither --hand nor --no-hand is given: the sum of the residuals is" in out
     wrong = called(capsys, bare, TEXT, "--hand")[1]
-    assert "with hand" in wrong and "neither --hand nor --no-hand is given" not in wrong and total(wrong) > 2.0 * total(out)
+    assert (
+        "with hand" in wrong
+        and "neither --hand nor --no-hand is given" not in wrong
+        and total(wrong) > 2.0 * total(out)
+    )
     right = called(capsys, write_csv(tmp_path / "arm.csv", columns(data)), TEXT)[1]
     assert "with hand" in right and total(right) == pytest.approx(total(out), rel=0.05)
 
@@ -290,7 +293,7 @@ def joint_state(
 
 
 def write_joint_states(path: Path, data: simulated.Simulated, names: Sequence[str]) -> Path:
-    """The arm, its joints backwards, and between its messages those of a gripper on the same topic."""
+    """Write joint states of the arm in reverse order of joints, alternating with those of a gripper on this topic."""
     fingers = np.zeros(2)
     with BagWriter(path) as bag:
         for t, q, dq, tau in zip(data.time, data.q, data.dq, data.tau, strict=True):
@@ -327,7 +330,8 @@ def test_joints_and_topics_that_a_bag_does_not_have_are_refused_with_those_it_ha
     path = write_joint_states(tmp_path / "other.bag", few, [f"a{i}" for i in range(1, 8)])
     code, _, err = called(capsys, path)
     assert (
-        code == 2 and "no joints <arm>_joint1 to 7 with position, velocity and effort; joints in the bag: a1, a2, a3" in err
+        code == 2
+        and "no joints <arm>_joint1 to 7 with position, velocity and effort; joints in the bag: a1, a2, a3" in err
     )
     path = write_joint_states(tmp_path / "panda.bag", few, NAMES)
     assert "no joints left_joint1 to 7" in called(capsys, path, "--arm-id", "left")[2]
@@ -344,7 +348,7 @@ def test_a_nan_in_a_bag_is_refused_with_its_message_and_field(data, tmp_path: Pa
 
 @pytest.fixture(scope="module")
 def fitted(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A friction file as a fit writes it: the known friction on joint names of another arm, with comments."""
+    """Write a friction file as a fit does: known friction with joint names of another arm, and comments."""
     lines = [
         f"fr3_joint{i + 1}: {{phi1: {a}, phi2: {b}, phi3: {c}}}  # fitted"
         for i, (a, b, c) in enumerate(FRICTION.tolist())

@@ -1,4 +1,4 @@
-"""The recorder node: started, split, triggered and stopped by service, guarded against a full disk."""
+"""Recorder node: start, split, trigger and stop by service; behaviour with a full disk."""
 
 import os
 import random
@@ -27,7 +27,7 @@ rostest = pytest.mark.rostest
 
 
 def numbers(bags: list[Path]) -> list[list[int]]:
-    """What each bag holds of the counted topic."""
+    """Return the numbers in each bag."""
     found: list[list[int]] = []
     for bag in bags:
         with AnyReader([bag]) as reader:
@@ -114,7 +114,7 @@ def test_a_disk_without_room_is_refused_before_anything_is_made(source: Source, 
 
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A disk of 24 MB."""
+    """Return a folder on a disk of 24 MB."""
     if os.geteuid() != 0:
         pytest.skip("only root can mount a small file system")
     disk = tmp_path / "disk"

@@ -1,4 +1,4 @@
-"""What the making of a report says meanwhile, and after Ctrl-C."""
+"""Progress messages of a report, and behaviour after Ctrl-C."""
 
 import io
 from pathlib import Path

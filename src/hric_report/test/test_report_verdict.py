@@ -1,4 +1,4 @@
-"""The verdict on the page of a run: the body's colours, what lies along time, and what a browser makes of clicks."""
+"""Verdict on the page of a run: colours of the body, charts over time, and clicks in a browser."""
 
 import copy
 import json
@@ -51,7 +51,7 @@ def finding(group: str, outcome: str, share: float | None = None, **more: Any) -
 
 
 def conclusion(question: str, reply: str, **more: Any) -> dict[str, Any]:
-    """An conclusion of a verdict.json."""
+    """Return a conclusion of a verdict.json."""
     words = {"subject": f"{question} <of> somebody", "unit": "%", "reason": "a reason", "remedy": "", "person": ""}
     return {"question": question, "reply": reply, "value": None, "limit": None, "finding": None, **words, **more}
 
@@ -215,7 +215,7 @@ def test_a_verdict_without_findings_in_time_has_no_strips() -> None:
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
-    """The arm meets a forearm."""
+    """Return a run in which the arm hits a forearm."""
     root = tmp_path_factory.mktemp("runs")
     words = ["contact", "simulator:=mujoco", "duration:=2", "--quiet", "--no-figures", "--html", "--runs", str(root)]
     assert main(["run", *words]) == 0
@@ -297,7 +297,7 @@ def test_a_bag_that_is_not_there_is_a_mistake(tmp_path: Path, capsys: pytest.Cap
 
 
 def in_a_browser(test: Callable[..., None]) -> Callable[..., None]:
-    """Mark a test as one that needs a browser, which takes long."""
+    """Mark a test as slow, because it needs a browser."""
     without = pytest.mark.skipif(not installed(), reason="no chromium; scripts/setup --with checks installs it")
     return pytest.mark.slow(without(test))
 

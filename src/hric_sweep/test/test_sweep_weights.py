@@ -20,7 +20,7 @@ from hric_sweep.page.study import RecordedSweep, load
 from hric_sweep.statistics.sensitivity import rank_correlation
 
 MASS = 3.0
-"""Reduced, of both [kg]."""
+"""Reduced mass of both bodies [kg]."""
 SPEED, STIFFNESS = {"median": 0.5, "log_std": 0.3}, {"median": 75e3, "log_std": 0.4}
 MEDIAN = SPEED["median"] * np.sqrt(STIFFNESS["median"] * MASS)
 LOG_STD = float(np.hypot(SPEED["log_std"], 0.5 * STIFFNESS["log_std"]))
@@ -34,7 +34,7 @@ VARY = {
 
 
 def contact(given: Mapping[str, Any]) -> dict[str, float]:
-    """Outputs of a run; the error is that of the delay alone."""
+    """Return the outputs of a run; the error depends only on the delay."""
     peak = given["speed"] * np.sqrt(given["stiffness"] * MASS)
     return {"peak": peak, "duration": np.pi * np.sqrt(MASS / given["stiffness"]), "error": given["delay"]}
 
@@ -44,7 +44,7 @@ def folder(root: Path, kind: str, runs: int, batches: int | None = None) -> Path
 
 
 def shown(study: RecordedSweep, output: str, share: float) -> tuple[float, float, float]:
-    """A quantile on the page with its interval."""
+    """Return a quantile and its interval as shown on the page."""
     (found,) = (one for one in spread.spreads(study, sample.of(study)) if one.name == output)
     value, low, high = re.findall(r"[\d.]+", found.row[2 + spread.SHARES.index(share)])
     return float(value), float(low), float(high)
@@ -130,7 +130,7 @@ def test_a_run_of_weight_three_counts_as_three_runs() -> None:
 
 
 def test_an_infinite_output_is_the_worst_and_is_in_the_quantiles(tmp_path: Path) -> None:
-    """A share of a limit of 0, as at the head, is infinite."""
+    """A ratio to a limit of 0 (as for the head) is infinite."""
     columns = sweep_folder.values(100, failing=0.0)
     peak = np.sort(columns["peak"])
     peak[90:] = np.inf
