@@ -77,7 +77,7 @@ def test_what_is_no_chatter_is_stable(case: str) -> None:
 
 def test_wild_torque_needs_no_period() -> None:
     found = judged(12.0 * NOISE)
-    assert found.verdict == "unstable" and "without a period" in found.reasons[0]
+    assert found.verdict == "unstable" and "without a fixed period" in found.reasons[0]
 
 
 def test_the_requested_torque_counts_where_the_command_was_an_effort_else_the_measured_one() -> None:
