@@ -73,7 +73,7 @@ def test_a_log_is_compared_drawn_and_its_friction_fitted_and_read_back(data, tmp
         "cut-off 10 Hz",
         "0.3 s dropped at each end",
         "inertials barycentric, with hand; friction none",
-        "sum of 1.7 N m",
+        "sum 1.7 N m",
         "real arm",
     ):
         assert told in out
@@ -201,7 +201,7 @@ REFUSED = {
     "no header": (whole(ZEROS), "has no header; its first line must name the columns, usually t, q1 to q7"),
     "empty": (whole(b""), "has no header"),
     "header alone": (whole(HEADER), "a header, but no samples"),
-    "binary": (whole(b"\xff\xfe\x00"), "it is no text"),
+    "binary": (whole(b"\xff\xfe\x00"), "it is not a text file"),
 }
 
 
@@ -220,7 +220,7 @@ def test_what_cannot_be_compared_is_refused_in_one_line_and_nothing_is_written(
     ("arguments", "said"),
     [
         (("--columns", "qq=a"), "cannot read 'qq=a' of --columns; valid: t=NAME"),
-        (("--columns", "q=a,b"), "--columns names 2 columns in 'a,b'; 7 are needed"),
+        (("--columns", "q=a,b"), "--columns has 2 columns in 'a,b'; valid: 7"),
         (("--columns", "q=angle{}"), "has no column angle1, angle2, angle3"),
         (("--topic", "/joint_states"), "--topic selects a topic of a bag; valid for a CSV file: --columns"),
         (("--friction", "dry"), "--friction dry: no such file; valid: none, identified, or a YAML file"),
