@@ -129,7 +129,9 @@ def test_humans_without_a_common_joint_or_time_have_no_difference() -> None:
     a = record()
     other = replace(a, joints=tuple(f"left{name.removeprefix('right')}" for name in JOINTS))
     found = human_difference.difference(a, other)
-    assert found.joint_difference_max is None and "no joint and no grip in both runs" in human_text.difference_line(found)
+    assert found.joint_difference_max is None and "no joint and no grip in both runs" in human_text.difference_line(
+        found
+    )
 
 
 def test_a_force_below_a_twentieth_of_the_peak_has_faded() -> None:
@@ -266,7 +268,9 @@ def test_a_study_with_an_abscissa_refuses_runs_without_a_number() -> None:
             }
         },
     }
-    with pytest.raises(ExperimentError, match=r"forms.a.runs is '1, soft'; valid: names that are numbers, values of gain"):
+    with pytest.raises(
+        ExperimentError, match=r"forms.a.runs is '1, soft'; valid: names that are numbers, values of gain"
+    ):
         study.parse("mine", raw)
 
 

@@ -95,7 +95,7 @@ def test_draws_in_which_nothing_varies_have_no_say_and_each_of_the_fewest_rows_m
 @pytest.mark.parametrize(
     "output, words",
     [
-        (np.zeros(11), "11 runs are no complete Saltelli design; valid: a multiple of 5 runs in order of index"),
+        (np.zeros(11), "11 runs are no Saltelli design; valid: a multiple of 5 in order of index"),
         (np.ones(5 * 32), "the output is equal in all runs"),
         (np.repeat([1.0, 1.0, 2.0, 3.0, 4.0], 32), "the output is equal in all runs"),
         (np.full(5 * 32, np.nan), "0 rows"),

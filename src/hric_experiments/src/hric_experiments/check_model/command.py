@@ -103,8 +103,7 @@ def _log_arguments() -> list[Argument]:
             nargs="+",
             type=float,
             metavar="VALUE",
-            help="payload: mass [kg], centre of mass in the flange frame [m], and ixx ixy ixz iyy iyz izz about it "
-            "[kg m^2] (default: 0)",
+            help="payload: mass [kg], centre of mass in the flange [m], ixx ixy ixz iyy iyz izz about it [kg m^2]",
         ),
         Argument(
             "--friction",

@@ -221,7 +221,7 @@ class LiveExperiment:
         """Wait until robot time `when` [s]; a paused simulation extends the wait.
 
         Raises:
-            FailureError: robot time stands still and the robot does not respond.
+            FailureError: robot time does not advance and the robot does not respond.
         """
         last = (rospy.get_time(), time.monotonic())
         while (now := rospy.get_time()) < when:

@@ -65,7 +65,7 @@ def _topics_of(node: str, subscribers: bool) -> set[str]:
 def _connections(node: str) -> set[tuple[str, str]]:
     """Return (topic, subscriber) of each connection of a publishing node; empty: the node does not respond.
 
-    The node itself is asked, as the master knows only requested connections.
+    The request goes to the node itself, because the master knows only requested connections.
     """
     try:
         address = rosgraph.Master(rospy.get_name()).lookupNode(node)

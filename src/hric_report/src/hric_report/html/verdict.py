@@ -38,7 +38,7 @@ BY_DEFAULT = {
     EFFORT: "How high was the physical load on the person?",
     TASK: "Was the task completed?",
 }
-"""Full text of each question that a conclusion answers, by key."""
+"""Full text of the question of each conclusion, by key."""
 SHOWN = 200
 """Maximum number of findings in the table; further ones are only counted. Project default, unconfirmed."""
 MUSCLES, INSTANTS = 24, 500

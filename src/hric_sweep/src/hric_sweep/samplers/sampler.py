@@ -1,7 +1,7 @@
 """Interface of all samplers: they return points in batches, receive the results, and may estimate a probability.
 
-A sampler returns a batch of points (`ask`), receives the results of all of them in order of index (`tell`), and returns
-the next batch until none is left. The size of a batch depends on the settings alone, nothing depends on the order in
+A sampler returns a batch of points, receives the results of all of them in order of index, and returns the next batch
+until none is left. The size of a batch depends on the settings alone, nothing depends on the order in
 which runs finish, and all random draws use the seed. A sampler is resumed by creating it again and passing the same
 results: it then continues bit for bit.
 """

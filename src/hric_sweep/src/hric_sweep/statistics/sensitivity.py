@@ -56,9 +56,7 @@ def indices(space: Space, output: FloatArray, seed: int = 0, level: float = LEVE
     if not space.independent:
         raise HricError("Sobol indices are not defined for correlated variables; valid: a sweep without correlation")
     if output.size % (n + 2):
-        raise HricError(
-            f"{output.size} runs are no complete Saltelli design; valid: a multiple of {n + 2} runs in order of index"
-        )
+        raise HricError(f"{output.size} runs are no Saltelli design; valid: a multiple of {n + 2} in order of index")
     if endless := int(np.isinf(output).sum()):
         raise HricError(f"the output is infinite in {endless} runs, so it has no variance; valid: a finite output")
     blocks = output.reshape(n + 2, -1)
