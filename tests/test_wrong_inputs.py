@@ -108,17 +108,20 @@ TOOLS = [
     ("hric_experiments export notes.txt --format xls", r"no format 'xls'; valid: bag, c3d, csv"),
     ("hric_experiments export notes.txt --format csv", r"cannot read notes\.txt: .*health --salvage"),
     ("hric_experiments compare open nowhere", r"no run folder 'nowhere'"),
-    ("hric_experiments compare open open --labels a", r"--labels names 1 runs \(a\), but 2 are compared"),
+    ("hric_experiments compare open open --labels a", r"--labels needs 2 names, one for each run; given: a"),
     (
         "hric_experiments schema --studies",
         r"\[--study\] \[--sweep\] \[--example\]\n.*unrecognized arguments: --studies",
     ),
-    ("hric_experiments check_model notes.csv", r"notes\.csv has no columns t .*there: a, b; .*--columns t=NAME"),
+    (
+        "hric_experiments check_model notes.csv",
+        r"notes\.csv has no columns t .*columns in the file: a, b; .*--columns t=NAME",
+    ),
     (
         "hric_experiments measure_stops --speeds 40",
         r"no pose reaches 40 m/s within the joint velocity limits; valid: lower speeds",
     ),
-    ("hric_experiments speed_map --region face", r"no contact with face is permitted .* valid: neck; "),
+    ("hric_experiments speed_map --region face", r"permits no contact with face at any speed; valid: neck; "),
     ("hric_experiments inverse_dynamics nowhere", r"no run folder 'nowhere'"),
     ("hric_experiments muscle_load nowhere.c3d", r"person of nowhere\.c3d is not known; add --person RUN\|EXP"),
     ("hric_experiments spawn pd_step", r"usage: .*\[_PARAMETER:=VALUE \.\.\.\]\n.*unrecognized arguments: pd_step"),

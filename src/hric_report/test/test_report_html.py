@@ -170,7 +170,7 @@ def test_a_lost_mesh_is_noted_and_the_rest_is_drawn(run: RunFolder) -> None:
     ("words", "told"),
     [
         (["a", "b", "c"], "valid: with --html, or two runs"),
-        (["a", "b", "c", "--html", "--labels", "x", "y"], "--labels has 2 names (x, y), but 3 runs are compared"),
+        (["a", "b", "c", "--html", "--labels", "x", "y"], "--labels needs 3 names, one for each run; given: x, y"),
     ],
 )
 def test_a_wrong_comparison_is_refused(

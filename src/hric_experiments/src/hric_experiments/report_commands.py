@@ -114,9 +114,7 @@ class CompareCommand(Command):
         runs = [RunFolder.open(name, arguments.runs) for name in (arguments.run_a, *arguments.others)]
         names = arguments.labels or [run.path.name for run in runs]
         if len(names) != len(runs):
-            raise ExperimentError(
-                f"--labels has {len(names)} names ({', '.join(names)}), but {len(runs)} runs are compared"
-            )
+            raise ExperimentError(f"--labels needs {len(runs)} names, one for each run; given: {', '.join(names)}")
         if len(set(arguments.labels or ())) < len(arguments.labels or ()):
             raise ExperimentError(f"--labels has equal names: {', '.join(names)}; valid: a different name for each run")
         if len(runs) > 2 and not arguments.html:
