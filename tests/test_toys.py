@@ -380,7 +380,7 @@ def test_ergonomic_method(tmp_path: Path) -> None:
     assert "neck" in schema["properties"]["timelines"]["required"]
     jsonschema.Draft202012Validator(schema).validate(content)
     text = verdict_page.part(content)
-    assert "NECK, by the levels of its score" in text and "up to 2" in text
+    assert "NECK: level of the score over time" in text and "up to 2" in text
 
 
 @pytest.mark.usefixtures("here")

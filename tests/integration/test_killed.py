@@ -97,7 +97,7 @@ def test_nodes_end_with_a_roslaunch_that_is_killed(start: Start) -> None:
     ("program", "why"),
     [
         (r"/robot ", r"experiment ended with code 1"),
-        (r"/bag_recorder ", r"the bag was not closed within 10 s; what was recorded is in \S+\.active"),
+        (r"/bag_recorder ", r"the bag was not closed within 10 s; the recorded messages are in \S+\.active"),
         pytest.param(r"/recorder ", r"experiment ended with code 1|recorder", marks=pytest.mark.slow),
     ],
     ids=["robot", "bag_recorder", "recorder"],

@@ -69,7 +69,9 @@ def ran(system: LiveSystem, timeout: float, recorded: set[str] = RECORDED) -> di
     metrics: dict[str, Any] = json.loads((folder / "metrics.json").read_text())
     tracking: dict[str, Any] = metrics["tracking"]
     assert re.search(
-        rf"lag {1e3 * tracking['lag']:.1f} ms, RMS error after it {1e3 * tracking['rms_error']:.2f} mm", system.output
+        rf"lag {1e3 * tracking['lag']:.1f} ms; after compensation of the lag: "
+        rf"RMS error {1e3 * tracking['rms_error']:.2f} mm",
+        system.output,
     )
     assert metrics["reflexes"] == 0 or metrics["reflexes"] == []
     return tracking

@@ -1,4 +1,4 @@
-"""A streamed motion of known postures, from its bag to the scores of another scorer, at every sample."""
+"""Scores of a streamed motion with known postures agree with those of an independent implementation at every sample."""
 
 from typing import Any
 
@@ -33,7 +33,7 @@ NOT_SO = ("arm_supported", "trunk_supported", "unbalanced", "sitting", "static",
 
 @pytest.fixture(scope="module")
 def motion() -> dict[str, np.ndarray]:
-    """Whole degrees of all joints of a body, so that thresholds are met."""
+    """Return a motion in whole degrees of all joints of a body, so that it meets thresholds exactly."""
     random = np.random.default_rng(18)
     ranges = {name: SPREAD.get(name.partition("_")[2], (-25, 26)) for name in body().joints}
     return {name: random.integers(*limits, COUNT).astype(float) for name, limits in ranges.items()}
@@ -51,8 +51,8 @@ def verdict(motion: dict[str, np.ndarray], tmp_path_factory: pytest.TempPathFact
 
 
 def posture(motion: dict[str, np.ndarray], side: str, k: int) -> dict[str, Any]:
-    """Return what an observer would note [deg], directions of upper arm and forearm by a library's rotations, in whole
-    degrees; such a random motion goes there and back many times in its minute."""
+    """Return the angles that an observer would note, directions of upper arm and forearm with the rotations of a
+    library [deg, whole]; the random motion changes direction many times in its minute."""
     found: dict[str, Any] = dict.fromkeys(NOT_SO, False) | {"load": 0.0, "held": 0.0, "repeats": 99.0}
     found |= {name: motion[joint][k].item() for name, joint in MIDDLE.items()}
     found |= {name: motion[f"{side}_{joint}"][k].item() for name, joint in ARM.items()}

@@ -1,4 +1,4 @@
-"""Files of stops in a verdict: they take the place of the assumption, and are named."""
+"""Files of measured stops in a verdict: they replace the assumption, and are named."""
 
 import json
 from pathlib import Path

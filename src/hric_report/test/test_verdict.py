@@ -1,4 +1,4 @@
-"""The verdict of runs: findings from the worst on, in JSON that keeps its schema, and the exit code."""
+"""Verdict of runs: order of findings, JSON that follows its schema, and exit code."""
 
 import json
 import shutil
@@ -21,7 +21,7 @@ NO_AREA = ("human.contact_area:=null", "--quiet")
 
 @pytest.fixture(scope="module")
 def contact(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """The arm meets a forearm."""
+    """Return a run in which the arm hits a forearm."""
     root = tmp_path_factory.mktemp("runs")
     assert (
         main(["run", "contact", "simulator:=mujoco", "duration:=2", *NO_AREA, "--no-figures", "--runs", str(root)]) == 0

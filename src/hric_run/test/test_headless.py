@@ -241,7 +241,7 @@ def test_experiment_options_and_overrides_come_in_any_order(
 
 @pytest.mark.parametrize(
     ("words", "told"),
-    [(["kp:=20"], "got none; valid: "), (["pd_step", "--quiet", "thesis_step"], "got pd_step, thesis_step")],
+    [(["kp:=20"], "given: none; valid: "), (["pd_step", "--quiet", "thesis_step"], "given: pd_step, thesis_step")],
 )
 def test_not_exactly_one_experiment_is_refused(words: list[str], told: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", *words]) == 2 and told in capsys.readouterr().err
@@ -368,7 +368,7 @@ class TestThesisStep:
             and told["joint damping [N m s/rad]"] == "0"
         )
         assert (
-            told["setpoint"] == "led through a trapezoid"
+            told["setpoint"] == "trapezoidal velocity profile"
             and "start" in told
             and "joint limits at the start" not in told
         )

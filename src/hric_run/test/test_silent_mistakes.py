@@ -61,7 +61,7 @@ MISTAKES = [
         "run pd_step friction:=none 'robot.plant.friction_parameters:={phi1: [1]}'",
         r"has no effect; valid: with .*friction: identified",
     ),
-    ("run pd_step kp=200", r"'kp=200' is not an override; write kp:=200"),
+    ("run pd_step kp=200", r"'kp=200' is not a valid override; valid: kp:=200"),
     ("run pd_step kp:=100 kp:=200", r"kp is given more than once"),
     (f"run pd_step kp:=100 {PD}.kp:=200", r"kp has no effect beside parameters\.joint_pd_controller\.kp"),
     ("run pd_step robot.load.mass:=1 'robot.load:={mass: 2}'", r"robot\.load\.mass has no effect beside robot\.load"),
