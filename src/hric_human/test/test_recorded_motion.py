@@ -149,7 +149,7 @@ def test_recorded_angles_are_followed_and_other_joints_rest() -> None:
 
 
 BAD = {
-    "angles must have one joint or more, with as many values each": {
+    "angles must have one joint or more, all with the same number of values": {
         "angles": {"right_el_flex": [1, 1], "right_sh_rot": [0]}
     },
     "no joint 'right_knee' in human.control.parameters.reference.angles; valid: right_el_flex, ": {
@@ -157,8 +157,8 @@ BAD = {
     },
     r"angles.right_el_flex\[1\] is 3.0; valid: 0.000 to 2.618 \[rad\]": {"angles": {"right_el_flex": [1, 3.0]}},
     "angles.right_el_flex is 'x'; valid: a list of numbers": {"angles": {"right_el_flex": "x"}},
-    "none of the markers is on the body; valid: RSHO, RUPA": {"markers": {"LASI": [[0, 0, 0]]}},
-    "markers must have as many rows of x, y, z each": {"markers": {"RELB": [[0, 0, 0]], "RWRA": [[0, 0]]}},
+    "the body has none of the markers; valid: RSHO, RUPA": {"markers": {"LASI": [[0, 0, 0]]}},
+    "markers must have the same number of rows x, y, z for each marker": {"markers": {"RELB": [[0, 0, 0]], "RWRA": [[0, 0]]}},
     "path: c3d file .*none.c3d: No such file": {"path": "none.c3d"},
     "path: .*none.mot: No such file": {"path": "none.mot"},
     "path: .*none.trc: No such file": {"path": "none.trc"},
