@@ -136,5 +136,5 @@ def test_a_restart_gives_what_the_first_start_gave() -> None:
 
 
 def test_a_rate_of_no_whole_number_of_cycles_is_named() -> None:
-    with pytest.raises(ParameterError, match=r"human\.muscles\.rate is 300\.0; valid: a whole part of the 1000 cycles"):
+    with pytest.raises(ParameterError, match=r"human\.muscles\.rate is 300\.0; valid: a divisor of the cycle rate, 1000 Hz"):
         drive(rate=300.0)
