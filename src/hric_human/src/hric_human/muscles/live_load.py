@@ -46,7 +46,7 @@ ANOTHER_CLOCK = 3600.0
 STAMP = 1e-6
 """Tolerance for rounding errors of times [s]."""
 UNMEASURED, MISSING, AWAY = "none", "missing", "away"
-"""States of the hand force other than MEASURED: no sensor; no sample at this time; too far away, hand counts as empty."""
+"""States of the hand force other than MEASURED: no sensor; no sample at this time; too far from the hand to count."""
 _ORDER = (MEASURED, BRIDGED, LOST)
 
 
@@ -148,7 +148,7 @@ class LiveLoad:
             self._next = math.ceil((estimate.time + WINDOW - STAMP) * RATE)
 
     def add_force(self, force: HandForce) -> None:
-        """Add a sample of the hand force; one that is not finite is ignored, one with an older time discards all others."""
+        """Add a sample of the hand force; ignore one that is not finite, and discard all earlier if time jumps back."""
         if not all(map(math.isfinite, (*force.force, *force.torque, *force.point))):
             return
         if self._forces and force.time <= self._forces[-1].time:
@@ -156,7 +156,7 @@ class LiveLoad:
         self._forces.append(force)
 
     def take(self) -> PersonLoad | None:
-        """Return the load at all instants whose data have become complete since the last call; None if there are none."""
+        """Return the load at all instants whose data have become complete since the last call; None without any."""
         instants = self._due()
         if not instants:
             return None
