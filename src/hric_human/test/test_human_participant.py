@@ -360,7 +360,7 @@ def test_a_muscle_that_gives_all_it_can_is_an_event_and_the_run_goes_on(lab: Any
     heard = heard_of_muscles(there)
     there.app.run(0.3)
     events, last = there.events("muscle"), heard["activation"][-1]
-    assert events and "is saturated (1 so far)" in events[0].text
+    assert events and "reaches full activation (1 times so far)" in events[0].text
     assert last.limited[last.name.index(events[0].name)] >= 1
 
 

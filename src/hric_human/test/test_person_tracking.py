@@ -275,7 +275,7 @@ def test_somebody_who_moves_is_refused_with_the_markers_that_moved() -> None:
     frames = frames_of_a_still_pose()
     frames[:, NAMES.index("RFIN"), 0] += np.linspace(0.0, 0.06, len(frames))
     with pytest.raises(
-        CommandError, match=r"the person has moved: RFIN 3\d mm from the mean; valid: up to 10 mm in 1 s"
+        CommandError, match=r"the person has moved: RFIN 3\d mm from the mean position; valid: up to 10 mm in 1 s"
     ):
         mean_of(frames)
 
