@@ -62,7 +62,8 @@ class WalkSettings(Settings):
             )
         for (begin, *a), (end, *b) in pairwise(self.points):
             if (speed := 15 / 8 * math.dist(a, b) / (end - begin)) > FASTEST:
-                raise refused(f"{where}points: the speed after {begin:g} s", f"{speed:.3g} m/s", f"up to {FASTEST:g} m/s")
+                name = f"{where}points: the speed after {begin:g} s"
+                raise refused(name, f"{speed:.3g} m/s", f"up to {FASTEST:g} m/s")
 
 
 class Walk:

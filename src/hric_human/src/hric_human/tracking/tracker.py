@@ -122,8 +122,8 @@ class PersonTracker:
         self._trunk = [row for row, name in enumerate(names) if body.markers[name].link in TRUNK]
         if len(self._trunk) < 3 or "torso" not in body.segments:
             raise ParameterError(
-                f"{len(self._trunk)} markers are on the trunk of the body ({body.subject.parts}), too few for its pose; "
-                "valid: three or more, on a subject with parts upper_body or whole_body"
+                f"{len(self._trunk)} markers are on the trunk of the body ({body.subject.parts}), too few for its "
+                "pose; valid: three or more, on a subject with parts upper_body or whole_body"
             )
         self.body, self.names = body, tuple(names)
         self._marked = MarkerModel(body, names)
