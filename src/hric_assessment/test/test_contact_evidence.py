@@ -500,9 +500,9 @@ def test_a_source_that_reports_contacts_alone_is_trusted_where_no_arm_is_recorde
     made = verdict(tmp_path, make)
     (conclusion,) = [one for one in made.conclusions if one.question == "contact"]
     assert conclusion.reply == ("unknown" if recorded else "yes")
-    assert any("has no message while nothing touches" in line for line in made.assumptions) == (not recorded)
+    assert any("has no messages without contact" in line for line in made.assumptions) == (not recorded)
     if recorded:
-        assert "its source sends no empty message" in conclusion.reason
+        assert "the source sends no empty messages" in conclusion.reason
         assert "an empty one each 50 ms" in conclusion.remedy
 
 

@@ -57,7 +57,7 @@ def test_without_them_a_verdict_says_what_they_would_give(tmp_path: Path) -> Non
         joints(bag, np.arange(0.0, 2.0, 0.02), {"right_el_flex": 0.4, "right_sh_flex": 0.0})
     lacking = {one.signal: one.gives for one in assess(opened(str(tmp_path / "moves.bag"))).missing}
     (gives,) = (gives for signal, gives in lacking.items() if "joint_reactions" in signal)
-    assert gives == "how much shoulders and elbows carry"
+    assert gives == "the load in shoulders and elbows"
 
 
 def height(time: float) -> float:

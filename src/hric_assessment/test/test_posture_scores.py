@@ -349,7 +349,7 @@ def test_fields_of_different_lengths_are_refused_by_name() -> None:
 
 def test_a_field_of_two_dimensions_is_refused_by_name() -> None:
     with pytest.raises(
-        HricError, match=r"elbow_flexion has the shape \(1, 3\); valid: one value, or \(3,\) as the others"
+        HricError, match=r"elbow_flexion has the shape \(1, 3\); valid: one value, or \(3,\) as others"
     ):
         rula.score(Posture(upper_arm_flexion=0.2, elbow_flexion=np.zeros((1, 3))))
 
@@ -665,5 +665,5 @@ def test_an_arm_alone_has_no_trunk_and_says_so() -> None:
     names = list(body(parts="right_arm").joints)
     found = rula.score(of_joints(names, np.zeros((3, len(names))), "right"))
     assert "trunk_flexion is not known: assumed 0 deg" in found.assumptions
-    with pytest.raises(HricError, match="no arm 'both'; valid: right, left"):
+    with pytest.raises(HricError, match="the side of the arm is 'both'; valid: right, left"):
         of_joints(names, np.zeros((3, len(names))), "both")

@@ -57,7 +57,7 @@ def motion_of(
     """
     missing = [name for name in joints if name not in record.joints]
     if missing:
-        raise HricError(f"the recorded motion has no joint {missing[0]}; it has: {', '.join(record.joints)}")
+        raise HricError(f"the recorded motion has no joint {missing[0]}; valid: {', '.join(record.joints)}")
     q = record.position[:, [record.joints.index(name) for name in joints]]
     if record.root is None:
         return smoothed(record.time, q, cutoff, rate), still

@@ -61,7 +61,7 @@ SUBJECT: Any = Parameter(
     "a name or path of a subject's file, or a mapping with its keys",
     _subject,
     "P50_male",
-    text="subject whose body is simulated: name of a file in `config/subjects`, path of a file, or its keys",
+    text="body of the person: name of a file in `config/subjects`, path of a file, or its keys",
     shape=_subject_shape,
 )
 
