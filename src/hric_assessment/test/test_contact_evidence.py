@@ -503,7 +503,7 @@ def test_a_source_that_reports_contacts_alone_is_trusted_where_no_arm_is_recorde
     assert any("has no messages without contact" in line for line in made.assumptions) == (not recorded)
     if recorded:
         assert "the source sends no empty messages" in conclusion.reason
-        assert "an empty one each 50 ms" in conclusion.remedy
+        assert "an empty one every 50 ms" in conclusion.remedy
 
 
 @pytest.mark.parametrize("speed", [0.0, 0.001, 0.1])

@@ -210,7 +210,7 @@ def test_the_built_in_anatomy_and_a_fitted_file_are_found(tmp_path: Path):
     [
         (lambda text: "no model", "is no model of an arm"),
         (lambda text: "<a/>", "no OpenSim model"),
-        (lambda text: text.replace("ulna", "shin"), "no body named ulna behind one named humerus"),
+        (lambda text: text.replace("ulna", "shin"), "it needs a body named ulna, distal to one named humerus"),
         (lambda text: without(text, "ForceSet"), "has no muscles"),
         (lambda text: text.replace("<locked>false", "<locked>true"), "no coordinate that bends the elbow"),
         (lambda text: text.replace("r_humerus", "l_humerus").replace("r_ulna", "l_ulna"), "no right arm"),

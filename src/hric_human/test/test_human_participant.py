@@ -138,7 +138,7 @@ def test_he_moves_from_the_start_on_and_says_when_he_is_done(lab: Any) -> None:
         ("ended", 0.7),
     ]
     answer = there.call("start")
-    assert not answer.success and "runs once" in answer.message
+    assert not answer.success and "already started" in answer.message
 
 
 def test_a_grip_closes_where_palm_and_handle_are_near_and_carries_what_the_motion_needs(

@@ -284,7 +284,7 @@ def test_markers_that_are_missing_are_named() -> None:
     frames = frames_of_a_still_pose()
     frames[30:, NAMES.index("T10")] = np.nan
     frames[:, NAMES.index("LFIN")] = np.nan
-    with pytest.raises(CommandError, match=r"missing: T10 \(25%\), LFIN \(0%\) of the frames; valid: at least 90%"):
+    with pytest.raises(CommandError, match=r"too many frames: visible are T10 \(25%\), LFIN \(0%\); valid: visible in at least 90%"):
         mean_of(frames)
 
 
