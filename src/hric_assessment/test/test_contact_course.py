@@ -36,7 +36,7 @@ def contact(
 
 
 def changed(changes: dict[str, Any]) -> RegionContact:
-    """A contact of 0.2 s whose messages are as if nothing had changed but the time series."""
+    """Return a contact of 0.2 s with a changed time series and otherwise unchanged messages."""
     made = contact(5.0, series=changes.get("series"))
     return replace(made, **{name: value for name, value in changes.items() if name != "series"})
 
@@ -120,7 +120,7 @@ def test_a_source_is_fast_where_its_messages_are_or_name_instants_between_them(
 def test_a_source_with_a_single_message_is_fast_where_two_other_instants_are_whole_periods_from_it(
     begin: float, duration: float, peak_time: float, fast: bool
 ) -> None:
-    """Its message is of its peak."""
+    """The message is from the time of the peak."""
     at = np.array([peak_time])
     made = contact(5.0, duration=0.01, series={"time": at, "reached_time": at})
     assert resolved(replace(made, begin=begin, duration=duration), PERIOD) is fast

@@ -1,4 +1,4 @@
-"""Contacts cut into episodes, and what is found of each."""
+"""Contacts divided into episodes, and the finding about each."""
 
 import math
 from dataclasses import replace
@@ -25,7 +25,7 @@ TIME = np.arange(0.0, 2.0, 1e-3)
 
 
 def pulse(begin: float, duration: float, peak: float, time: np.ndarray = TIME) -> np.ndarray:
-    """Half a sine [N]."""
+    """Return a half-sine force [N]."""
     inside = (time >= begin) & (time <= begin + duration)
     return np.where(inside, peak * np.sin(math.pi * (time - begin) / duration), 0.0)
 
@@ -35,7 +35,7 @@ def step(begin: float, end: float, force: float) -> np.ndarray:
 
 
 def one(force: np.ndarray, time: np.ndarray = TIME) -> Episode:
-    """From the first touch to the last."""
+    """Return the single episode of a force, from the first touch to the last."""
     touching = np.flatnonzero(force > 0.0)
     part = slice(touching[0], touching[-1] + 1)
     return split(time[part], force[part], episode_table(), 1.0 / float(time[1] - time[0]))

@@ -1,4 +1,4 @@
-"""At which speed a contact reaches its limits, against noted values, and errors of public code."""
+"""Speed at which a contact reaches its limits, compared with values noted from sources; and errors of public code."""
 
 import numpy as np
 import pytest

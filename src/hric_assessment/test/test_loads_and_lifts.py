@@ -18,7 +18,7 @@ for _name in ("JointReactions", "HumanGrip"):
     STORE.register(get_types_from_msg((MESSAGES / f"{_name}.msg").read_text(), f"hric_msgs/msg/{_name}"))
 G, PARTS = 9.80665, "both_arms"
 LOAD, REACH, LOW, RISE = 10.0, 0.40, 0.30, 0.70
-"""Of the box: [kg], from the middle of the hips, above the floor, and by which it is lifted [m]."""
+"""Mass of the box [kg]; its distance from the middle of the hips, height above the floor, and lift height [m]."""
 HANDS = ("right", "left")
 
 

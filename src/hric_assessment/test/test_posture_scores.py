@@ -20,7 +20,7 @@ from hric_core.errors import HricError
 
 Score = Callable[..., Scores]
 STEP = 0.01
-"""[deg]"""
+"""Step between the tested angles [deg]."""
 METHODS = {"rula": rula.score, "reba": reba_method.score}
 THRESHOLDS = [
     # method, part, angle, threshold [deg], score of the part one step below, on and one step above it
@@ -348,9 +348,7 @@ def test_fields_of_different_lengths_are_refused_by_name() -> None:
 
 
 def test_a_field_of_two_dimensions_is_refused_by_name() -> None:
-    with pytest.raises(
-        HricError, match=r"elbow_flexion has the shape \(1, 3\); valid: one value, or \(3,\) as others"
-    ):
+    with pytest.raises(HricError, match=r"elbow_flexion has the shape \(1, 3\); valid: one value, or \(3,\) as others"):
         rula.score(Posture(upper_arm_flexion=0.2, elbow_flexion=np.zeros((1, 3))))
 
 

@@ -181,7 +181,10 @@ BAD = {
         "program": "minimum_jerk",
         "points": [[0, 1]],
     },
-    "human.points: the times must increase from row to row": {"program": "minimum_jerk", "points": [[0, 0, 0, 0], [0, 1, 0, 0]]},
+    "human.points: the times must increase from row to row": {
+        "program": "minimum_jerk",
+        "points": [[0, 0, 0, 0], [0, 1, 0, 0]],
+    },
     "human.variation.time is 2; valid: a finite number from 0 to 0.3": {
         "program": "minimum_jerk",
         "points": [[0, 0, 0, 0]],

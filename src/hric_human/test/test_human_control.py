@@ -1,4 +1,4 @@
-"""What surrounds a human's controller, the built-in one, and one of a user."""
+"""Senses and strength limits around a human's controller, the built-in controller, and a controller of a user."""
 
 import itertools
 import math
@@ -31,7 +31,7 @@ HAND = HumanControl(ARM, {}, 0).person.hand.pose(REST).position
 
 
 class Noted(HumanController):
-    """Keeps what it senses, and gives the torque that the test says."""
+    """Controller that stores what it senses, and returns the torque that the test sets."""
 
     senses: list[Senses]
     tau: Sequence[float]
@@ -427,7 +427,7 @@ def test_joint_references_out_of_range_are_refused_together() -> None:
 
 
 def test_a_cycle_of_the_law_costs_less_than_fifty_products_of_seven_numbers() -> None:
-    """30 us where the product of two lists takes 0.6 us."""
+    """A cycle takes 30 us on a machine where the product of two lists of seven numbers takes 0.6 us."""
     human, k = HumanControl(ARM, hand_motion(cycles=5), 0), itertools.count()
     human.start(0.0)
     q = list(REST)

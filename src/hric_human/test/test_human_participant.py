@@ -39,9 +39,9 @@ from hric_msgs.msg import (
 PLANTS = [name for name in plugins.names(plugins.PLANT) if issubclass(plugins.find(plugins.PLANT, name), Articulated)]
 READY = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
 HAND = [0.42, 0.0, 0.55]
-"""Before the robot's hand at READY, where a handle would be, in the world [m]."""
+"""Position in front of the robot's hand at READY, where a handle would be, in the world [m]."""
 ASIDE = [0.5, 0.2, 0.6]
-"""Away from it."""
+"""Position of the hand away from the handle [m]."""
 BALL = """<robot name="ball"><link name="ball"><inertial><mass value="0.2"/>
   <inertia ixx="1e-4" iyy="1e-4" izz="1e-4" ixy="0" ixz="0" iyz="0"/></inertial>
   <collision><geometry><sphere radius="0.03"/></geometry></collision></link></robot>"""
@@ -92,7 +92,7 @@ def plant_type(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture
 def lab(request: pytest.FixtureRequest) -> Iterator[Callable[..., Lab]]:
-    """lab(plant_type=..., **keys of the human)."""
+    """Return a function that builds a Lab: lab(plant_type=..., **keys of the human)."""
     made: list[Lab] = []
 
     def make(
@@ -230,7 +230,7 @@ def test_a_reset_puts_him_back_with_his_grip_and_he_waits_again(lab: Any, plant_
         ({"control": {"type": "lab/None"}}, "no human controller 'lab/None'"),
         (
             {"control": moves([0.0, 5.0, 0.0, 0.0])},
-            "human/control/parameters/reference: 0.00 s after the motion's start .*reach",
+            "human/control/parameters/reference: 0.00 s after the motion's start, .*reach",
         ),
         ({"grips": {"guide": {"held": "tail"}}}, "no link 'tail' in .*human/grips/guide; valid: .*panda_hand"),
         ({"grips": {"guide": {}}}, "grips.guide.held is not set"),
@@ -334,8 +334,8 @@ def test_activation_force_and_joint_loads_have_the_stamps_of_his_joint_states(la
 
 
 def test_a_joint_load_counts_what_his_hand_holds(lab: Any) -> None:
-    """At rest the load of a joint is what muscles pull there, and the weight and the grip of what is distal: with an
-    anatomy without muscles across it, those alone."""
+    """At rest the reaction in a joint is the sum of the muscle forces across it and of weight and grip of all distal
+    parts; without muscles across it, of weight and grip only."""
     there = lab(drive="muscle", control=moves([0.0, *HAND], [0.3, 0.42, 0.05, 0.55]), grips={"guide": TAKEN})
     heard = heard_of_muscles(there)
     there.app.run(0.1)

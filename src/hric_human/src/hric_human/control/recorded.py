@@ -162,8 +162,7 @@ class CapturedMarkers(ReferenceSettings):
         names = [name for name in person.body.markers if name in markers]
         if not names:
             raise ParameterError(
-                f"{self.prefix.rstrip('./')}: the body has none of the markers; valid: "
-                f"{', '.join(person.body.markers)}"
+                f"{self.prefix.rstrip('./')}: the body has none of the markers; valid: {', '.join(person.body.markers)}"
             )
         lab = np.stack([markers[name] for name in names], axis=1)
         rows, _ = MarkerSolver(person, names).solve(_moved(inverse(self.root_in_lab.pose), lab))

@@ -53,9 +53,7 @@ class Sinusoid(Motion, Program):
         """Check that the swings end at the centre and last at least as long as the ramp. Raises ParameterError."""
         super().check(where)
         if (2 * self.cycles) % 1:
-            raise refused(
-                f"{where}cycles", self.cycles, "a multiple of 0.5, so that the hand ends at the centre"
-            )
+            raise refused(f"{where}cycles", self.cycles, "a multiple of 0.5, so that the hand ends at the centre")
         if self.ramp > self.cycles / self.frequency:
             valid = f"at most the duration of all cycles, {self.cycles / self.frequency:g} s"
             raise refused(f"{where}ramp", self.ramp, valid)
