@@ -19,7 +19,7 @@ class Effort:
         force_mean: mean force while the grip was closed [N].
         torque_max: largest torque [N m].
         work: work that the holder does on the held body [J].
-        work_absolute: integral of the absolute value of that power [J].
+        work_absolute: integral of the absolute value of the holder's power on the held body [J].
     """
 
     closed: float
@@ -32,7 +32,7 @@ class Effort:
 
 
 def effort(grip: GripRecord) -> Effort | None:
-    """Return force and work of a grip; None: it never closed."""
+    """Return force and work of a grip, None if the hand never closed."""
     size, held = np.linalg.norm(grip.force, axis=1), grip.closed
     if not held.any():
         return None

@@ -1,4 +1,4 @@
-"""Command `assess`."""
+"""Command `assess`: judge a recording's safety and ergonomics and print the verdict."""
 
 import argparse
 from collections.abc import Sequence

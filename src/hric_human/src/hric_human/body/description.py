@@ -70,7 +70,7 @@ class Body:
 
     @property
     def total_mass(self) -> float:
-        """Mass of all described segments [kg]."""
+        """Sum of the masses of the modelled segments [kg]."""
         return sum(segment.mass.mass for segment in self.segments.values())
 
 

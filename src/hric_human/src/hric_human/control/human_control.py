@@ -24,7 +24,7 @@ from hric_human.control.strength import strength
 
 WORLD = Pose()
 CYCLE = 1e-3
-"""Time between two updates [s]."""
+"""Default time between two updates of the control loop [s]."""
 NOISE_BLOCK = 256
 """Number of cycles whose noise is drawn at once."""
 _NOISE_SEED = 2

@@ -14,7 +14,7 @@ from hric_human.body.joints import ARM
 from hric_human.body.segments import ROOT
 
 GRAVITY: Vector = (0.0, 0.0, -9.81)
-"""Gravity of an upright body, in axes of its root link [m/s^2]."""
+"""Vector of gravity for an upright body, in axes of its root link [m/s^2]."""
 Torque = Callable[[Sequence[float]], list[float]]
 
 
@@ -170,7 +170,7 @@ def _summed(count: int, parts: list[tuple[list[int], Torque]]) -> Torque:
 
 
 def _loaded(urdf: str, loads: Mapping[str, float]) -> str:
-    """Return the description with added masses in the centres of mass of some links."""
+    """Return a URDF text with masses [kg] added at the centres of mass of the links named by `loads`."""
     robot = ElementTree.fromstring(urdf)
     for link in robot.iterfind("link"):
         for mass in link.iterfind("inertial/mass"):
@@ -179,7 +179,7 @@ def _loaded(urdf: str, loads: Mapping[str, float]) -> str:
 
 
 def _with_mass(urdf: str, links: set[str]) -> str:
-    """Return the description with mass in these links only."""
+    """Return a URDF text in which only the named links have mass."""
     robot = ElementTree.fromstring(urdf)
     for link in robot.iterfind("link"):
         for inertial in link.findall("inertial") if link.get("name") not in links else ():

@@ -91,7 +91,7 @@ class Sinusoid(Motion, Program):
 
 
 def _eased(u: float) -> float:
-    """Return the integral of 3 u^2 - 2 u^3."""
+    """Return the integral of the smooth step 3 x^2 - 2 x^3 from x = 0 to u."""
     return u * u * u * (1 - u / 2)
 
 
@@ -168,7 +168,7 @@ class TakeOver(Motion, Reaction):
     """Settings of a hand that takes objects over from the robot's arm, and reacts to it."""
 
     def program(self, random: np.random.Generator) -> Program:
-        """Return the reactive program."""
+        """Return the program of a hand that waits for the robot's arm and reacts to it."""
         return Reactive(self, random)
 
 
