@@ -27,6 +27,7 @@ class Results:
         not_selected: how many for each marker that was left out.
         figures: name, value and unit of what was measured.
         runs_on: how many of the passed ones on each back end or engine.
+        seconds: wall time of the runs together [s].
     """
 
     passed: Counter[str] = field(default_factory=Counter)
@@ -35,6 +36,7 @@ class Results:
     not_selected: Counter[str] = field(default_factory=Counter)
     figures: list[tuple[str, float, str]] = field(default_factory=list)
     runs_on: Counter[str] = field(default_factory=Counter)
+    seconds: float = 0.0
 
     @property
     def ran(self) -> int:
@@ -47,11 +49,12 @@ def read(files: Iterable[Path]) -> Results:
     once."""
     results = Results()
     for file in files:
-        cases: dict[str, ET.Element] = {}
-        for case in ET.parse(file).getroot().iter("testcase"):
+        root, cases = ET.parse(file).getroot(), dict[str, ET.Element]()
+        results.seconds += sum(float(suite.get("time", 0.0)) for suite in root.iter("testsuite"))
+        for case in root.iter("testcase"):
             name = f"{case.get('classname')}::{case.get('name')}".removeprefix("::")
             cases[name] = cases[name] if name in cases and _failed(cases[name]) else case
-        for found in ET.parse(file).getroot().iterfind("testsuite/properties/property[@name='not selected']"):
+        for found in root.iterfind("testsuite/properties/property[@name='not selected']"):
             results.not_selected.update(json.loads(found.attrib["value"]))
         for name, case in cases.items():
             _add(results, name, case)
@@ -97,7 +100,7 @@ def line(results: Results, code: int) -> str:
         _counted("skipped", results.skipped),
         _counted("not selected", results.not_selected),
     ]
-    return f"scripts/test: {', '.join(counts)}; {verdict}"
+    return f"scripts/test: {', '.join(counts)}; {results.seconds:.0f} s; {verdict}"
 
 
 def main(code: int, folder: Path) -> int:

@@ -114,9 +114,10 @@ def test_each_test_counts_once_and_the_sum_is_that_of_pytest(tmp_path: Path, pro
     ]  # fmt: skip
     assert results.not_selected == {"slow": 2, "live": 2}
     assert processes or own["deselected"] == 4  # pytest-xdist does not tell
+    assert results.seconds > 0.0
     assert line(results, 1) == (
         "scripts/test: 7 passed (6 unit, 1 rostest), 4 failed, 2 skipped (2 no camera), 4 not selected (2 "
-        "live, 2 slow); FAILED (code 1)"
+        f"live, 2 slow); {results.seconds:.0f} s; FAILED (code 1)"
     )
 
 

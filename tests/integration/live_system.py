@@ -127,8 +127,15 @@ class LiveSystem:
     def services_of_a_run(self) -> set[str]:
         """Services while an experiment runs, once those of its last node, which writes the bag, are there."""
         self.wait_output("setpoints")
-        wait_for(lambda: self.services() >= LAST_SERVICES, READY_TIMEOUT, f"{LAST_SERVICES}; output:\n{self.output}")
-        return self.services()
+        services: set[str] = set()
+
+        def complete() -> bool:  # a second look could fall into the end of the run
+            nonlocal services
+            services = self.services()
+            return services >= LAST_SERVICES
+
+        wait_for(complete, READY_TIMEOUT, f"{LAST_SERVICES}; output:\n{self.output}")
+        return services
 
     def wait_running(self, *controllers: str, namespace: str = "") -> None:
         """Wait until these controllers run."""

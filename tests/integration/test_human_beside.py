@@ -91,7 +91,7 @@ def lateness(run: Led) -> FloatArray:
     return run.stamp[rows][fast] + shift - run.grip_stamp[within][fast]
 
 
-def test_through_libfranka_the_human_leads_the_arm_as_in_the_simulation_and_his_stamps_are_the_arms(
+def test_through_libfranka_the_human_leads_the_arm_as_in_the_simulation_and_their_stamps_are_the_arms(
     start: Start, tmp_path: Path, figure: Figure
 ) -> None:
     content = yaml.safe_load(EXPERIMENT.read_text()) | {"duration": 4.5}

@@ -52,7 +52,7 @@ def in_world(frame: str, transforms: dict[str, tuple[str, FloatArray]]) -> Float
     return T
 
 
-def test_the_frames_of_a_human_are_where_pinocchio_puts_his_links(
+def test_the_frames_of_a_human_are_where_pinocchio_puts_their_links(
     start: Callable[..., LiveSystem], tmp_path: Path
 ) -> None:
     system = start("env:=sim", "rviz:=false", "simulator:=mujoco", f"experiment:={three_seconds(tmp_path)}")

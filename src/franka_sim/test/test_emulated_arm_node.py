@@ -99,7 +99,7 @@ def test_without_a_hand_in_the_description_no_hand_listens(node: Callable[..., N
         Peer(cell.ip, 3, port=1338)
 
 
-def test_the_human_beside_it_is_stamped_with_the_time_of_the_run_and_hears_his_services(
+def test_the_human_beside_it_is_stamped_with_the_time_of_the_run_and_hears_their_services(
     node: Callable[..., Node],
 ) -> None:
     import rospy

@@ -165,7 +165,7 @@ def guided(tmp_path_factory: pytest.TempPathFactory) -> runner.HeadlessResult:
     return runner.run(definition, overrides, root=tmp_path_factory.mktemp("runs"), progress=False)
 
 
-def test_a_run_with_a_human_says_what_it_required_of_him(guided: runner.HeadlessResult) -> None:
+def test_a_run_with_a_human_says_what_it_required_of_them(guided: runner.HeadlessResult) -> None:
     found = json.loads((guided.folder.path / "metrics.json").read_text())["human"]
     assert found["subject"] == "P50M"
     assert 0.5 < found["grips"]["guide"]["force_max"] < 10.0
@@ -229,7 +229,7 @@ def test_shares_of_time_count_muscles_above_a_threshold_and_not_actuators() -> N
 
 
 @pytest.mark.parametrize(("reflex", "delay", "verdict"), [("0.25", "0.15", "stable"), ("1", "0.15", "unstable")])
-def test_a_run_is_called_unstable_where_all_of_his_impedance_is_late(
+def test_a_run_is_called_unstable_where_all_of_their_impedance_is_late(
     reflex: str, delay: str, verdict: str, tmp_path: Path
 ) -> None:
     overrides = [
@@ -277,7 +277,7 @@ def test_all_mistakes_of_a_human_are_one_error_before_anything_runs() -> None:
     assert "human.parts is 'tail'" in str(error.value) and "grips.guide.held is not set" in str(error.value)
 
 
-def test_opensims_inverse_dynamics_of_the_files_of_a_run_is_the_torque_of_his_joints(tmp_path: Path) -> None:
+def test_opensims_inverse_dynamics_of_the_files_of_a_run_is_the_torque_of_their_joints(tmp_path: Path) -> None:
     overrides = ["simulator:=opensim", "duration:=1.8", "human.rate:=1000"]
     folder = runner.run(
         experiment.load("hand_guidance", overrides), overrides, root=tmp_path, progress=False, figures=False

@@ -183,7 +183,7 @@ def test_segments_that_cross_have_no_distance_and_the_order_does_not_matter() ->
     np.testing.assert_allclose(segment_distance(p, q), segment_distance(q, p), atol=1e-8)
 
 
-def test_the_capsules_of_a_person_are_where_his_links_are() -> None:
+def test_the_capsules_of_a_person_are_where_their_links_are() -> None:
     made = body(parts="upper_body")
     capsules = of_body(made)
     angles = {"right_sh_flex": 50.0, "right_el_flex": 40.0, "trunk_flex": 20.0}

@@ -172,7 +172,7 @@ def braking(speed_of_person, start, lag=0.03, **settings):
 
 
 @pytest.mark.parametrize("speed", [0.5, 1.6, 2.0])
-def test_who_comes_evenly_never_comes_nearer_than_he_should_while_the_arm_brakes(speed):
+def test_who_comes_evenly_never_comes_nearer_than_they_should_while_the_arm_brakes(speed):
     cell = braking(lambda time: speed, 3.0)
     assert "violation" not in cell.events() and cell.decisions[0].scale == 1.0
     # The distance that is required falls with the stop, to what is added for what is not known.
@@ -298,7 +298,7 @@ def _direction(part):
     return way / np.linalg.norm(way)
 
 
-def test_a_person_who_comes_uses_up_the_speed_of_a_contact_himself():
+def test_a_person_who_comes_uses_up_the_speed_of_a_contact_themself():
     cell = Cell(mode="power_and_force_limiting")
     scales = [cell.decide(ball(round(cell.time + PERIOD, 9), x, "hand, fingers")).scale for x in (1.2, 1.19, 1.18)]
     assert scales[-1] < scales[0]

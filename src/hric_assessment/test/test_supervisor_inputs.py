@@ -61,7 +61,7 @@ class Tracking:
 
 
 @pytest.mark.parametrize("turned", [False, True])
-def test_a_tracked_person_is_where_his_joints_and_his_root_have_him(turned):
+def test_a_tracked_person_is_where_their_joints_and_their_root_have_them(turned):
     tracking, q = Tracking(), RNG.uniform(0.0, 0.5, len(BODY.joints))
     assert tracking.input.take() is None
     tracking.publish(0.5, q, turned=turned)

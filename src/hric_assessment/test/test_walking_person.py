@@ -34,7 +34,7 @@ def still_arm(bag: Bag, times: np.ndarray) -> None:
         bag.write("/control_log", "hric_msgs/msg/ControlLog", float(times[k]), **about, time=times[k : k + 20], **rows)
 
 
-def test_the_distance_from_a_standing_arm_is_that_of_his_recorded_way(tmp_path: Path) -> None:
+def test_the_distance_from_a_standing_arm_is_that_of_their_recorded_way(tmp_path: Path) -> None:
     """Move the person past the ball: only the distance between them counts."""
     body, times = body_of("right_arm"), np.arange(0.0, 4.0005, 0.001)
     with Bag(tmp_path / "walks.bag") as bag:

@@ -12,7 +12,7 @@ def shown(name: str) -> dict[str, Any]:
     return dict(yaml.safe_load((FOLDER / f"{name}.rviz").read_text()))
 
 
-def test_the_view_with_a_human_differs_from_the_other_by_him_and_by_where_one_looks_from() -> None:
+def test_the_view_with_a_human_differs_from_the_other_by_them_and_by_where_one_looks_from() -> None:
     alone, beside = shown("panda"), shown("panda_and_human")
     displays = beside["Visualization Manager"]["Displays"]
     (human,) = [display for display in displays if display["Name"] == "Human"]

@@ -400,7 +400,7 @@ def test_wrong_parameters_are_refused_in_one_block_with_what_is_valid(user_packa
     ]
 
 
-def test_a_load_that_a_joint_is_too_weak_for_is_refused_with_the_heaviest_that_he_holds() -> None:
+def test_a_load_that_a_joint_is_too_weak_for_is_refused_with_the_heaviest_that_it_holds() -> None:
     (line,) = refusals(impedance(load=45.0))
     found = re.fullmatch(
         r"human\.control\.parameters\.load is 45\.0; valid: up to (.*) \[kg\], which (.*) can hold at the start", line

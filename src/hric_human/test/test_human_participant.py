@@ -106,7 +106,7 @@ def lab(request: pytest.FixtureRequest) -> Iterator[Callable[..., Lab]]:
         one.app.shutdown()
 
 
-def test_he_stands_where_his_motion_begins_and_stays_there_until_it_does(lab: Any, plant_type: str) -> None:
+def test_the_person_stands_where_their_motion_begins_and_stays_there_until_it_does(lab: Any, plant_type: str) -> None:
     there = lab(plant_type, control=moves([0.0, *ASIDE], [1.0, 0.45, 0.3, 0.6]))
     there.app.run(0.5)
     first, last = there.heard["joint_states"][0], there.heard["joint_states"][-1]
@@ -118,7 +118,7 @@ def test_he_stands_where_his_motion_begins_and_stays_there_until_it_does(lab: An
     assert_allclose((T @ [*control.person.hand.p_link_hand, 1.0])[:3], ASIDE, atol=1e-6)
 
 
-def test_all_that_he_says_is_stamped_with_the_epoch_of_the_run_and_robot_time(lab: Any) -> None:
+def test_all_that_the_person_says_is_stamped_with_the_epoch_of_the_run_and_robot_time(lab: Any) -> None:
     there = lab(control=moves([0.0, *ASIDE], [0.5, 0.45, 0.3, 0.6]), grips={"guide": TAKEN})
     there.app.hw._participants.set_epoch(1000.0)
     there.app.run(0.1)
@@ -128,7 +128,7 @@ def test_all_that_he_says_is_stamped_with_the_epoch_of_the_run_and_robot_time(la
     assert first == {"joint_states": 1000.0, "joint_torque": 1000.0, "grip": 1000.0, "events": 1000.1}
 
 
-def test_he_moves_from_the_start_on_and_says_when_he_is_done(lab: Any) -> None:
+def test_the_person_moves_from_the_start_on_and_says_when_the_person_is_done(lab: Any) -> None:
     there = lab(control=moves([0.0, *ASIDE], [0.5, 0.45, 0.3, 0.6]))
     there.app.run(0.2)
     assert there.call("start").success
@@ -209,7 +209,7 @@ def test_a_joint_at_its_strength_is_an_event_and_counted(lab: Any) -> None:
     assert names and max(map(abs, told.strength_share)) <= 1.0 + 1e-12
 
 
-def test_a_reset_puts_him_back_with_his_grip_and_he_waits_again(lab: Any, plant_type: str) -> None:
+def test_a_reset_puts_them_back_with_their_grip_and_the_person_waits_again(lab: Any, plant_type: str) -> None:
     there = lab(plant_type, control=moves([0.0, *HAND], [0.3, 0.42, 0.05, 0.55]), grips={"guide": TAKEN})
     there.app.run(0.05)
     start = there.heard["joint_states"][0].position
@@ -243,7 +243,7 @@ def test_a_mistake_is_refused_before_anything_moves(lab: Any, human: dict[str, A
         lab(**human)
 
 
-def test_what_touches_him_is_published_by_region_until_it_has_parted(lab: Any, plant_type: str) -> None:
+def test_what_touches_them_is_published_by_region_until_it_has_parted(lab: Any, plant_type: str) -> None:
     there = lab(plant_type, control=moves([0.0, *ASIDE]))
     plant, position = there.app.hw.plant, there.app.hw.plant.link_state("human::r_wrist")[0]
     above = homogeneous(np.eye(3), position[:3, 3] + [0.0, 0.0, 0.15])
@@ -302,7 +302,7 @@ def heard_of_muscles(there: Lab) -> dict[str, list[Any]]:
     return heard
 
 
-def test_muscles_hold_his_arm_where_his_joints_would(lab: Any, plant_type: str) -> None:
+def test_muscles_hold_their_arm_where_their_joints_would(lab: Any, plant_type: str) -> None:
     found = []
     for drive in ("torque", "muscle"):
         there = lab(plant_type, control=moves([0.0, *ASIDE], [1.0, 0.45, 0.2, 0.6]), drive=drive)
@@ -314,7 +314,7 @@ def test_muscles_hold_his_arm_where_his_joints_would(lab: Any, plant_type: str) 
     assert_allclose(found[1], found[0], atol=5e-3)
 
 
-def test_activation_force_and_joint_loads_have_the_stamps_of_his_joint_states(lab: Any) -> None:
+def test_activation_force_and_joint_loads_have_the_stamps_of_their_joint_states(lab: Any) -> None:
     there = lab(drive="muscle", control=moves([0.0, *HAND], [0.5, 0.42, 0.05, 0.55]), grips={"guide": TAKEN})
     heard = heard_of_muscles(there)
     there.app.hw._participants.set_epoch(1000.0)
@@ -333,7 +333,7 @@ def test_activation_force_and_joint_loads_have_the_stamps_of_his_joint_states(la
     assert 100.0 < size < 2000.0
 
 
-def test_a_joint_load_counts_what_his_hand_holds(lab: Any) -> None:
+def test_a_joint_load_counts_what_their_hand_holds(lab: Any) -> None:
     """At rest the reaction in a joint is the sum of the muscle forces across it and of weight and grip of all distal
     parts; without muscles across it, of weight and grip only."""
     there = lab(drive="muscle", control=moves([0.0, *HAND], [0.3, 0.42, 0.05, 0.55]), grips={"guide": TAKEN})

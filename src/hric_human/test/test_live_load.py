@@ -135,7 +135,7 @@ def test_a_body_that_is_too_small_and_markers_that_are_off_show_in_the_torque_le
     assert rms["calibrated"] < 0.7 * rms["not calibrated"]
 
 
-def test_the_load_while_he_moves_is_that_after_the_run(figure: Figure) -> None:
+def test_the_load_while_the_person_moves_is_that_after_the_run(figure: Figure) -> None:
     times = np.arange(0.0, 4.0, 1.0 / RATE)
     q = np.array([MOVER.joints(when)[0] for when in times])
     forces = [
@@ -235,7 +235,7 @@ def test_the_load_of_an_arm_is_bridged_and_lost_with_its_joints() -> None:
     assert np.isnan(contact[lost]).all() and np.isfinite(contact[~lost]).all()
 
 
-def test_without_his_root_nothing_is_known() -> None:
+def test_without_their_root_nothing_is_known() -> None:
     found = fed(LiveLoad(BODY, ANATOMY, None), held(root_state=LOST))
     assert all(set(states) == {LOST} for one in found for states in one.states.values())
     assert np.isnan(joined(found, lambda one: one.load.torque)).all()

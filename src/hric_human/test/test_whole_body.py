@@ -135,7 +135,7 @@ def test_a_load_on_a_link_that_is_not_there_is_refused_by_name() -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_floor_below_a_person_at_rest_carries_his_weight(name: str) -> None:
+def test_the_floor_below_a_person_at_rest_carries_their_weight(name: str) -> None:
     one = body(name, "right_arm")
     n = len(one.joints)
     fx, fy, fz, *_ = floor_wrench(WholeBody(one), [0.3] * n, [0.0] * n, [0.0] * n, ROOT)

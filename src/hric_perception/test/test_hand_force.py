@@ -45,7 +45,7 @@ def test_the_hand_gets_the_opposite_of_what_presses_on_a_plate() -> None:
     assert point == (1.0, 2.0, 0.5)
 
 
-def test_the_force_is_that_on_his_dominant_hand_unless_another_is_named() -> None:
+def test_the_force_is_that_on_their_dominant_hand_unless_another_is_named() -> None:
     assert settings().side is None and source_of(settings().force) is None
     assert settings(source="robot").side == "right" and settings(source="robot", hand="left").side == "left"
     with pytest.raises(ParameterError, match=r"force.source is 'scale'; valid: none, robot, plate"):

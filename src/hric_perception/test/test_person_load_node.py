@@ -140,7 +140,7 @@ def held(nodes: Nodes, swings: Swings, run: TellsTime) -> tuple[Any, Publishes]:
 
 
 @pytest.mark.live
-def test_what_his_muscles_do_comes_within_a_second_of_sixty_estimates_and_more(
+def test_what_their_muscles_do_comes_within_a_second_of_sixty_estimates_and_more(
     swings: Swings, nodes: Nodes, run: TellsTime, figure: Figure
 ) -> None:
     import rospy
@@ -168,7 +168,7 @@ def test_what_his_muscles_do_comes_within_a_second_of_sixty_estimates_and_more(
     assert rate >= 60.0 and said.says("the load is known")
 
 
-def test_the_load_of_his_muscles_has_the_torque_of_an_independent_library(
+def test_the_load_of_their_muscles_has_the_torque_of_an_independent_library(
     swings: Swings, nodes: Nodes, run: TellsTime, figure: Figure
 ) -> None:
     loads = listen("/hric/person/load", PersonLoad)

@@ -22,7 +22,7 @@ pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::Deprecation
 Figure = Callable[[str, float, str], None]
 
 
-def test_joints_of_somebody_before_the_cameras_are_those_that_he_has_and_a_still_pose_calibrates(
+def test_joints_of_somebody_before_the_cameras_are_those_that_the_person_has_and_a_still_pose_calibrates(
     swings: Swings, nodes: Nodes, tmp_path: Path, figure: Figure
 ) -> None:
     import rospy

@@ -213,7 +213,7 @@ def test_the_plate_measures_what_inverse_dynamics_asks_and_what_the_grips_add(
         assert_allclose(found, expected, atol=2e-3)
 
 
-def test_the_centre_of_pressure_of_who_stands_still_is_below_his_centre_of_mass() -> None:
+def test_the_centre_of_pressure_of_who_stands_still_is_below_their_centre_of_mass() -> None:
     load, oracle = FloorLoad(HumanSettings.of(PERSON, "human"), Pose((0.9, 0.1, -0.75))), Oracle()
     q = motion(0.0)[0].tolist()
     for k in range(3):

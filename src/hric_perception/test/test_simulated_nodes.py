@@ -107,7 +107,7 @@ def test_the_client_sees_the_markers_where_they_were_at_the_stamps_of_the_frames
         assert [p.x, p.y, p.z] == pytest.approx(expected.tolist(), abs=1e-6)
 
 
-def test_the_plate_sends_what_he_pressed_with_at_the_time_of_each_sample(moves: Moves, nodes: Nodes) -> None:
+def test_the_plate_sends_what_they_pressed_with_at_the_time_of_each_sample(moves: Moves, nodes: Nodes) -> None:
     session = f"test_body_{os.getpid()}"
     samples = TopicActivation("/hric/perception/force_plate/1/samples")
     where = "_pose:={xyz: [0.9, 0.1, -0.75]}"
@@ -136,7 +136,7 @@ def test_the_plate_sends_what_he_pressed_with_at_the_time_of_each_sample(moves: 
         assert row[:6] == pytest.approx([*total, *moved], abs=1e-2)
 
 
-def test_the_envelope_over_lsl_follows_his_activation_and_no_sample_is_lost(
+def test_the_envelope_over_lsl_follows_their_activation_and_no_sample_is_lost(
     contracts: Moves, nodes: Nodes, figure: Callable[[str, float, str], None]
 ) -> None:
     session = f"test_muscles_{os.getpid()}"

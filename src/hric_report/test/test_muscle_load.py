@@ -128,7 +128,7 @@ def test_a_c3d_with_noise_gives_it_within_two_hundredths(
     assert 1e-5 < error <= 0.02
 
 
-def test_a_run_and_its_c3d_give_the_activations_that_moved_him(by_muscles: Path, tmp_path: Path) -> None:
+def test_a_run_and_its_c3d_give_the_activations_that_moved_them(by_muscles: Path, tmp_path: Path) -> None:
     moved = human_record.read(RunFolder(by_muscles).bag_path, float)
     assert moved is not None and moved.muscles is not None
     described = muscle_load.described_by(str(by_muscles))

@@ -15,7 +15,7 @@ from geometry_msgs.msg import Point, Vector3
 from hric_bags.records import human_record
 from hric_bags.run_folder import RunFolder
 from hric_core.command import main
-from hric_core.geometry import homogeneous
+from hric_core.geometry import FloatArray, homogeneous
 from hric_core.geometry.transforms import rotation_from_quaternion
 from hric_core.robot_time.stamps import to_time
 from hric_human.body import describe
@@ -24,6 +24,7 @@ from hric_human.participant.settings import HumanSettings
 from hric_msgs.msg import RegionContact, RegionContacts
 from hric_report import html as report_html
 from hric_report.html import human_and_objects, run_data
+from hric_skin import fitted
 
 in_a_browser = [
     pytest.mark.slow,
@@ -85,6 +86,21 @@ def show(browser: Browser, folder: Path) -> None:
     browser.wait("typeof report === 'object' && report.ready === true")
 
 
+def transforms(data: run_data.RunData, time: float) -> dict[str, FloatArray]:
+    """T_world_link of all links of the person at a time of the run [s], by pinocchio."""
+    assert data.person is not None
+    settings = HumanSettings.of(data.run["definition"]["human"], "human")
+    body, record = describe(settings.person), data.person.record
+    model = pinocchio.buildModelFromXML(body.urdf)
+    state, q = model.createData(), pinocchio.neutral(model)
+    for name, angle in zip(record.joints, record.position[np.argmin(np.abs(record.time - time))], strict=True):
+        q[model.joints[model.getJointId(name)].idx_q] = angle
+    pinocchio.framesForwardKinematics(model, state, q)
+    root = settings.root(body)
+    T_world_root = homogeneous(rotation_from_quaternion(root.orientation), root.position)
+    return {frame.name: T_world_root @ state.oMf[k].homogeneous for k, frame in enumerate(model.frames)}
+
+
 def test_the_force_on_a_link_is_the_largest_of_an_instant_or_the_peak_of_what_has_ended(run: RunFolder) -> None:
     found = human_record.read(run.bag_path, float)
     assert found is not None
@@ -130,23 +146,39 @@ class TestInABrowser:
     pytestmark = in_a_browser
 
     @pytest.mark.parametrize("time", [0.1, 0.9, 1.1])
-    def test_his_links_are_where_pinocchio_puts_them(self, page: Browser, data: run_data.RunData, time: float) -> None:
-        assert data.person is not None
-        settings = HumanSettings.of(data.run["definition"]["human"], "human")
-        body, record = describe(settings.person), data.person.record
-        model = pinocchio.buildModelFromXML(body.urdf)
-        state, q = model.createData(), pinocchio.neutral(model)
-        for name, angle in zip(record.joints, record.position[np.argmin(np.abs(record.time - time))], strict=True):
-            q[model.joints[model.getJointId(name)].idx_q] = angle
-        pinocchio.framesForwardKinematics(model, state, q)
-        root = settings.root(body)
-        T_world_root = homogeneous(rotation_from_quaternion(root.orientation), root.position)
+    def test_their_links_are_where_pinocchio_puts_them(
+        self, page: Browser, data: run_data.RunData, time: float
+    ) -> None:
         page.evaluate(f"report.setTime({time}); report.replay.scene.updateMatrixWorld(true)")
+        expected = transforms(data, time)
         for link in ("r_shoulder", "r_elbow", "r_wrist"):
             where = f"report.replay.robots[1].links.get('{link}').getWorldPosition(new THREE.Vector3()).toArray()"
-            expected = T_world_root @ state.oMf[model.getFrameId(link)].homogeneous
             # The nearest message is up to 2.5 ms away, at 0.1 m/s.
-            np.testing.assert_allclose(page.evaluate(where), expected[:3, 3], atol=5e-4)
+            np.testing.assert_allclose(page.evaluate(where), expected[link][:3, 3], atol=5e-4)
+
+    def test_their_skin_is_where_the_links_have_it(self, page: Browser, data: run_data.RunData) -> None:
+        assert data.person is not None
+        settings = HumanSettings.of(data.run["definition"]["human"], "human")
+        skin = fitted(describe(settings.person), gripping=("right",))
+        page.evaluate("report.setTime(0.9); report.replay.scene.updateMatrixWorld(true)")
+        mesh = "report.replay.robots[1].skin.object"
+        place = "((v) => skin.boneTransform(k, v.fromBufferAttribute(skin.geometry.attributes.position, k)).toArray())"
+        drawn = page.evaluate(
+            f"((skin) => Array.from({{length: skin.geometry.attributes.position.count}}, (_, k) => {place}"
+            f"(new THREE.Vector3())))({mesh})"
+        )
+        np.testing.assert_allclose(drawn, skin.posed(transforms(data, 0.9)), atol=1e-3)
+
+    def test_contact_shapes_are_drawn_on_request(self, page: Browser) -> None:
+        robot = "report.replay.robots[1]"
+        shown = f"[...new Set({robot}.meshes().map(({{ visible }}) => visible))]"
+        assert page.evaluate(shown) == [False]
+        page.evaluate("document.getElementById('show-shapes').click()")
+        assert page.evaluate(shown) == [True] and page.evaluate(f"{robot}.skin.object.material.opacity") < 1.0
+        page.evaluate("document.getElementById('show-shapes').click()")
+        assert page.evaluate(shown) == [False] and page.evaluate(f"{robot}.skin.object.material.opacity") == 1.0
+        note = "[...document.querySelectorAll('.of-skin')].map(({ hidden }) => hidden)"
+        assert page.evaluate(note) == [False, False]
 
     @pytest.mark.parametrize("name", ["right_bic_b", "right_tric_long", "right_lat_dorsi_a"])
     def test_a_muscle_is_drawn_from_end_to_end_where_its_links_are(
@@ -207,14 +239,14 @@ class TestInABrowser:
             tail = np.array(AT) - 0.002 * force * np.array([0.0, 0.6, -0.8])
             np.testing.assert_allclose(page.evaluate(f"{arrow}.object.position.toArray()"), tail, atol=1e-6)
 
-    def test_the_page_shows_his_figures_and_names_his_forces_without_a_problem(self, page: Browser) -> None:
+    def test_the_page_shows_their_figures_and_names_their_forces_without_a_problem(self, page: Browser) -> None:
         assert "Grip force" in page.evaluate("document.getElementById('the-human').textContent")
         legend = page.evaluate("document.getElementById('view-legend').textContent")
         assert "activation of the muscles" in legend
         assert "force of panda_hand on human::r_wrist" in legend and "contact of lower arm, wrist" in legend
         assert page.problems == [] and page.requests == []
 
-    def test_of_several_runs_each_human_has_the_colour_of_his_robot(
+    def test_of_several_runs_each_human_has_the_colour_of_their_robot(
         self, page: Browser, run: RunFolder, tmp_path: Path
     ) -> None:
         words = [str(run.path), str(run.path), "--labels", "one", "two", "--output", str(tmp_path)]

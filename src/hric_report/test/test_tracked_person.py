@@ -71,7 +71,7 @@ def off(load: MuscleLoad, record: HumanRecord) -> np.ndarray:
     return np.asarray(load.torque[inside] - np.transpose(logged))
 
 
-def test_joint_torque_of_who_was_tracked_is_what_moved_him(run: Path, found: MuscleLoadResult) -> None:
+def test_joint_torque_of_who_was_tracked_is_what_moved_them(run: Path, found: MuscleLoadResult) -> None:
     error = off(found.load, truth(run))
     rms = np.sqrt((error**2).mean(axis=0))
     print(f"joint torque, tracked, with the robot's estimate of the force: {rms.max():.3f} N m RMS of the worst joint")
@@ -80,7 +80,7 @@ def test_joint_torque_of_who_was_tracked_is_what_moved_him(run: Path, found: Mus
     assert "NOT calibrated" in found.notes[0] and "measured by the robot" in found.notes[1]
 
 
-def test_without_the_force_on_his_hand_the_torque_would_be_another(
+def test_without_the_force_on_their_hand_the_torque_would_be_another(
     run: Path, found: MuscleLoadResult, tmp_path: Path
 ) -> None:
     copy = tmp_path / run.name

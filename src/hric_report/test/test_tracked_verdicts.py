@@ -79,7 +79,7 @@ def findings(verdict: Verdict, group: str) -> dict[str, Finding]:
     return {one.subject: one for one in verdict.findings if one.group == group}
 
 
-def test_the_joints_of_a_person_by_his_markers_are_those_that_moved_them(run: Path, c3d: Path) -> None:
+def test_the_joints_of_a_person_by_their_markers_are_those_that_moved_them(run: Path, c3d: Path) -> None:
     truth, found = people_of(opened(str(run)))[0], people_of(opened(str(c3d)))[0]
     inside = (found.time > 0.2) & (found.time < 2.8)
     for name in ("right_sh_flex", "right_el_flex", "trunk_flex", "neck_flex"):
@@ -121,7 +121,7 @@ def test_each_signal_that_it_lacks_is_listed_with_what_it_would_give(verdict: Ve
     assert any("was not fitted to the person" in line for line in verdict.assumptions)
 
 
-def test_his_root_is_where_the_simulated_one_was(run: Path, replayed: Path) -> None:
+def test_their_root_is_where_the_simulated_one_was(run: Path, replayed: Path) -> None:
     truth, found = people_of(opened(str(run)))[0], people_of(opened(str(replayed)))[0]
     assert truth is not None and truth.root is not None and found is not None and found.root is not None
     expected = np.tile(truth.root.pose[0, :3], (len(found.root.pose), 1))

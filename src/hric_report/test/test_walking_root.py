@@ -41,7 +41,9 @@ def first(run: Any, group: str) -> Finding:
     return min(found, key=lambda one: one.window or (0.0, 0.0))
 
 
-def test_the_closed_form_has_his_mass_where_he_was_and_not_where_he_was_spawned(runs: list[Any]) -> None:
+def test_the_closed_form_has_their_mass_where_the_person_was_and_not_where_the_person_was_spawned(
+    runs: list[Any],
+) -> None:
     stood, walked = (first(run, "contact").values for run in runs)
     mass, name = "reflected mass of the body as simulated [kg]", "v sqrt(mu k) as simulated [N]"
     assert walked[mass] == pytest.approx(stood[mass], rel=0.05)
@@ -50,13 +52,13 @@ def test_the_closed_form_has_his_mass_where_he_was_and_not_where_he_was_spawned(
     assert ratios[1] == pytest.approx(ratios[0], rel=0.03)
 
 
-def test_the_distance_is_measured_from_where_he_was(runs: list[Any]) -> None:
+def test_the_distance_is_measured_from_where_the_person_was(runs: list[Any]) -> None:
     stood, walked = (first(run, "separation") for run in runs)
     assert walked.values["smallest distance [m]"] == pytest.approx(stood.values["smallest distance [m]"], abs=5e-3)
     assert any(topic.endswith("human/root") for topic in walked.signals)
 
 
-def test_the_page_moves_his_body_by_the_recorded_root(runs: list[Any]) -> None:
+def test_the_page_moves_their_body_by_the_recorded_root(runs: list[Any]) -> None:
     stood, walked = (human_and_objects.human(run_data.load(run, metrics_of(run)), 50.0)[0] for run in runs)
     assert stood.motion is None and walked.motion is not None
     place = np.array(stood.pose.position)

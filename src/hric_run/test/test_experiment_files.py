@@ -171,7 +171,7 @@ def test_the_motion_capture_of_an_experiment_can_be_changed_key_by_key() -> None
     assert parameters.mocap(load("pd_step")) == {}
 
 
-def test_the_description_of_who_is_beside_the_robot_is_that_of_his_section() -> None:
+def test_the_description_of_who_is_beside_the_robot_is_that_of_their_section() -> None:
     described = read(parameters.human_description(load("hand_guidance", "human.parts:=both_arms")))
     assert described.root == "human_base" and {"r_wrist", "l_wrist"} <= set(described.links)
     with pytest.raises(ExperimentError, match="pd_step: there is no human; valid: a section 'human'"):

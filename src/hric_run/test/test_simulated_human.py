@@ -85,7 +85,7 @@ def test_a_device_that_measures_nobody_is_refused(without: tuple[str, ...], said
         experiment.parse("guided", raw(without=without))
 
 
-def test_the_nodes_get_who_he_is_and_where_from_the_section_human() -> None:
+def test_the_nodes_get_who_the_person_is_and_where_from_the_section_human() -> None:
     given = ("human.position:=[1.0, 0.5]", "human.parts:=both_arms")
     content = raw(*given)
     content["robot"]["description"] |= {"xyz": "0.1 -0.2 0.3", "rpy": "0 0 0.5"}

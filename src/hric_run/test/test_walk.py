@@ -41,7 +41,7 @@ def test_its_joints_are_displacements_along_the_axes_of_the_world(heading):
         assert turn @ tree.joints[name].axis[:2] == pytest.approx(axis)
 
 
-def test_against_what_is_in_the_way_he_pushes_no_harder_than_stated():
+def test_against_what_is_in_the_way_the_person_pushes_no_harder_than_stated():
     one = walk()
     held = one.force(5.0, [0.6, 0.3], [0.0, 0.0])
     assert np.hypot(*held) == pytest.approx(150.0)
@@ -54,7 +54,7 @@ def test_times_that_do_not_rise_are_refused(points):
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "pybullet", "opensim"])
-def test_on_each_engine_he_is_where_his_way_has_him(engine):
+def test_on_each_engine_the_person_is_where_their_way_has_them(engine):
     changes = {
         "human.walk": {"points": POINTS},
         "human.position": [2.5, 0.0],

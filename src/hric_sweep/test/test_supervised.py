@@ -151,7 +151,7 @@ def test_a_supervisor_who_sees_nobody_is_refused():
         experiment.parse(NAME, raw)
 
 
-def test_a_tracked_person_is_of_live_runs_and_his_section_reaches_the_supervisor():
+def test_a_tracked_person_is_of_live_runs_and_their_section_reaches_the_supervisor():
     raw = experiment.read(NAME)
     del raw["human"]
     raw["mocap"] = {"base_from_mocap": {"xyz": [0, 0, 0], "xyzw": [0, 0, 0, 1]}}

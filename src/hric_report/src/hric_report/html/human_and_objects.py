@@ -7,11 +7,13 @@ from hric_bags.records.muscle_record import MuscleRecord
 from hric_bags.records.region_contacts import ContactRecord
 from hric_core.errors import HricError
 from hric_human.body import Body, describe
+from hric_human.body.segments import SIDES, link_name
 from hric_human.muscles.choose import find
 from hric_human.muscles.lines import ACTIVATION_COLOURS, muscle_lines
 from hric_human.participant.settings import HumanSettings
 from hric_report.html.run_data import RunData
-from hric_report.html.scene import Arrow, SceneLines, SceneRobot, SceneTrack, instants
+from hric_report.html.scene import Arrow, SceneLines, SceneRobot, SceneSkin, SceneTrack, instants
+from hric_skin import fitted
 
 PER_NEWTON_GRIP, PER_NEWTON_CONTACT = 0.02, 0.002
 """Lengths of the arrows of grip and contact forces, as in the live view [m/N]; project defaults, unconfirmed."""
@@ -33,7 +35,7 @@ def human(data: RunData, rate: float, *, role: str = "", shift: float = 0.0) -> 
     Args:
         data: run data.
         rate: maximum number of instants per second [Hz].
-        role: colour role of the run in a page with several runs; "": each body region has its colour.
+        role: colour role of the run in a page with several runs; "": work clothes.
         shift: offset added to all times [s].
     """
     if data.person is None:
@@ -50,6 +52,14 @@ def human(data: RunData, rate: float, *, role: str = "", shift: float = 0.0) -> 
         "", body.urdf, record.joints, time, position, role=role, pose=settings.root(body), arrows=arrows
     )
     person.lines = lines
+    # A hand that holds something at any time is drawn closed all the time.
+    held = {
+        name.rpartition("::")[2]
+        for grip in record.grips.values()
+        if grip.closed.any()
+        for name in (grip.holder, grip.held)
+    }
+    person.skin = SceneSkin.of(fitted(body, [side for side in SIDES if link_name("hand", side) in held]))
     if record.root is not None:
         seen = instants(record.root.time, rate)
         person.motion = SceneTrack("frame", "person", "world", record.root.time[seen] + shift, record.root.pose[seen])

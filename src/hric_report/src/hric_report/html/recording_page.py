@@ -11,8 +11,9 @@ from hric_bags import files
 from hric_bags.records.root_record import RootRecord
 from hric_report.html import verdict
 from hric_report.html.page import Page, render_page, replay_rate
-from hric_report.html.scene import SceneRobot, SceneTrack, instants, joint_track
+from hric_report.html.scene import SceneRobot, SceneSkin, SceneTrack, instants, joint_track
 from hric_report.html.verdict_file import VerdictFile
+from hric_skin import fitted
 
 
 def build(source: AssessmentInput, judged: VerdictFile) -> Page:
@@ -44,7 +45,8 @@ def _person(source: AssessmentInput, person: AssessedPerson, rate: float, notes:
     if unknown:
         notes.append(f"Some joints are not known for {100.0 * unknown:.1f} % of the time; there interpolated.")
     shown = instants(person.time, rate)
-    robot = SceneRobot("", person.body.urdf, person.names, person.time[shown], q[shown])
+    skin = SceneSkin.of(fitted(person.body))
+    robot = SceneRobot("", person.body.urdf, person.names, person.time[shown], q[shown], skin=skin)
     if root is not None:
         seen = instants(root.time, rate)
         robot.motion = SceneTrack("frame", "person", "world", root.time[seen], root.pose[seen])

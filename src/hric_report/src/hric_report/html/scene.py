@@ -16,6 +16,7 @@ from hric_core.geometry import FloatArray, Pose, quaternion_from_rotation
 from hric_core.meshes.canonical import UnreadableMeshError
 from hric_core.urdf import Joint, Mimic, Shape, mimic_laws, read
 from hric_report.style import Stops
+from hric_skin import Skin
 
 GREY = (0.86, 0.87, 0.88, 1.0)
 """Colour of links without a material: red, green, blue, opacity."""
@@ -109,6 +110,34 @@ class SceneLines:
     title: str
 
 
+@dataclass(frozen=True)
+class SceneSkin:
+    """Surface that follows the links of a body, drawn in place of their shapes.
+
+    Attributes:
+        links: links that move it.
+        inverses: inverse poses of the links in the bind pose, row by row, shape (k, 16).
+        vertices: vertices in the bind pose, shape (n, 3) [m].
+        colours: red, green, blue of each vertex, shape (n, 3).
+        indices, weights: four links of each vertex, and their share in its motion, each of shape (n, 4).
+        faces: indices of vertices, shape (m, 3).
+    """
+
+    links: tuple[str, ...]
+    inverses: FloatArray
+    vertices: FloatArray
+    colours: FloatArray
+    indices: npt.NDArray[np.int64]
+    weights: FloatArray
+    faces: npt.NDArray[np.int32]
+
+    @classmethod
+    def of(cls, skin: Skin) -> "SceneSkin":
+        """Return the surface of a person."""
+        inverses: FloatArray = np.linalg.inv(skin.T_base_link).reshape(-1, 16)
+        return cls(skin.links, inverses, skin.vertices, skin.colours, *skin.influences, skin.triangles)
+
+
 @dataclass
 class SceneRobot:
     """Robot, human body or object with its motion.
@@ -127,6 +156,7 @@ class SceneRobot:
         arrows: forces on it.
         motion: motion of its root link in the world; None: it is fixed.
         lines: lines on its links, such as muscles; None: none.
+        skin: surface in place of its shapes; None: the shapes are drawn.
     """
 
     label: str
@@ -142,6 +172,7 @@ class SceneRobot:
     arrows: list[Arrow] = field(default_factory=list)
     motion: SceneTrack | None = None
     lines: SceneLines | None = None
+    skin: SceneSkin | None = None
 
 
 class PageScene:
@@ -185,6 +216,7 @@ class PageScene:
                 "arrows": [self._packed(arrow) for arrow in robot.arrows],
                 "motion": None if robot.motion is None else self._packed(robot.motion),
                 "lines": None if robot.lines is None else self._packed(robot.lines),
+                "skin": None if robot.skin is None else self._packed(robot.skin),
                 "tip": None if robot.tip is None else {"link": robot.tip[0], "xyz": robot.tip[1]},
             }
         )
@@ -193,10 +225,12 @@ class PageScene:
         """Return the robots and meshes as plain values for the page."""
         return {"robots": self._robots, "meshes": self._meshes}
 
-    def _packed(self, item: SceneTrack | ScenePlate | Arrow | SceneLines) -> dict[str, object]:
+    def _packed(self, item: SceneTrack | ScenePlate | Arrow | SceneLines | SceneSkin) -> dict[str, object]:
         """Return the attributes of an item, arrays as their locations in the blob."""
         return {
-            field.name: self._blob.add(value, "f8" if field.name == "time" else "f4")
+            field.name: self._blob.add(
+                value, "f8" if field.name == "time" else "u4" if value.dtype.kind == "i" else "f4"
+            )
             if isinstance(value := getattr(item, field.name), np.ndarray)
             else value
             for field in fields(item)

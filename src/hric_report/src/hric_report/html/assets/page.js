@@ -92,6 +92,7 @@
     find("show-frames").addEventListener("change", (event) => report.replay?.showFrames(event.target.checked));
     find("show-tracks").addEventListener("change", () => report.replay?.pose(report.time));
     find("show-trails").addEventListener("change", () => report.replay?.pose(report.time));
+    find("show-shapes").addEventListener("change", (event) => report.replay?.showShapes(event.target.checked));
     find("all").addEventListener("click", () => report.setRange([report.begin, report.end]));
     find("home").addEventListener("click", () => report.replay?.home());
     document.querySelectorAll("tr.event").forEach((row) => row.addEventListener("click", () => report.setTime(Number(row.dataset.time))));

@@ -54,6 +54,8 @@
       new ResizeObserver(() => this.ask()).observe(canvas.parentElement);
       this.paint();
       this.home();
+      this.showShapes(false);
+      if (this.robots.some(({ skin }) => skin)) document.querySelectorAll(".of-skin").forEach((element) => { element.hidden = false; });
     }
 
     // Reset the view so that it shows all positions of the robots in the run.
@@ -86,6 +88,11 @@
         if (!shown) for (const track of robot.tracks) track.object.visible = false;
         if (!trails) for (const trail of robot.trails) trail.object.visible = false;
       }
+      this.ask();
+    }
+
+    showShapes(shown) {
+      for (const robot of this.robots) robot.showShapes(shown);
       this.ask();
     }
 

@@ -157,6 +157,25 @@
     }
   }
 
+  // Surface that follows links: linear blend skinning with the links as bones.
+  class Skin {
+    constructor(spec, links) {
+      const geometry = new THREE.BufferGeometry();
+      const add = (name, place, width) => geometry.setAttribute(name, new THREE.BufferAttribute(place, width));
+      add("position", report.read(spec.vertices), 3);
+      add("color", report.read(spec.colours), 3);
+      add("skinIndex", Uint16Array.from(report.read(spec.indices)), 4);
+      add("skinWeight", report.read(spec.weights), 4);
+      geometry.setIndex(new THREE.BufferAttribute(report.read(spec.faces), 1));
+      geometry.computeVertexNormals();
+      this.object = new THREE.SkinnedMesh(geometry, new THREE.MeshPhongMaterial({ vertexColors: true, specular: 0x0a0a0a, side: THREE.DoubleSide }));
+      this.object.frustumCulled = false;
+      const inverses = report.read(spec.inverses), bones = spec.links.map((name) => links.get(name));
+      const inverse = (k) => new THREE.Matrix4().fromArray(inverses, 16 * k).transpose(); // rows there, columns here
+      this.object.bind(new THREE.Skeleton(bones, bones.map((_, k) => inverse(k))), new THREE.Matrix4());
+    }
+  }
+
   class Robot {
     constructor(spec, scene) {
       Object.assign(this, { label: spec.label, role: spec.role, joints: [], links: new Map() });
@@ -183,6 +202,8 @@
       for (const arrow of this.arrows) (this.links.get(arrow.parent) || scene).add(arrow.object);
       this.lines = spec.lines && new Lines(spec.lines, this.links);
       if (this.lines) scene.add(this.lines.object);
+      this.skin = spec.skin && new Skin(spec.skin, this.links);
+      if (this.skin) scene.add(this.skin.object);
       this.trails = [...this.trailOfTip(spec.tip, scene), ...this.trailsOfTracks()];
     }
 
@@ -248,13 +269,25 @@
       }
     }
 
+    // Draw the contact shapes of a person with a skin through it, or the skin alone.
+    showShapes(shown) {
+      for (const mesh of this.meshes()) if (this.skin) mesh.visible = shown;
+      if (this.skin) Object.assign(this.skin.object.material, { transparent: shown, opacity: shown ? 0.5 : 1 });
+    }
+
+    // Return the shapes of the links.
+    meshes() {
+      return [...this.links.values()].flatMap((link) => link.children.filter((o) => o.isMesh && !this.tracks.some((track) => track.object === o)));
+    }
+
     // Colour the robots of several runs by run; all but the first are translucent.
     paint(several, behind) {
-      for (const link of this.links.values()) link.children.filter((o) => o.isMesh && !this.tracks.some((track) => track.object === o)).forEach((mesh) => {
-        if (!several) return;
+      for (const mesh of [...this.meshes(), ...(this.skin ? [this.skin.object] : [])]) {
+        if (!several) break;
+        if (mesh.isSkinnedMesh) mesh.material.vertexColors = false;
         mesh.material.color.set(report.colour(this.role));
         Object.assign(mesh.material, behind ? { transparent: true, opacity: 0.65, polygonOffset: true, polygonOffsetFactor: behind, polygonOffsetUnits: behind } : {});
-      });
+      }
       for (const track of this.tracks) if (track.kind === "marker") track.object.material.color.set(report.colour(several ? this.role : "marker"));
       for (const trail of this.trails) trail.object.material.color.set(report.colour(several ? this.role : trail.role));
       for (const plate of this.plates) {

@@ -1,0 +1,164 @@
+"""The skin has the mass and the joints of its subject, keeps its volume in bends and its regions on their links."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+from trimesh.transformations import rotation_matrix
+
+from hric_core.geometry import FloatArray, homogeneous
+from hric_human.body import Body, Subject, describe
+from hric_human.body.segments import ROOT
+from hric_skin import Skin, fitted
+from hric_skin.fit import DENSITY
+from hric_skin.template import REGIONS
+
+SUBJECTS = [
+    ("female", 50.0, 1.55),
+    ("female", 62.0, 1.63),
+    ("male", 79.0, 1.75),
+    ("male", 95.0, 1.86),
+    ("male", 115.0, 1.95),
+]
+
+
+def both(**angles: float) -> dict[str, float]:
+    """Angles of joints that are on two sides [deg]."""
+    return {f"{side}_{name}": angle for name, angle in angles.items() for side in ("right", "left")}
+
+
+POSTURES = {
+    "standing": {},
+    "reaching": {**both(sh_flex=80, el_flex=20), "right_el_flex": 60.0},
+    "deep squat": {**both(hip_flex=100, knee_flex=100, ankle_flex=15, sh_flex=40, el_flex=140), "trunk_flex": 60.0},
+    "overhead": both(sh_flex=160, el_flex=20),
+    "arms sideward": both(sh_abd=90),
+    "turned": {**both(el_flex=90, pro_sup=70), "trunk_rot": 29.0, "neck_rot": 50.0},
+    "lifting": {**both(hip_flex=60, knee_flex=40, sh_flex=60, el_flex=30), "trunk_flex": 60.0},
+    "sitting": both(hip_flex=90, knee_flex=90, sh_flex=45, el_flex=45),
+    "bent sideward": {**both(sh_abd=40, sh_rot=-40, el_flex=90), "trunk_bend": 25.0},
+}
+"""Joint angles that are not zero [deg], by name of the posture."""
+
+
+def person(sex: str, mass: float, height: float, parts: str = "whole_body") -> Body:
+    subject = {"code": "S1", "sex": sex, "mass": mass, "height": height, "parts": parts}
+    return describe(Subject.of(subject, "subject:"))
+
+
+def transforms(body: Body, angles: dict[str, float]) -> dict[str, FloatArray]:
+    """Poses of all links in axes of the root link; angles [deg]."""
+    T = {ROOT: np.eye(4)}
+    for segment in body.segments.values():
+        at = T[segment.parent] @ homogeneous(np.eye(3), segment.p_parent_link)
+        for joint in (joint for joint in body.joints.values() if joint.link == segment.link):
+            at = at @ rotation_matrix(np.radians(angles.get(joint.name, 0.0)), joint.axis)
+            T[joint.child] = at
+        T[segment.link] = at
+    return T
+
+
+def winding_number(triangles: FloatArray) -> float:
+    """How often a closed surface of triangles, shape (m, 3, 3), goes around the origin: the sum of their solid angles.
+
+    Van Oosterom & Strackee, IEEE Trans. Biomed. Eng. 30(2):125-126, 1983.
+    """
+    a, b, c = np.moveaxis(triangles, 1, 0)
+    na, nb, nc = (np.linalg.norm(corner, axis=1) for corner in (a, b, c))
+    above = np.einsum("ij,ij->i", a, np.cross(b, c))
+    dots = [np.einsum("ij,ij->i", *pair) for pair in ((a, b), (b, c), (c, a))]
+    below = na * nb * nc + dots[0] * nc + dots[1] * na + dots[2] * nb
+    return float(np.sum(2.0 * np.arctan2(above, below)) / (4.0 * np.pi))
+
+
+@pytest.fixture(scope="module")
+def man() -> Body:
+    return person("male", 79.0, 1.75)
+
+
+@pytest.fixture(scope="module")
+def skin(man: Body) -> Skin:
+    return fitted(man)
+
+
+@pytest.mark.parametrize(("sex", "mass", "height"), SUBJECTS)
+def test_volume_is_mass_by_density(sex: str, mass: float, height: float) -> None:
+    skin = fitted(person(sex, mass, height))
+    surface = trimesh.Trimesh(skin.vertices, skin.triangles, process=False)
+    assert surface.is_watertight and len(skin.triangles) <= 6000
+    assert surface.volume == pytest.approx(mass / DENSITY, rel=0.01)
+
+
+@pytest.mark.parametrize("posture", POSTURES)
+def test_bends_keep_volume_and_do_not_tear(skin: Skin, man: Body, posture: str) -> None:
+    vertices = skin.posed(transforms(man, POSTURES[posture]))
+    surface = trimesh.Trimesh(vertices, skin.triangles, process=False)
+    assert surface.volume > 0.88 * skin.volume(skin.vertices)
+    edges = surface.edges_unique
+    length, before = (
+        np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1) for points in (vertices, skin.vertices)
+    )
+    assert np.max(length - before) < 0.15  # of skin that spans a bend; a vertex on a wrong limb is much farther away
+
+
+@pytest.mark.parametrize("posture", POSTURES)
+def test_segments_lie_inside_their_skin(skin: Skin, man: Body, posture: str) -> None:
+    T = transforms(man, POSTURES[posture])
+    vertices = skin.posed(T)
+    com = {name: (T[segment.link] @ np.append(segment.mass.com, 1.0))[:3] for name, segment in man.segments.items()}
+    winding = {name: winding_number(vertices[skin.triangles] - p) for name, p in com.items()}
+    assert {name for name, turns in winding.items() if turns < 0.5} <= {"right_foot", "left_foot"}
+
+
+def test_in_the_bind_pose_vertices_stay(skin: Skin) -> None:
+    bind = dict(zip(skin.links, skin.T_base_link, strict=True))
+    assert skin.posed(bind) == pytest.approx(skin.vertices, abs=1e-12)
+
+
+def test_regions_are_those_of_the_links(skin: Skin, man: Body) -> None:
+    for link, regions in man.regions.items():
+        own = skin.weights[:, skin.links.index(link)] > 0.6
+        assert own.any() and {REGIONS[index] for index in skin.regions[own]} <= {region.name for region in regions} | {
+            ""
+        }
+    assert {REGIONS[index] for index in skin.regions} == set(REGIONS)
+
+
+@pytest.mark.parametrize("parts", ["right_arm", "both_arms", "upper_body"])
+def test_a_part_of_a_body_has_its_part_of_the_skin(parts: str, skin: Skin) -> None:
+    body = person("male", 79.0, 1.75, parts)
+    part = fitted(body)
+    assert set(part.links) <= set(transforms(body, {})) and 0 < len(part.triangles) < len(skin.triangles)
+    assert part.weights.sum(axis=1) == pytest.approx(np.ones(len(part.vertices)))
+    assert set(np.unique(part.triangles)) == set(range(len(part.vertices)))
+
+
+def test_a_gripping_hand_is_closed_and_the_other_is_not(skin: Skin, man: Body) -> None:
+    closed = fitted(man, gripping=("right",))
+    moved = np.linalg.norm(closed.vertices - skin.vertices, axis=1) > 1e-4
+    assert moved.any() and np.all(skin.weights[moved, skin.links.index("r_wrist")] > 0.5)
+    hand, T = man.segments["right_hand"], transforms(man, {})
+    reach = [np.max(np.linalg.norm(one.posed(T)[moved] - T[hand.link][:3, 3], axis=1)) for one in (skin, closed)]
+    assert reach[1] < 0.8 * reach[0]
+
+
+def test_a_heavier_person_is_wider_and_a_taller_one_longer() -> None:
+    size = {
+        (mass, height): np.ptp(
+            fitted(person("female", mass, height)).posed(transforms(person("female", mass, height), {})), axis=0
+        )
+        for mass, height in ((60.0, 1.60), (80.0, 1.60), (60.0, 1.80))
+    }
+    assert np.all(size[80.0, 1.60][:2] > size[60.0, 1.60][:2])
+    assert size[60.0, 1.80][2] / size[60.0, 1.60][2] == pytest.approx(1.80 / 1.60, rel=0.01)
+
+
+def test_colours_are_those_of_the_zones(skin: Skin) -> None:
+    assert skin.colours.shape == skin.vertices.shape
+    assert len(np.unique(skin.colours, axis=0)) == 5
+
+
+def test_a_subject_of_other_parts_has_the_same_skin_on_them(man: Body, skin: Skin) -> None:
+    arm = fitted(describe(replace(man.subject, parts="right_arm")))
+    assert arm.T_base_link[arm.links.index("r_elbow")] == pytest.approx(skin.T_base_link[skin.links.index("r_elbow")])
