@@ -201,7 +201,7 @@ def resolved(contact: RegionContact, period: float) -> bool:
 
     Either the messages are that frequent, or at least OFF_BEAT of the instants that they state (begin, end, times of
     peaks) lie between messages, and all are whole periods apart: then the source evaluates the force more often than it
-    publishes, for instance 1000 times a second with 200 messages.
+    publishes, for instance 1000 times per second with 200 messages.
     """
     time = np.unique(contact.series.time[np.isfinite(contact.series.time)])
     if not len(time):

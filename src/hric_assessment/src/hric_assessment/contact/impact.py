@@ -186,7 +186,9 @@ class Mechanism:
         self._T_root_world = np.eye(4) if T_world_root is None else inverse(T_world_root)
 
     def at(self, q: FloatArray, link: str, point: Sequence[float]) -> tuple[FloatArray, FloatArray]:
-        """Return (J, (M + B)^-1) for a point of a link, world frame, shapes (3, n) and (n, n).
+        """Return the Jacobian J of a point of a link, and the inverse of M + B, shapes (3, n) and (n, n).
+
+        J is in axes of the world; M: mass matrix, B: rotor inertias.
 
         Args:
             q: joint positions, shape (n,) [rad].
@@ -198,9 +200,10 @@ class Mechanism:
         return J, np.asarray(np.linalg.inv(self._dynamics.mass_matrix(q.tolist()) + self._rotors))
 
     def reflected_mass(self, q: FloatArray, link: str, point: Sequence[float], normal: Sequence[float]) -> float:
-        """Return the reflected mass 1 / (n' J (M + B)^-1 J' n) [kg] at a point along a normal n.
+        """Return the reflected mass 1 / (n' J (M + B)^-1 J' n) [kg] of a link at a point along a normal n.
 
-        It is infinite if no joint lets the link yield along the normal. Point and normal are in the world frame.
+        J: Jacobian of the point, M: mass matrix, B: rotor inertias. The mass is infinite if no joint lets the link
+        yield along the normal. Point and normal are in the world frame.
         """
         J, inverse_mass = self.at(q, link, point)
         row = np.array(normal) @ J

@@ -125,7 +125,7 @@ def _of_area(
 
 
 def _forces(limit: ContactLimit, contact_area: float | None) -> tuple[float, float | None, bool]:
-    """Return (quasi-static force [N], transient force [N], True if the pressure determines them)."""
+    """Return quasi-static and transient force limit [N], and True if the pressure limits determine them."""
     force, pressure = limit.force, limit.pressure
     transient = force.transient if limit.permitted else None
     if contact_area is None or pressure is None:

@@ -112,7 +112,7 @@ class StopTable(Settings):
         )
 
     def _from(self, load: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return speeds [m/s], times [s] and distances [m] of stops with a load, in order of speed, shape (k,) each.
+        """Return speeds [m/s], times [s] and distances [m] of stops with a load [kg], by speed, shape (k,) each.
 
         Each row is first raised to the longest time and distance of all rows with at most its speed and load. For each
         speed, the shortest time and distance of rows with at least this speed and load then count.

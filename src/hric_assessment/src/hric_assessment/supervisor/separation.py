@@ -20,7 +20,7 @@ from hric_core.geometry import FloatArray
 STANDING = 0.01
 """Speed below which an arm counts as at rest [m/s] (project default, unconfirmed)."""
 SCALES = np.linspace(0.0, 1.0, 21)[1:]
-"""Speed scales at which the protective distance is computed; linear in between, and 0 below the first."""
+"""Speed scales at which the protective distance is computed; a distance below that of the first permits no motion."""
 _SLOWEST = 1e-6
 """Replacement for a speed of zero, which would be a divisor [m/s]."""
 

@@ -8,7 +8,7 @@ from hric_core.geometry import Pose, Vector
 
 REST, MOVING, DONE = "rest", "moving", "done"
 BEFORE = -1.0
-"""Program time that stands for any time before the program's start [s]."""
+"""Program time that is used for any time before the program's start [s]."""
 
 
 class Program:

@@ -97,7 +97,7 @@ class Fatigue:
         return np.maximum(load - self.active, 0.0)
 
     def _step(self, load: FloatArray, dt: float) -> None:
-        """Integrate one step by the midpoint rule, which preserves the sum of the pools."""
+        """Integrate one step by the midpoint rule, which preserves the sum of the pools of motor units."""
         active, fatigued = self._rates(load, self.active, self.fatigued)
         active, fatigued = self._rates(load, self.active + 0.5 * dt * active, self.fatigued + 0.5 * dt * fatigued)
         self.active = self.active + dt * active

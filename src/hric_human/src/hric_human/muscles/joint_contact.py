@@ -1,4 +1,4 @@
-"""Contact forces in the joints of an arm: the net joint force of inverse dynamics, less the pull of the muscles.
+"""Contact forces in the joints of an arm: the net joint force of inverse dynamics minus the muscle forces.
 
     contact = JointContact(whole, anatomy, muscles.names)
     contact.over(q, whole.inverse_dynamics(q, dq, ddq, T_world_root, loads), forces)["right_shoulder"]   # (n, 3) [N]

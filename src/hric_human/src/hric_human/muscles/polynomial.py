@@ -57,7 +57,7 @@ class Polynomial:
     coefficients: tuple[float, ...]
 
     def powers(self, joints: Sequence[str]) -> IntArray:
-        """Return the exponents of the terms, shape (terms, joints), in columns of a longer list of joints."""
+        """Return each joint's exponent in each term, shape (terms, joints); `joints` includes all the polynomial's."""
         term_exponents = exponents(len(self.joints), self.order)
         spread = np.zeros((len(term_exponents), len(joints)), dtype=np.int64)
         spread[:, [joints.index(name) for name in self.joints]] = term_exponents

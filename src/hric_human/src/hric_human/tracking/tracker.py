@@ -46,10 +46,10 @@ The decay prevents drift of joints that cannot be distinguished, such as two of 
 BLIND = 4.0
 """Factor by which missing markers may raise a joint's variance; above it the joint may count as not observed [1].
 
-It counts as not observed if its variance also exceeds KNOWN_SHARE of the prediction's.
+It counts as not observed if its variance also exceeds KNOWN_SHARE times the variance of the prediction.
 """
 KNOWN_SHARE = 0.25
-"""Ratio of a joint's variance to the prediction's, up to which the joint counts as observed in any case [1]."""
+"""Ratio of a joint's variance to that of its prediction, up to which the joint always counts as observed [1]."""
 FAR = 0.1
 """Distance of a marker from the model [m] above which it is taken as mislabelled or spurious, and ignored."""
 MAX_MISLABELLED = 3

@@ -143,7 +143,7 @@ def _sampled(placing: Placing, model: ArmModel, requested: FloatArray) -> Muscle
 def _fitted(
     samples: MuscleSamples, k: int, joints: tuple[str, ...], name: str, numbers: list[float], path: MusclePath
 ) -> tuple[Muscle, FitError] | str:
-    """Fit muscle k of the samples; return it and its errors, or the reason why it cannot be used.
+    """Fit the muscle with index k in the samples; return it with its errors, or the reason why it cannot be used.
 
     numbers: maximum isometric force [N], optimal fibre length [m], tendon slack length [m].
     """

@@ -48,7 +48,7 @@ FIBRES = (0.45, 1.55)
 If the fibres leave it, optimal length and tendon slack length are identified again.
 """
 LINE_FIBRES, LINE_MIDDLE = (0.42, 1.36), 0.88
-"""Accepted range of the fibre length of a fitted line per optimal length [1], and mean if it is identified again.
+"""Accepted range of a fitted line's fibre length per optimal length [1], and the mean that is set if it leaves it.
 
 In this range the passive torque stays below 10 N m; project default, unconfirmed.
 """
@@ -98,13 +98,13 @@ class DelftArm:
         self.paths.put(dict(zip(_COORDINATES, angles, strict=True)))
 
     def sample(self, q: FloatArray) -> MuscleSamples:
-        """Sample lengths, moment arms and pulls of the muscle elements at N poses, shape (N, 5) [rad]."""
+        """Sample lengths, moment arms and forces across joints of the muscle elements at poses, shape (N, 5) [rad]."""
         at = [self._at(pose) for pose in q]
         length, arms, *pulls = (np.array(values) for values in zip(*at, strict=True))
         return MuscleSamples(q, length, arms, dict(zip(CENTRES, pulls, strict=True)))
 
     def _at(self, pose: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return lengths [m], moment arms [m], and pulls across shoulder and elbow [1] of all elements at a pose."""
+        """Return lengths [m], moment arms [m], and forces across shoulder and elbow per muscle force at a pose [1]."""
         slopes = []
         for step in STEP * np.eye(len(JOINTS)):
             self.put(pose + step, girdle=pose)

@@ -8,7 +8,10 @@ from hric_human.muscles.fitting.sample import MuscleSamples
 from hric_human.muscles.polynomial import Polynomial, monomials, slopes
 
 ORDERS, FEW_JOINTS = (5, 4), 3
-"""Order of the length polynomial of up to FEW_JOINTS joints, and of more; that of a pull is one less."""
+"""Order of the length polynomial of a muscle on up to FEW_JOINTS joints, and on more.
+
+The polynomials of a muscle's force across a joint centre have an order one lower.
+"""
 NO_ARM, NO_PULL = 1e-4, 1e-6
 """Moment arm [m], and pull [1], up to which a muscle counts as not acting on a joint."""
 LENGTH_WEIGHT = 0.3
@@ -78,7 +81,7 @@ def _length(samples: MuscleSamples, k: int, joints: tuple[str, ...]) -> Polynomi
 def _pull(
     samples: MuscleSamples, k: int, centre: str, joints: tuple[str, ...], of: tuple[str, ...]
 ) -> tuple[Polynomial, Polynomial, Polynomial]:
-    """Fit the pull of muscle k across a joint centre: polynomials for x, y and z in the angles of the joints `of`."""
+    """Fit the force of muscle k across a joint centre, per muscle force: polynomials for x, y, z in angles of `of`."""
     order = ORDERS[len(of) > FEW_JOINTS] - 1
     terms = monomials(samples.q[:, [joints.index(name) for name in of]], order)
     x, y, z = (Polynomial(of, order, _solve(terms, part)) for part in samples.pulls[centre][:, k].T)

@@ -24,7 +24,7 @@ REGRESSION = {
     "scapula_z": (3.095, -0.079, 0.396, 0.414, SCAPULA_AT_REST[1]),
     "scapula_x": (0.659, -0.028, 0.184, 0.886, SCAPULA_AT_REST[2]),
 }
-"""Regression of each angle: constant [deg], slopes by plane of elevation, elevation and angle at rest, angle at rest.
+"""Regression of each angle: constant [deg]; slopes with plane of elevation, elevation, angle at rest; angle at rest.
 
 The angle at rest is in degrees.
 """

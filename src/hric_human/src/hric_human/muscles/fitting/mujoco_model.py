@@ -120,7 +120,10 @@ class MujocoArm(ArmModel):
         return paths
 
     def pulls(self, body: str) -> FloatArray:
-        """Return the muscles' forces on a body by virtual work: change of lengths as the body moves off its parent."""
+        """Return each muscle's total force on a body and all distal ones, per muscle force, in ground axes [1].
+
+        It is the derivative of the muscle's length as the body is shifted away from its parent (virtual work).
+        """
         number, R_ground_parent = self._bodies[body], self.frame(self.parents[body])[0]
         rows = []
         for axis in np.eye(3):

@@ -77,7 +77,10 @@ class Paths:
         return np.array([path.getLength(self.state) for path in self._paths])
 
     def muscle_paths(self) -> list[list[tuple[str, FloatArray]]]:
-        """Return the points of each path, with ends of wrapped parts: body ("": ground), position in the ground [m]."""
+        """Return the points of each muscle's path, each with its body and its position in the ground frame [m].
+
+        The ends of the parts that wrap around a bone are points too; body "" is the ground.
+        """
         paths = []
         for path in self._paths:
             of = members(path.getCurrentPath(self.state))
@@ -100,7 +103,7 @@ class Paths:
         return [frame.getPositionInGround(self.state).to_numpy() for frame in of]
 
     def lines(self) -> "ForceLines":
-        """Return the forces of the muscles on bodies, per muscle force."""
+        """Return the forces that the muscles exert on the bodies at the current coordinates, per muscle force."""
         muscle, body, forces = [], [], []
         for k, path in enumerate(self._paths):
             directions = opensim.ArrayPointForceDirection()
