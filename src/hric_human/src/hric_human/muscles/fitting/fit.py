@@ -1,4 +1,4 @@
-"""Least-squares fit of polynomials to samples of muscle lengths, moment arms and pulls."""
+"""Least-squares fit of polynomials to samples of muscle lengths, moment arms and forces across joint centres."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ ORDERS, FEW_JOINTS = (5, 4), 3
 The polynomials of a muscle's force across a joint centre have an order one lower.
 """
 NO_ARM, NO_PULL = 1e-4, 1e-6
-"""Moment arm [m], and pull [1], up to which a muscle counts as not acting on a joint."""
+"""Moment arm [m], and force across a joint per muscle force [1], up to which a muscle does not count as acting."""
 LENGTH_WEIGHT = 0.3
 """Weight of an error of the length [m] relative to an error of a moment arm [m/rad]; project default.
 

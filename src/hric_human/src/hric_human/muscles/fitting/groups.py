@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 
 class Group(NamedTuple):
-    """Muscle elements joined into one line of action: forces are summed, lengths and pulls averaged by force.
+    """Muscle elements joined into one line of action: sum of forces, force-weighted mean of lengths and directions.
 
     Attributes:
         name: name of the line.

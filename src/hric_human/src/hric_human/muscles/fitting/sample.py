@@ -1,4 +1,4 @@
-"""Samples of a model's muscles at many poses: lengths, moment arms, and pulls on the distal bones."""
+"""Samples of a model's muscles at many poses: lengths, moment arms, and forces on the distal bones."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
