@@ -234,7 +234,7 @@ def headline(conclusions: Sequence[Conclusion], only: Collection[str] = ()) -> s
 
 
 def unknown_beforehand(section: Content | None) -> str:
-    """Return a line about questions that a run's verdict cannot answer; empty: there are none, or no person.
+    """Return a line about questions that a run's verdict cannot decide; empty: there are none, or no person.
 
     Args:
         section: section `human` of the experiment; None: there is none.

@@ -131,7 +131,7 @@ def load(path: Path) -> Anatomy:
 
 
 class _MuscleRow(TypedDict):
-    """Muscle as it stands in the JSON file, not yet checked."""
+    """Muscle as read from the JSON file, not yet checked."""
 
     name: str
     max_force: float
