@@ -134,7 +134,7 @@ class SceneSkin:
     @classmethod
     def of(cls, skin: Skin) -> "SceneSkin":
         """Return the surface of a person."""
-        inverses: FloatArray = np.linalg.inv(skin.T_base_link).reshape(-1, 16)
+        inverses = np.linalg.inv(skin.T_base_link).astype(np.float64).reshape(-1, 16)
         return cls(skin.links, inverses, skin.vertices, skin.colours, *skin.influences, skin.triangles)
 
 
