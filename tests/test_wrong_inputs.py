@@ -155,7 +155,7 @@ TOOLS = [
         "hric_assessment assess --stop stops.yaml",
         r"100 ms would be 0\.1 s.*300 ms would be 0\.3 s.*time is 0;.*valid: .* above 0 to 10",
     ),
-    ("hric_assessment assess --picture x.png", r"--picture x\.png cannot be; valid: a file \.svg"),
+    ("hric_assessment assess --picture x.png", r"--picture is x\.png; valid: a file name \.svg"),
     ("hric_experiments export notes.txt --format csv --surface 0.05", r"--surface has no effect; .*c3d"),
     (
         "hric_experiments export notes.txt --format csv --load-body hand_r",

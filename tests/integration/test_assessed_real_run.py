@@ -16,11 +16,11 @@ pytestmark = [pytest.mark.alone, pytest.mark.live]
 
 GIVES = {
     "joint angles of a person": "RULA, REBA, the distance to the arm",
-    "contacts of a person by region": "contact forces to hold against limits",
-    "joint torques of a person": "share of their strength",
+    "contacts of a person by region": "contact forces to compare with limits",
+    "joint torques of a person": "share of the strength",
     "activation of the muscles": "how active they were",
-    "largest voluntary activation of each EMG channel": "how active the muscles below them were",
-    "what the person's hands hold": "the effort of the interaction",
+    "maximum voluntary contraction of each EMG channel": "how active the muscles below them were",
+    "objects in the hands": "the effort of the interaction",
 }
 """Signals that such a run does not contain, and the results that each would allow."""
 

@@ -75,7 +75,7 @@ def test_the_hand_rests_until_it_is_started_and_the_client_sees_what_it_really_d
         assert answer.success and "the hand starts at" in answer.message
         wait(lambda: phases[-1].data == "done" and truth[-1].pose.position.y > 0.1999)
         again = start()
-        assert not again.success and "the hand has moved since" in again.message
+        assert not again.success and "the hand's program has already started" in again.message
         wait(lambda: frames[-1].rigid_bodies[0].pose.position.y > 0.1999)
         node.send_signal(signal.SIGINT)
         output, _ = node.communicate(timeout=LIMIT)

@@ -120,7 +120,7 @@ def test_a_rigid_pair_is_not_assessable_and_has_no_values(tmp_path: Path) -> Non
 
     (found,) = contacts(contact_run(tmp_path, "mujoco", change), 1e-4)
     assert found.outcome == Outcome.NOT_ASSESSABLE and not found.values
-    assert "the force of a rigid contact is a number of the integrator" in found.reason
+    assert "the force of a rigid contact depends on the integration step" in found.reason
     assert "a force of penalty contact" in found.missing
 
 
@@ -133,4 +133,4 @@ def test_without_an_area_nothing_is_within_limits(tmp_path: Path) -> None:
 def test_a_contact_that_goes_on_when_the_run_ends_is_not_within_limits(tmp_path: Path) -> None:
     (finding,) = contacts(contact_run(tmp_path, "mujoco", at_velocity(0.5)), 1e-4)
     assert finding.outcome == Outcome.NOT_ASSESSABLE
-    assert finding.reason.startswith("it had not ended when the recording ended")
+    assert finding.reason.startswith("the contact had not ended when the recording ended")

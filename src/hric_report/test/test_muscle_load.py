@@ -236,7 +236,9 @@ def test_what_is_missing_is_one_error_that_names_what_is_needed(
     labels = file["parameters"]["POINT"]["LABELS"]
     labels["value"] = [name.replace("body", "thing").replace("_R", "_Q") for name in labels["value"]]
     file.write(str(tmp_path / "other.c3d"))
-    with pytest.raises(HricError, match=r"has no marker of the body; needed are some of RSHO, .* thing_QSHO"):
+    with pytest.raises(
+        HricError, match=r"has no marker of the body; valid: markers of one body, some of RSHO, .* thing_QSHO"
+    ):
         muscle_load.of_c3d(tmp_path / "other.c3d", muscle_load.described_by(str(run)))
 
 

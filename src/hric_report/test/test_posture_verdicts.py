@@ -100,5 +100,5 @@ def test_the_score_that_counts_is_reached_for_a_second_in_all(verdict: Verdict) 
 def test_a_bag_without_a_run_says_what_is_not_in_it_and_what_was_assumed(verdict: Verdict) -> None:
     signals = " ".join(one.signal for one in verdict.missing)
     assert all(name in signals for name in ("human/contacts", "control_log", "robot_description", "joint_torque"))
-    assert any("taken as that of P50M, whole_body" in line for line in verdict.assumptions)
+    assert any("assumed to be that of P50M, whole_body" in line for line in verdict.assumptions)
     assert verdict.timelines.separation is None and verdict.timelines.activation is None

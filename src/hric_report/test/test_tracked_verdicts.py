@@ -112,9 +112,9 @@ def test_each_signal_that_it_lacks_is_listed_with_what_it_would_give(verdict: Ve
         "contacts of a person by region",
         "joint torques of a person",
         "activation of the muscles",
-        "contact forces between a person's bones",
-        "what the hands hold, and with which force",
-        "the largest voluntary activation of each EMG channel",
+        "joint contact forces of a person",
+        "objects in the hands, and the grip forces",
+        "the maximum voluntary contraction of each EMG channel",
         "joints of the legs",
     }
     assert "F_ext is filtered at 20 Hz" in found["contacts of a person by region"]

@@ -49,7 +49,7 @@ def test_a_run_leaves_a_verdict_that_keeps_its_schema(contact: Path, capsys: pyt
     )
     assert {one["signal"].split(" (")[0] for one in found["missing"]} == {
         "activation of the muscles",
-        "what the hands hold, and with which force",
+        "objects in the hands, and the grip forces",
         "joints of the legs",
     }
 

@@ -133,7 +133,10 @@ MISTAKES = [
     ("run contact human.muscles.rate:=50", r"human\.muscles\.rate has no effect; valid: with human\.drive: muscle"),
     ("run contact human.contact_area:=0.4", r"human\.contact_area is 0\.4 m\^2, .*did you mean 0\.4 cm\^2"),
     ("run contact human.heading:=10", r"10 deg would be 0\.174533 rad"),
-    ("run contact 'human.walk:={points: [[0,0,0],[1,25,0]]}'", r"points after 0 s is '46\.9 m/s'; valid: up to 12\.5"),
+    (
+        "run contact 'human.walk:={points: [[0,0,0],[1,25,0]]}'",
+        r"points: the speed after 0 s is '46\.9 m/s'; valid: up to 12\.5",
+    ),
     ("run hand_guidance human.grips.guide.close.distance:=5", r"5 mm would be 0\.005 m"),
     ("run hand_guidance human.grips.guide.handle:=[0,0,10]", r"handle is \[0, 0, 10\]; valid: .* from -3 to 3 \[m\]"),
     ("run hand_guidance human.grips.guide.release.delay:=1", r"delay has no effect; valid: with .*release\.load"),

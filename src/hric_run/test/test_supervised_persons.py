@@ -161,7 +161,7 @@ def test_a_second_publisher_of_the_speed_scale_never_speeds_the_arm_up_and_is_na
         simulation.run(0.1)  # the rogue falls silent
     lost = [event.text for event in events if event.kind == "holder_lost"]
     assert len(lost) == (1 if valid_for else 0) and all(
-        text.startswith("/ requested no speed in time") for text in lost
+        text.startswith("/ requested no speed scale in time") for text in lost
     )
 
 
