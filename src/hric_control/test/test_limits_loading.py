@@ -100,7 +100,7 @@ def test_an_unknown_joint_is_refused_with_those_that_exist():
 
 
 def test_an_unknown_kind_is_refused_with_those_that_exist():
-    with pytest.raises(ParameterError, match="no kind of limit speed; valid: position, velocity, effort"):
+    with pytest.raises(ParameterError, match="unknown kind of joint limit: speed; valid: position, velocity, effort"):
         load_limits(URDF, None, ["arm"], use=("speed",))
 
 

@@ -228,7 +228,9 @@ def test_diagnostics_tell_the_loop_and_what_was_limited(run):
     loop, limits, listeners = status.message().status
     values = {item.key: item.value for item in loop.values}
     assert (loop.name, loop.hardware_id, loop.message) == ("robot: control loop", "toy", "not running")
-    assert listeners.name == "robot: listeners" and "limit for each [bytes]" in {item.key for item in listeners.values}
+    assert listeners.name == "robot: listeners" and "queue limit for each [bytes]" in {
+        item.key for item in listeners.values
+    }
     assert values["cycles"] == "400"
     assert values["robot time [s]"] == "0.400"
     assert limits.level == DiagnosticStatus.WARN

@@ -170,7 +170,7 @@ def test_behind_a_busy_thread_the_newest_win_and_the_drops_are_counted_and_repor
     busy.set()
     assert thread.drain(2.0)
     assert sink.sent == [*range(300 - realtime.LAGGING_LIMIT, 300)]
-    assert reports == ["/x: messages were dropped, more than 100 waited (reported once)"]
+    assert reports == ["/x: messages were dropped, as more than 100 were queued (reported once)"]
 
 
 def test_messages_that_wait_together_are_sent_in_one_write_but_for_a_builder_that_fails(thread: PublishThread) -> None:

@@ -1,4 +1,4 @@
-"""Parameters common to all plants."""
+"""Parameters that are common to the plants of all physics engines."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -23,11 +23,11 @@ from hric_core.parameters import (
 )
 
 LARGEST_GRAVITY = 10.0
-"""[m/s^2]; Earth's is 9.83 at most, at the poles (WGS 84)."""
+"""Largest valid magnitude of gravity [m/s^2]; Earth's is at most 9.83, at the poles (WGS 84)."""
 
 
 def _gravity(vector: Vector) -> Vector:
-    """Refuse what pulls upwards, and more than Earth's."""
+    """Refuse gravity that points upwards or is larger than LARGEST_GRAVITY."""
     if vector[2] > 0.0 or math.hypot(*vector) > LARGEST_GRAVITY:
         raise ValueError
     return vector
@@ -41,7 +41,7 @@ GRAVITY.accepts = f"three finite numbers, {LARGEST_GRAVITY:g} at most in size an
 
 @dataclass(frozen=True)
 class PlantConfig(Settings):
-    """Checked parameters of a plant, rotor inertia per joint. A plant with more parameters adds fields and `check`."""
+    """Parameters of a plant; a plant with further parameters derives a class from this one."""
 
     time_step: float = number(0.001, above=0.0, maximum=0.1, unit="s", text="step of physics and control")
     integrator: str = choice("accurate", "semi_implicit", text="see above")
@@ -86,12 +86,12 @@ class PlantConfig(Settings):
 
 @dataclass(frozen=True)
 class WindowlessConfig(PlantConfig):
-    """Parameters of a plant without a window, which would take the loop's time; rviz displays it."""
+    """Parameters of a plant without a window of its own, which would slow down the loop; rviz displays the robot."""
 
     gui: bool = flag(False, text="must be false: this plant has no window")
 
     def check(self, where: str) -> None:
-        """Raise an error if a window is requested."""
+        """Raise ParameterError if a window is requested."""
         if self.gui:
             raise refused(f"{where}gui", True, "false: this plant has no window of its own; look at the robot in rviz")
 
