@@ -188,7 +188,7 @@ def test_without_a_loop_a_switch_is_cancelled_in_time_and_not_made_later(rig) ->
     rig.manager.loop_running, rig.manager.loop_timeout = True, 0.05
     with pytest.raises(
         HricError,
-        match=r"the control loop is not running \(paused\?\): the switch was cancelled after 0.05 s; nothing was changed",
+        match=r"loop is not running \(paused\?\): the switch was cancelled after 0.05 s; nothing was changed",
     ):
         rig.manager.switch(["left"], [])
     rig.cycle(3)

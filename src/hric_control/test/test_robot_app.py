@@ -261,7 +261,7 @@ def test_nobody_listening_is_told_and_the_robot_goes_on(caplog):
     app = RobotApp(node, LocalNode({"real_time_factor": 0.0, "wait_for_log_listener": 0.02}), hw=toy.ToyRobot())
     with caplog.at_level(logging.WARNING, "hric"):
         app.wait_for_log_listener()
-    assert "nobody listens to control_log after 0.02 s" in caplog.text
+    assert "control_log has no subscriber after 0.02 s" in caplog.text
 
 
 class Bare(RecordingRobotHW):
@@ -281,6 +281,6 @@ def test_a_robot_that_has_nothing_optional_runs_without_clock_log_counts_and_ser
     assert not {"/clock", "/control_log", "/limit_counts"} & set(node.topics())
     assert not [name for name in node.services() if name.startswith("/sim")]
     assert app.limit_counts().total == 0
-    with pytest.raises(HricError, match=r"Bare\w* has no robot time, so run\(\) cannot take a duration"):
+    with pytest.raises(HricError, match=r"Bare\w* has no robot time, so run\(\) cannot have a duration"):
         app.run(1.0)
     app.shutdown()

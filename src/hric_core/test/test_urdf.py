@@ -191,7 +191,7 @@ REFUSED = {
     "nothing": ("", "not XML"),
     "another root element": ("<sdf/>", r"starts with <sdf>; it must be <robot> \(a .xacro file must be expanded"),
     "no link": (robot(), "no <link>; a robot needs at least one"),
-    "link without a name": (robot("<link/>"), "<link> number 1 has no name"),
+    "link without a name": (robot("<link/>"), "<link> number 1 of the robot description has no name"),
     "link twice": (robot(link("a"), link("a")), "link 'a' is defined twice"),
     "joint twice": (
         robot(link("a"), link("b"), joint("j", "a", "b"), joint("j", "a", "b")),

@@ -302,7 +302,7 @@ class TestThesisStep:
         metrics = run(tmp_path, "thesis_step", "duration:=0.1").metrics
         said = [record.getMessage() for record in caplog.records if "starts at" in record.getMessage()]
         assert len(said) == 1 and said[0].startswith(
-            "panda_joint4 starts at 0.0000 rad, outside its range [-3.0718, -0.0698]"
+            "joint panda_joint4 starts at 0.0000 rad, outside its range [-3.0718, -0.0698]"
         )
         outside = {
             name: joint["position_excess_max"] for name, joint in metrics["joints"].items() if joint["started_outside"]

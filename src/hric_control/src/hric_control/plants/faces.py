@@ -26,7 +26,7 @@ _LYING = 0.7
 _PARALLEL = 0.05
 """Largest sine of the angle between two lines that count as parallel (project default, unconfirmed)."""
 _FLAT = 1e-3
-"""Largest distance from a hull's outermost point at which a point belongs to the same side, relative to its size [1]."""
+"""Largest distance of a hull's point from its outermost point on the same side, relative to the hull's size [1]."""
 _AGREES = 1e-4
 """Largest difference in depth of the deepest corner and the collision library's deepest point [m].
 

@@ -1,4 +1,4 @@
-"""Penalty contact, integrated within one step of the engine: the two bodies along their normal, as one mass on a spring.
+"""Penalty contact, integrated within a step of the engine: two bodies along their normal, as one mass on a spring.
 
 An engine applies a constant force during its step, and an impact on a stiff surface lasts only a few steps. If the
 spring were evaluated at one instant of the step, peak and impulse would depend on when in the step the contact begins.
@@ -192,7 +192,8 @@ class Springs:
         done = spring_step(depth + before.ahead, speed, measured + before.push, inverse_mass, *law, self.time_step)
         memory = self._now[pair] = _Memory(inverse_mass * done.mean)
         if done.mean > 0.0:
-            # In a smooth motion `ahead` is a third of this bound, which keeps errors of the mass from adding up.
+            # In a smooth motion `ahead` is inverse_mass * mean * time_step^2 / 12; the bound keeps errors from adding
+            # up if the mass is not known well.
             bound = inverse_mass * done.mean * self.time_step**2 / 4.0
             memory.ahead = min(max(before.ahead + done.ahead, -bound), bound)
             self._peaks[pair] = max(self._peaks.get(pair, 0.0), done.reading)
