@@ -62,7 +62,7 @@ class JointCommands:
 
 
 class JointStateHandle:
-    """Read-only state of one joint."""
+    """Handle for reading the state of one joint."""
 
     __slots__ = ("_i", "_states", "name")
 
@@ -87,7 +87,7 @@ class JointStateHandle:
 
 
 class JointHandle(JointStateHandle):
-    """State and command of one joint."""
+    """Handle for reading the state and writing the command of one joint."""
 
     __slots__ = ("_commands",)
 
@@ -97,7 +97,7 @@ class JointHandle(JointStateHandle):
 
     @property
     def command(self) -> float:
-        """Command in the unit of the interface."""
+        """Command of the joint, in the unit of its interface."""
         return self._commands.value[self._i]
 
     @command.setter
@@ -156,7 +156,7 @@ class JointStateGroup:
 
 
 class JointGroup(JointStateGroup):
-    """States and commands of several joints."""
+    """Handle for reading the states and writing the commands of several joints, in the requested order."""
 
     __slots__ = ("_commands",)
 
@@ -222,7 +222,7 @@ class HardwareInterface:
 
     @property
     def claims(self) -> frozenset[str]:
-        """Resources claimed since `clear_claims`."""
+        """Names of the resources, e.g. joints, that were claimed since `clear_claims`."""
         return frozenset(self._claims)
 
     def clear_claims(self) -> None:

@@ -245,7 +245,7 @@ class Dispatcher:
                 self._report()
 
     def _report(self) -> None:
-        """Log listeners that lose messages, and close dead ones."""
+        """Log listeners that lose messages, and close the connections of those that read nothing."""
         now = time.monotonic()
         with self._changed:
             behind = list(self._behind.values())

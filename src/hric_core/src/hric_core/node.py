@@ -131,22 +131,22 @@ class GoalHandle(ABC):
 
     @abstractmethod
     def accept(self) -> None:
-        """Set the goal active."""
+        """Accept the goal: set its state to ACTIVE."""
 
     def reject(self, result: Any, text: str) -> None:
-        """Reject a goal that was not accepted."""
+        """End a goal that was not accepted with the state REJECTED."""
         self._finish("reject", result, text)
 
     def succeed(self, result: Any, text: str = "") -> None:
-        """End the goal as reached."""
+        """End the goal with the state SUCCEEDED."""
         self._finish("succeed", result, text)
 
     def abort(self, result: Any, text: str) -> None:
-        """End the goal as failed."""
+        """End the goal with the state ABORTED, as it failed."""
         self._finish("abort", result, text)
 
     def cancel(self, result: Any, text: str = "") -> None:
-        """End the goal as cancelled or replaced."""
+        """End the goal with the state PREEMPTED or RECALLED, as it was cancelled or replaced by another goal."""
         self._finish("cancel", result, text)
 
     @abstractmethod
@@ -185,9 +185,9 @@ class LiveParameter:
 
 @runtime_checkable
 class Node(Protocol):
-    """Parameters, topics, services, actions, log and time below one namespace.
+    """Interface to the parameters, topics, services, actions, log and time of ROS, in one namespace.
 
-    Relative names resolve in it, names with a leading "/" are global."""
+    Relative names are resolved in this namespace; names with a leading "/" are global."""
 
     @property
     def namespace(self) -> str:
@@ -220,7 +220,7 @@ class Node(Protocol):
         """
 
     def search_param(self, name: str, default: Any = REQUIRED) -> Any:
-        """Return the value of the parameter in this namespace or the nearest one above it."""
+        """Return the value of a parameter, searched for in this namespace and then upwards to the root."""
 
     def set_param(self, name: str, value: Any) -> None:
         """Set a parameter."""
@@ -231,7 +231,9 @@ class Node(Protocol):
     def subscribe(
         self, topic: str, message_type: type, callback: Callable[[Any], None], *, queue_size: int = 10
     ) -> Registration:
-        """Call `callback(message)` for each message; on RosNode in another thread, on LocalNode inside publish()."""
+        """Subscribe to a topic: `callback(message)` is called for each message.
+
+        On a RosNode it is called in another thread, on a LocalNode within publish()."""
 
     def service(self, name: str, service_type: type, handler: Callable[[Any], Any]) -> Registration:
         """Offer a service; `handler(request)` returns the response. The text of its HricError is sent to the client."""

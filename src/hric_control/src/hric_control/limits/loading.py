@@ -207,4 +207,4 @@ def _override_group(
         elif getattr(parameters, name) is not None:
             values[field] = getattr(parameters, name)
         elif enabled and values.get(field, unlimited) == unlimited and not name.startswith("k_"):
-            raise ParameterError(f"{where}: {switch} is true, but neither {name} is set nor a limit in the URDF")
+            raise ParameterError(f"{where}: {switch} is true, but {name} is not set, and the URDF has no such limit")

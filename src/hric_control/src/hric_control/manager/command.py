@@ -94,7 +94,7 @@ def _reload(client: ManagerClient, args: argparse.Namespace) -> None:
     before: Sequence[Any] = client.list()
     begin = time.monotonic()
     client.reload(force_kill=True)
-    print(f"reloaded in {time.monotonic() - begin:.2f} s")
+    print(f"controller modules reloaded in {time.monotonic() - begin:.2f} s")
     if args.restore:
         for controller in before:
             client.load(controller.name)

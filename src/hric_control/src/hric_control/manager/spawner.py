@@ -101,7 +101,9 @@ class Spawner:
         except HricError:
             self.down()
             raise
-        rospy.loginfo("loaded: %s; started: %s", ", ".join(self._loaded) or "none", ", ".join(self._started) or "none")
+        rospy.loginfo(
+            "controllers loaded: %s; started: %s", ", ".join(self._loaded) or "none", ", ".join(self._started) or "none"
+        )
 
     def down(self) -> None:
         """Stop and unload the controllers that `up` has started and loaded; `up` makes no further request."""
@@ -144,7 +146,7 @@ class Unspawner:
             ]
             if running:
                 self._client.switch([], running, SwitchControllerRequest.BEST_EFFORT)
-                rospy.loginfo("stopped: %s", ", ".join(running))
+                rospy.loginfo("controllers stopped: %s", ", ".join(running))
                 self._stopped.extend(name for name in running if name not in self._stopped)
 
     def release(self) -> None:
@@ -268,7 +270,7 @@ def _bounded(work: Callable[[], None], timeout: float) -> None:
         try:
             work()
         except HricError as error:
-            rospy.logwarn("clean-up: %s", error)
+            rospy.logwarn("clean-up of the controllers at the end failed: %s", error)
 
     thread = threading.Thread(target=run, daemon=True)
     thread.start()

@@ -50,14 +50,14 @@ def plan_switch(
         if name not in loaded:
             fault(UnknownNameError("controller", name, loaded, "the manager, to stop"))
         elif not loaded[name].running:
-            fault(HricError(f"{name} cannot be stopped: it is {loaded[name].state.value}, not running"))
+            fault(HricError(f"controller {name} cannot be stopped: it is {loaded[name].state.value}, not running"))
         else:
             to_stop.append(loaded[name])
     for name in dict.fromkeys(start):
         if name not in loaded:
             fault(UnknownNameError("controller", name, loaded, "the manager, to start (load it first)"))
         elif loaded[name].running:
-            fault(HricError(f"{name} cannot be started: it is running already"))
+            fault(HricError(f"controller {name} cannot be started: it is running already"))
         else:
             to_start.append(loaded[name])
     return SwitchPlan(tuple(to_start), tuple(to_stop), tuple(skipped))

@@ -141,7 +141,7 @@ class Bushings:
         """
         if not name or name in self.laws:
             raise HricError(
-                f"connection {name!r}: the name is empty or taken; taken names: {', '.join(self.laws) or 'none'}"
+                f"connection name {name!r} is empty or taken; taken names: {', '.join(self.laws) or 'none'}"
             )
         a, b = self._full_name(bushing.body_a), self._full_name(bushing.body_b)
         if a == b:

@@ -32,7 +32,8 @@ There is no measured value for this arm; 1e-5 to 1e-3 rad is plausible. The drif
 FADE = 0.1
 """Speed above which a bristle has no effect [rad/s] (project default, unconfirmed).
 
-The residual of the published sigmoid in a real arm's log near rest, 0.05 to 0.2 N m, fades from 0.1 to 0.3 rad/s."""
+In a log of a real arm, the friction near rest that the published sigmoid does not explain, 0.05 to 0.2 N m, vanishes
+between 0.1 and 0.3 rad/s."""
 
 
 def sigmoid_torque(dq: npt.NDArray[np.float64], phi: Sequence[float]) -> npt.NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""Poses as position and quaternion, on plain floats; tracks of poses; conventions for the vertical axis."""
+"""Poses as position and quaternion, on plain floats; poses as functions of time; change of the vertical axis."""
 
 import math
 from bisect import bisect_right
@@ -15,7 +15,7 @@ from hric_core.parameters import Settings, numbers
 
 ORIGIN: Vector = (0.0, 0.0, 0.0)
 UP_AXES = ("y", "z")
-"""Vertical axes of motion capture: Motive streams y up by default, z up on request; c3d files have either."""
+"""Possible vertical axes of motion capture data: Motive streams y up by default or z up; c3d files have either."""
 
 
 class Pose(NamedTuple):
@@ -88,7 +88,7 @@ class Track:
                 f"a track needs as many times as poses and one at least; got {len(times)} and {len(poses)}"
             )
         if any(b <= a for a, b in pairwise(times)):
-            raise ParameterError("the times of a track must rise")
+            raise ParameterError("the times of a track must increase")
         if not all(math.isfinite(number) for pose in poses for number in (*pose.position, *pose.orientation)):
             raise ParameterError("the poses of a track must be finite numbers")
         self._times, self._poses, self._minimum_jerk = list(times), list(poses), minimum_jerk

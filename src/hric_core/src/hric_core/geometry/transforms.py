@@ -59,7 +59,7 @@ def quaternion_from_rotation(R: FloatArray) -> Quaternion:
 
 
 def cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return a x b of two vectors, shape (3,); numpy's cross takes twenty times as long for so few numbers."""
+    """Return the cross product a x b of two vectors, shape (3,); `numpy.cross` takes twenty times as long."""
     (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
     return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 

@@ -71,7 +71,7 @@ class LocalGoalHandle(GoalHandle):
         return self.client.status
 
     def accept(self) -> None:
-        """Set the goal active."""
+        """Accept the goal: set its state to ACTIVE."""
         self._move("accept", "")
 
     def publish_feedback(self, feedback: Any) -> None:
@@ -134,7 +134,7 @@ class LocalActionServer:
         self.send_status()
 
     def close(self) -> None:
-        """Unregister the topics."""
+        """Unregister the topics of the action."""
         for subscription in self._subscriptions:
             subscription.unregister()
         for publisher in (self._sender, self._status, self._feedback, self._result):

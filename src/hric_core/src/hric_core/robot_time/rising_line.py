@@ -42,7 +42,7 @@ class Line(NamedTuple):
     frequency: float
 
     def at(self, x: int) -> float:
-        """Return the value [s] at x [ticks]."""
+        """Return the value of the line [s] at x [ticks]."""
         return self.value + self.slope * (x - self.anchor) / self.frequency
 
     def when(self, value: float) -> int:
@@ -74,7 +74,7 @@ class RisingLine:
             self._settled = x
 
     def at(self, x: int) -> float:
-        """Return the value [s] at x [ticks]."""
+        """Return the value of the map [s] at x [ticks]."""
         for piece in reversed(self._pieces):
             if x >= piece.anchor:
                 return piece.at(x)

@@ -12,7 +12,7 @@ class Clock(Protocol):
     """Clock that may pause and run at any pace, such as robot time (`hric_core.robot_time.follower.RobotTime`)."""
 
     def now(self) -> float | None:
-        """Return the time [s]; None while it is unknown."""
+        """Return the present time of this clock [s]; None while it is unknown."""
 
     def monotonic(self, run: float) -> int | None:
         """Return the monotonic time [ns] of a time of this clock [s], past or future; None while it is unknown."""
@@ -22,7 +22,7 @@ class WallClock:
     """Monotonic clock of the machine, as a `Clock`."""
 
     def now(self) -> float:
-        """Return the time [s]."""
+        """Return the present time of the monotonic clock [s]."""
         return time.monotonic_ns() / NS
 
     def monotonic(self, run: float) -> int:

@@ -28,7 +28,7 @@ class RosGoalHandle(GoalHandle):
         return _STATES[self._handle.get_goal_status().status]
 
     def accept(self) -> None:
-        """Set the goal active."""
+        """Accept the goal: set its state to ACTIVE."""
         self._handle.set_accepted()
 
     def publish_feedback(self, feedback: Any) -> None:
@@ -66,7 +66,7 @@ class RosActionServer:
         self._server.start()
 
     def close(self) -> None:
-        """Unregister the topics; goals that have not ended are aborted."""
+        """Unregister the topics of the action; goals that have not ended are aborted or rejected."""
         for handle in list(self._handles.values()):
             handle.fail("the action server was shut down")
         self._server.stop()

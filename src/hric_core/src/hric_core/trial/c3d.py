@@ -25,9 +25,9 @@ from hric_core.trial.plates import Group, PlateError, TrialPlate, read_plates
 PROGRAMS = ("c3d", "trc", "mot")
 """Values of the parameter `program` that replay a file: "c3d" for emulated sensors, all for a simulated human."""
 METRES = {"mm": 1e-3, "cm": 1e-2, "dm": 0.1, "m": 1.0}
-"""Factors from POINT:UNITS to metres."""
+"""Factors to metres, by the unit of length in a c3d file (parameter POINT:UNITS)."""
 VOLTS = {"v": 1.0, "volts": 1.0, "mv": 1e-3, "uv": 1e-6, "µv": 1e-6, "μv": 1e-6}
-"""Factors from ANALOG:UNITS, in lower case, to volts."""
+"""Factors to volts, by the unit of an analog channel in a c3d file (parameter ANALOG:UNITS), in lower case."""
 PACKAGE = "package://"
 READER = Path(__file__).with_name("c3d_child.py")
 """Script that reads a c3d file in a separate process."""

@@ -13,7 +13,7 @@ Group = Mapping[str, list[Any]]
 CHANNELS = {2: 6, 3: 8, 4: 6}
 """Number of analog channels by type of force plate; the keys are the supported types."""
 MOMENT_UNITS = {"nmm": 1e-3, "nm": 1.0}
-"""Factors from the unit of a moment channel, lower-case letters only, to N m."""
+"""Factors to N m, by the unit of a moment channel, reduced to its letters in lower case."""
 
 
 class PlateError(Exception):

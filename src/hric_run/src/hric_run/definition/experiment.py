@@ -329,8 +329,8 @@ class Experiment(_Sensed):
             raise ParameterError(f"supervisor.source is person, but there is no section person; valid: {valid}")
         if sources != ["human"] and (self.mocap is None or self.mocap.base_from_mocap is None):
             raise ParameterError(
-                f"supervisor.source is {', '.join(sources)}, but its pose in the robot's base is not known; valid: a "
-                "section mocap with base_from_mocap, or human"
+                f"supervisor.source is {', '.join(sources)}, but the pose of the mocap frame in the robot's base frame "
+                "is not known; valid: a section mocap with base_from_mocap, or the source human"
             )
 
 

@@ -145,7 +145,7 @@ def _friction(raw: dict[str, Any], value: Any, text: str) -> str:
         value = "identified"
     if value not in FRICTIONS:
         raise ExperimentError(
-            f"cannot apply {text!r}; valid: {', '.join(FRICTIONS)}, or a YAML file with the friction of each joint"
+            f"cannot apply override {text!r}; valid: {', '.join(FRICTIONS)}, or a YAML file with each joint's friction"
         )
     _assign(raw, PLANT_FRICTION, value, text)
     return value if raw["robot"].get("urdf") or value == "none" else "identified"
@@ -235,13 +235,13 @@ def _assign(raw: dict[str, object], path: list[str], value: Any, text: str) -> N
         if isinstance(target, list):
             if not part.isdigit() or int(part) >= len(target):
                 raise ExperimentError(
-                    f"cannot apply {text!r}: {above} is a list of {len(target)}; valid: an index from 0"
+                    f"cannot apply override {text!r}: {above} is a list of {len(target)}; valid: an index from 0"
                 )
             key: Any = int(part)
         elif isinstance(target, dict):
             key = part
         else:
-            raise ExperimentError(f"cannot apply {text!r}: {above} is a value, not a group")
+            raise ExperimentError(f"cannot apply override {text!r}: {above} is a value, not a group of keys")
         if depth == len(path) - 1:
             target[key] = value
         elif isinstance(target, dict) and target.get(key) is None:
