@@ -13,11 +13,11 @@ class PidGains(Settings):
     p: float = number(text="proportional gain")
     i: float = number(0.0, text="integral gain, per second")
     d: float = number(0.0, text="derivative gain, in seconds")
-    i_clamp: float = number(0.0, unit="N m or N", text="bound of the integral term; 0: no integral action")
-    i_clamp_min: float = number(0.0, unit="N m or N", text="lower bound in its place; 0: that of i_clamp")
-    i_clamp_max: float = number(0.0, unit="N m or N", text="upper bound, likewise")
-    antiwindup: object = anything(None, text="accepted for the sake of existing YAML, without effect; so the following")
-    publish_state: object = anything(None)
+    i_clamp: float = number(0.0, unit="N m or N", text="largest magnitude of the integral term; 0: no integral term")
+    i_clamp_min: float = number(0.0, unit="N m or N", text="lower bound of the integral term; 0: -i_clamp")
+    i_clamp_max: float = number(0.0, unit="N m or N", text="upper bound of the integral term; 0: i_clamp")
+    antiwindup: object = anything(None, text="no effect; accepted as existing YAML files have it")
+    publish_state: object = anything(None, text="no effect; accepted as existing YAML files have it")
 
     @property
     def i_bounds(self) -> tuple[float, float]:

@@ -46,15 +46,17 @@ An experiment sets them, except `failure`, in which the robot node reports why i
 class RobotSettings(Settings):
     """Parameters common to all robots; each type of robot has further ones."""
 
-    robot_hw: str = text("", valid="a type", text="RobotHW type; empty: the `robotSimType` of the description")
+    robot_hw: str = text(
+        "", valid="a type", text="plugin type of the RobotHW; empty: `robotSimType` of the description"
+    )
     real_time_factor: float = REAL_TIME_FACTOR
     control_log: bool = flag(True, text="publish `control_log`")
     wait_for_log_listener: float = number(
         0.0,
         minimum=0.0,
         unit="s of wall time",
-        text="hold robot time at 0 until `control_log` has a listener, at most so long: a recording then has every "
-        "cycle from the first one on",
+        text="longest time for which the run waits at robot time 0 until `control_log` has a subscriber, so that a "
+        "recording has every cycle",
     )
 
 

@@ -42,10 +42,10 @@ class LimitParameters(Settings):
     has_position_limits: bool | None = flag(
         None,
         default_text=URDF,
-        text="`false` takes the range away; likewise the other `has_` switches for their limits",
+        text="`false`: no position limits; the other parameters `has_..._limits` do the same for their limits",
     )
-    min_position: float | None = number(None, default_text=URDF, unit="rad or m", text="lower end of the range")
-    max_position: float | None = number(None, default_text=URDF, unit="rad or m", text="upper end of the range")
+    min_position: float | None = number(None, default_text=URDF, unit="rad or m", text="lower position limit")
+    max_position: float | None = number(None, default_text=URDF, unit="rad or m", text="upper position limit")
     has_velocity_limits: bool | None = flag(None, default_text=URDF)
     max_velocity: float | None = number(None, minimum=0.0, default_text=URDF, unit="rad/s or m/s", text="largest speed")
     has_effort_limits: bool | None = flag(None, default_text=URDF)
@@ -60,11 +60,15 @@ class LimitParameters(Settings):
         minimum=0.0,
         default_text="not limited",
         unit="rad/s^2 or m/s^2",
-        text="for velocity and position commands, where the robot uses it",
+        text="largest acceleration, for velocity and position commands, if the robot enforces it",
     )
     has_jerk_limits: bool | None = flag(None, default_text="`false`")
     max_jerk: float | None = number(
-        None, minimum=0.0, default_text="not limited", unit="rad/s^3 or m/s^3", text="read for planners; not enforced"
+        None,
+        minimum=0.0,
+        default_text="not limited",
+        unit="rad/s^3 or m/s^3",
+        text="largest jerk, for planners; not enforced",
     )
     has_soft_limits: bool | None = flag(None, default_text=URDF)
     k_position: float | None = number(
@@ -72,22 +76,18 @@ class LimitParameters(Settings):
         minimum=0.0,
         default_text=URDF,
         unit="1/s",
-        text="speed allowed per distance to the soft range; 0: no soft range",
+        text="allowed speed per distance to the soft position limit; 0: no soft limits",
     )
     k_velocity: float | None = number(
         None,
         minimum=0.0,
         default_text=URDF,
         unit="N m s/rad",
-        text="effort allowed per speed left; 0: hard velocity limit",
+        text="allowed effort per difference to the allowed speed; 0: hard velocity limit",
     )
-    soft_lower_limit: float | None = number(
-        None, default_text=URDF, unit="rad or m", text="lower end of the soft range"
-    )
-    soft_upper_limit: float | None = number(
-        None, default_text=URDF, unit="rad or m", text="upper end of the soft range"
-    )
-    angle_wraparound: bool = flag(False, text="`true`: no position range")
+    soft_lower_limit: float | None = number(None, default_text=URDF, unit="rad or m", text="lower soft position limit")
+    soft_upper_limit: float | None = number(None, default_text=URDF, unit="rad or m", text="upper soft position limit")
+    angle_wraparound: bool = flag(False, text="`true`: no position limits, as the joint turns endlessly")
 
 
 DEFAULT_KINDS = ("position", "velocity", "effort", "effort_rate", "soft")
@@ -103,7 +103,7 @@ ENFORCE_LIMITS: Any = either(
     default=True,
     made=_kinds,
     name="enforce_limits",
-    text="`true`: position, velocity, effort, effort_rate, soft; `false`: none; or the kinds named",
+    text="kinds of limit to enforce; `true`: position, velocity, effort, effort_rate, soft; `false`: none",
 )
 """Parameter `enforce_limits`: kinds of limit that a robot enforces, as the argument `use` of `load_limits`."""
 

@@ -14,9 +14,11 @@ class SurfaceSettings(Settings):
     """Settings of a contact surface in world files and parameters; settings that are left out do not change."""
 
     contact: str | None = choice("rigid", "penalty", default=None, text="contact law")
-    stiffness: float | None = number(None, above=0.0, unit="N/m", text="of penalty contact")
-    damping: float = number(0.0, minimum=0.0, unit="N s/m", text="of penalty contact")
-    friction: float | None = number(None, minimum=0.0, maximum=10.0, text="coefficient; a pair has the product of both")
+    stiffness: float | None = number(None, above=0.0, unit="N/m", text="stiffness of penalty contact")
+    damping: float = number(0.0, minimum=0.0, unit="N s/m", text="damping of penalty contact")
+    friction: float | None = number(
+        None, minimum=0.0, maximum=10.0, text="friction coefficient; two bodies in contact have the product of both"
+    )
 
     def check(self, where: str) -> None:
         """Refuse stiffness or damping without `contact: penalty`."""
@@ -44,7 +46,11 @@ def _split(link: str) -> str:
 class SurfaceRule(SurfaceSettings):
     """Rule that sets the contact surface of links whose names match a pattern."""
 
-    link: str = text(valid="model::link, each a name or a pattern such as *", made=_split, text="which links")
+    link: str = text(
+        valid="model::link, each a name or a pattern such as *",
+        made=_split,
+        text="links to which the rule applies, model::link",
+    )
 
 
 class Surfaces:

@@ -42,11 +42,11 @@ class SimSettings(Settings):
         number(None, unit="rad or m"),
         {},
         others=None,
-        default_text="0, or the end of the range next to 0",
-        text="of `RobotHWSim`: start pose; a joint outside its range is allowed, with a warning",
+        default_text="0, or the position limit next to 0",
+        text="`RobotHWSim` only: start pose; a joint outside its range is allowed, with a warning",
     )
     enforce_limits: tuple[str, ...] = limits.ENFORCE_LIMITS
-    brake_unclaimed: bool = flag(True, text="of `RobotHWSim`: brake the joints that no controller claims")
+    brake_unclaimed: bool = flag(True, text="`RobotHWSim` only: brake the joints that no controller claims")
 
 
 class RobotHWSim(SimulatedRobot):

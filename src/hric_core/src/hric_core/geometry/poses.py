@@ -138,7 +138,7 @@ def _unit_quaternion(xyzw: Quaternion) -> Quaternion:
     return quaternions.normalized(xyzw)
 
 
-_XYZW: Any = numbers(4, IDENTITY, name="xyzw", made=_unit_quaternion, text="its unit quaternion")
+_XYZW: Any = numbers(4, IDENTITY, name="xyzw", made=_unit_quaternion, text="orientation, unit quaternion x, y, z, w")
 _XYZW.accepts = "a unit quaternion, x, y, z, w"
 
 

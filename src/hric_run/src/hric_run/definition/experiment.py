@@ -75,10 +75,12 @@ class Setpoint(Settings):
     """Joint setpoint that is sent to a controller during the run."""
 
     time: float = number(
-        minimum=0.0, unit="s", text="robot time at which it is sent, from the start of the controllers"
+        minimum=0.0, unit="s", text="robot time at which the setpoint is sent, from the start of the controllers"
     )
-    controller: str = text(empty=False, text="instance name of the controller; sent on its `command` topic")
-    positions: tuple[float, ...] = listing(ANGLE, range(1, 100), text="one per joint of the controller")
+    controller: str = text(empty=False, text="name of the controller; the setpoint is sent on its topic `command`")
+    positions: tuple[float, ...] = listing(
+        ANGLE, range(1, 100), text="joint positions, one per joint of the controller"
+    )
 
 
 LARGEST_PAYLOAD = 50.0
@@ -94,7 +96,7 @@ class LoadSpec(Settings):
         minimum=0.0,
         maximum=LARGEST_PAYLOAD,
         unit="kg",
-        text="mass of the payload that `franka_control/set_load` gets before the controllers start; 0: none",
+        text="mass of the payload set by `franka_control/set_load` before the controllers start; 0: no payload",
     )
     com: Vector = numbers(
         3, ORIGIN, minimum=-1.0, maximum=1.0, unit="m", text="centre of mass of the payload in the flange frame"
@@ -119,7 +121,7 @@ class RobotSpec(Settings):
 
     separator = "."
     hw: str = text(empty=False, text='plugin type of the RobotHW, e.g. "franka_sim/FrankaHWSim"')
-    arm_id: str = text("panda", empty=False, text="prefix of joints and links")
+    arm_id: str = text("panda", empty=False, text="prefix of the names of joints and links")
     description: NodeParameters = mapping(default={}, text="arguments of `panda_description.load`")
     urdf: str = text("", text="path or package:// address of another robot's URDF or xacro; empty: the Panda")
     q_start: tuple[float, ...] | Mapping[str, float] | None = either(
@@ -168,9 +170,9 @@ class MetricsSpec(Settings):
         (1e-2, 1e-3),
         made=lambda values: tuple(sorted(values, reverse=True)),
         unit="rad",
-        text="bands for the settling time, at most 0.5 rad each",
+        text="error bands for which the settling time is computed, at most 0.5 rad each",
     )
-    reference: str = text("", text="name of a set-up in config/references that the report compares with; empty: none")
+    reference: str = text("", text="name of a file in config/references with results to compare with; empty: none")
 
     def check(self, where: str) -> None:
         """Refuse a reference that does not exist."""
@@ -195,7 +197,7 @@ def _optional(name: str) -> Any:
 
         return json_schema(section_of(name))
 
-    text = f"the keys {name}.* below; none: the run is without it"
+    text = f"section with the keys {name}.* below; none: the run is without this section"
     return Parameter("mapping", "a mapping", convert, None, text=text, shape=shape)
 
 
@@ -216,15 +218,15 @@ class _Motion(Settings):
     name: str = ""
     description: str = text("", figures=True, text="description in one line")
     robot: RobotSpec = section(RobotSpec, REQUIRED)
-    controllers: tuple[str, ...] = names_(text="instance names, started in this order")
+    controllers: tuple[str, ...] = names_(text="names of the controllers, started in this order")
     parameters: Mapping[str, NodeParameters] = mapping(
-        mapping(), {}, text="parameters that overlay the controllers' YAML, by instance name"
+        mapping(), {}, text="parameters that override those of controllers.yaml, by name of the controller"
     )
     setpoints: tuple[Setpoint, ...] = listing(
         section(Setpoint),
         default=(),
         made=lambda values: tuple(sorted(values, key=lambda setpoint: setpoint.time)),
-        text="in order of time",
+        text="joint setpoints sent during the run; sorted by time",
     )
     duration: float = number(above=0.0, unit="s", text="robot time of the complete run")
     metrics: MetricsSpec = section(MetricsSpec)

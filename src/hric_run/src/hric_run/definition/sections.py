@@ -112,14 +112,14 @@ class SyncSection(Settings):
         (100.0, 1000.0),
         different=True,
         unit="Hz",
-        text="a stream for each: `/hric/perception/sync_<rate>hz`",
+        text="rates of the synchronised streams, each on a topic `/hric/perception/sync_<rate>hz`",
     )
     delay: float = number(
         1.0,
         minimum=0.0,
         maximum=10.0,
         unit="s",
-        text="waiting time for a late source; a busy machine may hold a sensor's process back (project "
+        text="longest wait for the samples of a late source, e.g. of a sensor's process on a busy machine (project "
         "default, unconfirmed)",
     )
 
