@@ -1,4 +1,4 @@
-"""Largest plausible parameter value for each unit, and a guess of the unit in which a refused value was meant.
+"""Largest realistic parameter value for each unit, and a guess of the unit in which a refused value was meant.
 
 A bound is above what any robot, room or person needs, and below the values that result from a wrong unit: degrees for
 rad, mm for m, g for kg, N mm for N m, ms for s. If a parameter declares a maximum, the bound of its unit is not used.
@@ -13,7 +13,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Magnitude:
-    """Largest plausible value in a unit, and the units that are often confused with it.
+    """Largest realistic value in a unit, and the units that are often confused with it.
 
     Attributes:
         largest: largest absolute value, in the unit.
@@ -58,7 +58,7 @@ _SEPARATORS = re.compile(r", | or ")
 
 
 def largest(unit: str) -> float:
-    """Return the largest plausible absolute value in a unit; for "rad or m" the larger bound; inf: no bound."""
+    """Return the largest realistic absolute value in a unit; for "rad or m" the larger bound; inf: no bound."""
     return max(MAGNITUDES[single].largest if single in MAGNITUDES else math.inf for single in _SEPARATORS.split(unit))
 
 

@@ -29,7 +29,7 @@ default None it may be left out. The other arguments of all kinds are those of `
 defaults from a file, in `Settings.defaults`.
 
 Text such as 1e-3, which YAML 1.1 does not read as a number, counts as a number; a bool does not. NaN and infinity are
-refused. A parameter without a maximum is refused above the largest plausible value of its unit (`magnitudes`).
+refused. A parameter without a maximum is refused above the largest realistic value of its unit (`magnitudes`).
 Every refusal is a ParameterError with the full name, the value, and the valid values with their unit; all mistakes of a
 mapping are reported at once.
 `rows` returns the rows of a parameter table in INTERFACE.md, which tests/interface_tables.py writes into the pages.
@@ -140,7 +140,7 @@ class Parameter:
         """Check a value and return it as the program uses it.
 
         Args:
-            value: raw value; this Parameter itself stands for a value that is not set.
+            value: raw value; this Parameter itself if the value is not set.
             where: full name of the parameter, for error messages.
             joints: names of the joints, if there is one value per joint.
 

@@ -28,7 +28,7 @@ BREAKAWAY = "breakaway"
 GIVE = 1e-4
 """Deflection of a bristle at breakaway [rad] (project default, unconfirmed).
 
-There is no measured value for this arm; 1e-5 to 1e-3 rad is plausible. The drift of a joint at rest is of this size."""
+There is no measured value for this arm; 1e-5 to 1e-3 rad is realistic. The drift of a joint at rest is of this size."""
 FADE = 0.1
 """Speed above which a bristle has no effect [rad/s] (project default, unconfirmed).
 

@@ -16,7 +16,7 @@ from hric_core.urdf.robot import BOUNDED, NO_LIMIT, Joint
 
 LOG = logging.getLogger("hric.urdf")
 FASTEST = 60.0
-"""Largest plausible velocity limit of a joint with stops [rad/s or m/s].
+"""Largest realistic velocity limit of a joint with stops [rad/s or m/s].
 
 The largest known one is 59.9, in example-robot-data 6.0.0, romeo_laas_small.urdf."""
 
@@ -54,7 +54,7 @@ def _units(joint: Joint) -> tuple[str, str, str]:
 
 
 def _suspect_ends(joint: Joint) -> Iterator[tuple[str, float, str]]:
-    """Yield ("lower" or "upper", value, hint with the probable unit) of each implausibly large position limit."""
+    """Yield ("lower" or "upper", value, hint with the probable unit) of each unrealistically large position limit."""
     unit = _units(joint)[0]
     for name, end, opposite in (("lower", joint.lower, joint.upper), ("upper", joint.upper, joint.lower)):
         likely = likely_unit(end, unit, -largest(unit), largest(unit))

@@ -112,7 +112,7 @@ OF_THE_BRINGUP = {
     "real_time_factor": "scripts/bringup real_time_factor:=FACTOR; a headless run is as fast as it can",
     "wait_for_log_listener": "scripts/bringup record:=true",
 }
-"""What to do instead of setting parameters of the robot node that only the bring-up sets; headless runs ignore them."""
+"""Parameters of the robot node that only the bring-up sets, as headless runs ignore them -> text on how to set them."""
 
 
 @dataclass(frozen=True)
