@@ -1,4 +1,4 @@
-"""The law of a bushing against closed forms, and what it keeps."""
+"""The force law of a bushing against analytic solutions, and conservation of momentum and energy."""
 
 import math
 from collections.abc import Sequence

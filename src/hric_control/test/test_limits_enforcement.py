@@ -1,4 +1,4 @@
-"""What the limiters let through."""
+"""The commands that the limiters return."""
 
 import logging
 import math

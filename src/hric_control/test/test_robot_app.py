@@ -38,7 +38,7 @@ class Push(Controller):
 
 
 class Run:
-    """A headless app on the toy robot; every message is kept by topic."""
+    """RobotApp without ROS on the toy robot; all messages are recorded by topic."""
 
     def __init__(self, parameters=None, effort=1.0, start=True):
         self.node = LocalNode({"robot_description": toy.URDF, "push": {"type": "test/Push", "effort": effort}})
@@ -265,7 +265,7 @@ def test_nobody_listening_is_told_and_the_robot_goes_on(caplog):
 
 
 class Bare(RecordingRobotHW):
-    """Three cycles of a robot that has nothing optional."""
+    """Robot without optional attributes, which runs three cycles."""
 
     def run(self, on_cycle):
         for k in range(3):

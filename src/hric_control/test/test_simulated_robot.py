@@ -1,4 +1,4 @@
-"""What every simulated robot does with its plant and its loop, whoever commands it."""
+"""The behaviour of all simulated robots: plant, loop, reset and changes of the pose."""
 
 import math
 

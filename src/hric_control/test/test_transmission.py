@@ -1,4 +1,4 @@
-"""Transmissions and what the description says of them."""
+"""Transmissions, and reading them from a robot description."""
 
 import pytest
 

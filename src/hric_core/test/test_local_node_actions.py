@@ -12,7 +12,7 @@ from hric_core.node import GoalHandle
 
 
 class Server:
-    """Keeps the handles that it gets."""
+    """Action server that stores the goal handles it gets."""
 
     def __init__(self, node: LocalNode) -> None:
         self.goals: list[GoalHandle] = []

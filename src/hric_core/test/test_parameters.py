@@ -1,4 +1,4 @@
-"""The reader of parameters: what each kind takes and refuses, from each source, in which words."""
+"""Parameters: valid and refused values of each kind, from each source, and the error messages."""
 
 from dataclasses import dataclass, replace
 

@@ -1,5 +1,4 @@
-"""The one reader of descriptions: what the tree holds, what is refused and how, and that what is written is read
-again."""
+"""Reader of robot descriptions: content of the tree, refused descriptions, and reading of written elements."""
 
 import math
 from xml.etree import ElementTree

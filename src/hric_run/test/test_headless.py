@@ -24,7 +24,7 @@ from hric_report.run import analyse
 from hric_run.definition import experiment
 
 NODES = Path(__file__).parents[2] / "hric_experiments" / "nodes"
-"""Of this package: rosrun looks for them longer than they take to start."""
+"""Folder of the nodes of hric_experiments; rosrun would take longer to find them than they take to start."""
 JOINTS = [f"panda_joint{i}" for i in range(1, 8)]
 
 

@@ -161,7 +161,7 @@ MISTAKES = [
     ("run marker_tracking mocap.base_from_mocap.xyz:=[100,0,0]", r"100 mm would be 0\.1 m"),
     ("benchmark controller.yaml", r"changes\.contact: .*no parameter 'kdd' .*did you mean kd\?"),
 ]
-"""Words after hric, and what the error says."""
+"""Words after `hric`, and the expected error message."""
 
 
 @pytest.fixture(scope="module")

@@ -128,8 +128,8 @@ class PublishThread:
     def hand_over(self, timeout: float) -> bool:
         """Build and serialise the queued messages, and let the thread write them to the sockets.
 
-        First wait, for `timeout` [s] at most, until the thread has written the messages of the last call and all
-        listeners have read them. A listener that needs longer is not waited for again until its queue is empty. Return
+        First wait, for `timeout` [s] at most, until the thread has written the messages of the last call and no
+        listener's queue has data. A listener that needs longer is not waited for again until its queue is empty. Return
         False if the thread was busy for the whole time; then nothing was done."""
         deadline = time.monotonic() + timeout
         if not self._acquire(deadline):

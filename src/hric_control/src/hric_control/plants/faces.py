@@ -22,7 +22,7 @@ KINDS = ("sphere", "capsule", "cylinder", "box", "plane", "hull")
 _ROUND = 12
 """Number of corners of the polygon that approximates the round end of a cylinder (project default, unconfirmed)."""
 _LYING = 0.7
-"""Smallest cosine of the angle between axis and contact normal at which a cylinder touches with its end (45 degrees)."""
+"""Smallest cosine of the angle between axis and contact normal at which a cylinder touches with an end (45 deg)."""
 _PARALLEL = 0.05
 """Largest sine of the angle between two lines that count as parallel (project default, unconfirmed)."""
 _FLAT = 1e-3
