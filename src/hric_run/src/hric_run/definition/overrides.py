@@ -23,23 +23,23 @@ from hric_run.definition.experiment import ExperimentError, MetricsSpec, RobotSp
 SHORTCUTS: dict[str, tuple[str, str]] = {
     "kp": ("parameters.{controller}.kp", "proportional gain, number or list [N m/rad]"),
     "kd": ("parameters.{controller}.kd", "derivative gain, number or list [N m s/rad]"),
-    "gravity": ("parameters.{controller}.gravity", "true: the controller adds g(q)"),
+    "gravity": ("parameters.{controller}.gravity", "true: the controller adds the gravity torques g(q)"),
     "rotatum_limit": (
         "parameters.{controller}.rotatum_limit",
         "largest rate of torque of the controller, 0 = off [N m/s]",
     ),
     "profile": (
         "parameters.{controller}.profile.enabled",
-        "lead the setpoint through a trapezoid (true) or take it raw (false)",
+        "true: trapezoidal velocity profile for setpoints; false: setpoints act at once",
     ),
     "mode": ("parameters.{controller}.mode", "mode of a marker-following controller: retarget or thesis"),
-    "duration": ("duration", "robot time [s]"),
+    "duration": ("duration", "robot time of the complete run [s]"),
     "hw": ("robot.hw", "plugin type of the robot, e.g. franka_sim/FrankaHWSim"),
-    "arm_id": ("robot.arm_id", "prefix of joints and links"),
+    "arm_id": ("robot.arm_id", "prefix of the names of joints and links"),
     "urdf": ("robot.urdf", "path or package:// address of another robot's URDF or xacro"),
-    "q_start": ("robot.q_start", "start position [rad]"),
-    "hand": ("robot.description.hand", "with or without the hand"),
-    "inertials": ("robot.description.inertials", "barycentric or thesis"),
+    "q_start": ("robot.q_start", "joint positions at the start [rad]"),
+    "hand": ("robot.description.hand", "true: the arm has the Franka hand; false: it has none"),
+    "inertials": ("robot.description.inertials", "masses and inertias of the links: barycentric or thesis"),
     "damping": ("robot.description.damping", "viscous joint damping [N m s/rad]"),
     "friction": (
         "robot.description.friction",
@@ -54,7 +54,7 @@ SHORTCUTS: dict[str, tuple[str, str]] = {
     "world": ("robot.plant.world", "world file, path or package:// address"),
     "noise": ("mocap.stream.noise", "motion capture noise, standard deviation per axis [m]"),
     "gui": ("robot.plant.gui", "show the engine's window"),
-    "limits": ("robot.parameters.enforce_limits", "true, false, or a list of kinds"),
+    "limits": ("robot.parameters.enforce_limits", "enforced joint limits: true, false, or a list of kinds"),
 }
 """Short names of frequently changed keys: (dotted path, help text).
 
