@@ -1,4 +1,4 @@
-"""Conversion between vectors of all moving joints, in the engine's order, and of the actuated ones, in user's order."""
+"""Conversion between vectors of all moving joints, in the engine's order, and of the actuated ones, in the user's."""
 
 import math
 from collections.abc import Sequence
