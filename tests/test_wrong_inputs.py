@@ -127,7 +127,7 @@ TOOLS = [
     ("hric_control robot here", r"\[_robot_hw:=TYPE\].*\n.*unrecognized arguments: here"),
     ("controller_manager controller_manager lod", r"invalid choice: 'lod' \(choose from 'list', .*'load'"),
     ("controller_manager spawner nowhere.yaml", r"nowhere\.yaml cannot be read: No such file"),
-    ("controller_manager spawner list.yaml", r"list\.yaml must hold the controllers' configuration by name"),
+    ("controller_manager spawner list.yaml", r"list\.yaml must be a mapping of controllers' names to their"),
     ("controller_manager spawner _x:=1 a", r"spawner: no parameter 'x' in ~spawner; valid: none"),
     ("controller_manager unspawner _x:=1 a", r"unspawner: no parameter 'x' in ~unspawner; valid: none"),
     ("controller_manager controller_manager _x:=1 list", r"no parameter 'x' in ~controller_manager; valid: none"),

@@ -79,8 +79,8 @@ def test_a_ball_comes_to_rest_on_a_mesh_with(name: str, make_plant, tmp_path: Pa
 CORNERS = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
 FLAT = obj(CORNERS, [(1, 2, 3), (1, 3, 4)])
 BAD = {
-    "flat": ("a.obj", FLAT, "", "it is flat; as a solid it must enclose a volume"),
-    "nearly flat": ("a.obj", FLAT.replace("v 0 1 0", "v 0 1 1e-8"), "", "it is flat"),
+    "flat": ("a.obj", FLAT, "", "the mesh is flat; a collision shape must enclose a volume"),
+    "nearly flat": ("a.obj", FLAT.replace("v 0 1 0", "v 0 1 1e-8"), "", "the mesh is flat"),
     "empty": ("a.stl", "", "", "cannot be read as .stl"),
     "without a triangle": ("a.obj", "v 0 0 0\n", "", "cannot be read as .obj"),
     "cut": ("a.dae", collada()[:600], "", "cannot be read as .dae"),

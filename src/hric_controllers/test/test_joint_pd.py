@@ -155,7 +155,7 @@ def test_the_parameter_setpoint_is_where_it_goes_at_the_start():
         ({"kp": [1.0, -2.0]}, "/pd/kp/b is -2.0"),
         ({"kd": math.nan}, "/pd/kd is nan"),
         ({"kd": [1.0]}, "/pd/kd is [1.0]; valid: 2 values, for a, b"),
-        ({"kp": {"a": 1.0}}, "/pd/kp has nothing for b"),
+        ({"kp": {"a": 1.0}}, "/pd/kp has no value for b"),
         ({"kp": {"a": 1.0, "b": 1.0, "c": 1.0}}, "no joint 'c' in /pd/kp"),
         ({"kp": "high"}, "'high'"),
         ({"joints": ["a", "z"]}, "no joint 'z' in EffortJointInterface; valid: a, b"),

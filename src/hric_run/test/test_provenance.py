@@ -1,4 +1,4 @@
-"""What a run notes of its origin: parameters, versions, revision."""
+"""Provenance of a run: parameters, versions, revision."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Walking: the root of a body is led along a stated way, on each engine."""
+"""Walking: the root of a human body is moved along a given path, on each engine."""
 
 import itertools
 

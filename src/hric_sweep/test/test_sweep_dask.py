@@ -283,8 +283,8 @@ def test_without_dask_the_error_names_the_command_that_installs_it() -> None:
 @pytest.mark.parametrize(
     ("given", "told"),
     [
-        ((), "nothing is no address"),
-        (("10.0.0.1",), "10.0.0.1 is no address"),
+        ((), "nothing is not an address or a known host"),
+        (("10.0.0.1",), "10.0.0.1 is not an address or a known host"),
         (("tcp://10.0.0.1:8786", "--workers", "0"), "--workers 0; valid: 1 or more"),
     ],
 )

@@ -162,7 +162,7 @@ def test_an_unpaced_run_is_refused_by_name(robot: TellsTime, nodes) -> None:
         output = process.communicate(timeout=LIMIT)[0]
         assert process.returncode == 1
         assert (
-            f"/{name}: the run is not paced (real_time_factor is 0)" in output
+            f"/{name}: the simulation is not paced (real_time_factor is 0)" in output
             and "headless" in output
             and "Traceback" not in output
         )

@@ -175,7 +175,7 @@ def test_an_emulated_motive_streams_the_trial_and_leaves_out_what_was_not_seen(f
     ("motion", "told"),
     [
         ("{type: c3d, path: nothing.c3d}", "nothing.c3d: No such file"),
-        ("{type: c3d, path: scene.yaml}", "is no c3d file"),
+        ("{type: c3d, path: scene.yaml}", "is not a c3d file"),
         (
             "{type: c3d, path: trial.c3d, labels: [elbow]}",
             "no marker 'elbow' in trial.c3d; valid: hand_1, hand_2, hand_3, hand_4",
