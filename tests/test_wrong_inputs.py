@@ -90,7 +90,7 @@ TOOLS = [
     ("hric_experiments run co_transport human.position:=[3,0]", r"1\.\d+ m from the right shoulder; valid: up to 0\.6"),
     (
         "hric_experiments run co_transport human.control.parameters.load:=45",
-        r"/load is 45\.0; valid: up to \d+(\.\d)? \[kg\], which right_\w+ holds",
+        r"/load is 45\.0; valid: up to \d+(\.\d)? \[kg\], which right_\w+ can hold",
     ),
     (
         "hric_experiments run hand_guidance human.watches:=panda_elbow",

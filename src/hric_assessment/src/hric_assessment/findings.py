@@ -179,7 +179,7 @@ class Finding:
         near = table["near_limit"]
         if self.outcome != Outcome.WITHIN or self.share is None or self.share < near:
             return self
-        note = f"from {100.0 * near:.0f} % of a limit on it is a warning ({table.value_mark('near_limit')})"
+        note = f"a value of at least {100.0 * near:.0f} % of its limit is a warning ({table.value_mark('near_limit')})"
         return replace(self, outcome=Outcome.WARNING, notes=(*self.notes, note))
 
     def __str__(self) -> str:

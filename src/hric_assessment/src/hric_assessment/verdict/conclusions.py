@@ -243,7 +243,7 @@ def unknown_beforehand(section: Content | None) -> str:
         return ""
     human, lacks = HumanSettings.of(section, "human"), []
     if human.contact_area is None:
-        lacks.append("contact, if one occurs: the contact area is not stated (human.contact_area:=M2)")
+        lacks.append("contacts, if any: the contact area is not stated (human.contact_area:=M2)")
     if human.person.parts not in ("upper_body", "whole_body"):
         lacks.append("posture: neck and trunk are not simulated (human.parts:=upper_body)")
-    return f"the verdict of this run will not know {'; '.join(lacks)}" if lacks else ""
+    return f"the verdict of this run will not decide about {'; '.join(lacks)}" if lacks else ""
