@@ -1,4 +1,4 @@
-"""What the making of a report says meanwhile, and after Ctrl-C."""
+"""Progress messages of a report, and behaviour after Ctrl-C."""
 
 import io
 from pathlib import Path
@@ -71,5 +71,5 @@ def test_ctrl_c_during_the_report_leaves_the_bag_whole_and_says_how_to_make_it_l
     folder = report_run.write_run(tmp_path)
     with pytest.raises(LiveInterrupted):
         live_experiment()._report(folder)
-    assert said == [f"interrupted: the bag is complete, but there is no report; to make it: hric report {folder.path}"]
+    assert said == [f"interrupted: the bag is complete, but there is no report; to write it: hric report {folder.path}"]
     assert bag_reader.read(folder.bag_path).log.cycles == report_run.CYCLES

@@ -1,4 +1,4 @@
-"""Pairs of links that are not checked for collision, from a YAML table with reasons."""
+"""Pairs of links that are not checked for collision, read from a YAML file that gives a reason for each."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -22,10 +22,10 @@ class _Masks(Settings):
 
 
 def load_masks(address: str) -> list[tuple[str, str]]:
-    """Return the patterns of link pairs.
+    """Read the pairs of link name patterns that are not checked for collision.
 
     Args:
-        address: path or package://..., "" for the masks of this package.
+        address: path or package://...; empty for the file of this package.
 
     Raises:
         HricError: an entry is not {links: [pattern, pattern], reason: text}.

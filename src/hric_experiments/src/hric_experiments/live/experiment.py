@@ -1,4 +1,4 @@
-"""Experiment node: waits for controllers and recorder, sends the setpoints, ends the recording, writes the report."""
+"""Experiment node: waits for controllers and recorder, sends setpoints, ends the recording, writes the report."""
 
 import contextlib
 import threading
@@ -32,43 +32,45 @@ from hric_run.definition.experiment import Experiment
 POLL = 0.01
 """Polling period of the clock [s of wall time]."""
 RECORDER_GRACE = 5.0
-"""Maximum wait for the subscriptions of the recorder, which looks for new topics twice a second [s of wall time]."""
+"""Maximum wait for the recorder's subscriptions [s of wall time]; it looks for new topics twice a second."""
 SENSORS_GRACE = 20.0
-"""Maximum wait for the subscriptions of the recorder if every sample must be recorded [s of wall time]."""
+"""Maximum wait for the recorder's subscriptions if all samples of sensors must be recorded [s of wall time]."""
 
 
 ROBOT_TIMEOUT = 2.0
-"""Maximum wait for the list of controllers [s of wall time]; project default, unconfirmed."""
+"""Maximum wait for the response with the list of controllers [s of wall time]; project default, unconfirmed."""
 RECORDER_TIMEOUT = 120.0
-"""Maximum wait for the recorder to close its bag, such as gigabytes on a slow disk [s of wall time]."""
+"""Maximum wait for the recorder to close its bag [s of wall time]; long enough for gigabytes on a slow disk."""
 
 
 class NotReady(FailureError):
-    """Error: the system did not become ready in time."""
+    """Error: controllers, recorder or sensors were not ready in time."""
 
 
 @dataclass(frozen=True)
 class ExperimentSettings(Settings):
     """Parameters of the experiment node."""
 
-    experiment: str = text(empty=False, text="experiment to run")
+    experiment: str = text(empty=False, text="name of the experiment, or path of its YAML file")
     overrides: str = text("", figures=True, text="overrides of the experiment")
-    record: bool = flag(True, text="whether a recorder runs; false: no report")
-    html: bool = flag(False, text="write `report.html` to the run folder, too; takes some seconds at the end")
-    armed: bool = flag(False, text="the recorder waits for a trigger, and the experiment with it, without a time limit")
+    record: bool = flag(True, text="true if a recorder runs; false: no recording and no report")
+    html: bool = flag(False, text="also write `report.html` to the run folder, which takes some seconds at the end")
+    armed: bool = flag(False, text="true: the experiment waits without time limit until a trigger starts the recording")
     ready_timeout: float = number(
         60.0, minimum=0.0, unit="s", text="maximum wall time until controllers and recorder are ready"
     )
 
 
 class LiveExperiment:
-    """Live run of one experiment with the robot in this node's namespace."""
+    """Live run of one experiment, with the robot in the namespace of this node."""
 
     def __init__(self) -> None:
         self._settings = settings = ExperimentSettings.read(RosNode("~"))
         self.experiment: Experiment = experiments.load(settings.experiment, overrides.separate(settings.overrides))
         if added := self.experiment.added_sections:
-            raise HricError(f"no live run has a section {', '.join(added)}; valid: hric run {settings.experiment}")
+            raise HricError(
+                f"sections not available in a live run: {', '.join(added)}; valid: hric run {settings.experiment}"
+            )
         controllers = dict.fromkeys(setpoint.controller for setpoint in self.experiment.setpoints)
         self._publishers = {
             name: rospy.Publisher(f"{name}/command", Float64MultiArray, queue_size=10) for name in controllers
@@ -86,7 +88,7 @@ class LiveExperiment:
         """Run the complete experiment; return the report, empty without a recording.
 
         Raises:
-            HricError: the system is not ready in time, the robot stops responding, or the bag cannot be used.
+            HricError: the system is not ready in time, the robot stops responding, or the bag cannot be read.
         """
         if self._settings.record and (lacking := unknown_beforehand(self.experiment.human)):
             rospy.loginfo("%s", lacking)
@@ -99,13 +101,13 @@ class LiveExperiment:
             rospy.loginfo("experiment %s ended; nothing was recorded", self.experiment.name)
             return ""
         if behind := self._sensors.drain(interval[1]):
-            rospy.logwarn("the last samples of %s did not arrive: the bag lacks them", ", ".join(behind))
+            rospy.logwarn("the last samples on %s were not received, so the bag lacks them", ", ".join(behind))
         folder = self._stop_recording()
         folder.update(real_time_factor=factor, interval=interval)
         return self._report(folder)
 
     def _report(self, folder: RunFolder) -> str:
-        # Imported here, since an import at the start would take processor time from the robot.
+        # Imported here, as an import at the start would take processor time that the robot needs.
         from hric_report import html as report_html
         from hric_report import run as analysis
 
@@ -118,22 +120,24 @@ class LiveExperiment:
                     report += f"page: {report_html.write(folder)}\n"
             except live_node.LiveInterrupted:
                 later = f"hric report {folder.path}" + " --html" * html
-                rospy.logwarn("interrupted: the bag is complete, but there is no report; to make it: %s", later)
+                rospy.logwarn("interrupted: the bag is complete, but there is no report; to write it: %s", later)
                 raise
         return report
 
     def _wait_ready(self) -> None:
-        self._wait(self._missing_controllers, "controllers that do not run: {}")
+        self._wait(self._missing_controllers, "controllers are not running: {}")
         if self._settings.record:
             self._wait_recording()
-        self._wait(lambda: self._unconnected(1), "controllers that do not subscribe to their command topic: {}")
+        self._wait(lambda: self._unconnected(1), "controllers have not subscribed to their command topics: {}")
         limits = RunFolder(Path(self._folder)).read().get("limits", {}) if self._settings.record else {}
         for setpoint in self.experiment.setpoints:
             joints = rospy.get_param(f"{setpoint.controller}/joints", None)
             parameters.check_setpoint(setpoint, joints or [""] * len(setpoint.positions), limits)
-        self._wait(lambda: [] if rospy.get_time() > 0.0 else ["/clock"], "robot time does not move: nothing on {}")
+        self._wait(
+            lambda: [] if rospy.get_time() > 0.0 else ["/clock"], "robot time does not advance: no messages on {}"
+        )
         if self._human is not None:
-            self._wait(self._human.missing, "no motion capture: {}")
+            self._wait(self._human.missing, "motion capture is not ready: {}")
         self._wait(self._sensors.missing, "sensors do not publish: {}")
         if self._settings.record:
             self._wait_subscribed()
@@ -141,17 +145,17 @@ class LiveExperiment:
     def _wait_recording(self) -> None:
         if self._settings.armed:
             rospy.loginfo(
-                "experiment %s waits for the trigger of the recording: %s or %s",
+                "experiment %s waits until the recording is triggered by the topic %s or the service %s",
                 self.experiment.name,
                 TRIGGER_TOPIC,
                 START_SERVICE,
             )
             while not self._folder:
                 live_node.sleep(5 * POLL)
-        self._wait(lambda: [] if self._folder else [RECORDING_TOPIC], "no recorder: nothing on {}")
+        self._wait(lambda: [] if self._folder else [RECORDING_TOPIC], "no recorder is recording: no message on {}")
 
     def _wait_subscribed(self) -> None:
-        """Wait until the recorder has subscribed to all topics of robot and sensors, and to the setpoints."""
+        """Wait until the recorder has subscribed to all topics of robot, sensors, setpoints; warn after a timeout."""
         recorder, robot = self._recorder, rospy.resolve_name("robot")
         others = {*(self._human.nodes() if self._human is not None else []), *self._sensors.nodes()}
         commands = {publisher.resolved_name for publisher in self._publishers.values()}
@@ -161,7 +165,7 @@ class LiveExperiment:
         ):
             if time.monotonic() > deadline:
                 rospy.logwarn(
-                    "the recorder has not subscribed to %s yet: the bag will lack their beginning",
+                    "the recorder has not subscribed to %s yet; the bag will lack the beginning of these topics",
                     ", ".join(sorted(missing)),
                 )
                 return
@@ -175,7 +179,9 @@ class LiveExperiment:
         deadline = time.monotonic() + timeout
         while left := missing():
             if time.monotonic() > deadline:
-                raise NotReady(f"experiment {self.experiment.name}: after {timeout:g} s {text.format(', '.join(left))}")
+                raise NotReady(
+                    f"experiment {self.experiment.name} not started: after {timeout:g} s {text.format(', '.join(left))}"
+                )
             live_node.sleep(5 * POLL)
 
     def _missing_controllers(self) -> list[str]:
@@ -188,7 +194,7 @@ class LiveExperiment:
         return [name for name in self.experiment.controllers if name not in running]
 
     def _send(self) -> tuple[list[float], float]:
-        """Send the setpoints at their times; return begin and end [s of robot time], and the real-time factor."""
+        """Send the setpoints at their times; return begin and end in robot time [s], and the real-time factor."""
         if self._human is not None:
             self._human.start()
         if self.experiment.human is not None:
@@ -205,19 +211,26 @@ class LiveExperiment:
         try:
             response = rospy.ServiceProxy(parameters.HUMAN_START, Trigger)()
         except rospy.ServiceException as error:
-            raise FailureError(f"the human does not respond: {error}") from error
+            raise FailureError(
+                f"the simulated human does not respond (service {parameters.HUMAN_START}): {error}"
+            ) from error
         if not response.success:
-            raise FailureError(f"the human does not start: {response.message}")
+            raise FailureError(f"the simulated human cannot start its motion: {response.message}")
 
     def _sleep_until(self, when: float) -> None:
-        """Wait until robot time `when`; a paused simulation pauses the wait, a robot that does not respond ends it."""
+        """Wait until robot time `when` [s]; a paused simulation extends the wait.
+
+        Raises:
+            FailureError: robot time does not advance and the robot does not respond.
+        """
         last = (rospy.get_time(), time.monotonic())
         while (now := rospy.get_time()) < when:
             if now != last[0]:
                 last = (now, time.monotonic())
             elif time.monotonic() - last[1] > 5.0 and self._missing_controllers():
                 raise FailureError(
-                    f"experiment {self.experiment.name}: robot time stays at {now:.3f} s and the robot does not respond"
+                    f"experiment {self.experiment.name} ended: robot time stands at {now:.3f} s and the robot does "
+                    "not respond"
                 )
             live_node.sleep(POLL)
 
@@ -235,8 +248,8 @@ def _call(service: str, kind: Any, timeout: float) -> Any:
     """Call a service without arguments.
 
     Raises:
-        TimeoutError: no response after `timeout` [s of wall time]; a stopped process (SIGSTOP) accepts the call and
-            never responds.
+        TimeoutError: there is no response within `timeout` [s of wall time]; a stopped process (SIGSTOP) accepts the
+            call but never responds.
     """
     result: Future[Any] = Future()
 
@@ -250,13 +263,13 @@ def _call(service: str, kind: Any, timeout: float) -> Any:
     deadline = time.monotonic() + timeout
     while not result.done():
         if time.monotonic() > deadline:
-            raise TimeoutError(f"no response of {service} within {timeout:g} s")
+            raise TimeoutError(f"no response of the service {service} within {timeout:g} s")
         live_node.sleep(POLL)
     return result.result()
 
 
 def run() -> None:
-    """Run the experiment that the private parameters select, and print the report."""
+    """Run the experiment that the private parameters of the node select, and print the report."""
     report = LiveExperiment().run()
     if report:
         print(f"\n{report}", flush=True)
