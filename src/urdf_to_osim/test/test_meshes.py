@@ -222,7 +222,7 @@ def test_a_mesh_that_cannot_be_found_gives_one_error_with_link_and_address_and_n
 
 
 def test_of_several_missing_meshes_the_first_is_named_and_the_others_are_counted(tmp_path: Path) -> None:
-    with pytest.raises(DescriptionError, match=r"one\.stl.*\(2 more meshes likewise\)"):
+    with pytest.raises(DescriptionError, match=r"one\.stl.*\(2 more meshes have such errors\)"):
         convert_meshes([request(f"/no/{name}.stl") for name in ("one", "two", "three", "one")], tmp_path, tmp_path)
 
 

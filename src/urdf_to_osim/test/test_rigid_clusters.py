@@ -44,7 +44,8 @@ def proved(urdf_xml: str, folder: Path, options: Options) -> Conversion:
 def test_a_link_that_is_no_body_is_one_with_what_it_is_fixed_to(name: str, inertia: str, tmp_path: Path) -> None:
     conversion = proved(arm(inertial(*NO_BODY[name])), tmp_path, Options(inertia=inertia))
     assert [note for note in conversion.notes if "flange" in note] == [
-        "link flange: no body, but one with what it is fixed to; upper has it all"
+        "link flange: its inertia is impossible, but possible together with the links fixed to it; link upper has the "
+        "sum"
     ]
     assert conversion.frames["flange"].path == "/bodyset/upper/flange"
 
