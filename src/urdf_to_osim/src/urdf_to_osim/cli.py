@@ -42,8 +42,8 @@ class ConvertCommand(Command):
             Argument(
                 "-o",
                 "--output",
-                help=f"{SUFFIX} file to write; meshes go to the folder Geometry/ beside it (default: name of the input, "
-                "in the working folder)",
+                help=f"{SUFFIX} file to write; meshes go to the folder Geometry/ beside it (default: name of the "
+                "input, in the working folder)",
             ),
             Argument(
                 "--xacro-arg",
