@@ -79,7 +79,7 @@ def test_the_log_and_the_bag_say_that_the_marker_was_lost(tmp_path, caplog):
     for words in (
         "hand: tracking lost",
         "hand: tracked",
-        "the marker is lost: no valid one for 10",
+        "the marker is lost: no valid sample for 10",
         "the marker is back",
     ):
         assert any(words in line for line in said), words
