@@ -64,7 +64,7 @@ class ArmLog:
 
 
 def check_log(log: ArmLog, lower: Sequence[float], upper: Sequence[float]) -> None:
-    """Raise an error if a log is not plausible for this arm in SI units.
+    """Raise an error if values of a log cannot be those of this arm in SI units.
 
     Args:
         log: recorded log.

@@ -157,8 +157,7 @@ def kd_check(
 ) -> Callable[[Sequence[float]], None]:
     """Return a function that compares derivative gains, n floats [N m s/rad], with their bounds at the present pose.
 
-    For gains above their bounds, the function logs a warning, or raises ParameterError if `strict`. It may be called
-    by any thread but the loop's.
+    For larger gains it logs a warning, or raises ParameterError if `strict`. Not to be called in the loop.
 
     Args:
         robot_hw: robot with the joints.
@@ -169,8 +168,7 @@ def kd_check(
         strict: the parameter `strict_gains`.
 
     Raises:
-        HricError: `strict` is set and there is no dynamic model. (Without `strict`, a missing model is logged and the
-            gains are not checked.)
+        HricError: there is no dynamic model, with `strict`. (Without `strict`, gains are then not checked.)
     """
     inertia, source = rotor_inertia(robot_hw, rotors, joints)
     period = robot_hw.period

@@ -16,7 +16,7 @@ from urdf_to_osim.prepare import ILLEGAL, ConversionPlan, prepare
 
 @dataclass(frozen=True)
 class JointMap:
-    """Where a joint of the description is in the OpenSim model.
+    """Counterpart of a joint of the description in the OpenSim model.
 
     Attributes:
         kind: URDF type of the joint.
@@ -36,7 +36,7 @@ class JointMap:
 
 @dataclass(frozen=True)
 class FrameMap:
-    """Where a link of the description is in the OpenSim model: `path` of a frame with the link's origin and axes."""
+    """Counterpart of a link of the description in the OpenSim model: `path` of a frame with its origin and axes."""
 
     path: str
 

@@ -85,8 +85,7 @@ def physics_arguments() -> list[Argument]:
             "--friction",
             group=PHYSICS,
             choices=("none", "identified"),
-            help="joint friction in the physics; --realism sets the share that the control box compensates (default: "
-            "as --realism sets it)",
+            help="joint friction in the physics; --realism sets the default and the share that the box compensates",
         ),
         Argument(
             "--realism",
@@ -98,10 +97,7 @@ def physics_arguments() -> list[Argument]:
             "{preset: measured, dq_noise: 0} (default: %(default)s)",
         ),
         Argument(
-            "--no-collision",
-            group=PHYSICS,
-            action="store_true",
-            help="let the arm pass through itself and through objects",
+            "--no-collision", group=PHYSICS, action="store_true", help="let the arm pass through itself and objects"
         ),
         Argument(
             "--world",

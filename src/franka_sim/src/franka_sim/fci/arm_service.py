@@ -33,8 +33,8 @@ _MESSAGE_ID = struct.Struct("<Q")
 class ArmService(Service):
     """Service at the arm's port.
 
-    A command must answer the last state sent; commands for older states and repeated ones are dropped (libfranka, "the
-    command is dropped if it is late").
+    A command must refer to the last state sent; commands for older states and repeated ones are dropped (libfranka,
+    "the command is dropped if it is late").
 
     Args:
         selector: selector of the server.
@@ -86,7 +86,7 @@ class ArmService(Service):
 
     @property
     def phase(self) -> MotionPhase:
-        """Present phase of the motion, which tells the clock what to wait for."""
+        """Present phase of the motion, by which the clock decides what to wait for."""
         if self._moving is None:
             return MotionPhase.IDLE
         if self._command is not None:
@@ -185,7 +185,7 @@ class ArmService(Service):
     def _when_done(
         self, waiting: list[FciMessage], message: FciMessage, outcome: RequestOutcome
     ) -> RequestOutcome | None:
-        """Delay the response to a stop or recovery until it has ended; an aborted Move is answered first."""
+        """Delay the response to a stop or recovery until it has ended; an aborted Move gets its response first."""
         if outcome is not RequestOutcome.SUCCESS:
             return outcome
         waiting.append(message)

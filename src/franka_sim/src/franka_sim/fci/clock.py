@@ -21,7 +21,7 @@ Project default, unconfirmed.
 FIRST_WAIT = 0.05
 """Wall time between states before the first command of a motion [s], doubled each time up to PATIENCE.
 
-The waits begin after the two states that the client needs. The client's first command then always answers the newest
+The waits begin after the two states that the client needs. The client's first command then always refers to the newest
 state, however long it takes to compute, and every motion starts in the same way.
 """
 STATES_BEFORE_FIRST = 2
@@ -54,7 +54,7 @@ class CycleClock(ABC):
 class PeriodicClock(CycleClock):
     """Clock that starts a cycle in each period of wall time, whether or not the client keeps up.
 
-    If this process is delayed, robot time stands still meanwhile, so no burst of states follows.
+    If this process is delayed, robot time stops meanwhile, so no burst of states follows.
 
     Args:
         real_time_factor: robot time per wall time, above 0.

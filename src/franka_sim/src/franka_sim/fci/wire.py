@@ -164,7 +164,7 @@ class CommandCodec:
         self._torque_flag = torque_flag
 
     def decode(self, datagram: bytes) -> tuple[int, MotionCommand]:
-        """Decode a datagram; return the message_id of the state that it answers, and the command."""
+        """Decode a datagram; return the message_id of the state to which it refers, and the command."""
         values = self._struct.unpack(datagram)
         elbow = (values[37], values[38]) if values[39] else None
         finished = bool(values[40]) or (self._torque_flag and bool(values[48]))

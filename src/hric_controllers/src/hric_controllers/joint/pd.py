@@ -75,7 +75,7 @@ class LiveGains:
         return result
 
     def requested(self, values: ParameterValues) -> PdGains:
-        """Return the gains that changed live parameters ask for, without applying them; `values`: in range."""
+        """Return the gains that result from changed live parameters, without applying them; `values`: in range."""
         before = self.values()
         return PdGains(self._gains("kp", before, values), self._gains("kd", before, values))
 
