@@ -25,7 +25,7 @@ STOP, RECOVER_V5, LIBRARY, URDF = 2, 12, 13, 11
 
 
 class Recorder(ConstantDevice):
-    """Keeps the commands that it was given."""
+    """Device that stores the commands that it gets."""
 
     def __init__(self) -> None:
         super().__init__()

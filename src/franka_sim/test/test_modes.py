@@ -12,7 +12,7 @@ from hric_core.errors import HricError, ResourceConflictError
 
 
 class Law(Controller):
-    """Claims what its parameters say, writes a constant command."""
+    """Controller that claims the resources in its parameters and writes a constant command."""
 
     def init(self, robot_hw, root_node, controller_node) -> None:
         interface = {
