@@ -1,4 +1,4 @@
-"""Cartesian impedance on the simulated arm: what a spring, a damper and a null space must do."""
+"""Cartesian impedance on the simulated arm behaves as a spring, a damper and a null-space posture."""
 
 import itertools
 import logging

@@ -1,4 +1,4 @@
-"""The targets that a marker's samples give, and when they give none."""
+"""Targets that follow from marker samples, and the samples from which none follows."""
 
 import dataclasses
 import itertools

@@ -27,7 +27,7 @@ def motive(up="y", faults=None, source=MOVING, **settings):
 
 
 def way(bench):
-    """Of the setpoint from the start, shape (n, 3) [m]."""
+    """Return the displacement of the desired position from the start, shape (n, 3) [m]."""
     return bench.desired - bench.desired[0]
 
 
