@@ -1,4 +1,4 @@
-"""What the plant refuses, and how it says so."""
+"""Errors of the plant, and their texts."""
 
 import pytest
 from two_link import two_link_urdf
