@@ -25,6 +25,7 @@ MOVED = {
     "hric_experiments.simulation": "Simulation",
     "hric_experiments.sweep.definition": "load",
     "hric_human.control.marked_body": "MarkedBody",
+    "hric_human.muscles.fatigue": "Fatigue",
 }
 """A name defined in each moved module, by the former path of the module."""
 

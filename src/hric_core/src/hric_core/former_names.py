@@ -34,6 +34,7 @@ FORMER = {
     "hric_experiments.sweep_page": "hric_sweep.page",
     "hric_human.control.marked_body": "hric_human.control.marker_model",
     "hric_human.control.surroundings": "hric_human.control.human_control",
+    "hric_human.muscles.fatigue": "hric_assessment.ergonomics.fatigue",
 }
 """Present import path of packages and modules by their former path.
 
