@@ -1,4 +1,4 @@
-"""Parameters shared by several controllers, checks of joint setpoints, and the throttle of publishers."""
+"""Parameters shared by several controllers, and checks of joint setpoints."""
 
 import math
 from collections.abc import Sequence
@@ -92,31 +92,3 @@ def initial_setpoint(
         return None if values is None else check_setpoint(values, joints, ranges)
     except CommandError as error:
         raise ParameterError(f"{where}: {error}") from None
-
-
-class Throttle:
-    """Throttle to a fixed rate of robot time, without drift.
-
-    Args:
-        rate: [Hz]; 0 means never.
-    """
-
-    __slots__ = ("_next", "_period")
-
-    def __init__(self, rate: float) -> None:
-        self._period = 1.0 / rate if rate > 0.0 else math.inf
-        self._next = -math.inf if rate > 0.0 else math.inf
-
-    def restart(self) -> None:
-        """Make the next call due."""
-        if self._period < math.inf:
-            self._next = -math.inf
-
-    def due(self, time: float) -> bool:
-        """Return True if a period has passed; `time`: robot time [s]."""
-        if time < self._next - 1e-9:
-            return False
-        self._next += self._period
-        if self._next <= time:  # the first call, or the loop was interrupted
-            self._next = time + self._period
-        return True

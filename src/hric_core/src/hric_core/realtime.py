@@ -3,11 +3,12 @@
 In: `LatestValue`. Out: `publisher(...)` returns a `RealtimePublisher`; the loop passes it a function that builds the
 message and its arguments, and the process's `PublishThread` builds and sends it while the loop sleeps; a loop that
 never sleeps calls `hand_over` periodically. `defer(...)` lets the thread make any other call to ROS (the result of an
-action, a log line).
+action, a log line). A `Throttle` tells the loop when a message is due.
 
 On a LocalNode all this happens within the call, so that a headless run is deterministic.
 """
 
+import math
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -50,6 +51,34 @@ class LatestValue(Generic[T]):
     def take_new(self) -> T | None:
         """Return the newest value if it was set since the last call, else None. For one reader."""
         return self._new.popleft() if self._new else None
+
+
+class Throttle:
+    """Throttle to a fixed rate of robot time, without drift.
+
+    Args:
+        rate: [Hz]; 0 means never.
+    """
+
+    __slots__ = ("_next", "_period")
+
+    def __init__(self, rate: float) -> None:
+        self._period = 1.0 / rate if rate > 0.0 else math.inf
+        self._next = -math.inf if rate > 0.0 else math.inf
+
+    def restart(self) -> None:
+        """Make the next call due."""
+        if self._period < math.inf:
+            self._next = -math.inf
+
+    def due(self, time: float) -> bool:
+        """Return True if a period has passed; `time`: robot time [s]."""
+        if time < self._next - 1e-9:
+            return False
+        self._next += self._period
+        if self._next <= time:  # the first call, or the loop was interrupted
+            self._next = time + self._period
+        return True
 
 
 class RealtimePublisher:

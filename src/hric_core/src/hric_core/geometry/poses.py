@@ -30,6 +30,12 @@ def pose_of_transform(T_a_b: FloatArray) -> Pose:
     return Pose(tuple(T_a_b[:3, 3].tolist()), quaternion_from_rotation(T_a_b[:3, :3]))
 
 
+def pose_of_column_major(T_a_b: Sequence[float]) -> Pose:
+    """Return a column-major transform, 16 floats, as a pose; the largest component of its quaternion is positive."""
+    r00, r10, r20, _, r01, r11, r21, _, r02, r12, r22, _, x, y, z = T_a_b[:15]
+    return Pose((x, y, z), quaternions.from_elements(r00, r01, r02, r10, r11, r12, r20, r21, r22))
+
+
 def transformed(T_a_b: Pose, p_b: Vector) -> Vector:
     """Return a point of frame b in frame a."""
     x, y, z = quaternions.rotated(T_a_b.orientation, p_b)
