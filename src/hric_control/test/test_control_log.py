@@ -12,9 +12,10 @@ class Recorder:
         self.messages = []
         self.states = JointStates(["a", "b"])
         self.row = ["effort", "effort"], [0.0, 0.0], [0.0, 0.0]
-        self.log = ControlLog(
-            self.states, lambda: self.row, lambda build, *args: self.messages.append(build(*args)), stamps.to_time
-        )
+        self.log = ControlLog(self.states, lambda: self.row, self, stamps.to_time)
+
+    def publish(self, build, *args):
+        self.messages.append(build(*args))
 
     def cycle(self, k):
         self.log.complete()

@@ -3,8 +3,11 @@
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from hric_control.hardware_interface import JointStates
-from hric_control.robot_hw import LogRow
+from hric_control.hardware_interface import JointStateInterface, JointStates
+from hric_control.robot_hw import LogRow, RobotHW
+from hric_core import realtime
+from hric_core.node import Node
+from hric_msgs.msg import ControlLog as ControlLogMessage
 
 BATCH = 20
 """Cycles per message: 50 Hz at 1 kHz."""
@@ -20,7 +23,7 @@ class ControlLog:
     Args:
         states: measured states; copied by `begin`.
         row: the robot's `log_row`.
-        publish: takes a function that builds the message, and its arguments (`RealtimePublisher.publish`).
+        publisher: publisher of the messages; also an attribute.
         stamp: robot time [s] -> stamp of the message.
     """
 
@@ -28,16 +31,22 @@ class ControlLog:
         self,
         states: JointStates,
         row: Callable[[], LogRow],
-        publish: Callable[..., None],
+        publisher: realtime.RealtimePublisher,
         stamp: Callable[[float], Any],
     ) -> None:
-        self._states, self._row, self._publish, self._stamp = states, row, publish, stamp
+        self._states, self._row, self.publisher, self._stamp = states, row, publisher, stamp
         self._names = list(states.names)
         self._first = 0
         self._open = False
         self._kinds: list[str] = []
         self._last_kinds: Sequence[str] | None = None
         self._clear()
+
+    @classmethod
+    def of_robot(cls, hw: RobotHW, node: Node, stamp: Callable[[float], Any]) -> "ControlLog":
+        """Return the log of a robot with joints, on the topic `control_log` of a node."""
+        publisher = realtime.publisher(node, "control_log", ControlLogMessage, lossless=True)
+        return cls(hw.get(JointStateInterface).states, hw.log_row, publisher, stamp)
 
     def _clear(self) -> None:
         self._time: list[float] = []
@@ -102,14 +111,12 @@ class ControlLog:
         values = (self._time, self._position, self._velocity, self._effort, self._raw, self._sent)
         names, kinds, stamp = self._names, self._kinds, self._stamp
         self._clear()
-        self._publish(_message, names, kinds, first, stamp(values[0][0]), values)
+        self.publisher.publish(_message, names, kinds, first, stamp(values[0][0]), values)
 
 
 def _message(names: list[str], kinds: list[str], first: int, stamp: Any, values: tuple[list[float], ...]) -> Any:
-    from hric_msgs.msg import ControlLog as Message
-
     # Fields are set one by one: constructors with arguments check them all and cost three times as much.
-    message = Message()
+    message = ControlLogMessage()
     message.joint_names, message.command_interface = names, kinds
     message.first_cycle, message.n_cycles = first, len(values[0])
     message.time, message.position, message.velocity, message.effort, message.command_raw, message.command = values
