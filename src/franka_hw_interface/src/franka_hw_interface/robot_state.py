@@ -168,6 +168,11 @@ class RobotState:
     current_errors: Errors = NO_ERRORS
     last_motion_errors: Errors = NO_ERRORS
 
+    @property
+    def idle(self) -> bool:
+        """True if the arm is ready for a motion."""
+        return self.robot_mode is RobotMode.IDLE
+
     def snapshot(self) -> "RobotState":
         """Return a copy that later cycles do not change; fields computed on demand are computed now."""
         values = {name: getattr(self, name) for name in FIELD_NAMES}

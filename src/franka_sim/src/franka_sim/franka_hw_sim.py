@@ -3,20 +3,17 @@
 from collections.abc import Sequence
 
 from franka_hw_interface.arm_parameters import read_limits
-from franka_hw_interface.arm_services import ArmServices
 from franka_hw_interface.command_set import CommandSet
 from franka_hw_interface.commanded_arm import CommandedArm
 from franka_hw_interface.modes import HOLD, ArmMode, Kind
 from franka_hw_interface.robot_state import RobotMode
 from franka_sim import sensors, settings
-from franka_sim.box.compiled_arm import CompiledArm
-from franka_sim.box.control_box import ControlBox
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MoveRequest, RequestOutcome
 from franka_sim.box_adapter import BoxAdapter
+from franka_sim.box_setup import set_up_box
 from hric_control.limits import check_start
 from hric_control.robot_hw import OnCycle
 from hric_control.sim.simulated_robot import SimulatedRobot
-from hric_core import realtime
 from hric_core.errors import HricError
 from hric_core.node import Node
 
@@ -69,20 +66,14 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
         with self._new_plant(node, realism.body(self.description, self.arm_id), names, plant_config):
             period, states = self.plant.time_step, self.states
             config = parameters.box(plant_config, names, period, realism)
-            compiled = CompiledArm(self.description, self.arm_id, config.min_singular_value)
-            self.box = ControlBox(self.model, compiled, config, self._report)
+            self.box = set_up_box(node, parameters, config, self.model, self.description, self._warn)
             self.robot_state = self.box.state
             self._read_state = sensors.attach(self.plant, self.box, realism, plant_config.get("seed", 0))
-            settings.set_internal_impedance(node, parameters.internal_impedance.stiffness, self.box.joint_impedance)
             self._commands = CommandSet(self.arm_id, states, self.robot_state, limits, period, parameters.rate_limits)
             self.mode, self._requested, self._restart = HOLD, HOLD, False
             self._register(self.model)
             self._put(self.q_start, self._reset_plant)
-            self._services = ArmServices(BoxAdapter(self.loop, self.box, self.recover), root_node)
-
-    def _report(self, text: str) -> None:
-        """Log a report of the box, outside of the loop."""
-        realtime.defer(self._node, lambda: self._node.log_warn(text), "log")
+            self._serve(BoxAdapter(self.loop, self.box, self.recover), root_node)
 
     @property
     def _running(self) -> bool:
@@ -142,8 +133,7 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
 
     def recover(self) -> None:
         """Run automatic error recovery, in the loop; the aborted motion starts again, and its controllers restart."""
-        if self.mode.commanded:
-            raise HricError("the arm is moving: there is nothing to recover from")
+        self._refuse_recovery_in_motion()
         outcome = self.box.recover()
         if outcome is not RequestOutcome.SUCCESS:
             raise HricError(f"recovery is refused: {outcome.value} ({self.robot_state.robot_mode.name.lower()})")

@@ -6,7 +6,7 @@ import threading
 from dataclasses import dataclass
 from typing import Any
 
-from franka_sim.fci.arm_device import build_arm
+from franka_sim.fci.arm_building import build_arm
 from franka_sim.fci.epoch import Epoch
 from franka_sim.fci.robots import ROBOTS
 from franka_sim.fci.server import FciServer
