@@ -18,7 +18,7 @@ from franka_hw_interface.robot_state import RobotState
 from hric_controllers.cartesian import law as cartesian_law
 from hric_core import plugins
 from hric_core.errors import HricError
-from hric_core.geometry import Pose, pose_of_column_major, quaternions
+from hric_core.geometry import Pose, quaternions
 from hric_core.geometry.poses import difference
 
 NAME = "cartesian_impedance_controller"
@@ -32,7 +32,7 @@ def rig(**changes):
 
 
 def pose_of(state):
-    return pose_of_column_major(state.O_T_EE)
+    return Pose.of_column_major(state.O_T_EE)
 
 
 def displacement(bench, before):

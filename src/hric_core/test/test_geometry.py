@@ -222,6 +222,6 @@ def test_a_rotation_about_an_axis_in_column_major_order_gives_its_quaternion(axi
     T[4 * i + j], T[4 * j + i] = math.sin(angle), -math.sin(angle)
     expected = [0.0, 0.0, 0.0, math.cos(angle / 2)]
     expected[axis] = math.sin(angle / 2)
-    found = poses.pose_of_column_major(T).orientation
+    found = Pose.of_column_major(T).orientation
     sign = 1 if sum(a * b for a, b in zip(found, expected, strict=True)) > 0 else -1
     assert [sign * value for value in found] == pytest.approx(expected, abs=1e-7)

@@ -1,7 +1,6 @@
 """Franka arm through libfranka as a RobotHW."""
 
 from collections.abc import Sequence
-from contextlib import AbstractContextManager
 from typing import Any
 
 from franka_hw_interface.arm_parameters import read_limits
@@ -108,7 +107,9 @@ class FrankaHW(CommandedArm):
         self._in_run = True
         with self._requests.served_here():
             try:
-                with priority_kept(), self._realtime() as measures:
+                config = self._settings
+                measured = realtime(config.realtime_priority, config.lock_memory, config.switch_interval)
+                with priority_kept(), measured as measures:
                     self._report_measures(measures)
                     if self._watchdog is not None:
                         self._watchdog.arm()
@@ -122,10 +123,6 @@ class FrankaHW(CommandedArm):
                 if self._watchdog is not None:
                     self._watchdog.disarm()
                 self._in_run = self._stop = False
-
-    def _realtime(self) -> AbstractContextManager[list[Measure]]:
-        config = self._settings
-        return realtime(config.realtime_priority, config.lock_memory, config.switch_interval)
 
     def _report_measures(self, measures: Sequence[Measure]) -> None:
         self._node.log_info(f"real time: {'; '.join(measure.text for measure in measures if measure.done)}")

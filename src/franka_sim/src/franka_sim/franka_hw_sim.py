@@ -6,11 +6,11 @@ from franka_hw_interface.arm_parameters import read_limits
 from franka_hw_interface.command_set import CommandSet
 from franka_hw_interface.commanded_arm import CommandedArm
 from franka_hw_interface.modes import HOLD, ArmMode, Kind
-from franka_hw_interface.robot_state import RobotMode
 from franka_sim import sensors, settings
+from franka_sim.box.compiled_arm import CompiledArm
+from franka_sim.box.control_box import ControlBox
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MoveRequest, RequestOutcome
 from franka_sim.box_adapter import BoxAdapter
-from franka_sim.box_setup import set_up_box
 from hric_control.limits import check_start
 from hric_control.robot_hw import OnCycle
 from hric_control.sim.simulated_robot import SimulatedRobot
@@ -66,9 +66,11 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
         with self._new_plant(node, realism.body(self.description, self.arm_id), names, plant_config):
             period, states = self.plant.time_step, self.states
             config = parameters.box(plant_config, names, period, realism)
-            self.box = set_up_box(node, parameters, config, self.model, self.description, self._warn)
+            compiled = CompiledArm(self.description, self.arm_id, config.min_singular_value)
+            self.box = ControlBox(self.model, compiled, config, self._warn)
             self.robot_state = self.box.state
             self._read_state = sensors.attach(self.plant, self.box, realism, plant_config.get("seed", 0))
+            settings.set_internal_impedance(node, parameters.internal_impedance.stiffness, self.box.joint_impedance)
             self._commands = CommandSet(self.arm_id, states, self.robot_state, limits, period, parameters.rate_limits)
             self.mode, self._requested, self._restart = HOLD, HOLD, False
             self._register(self.model)
@@ -120,7 +122,7 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
         command = self._commands.limited_command(mode)
         command.finished = self._requested is not mode
         self.plant.apply(box.write(command))
-        if self.robot_state.robot_mode is not RobotMode.MOVE:
+        if not self.robot_state.moving:
             self._end()
 
     def _end(self) -> None:

@@ -11,12 +11,12 @@ from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.limits import franka_limits
 from franka_hw_interface.rate_limits import RateLimits
 from franka_sim.box.config import BoxConfig, CollisionBehavior
-from franka_sim.box.internal_impedance import defaults
+from franka_sim.box.internal_impedance import JointImpedanceLaw, defaults
 from franka_sim.realism import IDEAL, Realism, parse
 from hric_control.limits import ENFORCE_LIMITS
 from hric_control.plants import GRAVITY, rotor_inertia
 from hric_control.sim.sim_loop import REAL_TIME_FACTOR
-from hric_core.errors import DescriptionError, ParameterError, UnknownNameError
+from hric_core.errors import CommandError, DescriptionError, ParameterError, UnknownNameError
 from hric_core.node import Node
 from hric_core.parameters import Settings, anything, flag, mapping, number, numbers, per_joint, section, text
 
@@ -135,3 +135,18 @@ def make_model(node: Node, urdf_xml: str, arm_id: str, plant: Mapping[str, objec
             f"the joints are {', '.join(model.joint_names)}; those of a Franka arm {arm_id} are {', '.join(expected)}"
         )
     return model
+
+
+def set_internal_impedance(node: Node, stiffness: Sequence[float], law: JointImpedanceLaw) -> None:
+    """Set the stiffness of the internal joint impedance [N m/rad]; log gains lowered for stability."""
+    requested = list(stiffness)
+    try:
+        law.set_stiffness(requested)
+    except CommandError as error:
+        raise ParameterError(f"{node.resolve('internal_impedance/stiffness')}: {error}") from None
+    if law.stiffness != requested:
+        lowered = ", ".join(f"{k:.0f}/{d:.1f}" for k, d in zip(law.stiffness, law.damping, strict=True))
+        node.log_info(
+            "internal impedance lowered to gains that are stable with this time step and rotor inertia, K/D per joint: "
+            f"{lowered}"
+        )

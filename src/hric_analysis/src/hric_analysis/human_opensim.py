@@ -11,8 +11,7 @@ from hric_bags.export.opensim_text import write_storage
 from hric_bags.files import atomic
 from hric_bags.records.human_record import HumanRecord
 from hric_bags.run_file import NodeParameters
-from hric_core.geometry import Pose, homogeneous
-from hric_core.geometry.transforms import rotation_from_quaternion
+from hric_core.geometry import Pose
 from hric_core.urdf import write_origin
 from hric_human.body import describe
 from hric_human.muscles.choose import find
@@ -69,7 +68,7 @@ def _standing(urdf: str, root: Pose) -> str:
     joint = SubElement(robot, "joint", name="world_to_human", type="fixed")
     SubElement(joint, "parent", link="world")
     SubElement(joint, "child", link="human_base")
-    write_origin(joint, homogeneous(rotation_from_quaternion(root.orientation), root.position))
+    write_origin(joint, root.transform())
     return ElementTree.tostring(robot, encoding="unicode")
 
 

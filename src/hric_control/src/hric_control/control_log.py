@@ -3,8 +3,8 @@
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from hric_control.hardware_interface import JointStateInterface, JointStates
-from hric_control.robot_hw import LogRow, RobotHW
+from hric_control.hardware_interface import JointStateInterface
+from hric_control.robot_hw import RobotHW
 from hric_core import realtime
 from hric_core.node import Node
 from hric_msgs.msg import ControlLog as ControlLogMessage
@@ -21,32 +21,23 @@ class ControlLog:
     on a robot that drives its own loop.
 
     Args:
-        states: measured states; copied by `begin`.
-        row: the robot's `log_row`.
-        publisher: publisher of the messages; also an attribute.
+        hw: robot, initialised, with joints; its states are copied by `begin`.
+        node: node that advertises `control_log`.
         stamp: robot time [s] -> stamp of the message.
+
+    Attributes:
+        publisher: publisher of the messages.
     """
 
-    def __init__(
-        self,
-        states: JointStates,
-        row: Callable[[], LogRow],
-        publisher: realtime.RealtimePublisher,
-        stamp: Callable[[float], Any],
-    ) -> None:
-        self._states, self._row, self.publisher, self._stamp = states, row, publisher, stamp
-        self._names = list(states.names)
+    def __init__(self, hw: RobotHW, node: Node, stamp: Callable[[float], Any]) -> None:
+        self._states, self._row, self._stamp = hw.get(JointStateInterface).states, hw.log_row, stamp
+        self.publisher = realtime.publisher(node, "control_log", ControlLogMessage, lossless=True)
+        self._names = list(self._states.names)
         self._first = 0
         self._open = False
         self._kinds: list[str] = []
         self._last_kinds: Sequence[str] | None = None
         self._clear()
-
-    @classmethod
-    def of_robot(cls, hw: RobotHW, node: Node, stamp: Callable[[float], Any]) -> "ControlLog":
-        """Return the log of a robot with joints, on the topic `control_log` of a node."""
-        publisher = realtime.publisher(node, "control_log", ControlLogMessage, lossless=True)
-        return cls(hw.get(JointStateInterface).states, hw.log_row, publisher, stamp)
 
     def _clear(self) -> None:
         self._time: list[float] = []

@@ -92,12 +92,10 @@ class RobotApp:
         counted = self.hw.limiter_counts() is not None
         self._counts = LimitCounts.publisher(root) if counted else None
         logged = self._settings.control_log and self.hw.log_row()[0]
-        self.log = ControlLog.of_robot(self.hw, root, self._clock.stamp) if logged else None
+        self.log = ControlLog(self.hw, root, self._clock.stamp) if logged else None
         period = self.hw.period
-        self._clock_cycles, self._counts_cycles = (
-            max(1, round(CLOCK_PERIOD / period)),
-            max(1, round(COUNTS_PERIOD / period)),
-        )
+        self._clock_cycles = max(1, round(CLOCK_PERIOD / period))
+        self._counts_cycles = max(1, round(COUNTS_PERIOD / period))
         self.manager = ControllerManager(self.hw, root)
         self.manager.loop_running = self._live
         offered = ScopedNode(root)

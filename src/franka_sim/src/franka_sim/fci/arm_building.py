@@ -6,15 +6,15 @@ from dataclasses import replace
 from xml.etree import ElementTree
 
 from franka_sim import sensors
-from franka_sim.box_setup import set_up_box
+from franka_sim.box.compiled_arm import CompiledArm
+from franka_sim.box.control_box import ControlBox
 from franka_sim.fci.arm_device import ArmDevice
 from franka_sim.fci.clock import PERIOD
 from franka_sim.fci.complaints import LOG
 from franka_sim.fci.robots import MAX_LOST_PACKETS, RobotKind
-from franka_sim.gripper import Gripper
 from franka_sim.model_library import library_for
 from franka_sim.realism import Realism, parse
-from franka_sim.settings import BoxSettings, make_model
+from franka_sim.settings import BoxSettings, make_model, set_internal_impedance
 from hric_control.sim.participants import Participants
 from hric_core import plugins
 from hric_core.errors import ParameterError
@@ -55,12 +55,14 @@ def build_arm(
         config = replace(
             settings.box(plant_config, names, PERIOD, realism), limits=robot.limits(), max_lost_packets=max_lost_packets
         )
-        box = set_up_box(node, settings, config, model, urdf_xml, lambda text: LOG.warning("%s", text))
+        compiled = CompiledArm(urdf_xml, arm_id, config.min_singular_value)
+        box = ControlBox(model, compiled, config, lambda text: LOG.warning("%s", text))
+        set_internal_impedance(node, settings.internal_impedance.stiffness, box.joint_impedance)
         read_state = sensors.attach(plant, box, realism, plant_config.get("seed", 0))
         participants = Participants(plant, node)
         held.callback(participants.close)
         library = library_for(urdf_xml, arm_id)
-        hand = Gripper() if _has_hand(urdf_xml, arm_id) else None
+        hand = _has_hand(urdf_xml, arm_id)
         arm = ArmDevice(plant, participants, box, robot.served_urdf, library, settings.q_start, hand, read_state)
         held.pop_all()
     return arm

@@ -29,12 +29,13 @@ class ArmDevice:
         urdf: function that returns the arm's description for clients.
         model_library: compiled model of protocol 5.
         q: pose at the start and after `reset`, 7 floats [rad].
-        hand: hand at the flange, or None.
+        hand: True if there is a hand at the flange.
         read_state: function that reads the plant through the sensors; None: without noise.
 
     Attributes:
         state: state of the box.
-        plant, participants, box, hand: as in Args.
+        plant, participants, box: as in Args.
+        hand: hand at the flange, or None.
         on_cycle: callback at the end of each cycle, with robot time, before the state is sent.
     """
 
@@ -46,10 +47,11 @@ class ArmDevice:
         urdf: Callable[[], str],
         model_library: bytes,
         q: Sequence[float],
-        hand: Gripper | None = None,
+        hand: bool = False,
         read_state: sensors.ReadState | None = None,
     ) -> None:
-        self.plant, self.participants, self.box, self.hand, self.state = plant, participants, box, hand, box.state
+        self.plant, self.participants, self.box, self.state = plant, participants, box, box.state
+        self.hand = Gripper() if hand else None
         self.on_cycle: Callable[[float], None] | None = None
         self._read_state = read_state or plant.read_state
         self._codec: StateCodec | None = None

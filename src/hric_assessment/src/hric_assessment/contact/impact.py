@@ -20,8 +20,7 @@ from hric_control.plant import Surface
 from hric_control.plants import PlantConfig, Surfaces, combine, load_surfaces
 from hric_core import urdf
 from hric_core.errors import HricError, check_known
-from hric_core.geometry import homogeneous
-from hric_core.geometry.transforms import inverse, rotation_from_quaternion
+from hric_core.geometry.transforms import inverse
 from hric_dynamics.tree import Tree
 from hric_human.body import describe, surfaces
 from hric_human.contact import RegionContact
@@ -240,7 +239,7 @@ class ClosedFormModels:
         if settings.walk is not None and human.root is None:
             raise HricError(f"where the walking person was is not recorded: {human.name}/root")
         root = settings.root(body)
-        T_world_root = homogeneous(rotation_from_quaternion(root.orientation), root.position)
+        T_world_root = root.transform()
         described, joints, self._human_q = body.urdf, human.joints, human.position
         if settings.walk is not None and human.root is not None:  # the root joints of the walking person yield, too
             described, joints = Walk(settings.walk, body, settings.heading).urdf, (*JOINTS, *human.joints)

@@ -24,6 +24,7 @@ from hric_human.contact import RegionContact
 
 GRIP_TYPE, TORQUE_TYPE = "hric_msgs/msg/HumanGrip", "hric_msgs/msg/JointTorque"
 EVENT_TYPE = "hric_msgs/msg/HumanEvent"
+TYPES = (GRIP_TYPE, TORQUE_TYPE, EVENT_TYPE, CONTACTS_TYPE)
 REAL = "/hric/person/"
 """Part of the topics of a real person in front of the cameras, which are none of the simulated human."""
 

@@ -3,7 +3,6 @@
 Import them from this module, except `faces` (contact areas of two shapes) and `resources` (files).
 """
 
-from hric_control.plant import Surface
 from hric_control.plants.bushings import BushingLaw, Bushings, LinkMotion
 from hric_control.plants.config import GRAVITY, PlantConfig, WindowlessConfig, rotor_inertia
 from hric_control.plants.divergence import DivergedError, Divergence
@@ -51,7 +50,6 @@ __all__ = [
     "Springs",
     "StopLaw",
     "StopMemory",
-    "Surface",
     "SurfaceRule",
     "Surfaces",
     "WindowlessConfig",

@@ -19,7 +19,7 @@ from hric_controllers.cartesian.workspace import JumpSettings, check_equilibrium
 from hric_controllers.dynamics import added_gravity, rotor_inertia
 from hric_core import realtime
 from hric_core.errors import CommandError
-from hric_core.geometry import Pose, pose_of_column_major, stamped
+from hric_core.geometry import Pose, stamped
 from hric_core.node import Node, ParameterValues
 
 
@@ -107,7 +107,7 @@ class CartesianImpedanceController(Controller):
         q = self._group.positions()
         self._take_gains()
         self._start_input()
-        self._law.start(pose_of_column_major(self._robot.O_T_EE), q if self._posture is None else self._posture)
+        self._law.start(Pose.of_column_major(self._robot.O_T_EE), q if self._posture is None else self._posture)
         self._last: FloatArray = np.array(self._gravity(q)) if self._gravity else np.zeros(7)
         self._state_time.restart()
         self._running = True
@@ -118,7 +118,7 @@ class CartesianImpedanceController(Controller):
         self._lead(time, period)
         self._take_gains()
         law.advance(period, self._scale.value)
-        measured = pose_of_column_major(self._robot.O_T_EE)
+        measured = Pose.of_column_major(self._robot.O_T_EE)
         mass = model.mass() + self._rotors
         tau = law.torque(
             measured,

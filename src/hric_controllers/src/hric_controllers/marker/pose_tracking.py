@@ -16,7 +16,7 @@ from hric_controllers.marker.parameters import TrackingSettings
 from hric_controllers.marker.sample import MarkerSample, subscribe_markers
 from hric_core import realtime
 from hric_core.errors import CommandError, HricError
-from hric_core.geometry import Pose, pose_of_column_major, quaternions, stamped
+from hric_core.geometry import Pose, quaternions, stamped
 from hric_core.node import Node
 from hric_msgs.msg import MarkerTrackingState
 
@@ -93,7 +93,7 @@ class PoseTracking:
         Raises:
             HricError: the pose is outside of the workspace; the first target would pull it in at once.
         """
-        start, box = pose_of_column_major(O_T_EE), self._settings.workspace
+        start, box = Pose.of_column_major(O_T_EE), self._settings.workspace
         if not box.contains(start.position):
             raise HricError(
                 f"the end effector is at {_text(start.position)}, outside of the workspace ({box}); move it in, or "
@@ -207,7 +207,7 @@ class PoseTracking:
         here, counts = self._here(), self._follower.counts
         target = Pose(here.position, self._rotated(here.rotation))
         counted = counts.losses, self._ignored, counts.clamped, dict(counts.refused)
-        values = self._follower.tracking.value, target, self.pose, self.twist, pose_of_column_major(O_T_EE), counted
+        values = self._follower.tracking.value, target, self.pose, self.twist, Pose.of_column_major(O_T_EE), counted
         self._state.publish(tracking_state, self._node.now(), self._base, *values)
 
 

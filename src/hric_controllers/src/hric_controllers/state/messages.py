@@ -13,7 +13,7 @@ from tf2_msgs.msg import TFMessage
 
 from franka_hw_interface.robot_state import FIELD_NAMES, RobotState
 from franka_msgs.msg import Errors, FrankaState
-from hric_core.geometry import pose_of_column_major, stamped
+from hric_core.geometry import Pose, stamped
 
 _PLAIN = tuple(name for name in FIELD_NAMES if name not in ("current_errors", "last_motion_errors", "robot_mode"))
 
@@ -44,7 +44,7 @@ def end_effector_frames(
     return TFMessage(
         [
             stamped.transform_stamped(
-                stamped.header(stamp, f"{arm_id}_{parent}"), f"{arm_id}_{child}", pose_of_column_major(T)
+                stamped.header(stamp, f"{arm_id}_{parent}"), f"{arm_id}_{child}", Pose.of_column_major(T)
             )
             for parent, child, T in chain
         ]

@@ -9,17 +9,7 @@ Import types, constants, and the functions that create and join them, from here,
 """
 
 from hric_core.geometry.inertia import MassProperties, judge, steiner_term, tensor
-from hric_core.geometry.poses import (
-    ORIGIN,
-    UP_AXES,
-    Pose,
-    Track,
-    compose,
-    minimum_jerk,
-    pose_of_column_major,
-    pose_of_transform,
-    transformed,
-)
+from hric_core.geometry.poses import ORIGIN, UP_AXES, Pose, Track, compose, minimum_jerk, pose_of_transform, transformed
 from hric_core.geometry.quaternions import IDENTITY, Quaternion, Vector, from_rotation_vector, normalized
 from hric_core.geometry.transforms import FloatArray, homogeneous, quaternion_from_rotation, transform_from_rpy
 
@@ -39,7 +29,6 @@ __all__ = [
     "judge",
     "minimum_jerk",
     "normalized",
-    "pose_of_column_major",
     "pose_of_transform",
     "quaternion_from_rotation",
     "steiner_term",

@@ -1,19 +1,20 @@
 """True motion of the emulated human on topics, in addition to the measured motion."""
 
 from geometry_msgs.msg import PoseStamped
-from std_msgs.msg import String
+from std_msgs.msg import Header, String
 
 from hric_core.geometry import stamped
 from hric_core.node import Node
 from hric_core.robot_time import stamps
 from hric_human.hand import Hand
+from hric_perception.replayed import START_TOPIC
 
 RATE = 100.0
 """Rate of the hand's pose [Hz]."""
 
 
 class Truth:
-    """Publisher of `hric/human/hand` at RATE and `hric/human/phase` on change; called from one thread.
+    """Publisher of `hric/human/hand` at RATE, `hric/human/phase` on change, and the start; called from one thread.
 
     Args:
         node: node that publishes.
@@ -25,7 +26,12 @@ class Truth:
         self._hand, self._frame, self._published = hand, frame, ""
         self._poses = node.advertise(node.beside("hric/human/hand"), PoseStamped, queue_size=100)
         self._phases = node.advertise(node.beside("hric/human/phase"), String, queue_size=10, latch=True)
+        self._starts = node.advertise(node.beside(START_TOPIC), Header, latch=True)
         self._next: int | None = None
+
+    def started(self, time: float) -> None:
+        """Publish the start of the motion, time of the run [s]; from any thread."""
+        self._starts.publish(stamped.header(stamps.to_time(time), ""))
 
     @property
     def next(self) -> float:

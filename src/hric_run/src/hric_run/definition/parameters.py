@@ -58,10 +58,9 @@ def human_description(experiment: Experiment) -> str:
     if experiment.human is None:
         raise ExperimentError(f"experiment {experiment.name}: there is no human; valid: a section {HUMAN!r}")
     # Imported only for runs with a human.
-    from hric_human.body import describe
     from hric_human.participant.settings import HumanSettings
 
-    return describe(HumanSettings.of(experiment.human, HUMAN).person).urdf
+    return HumanSettings.of(experiment.human, HUMAN).body().urdf
 
 
 def human_muscles(experiment: Experiment) -> dict[str, list[list[Any]]]:
@@ -70,17 +69,14 @@ def human_muscles(experiment: Experiment) -> dict[str, list[list[Any]]]:
     Raises:
         HricError: one of the human's parameters is not valid.
     """
-    from hric_human.body import describe
-    from hric_human.muscles.choose import find
-    from hric_human.muscles.lines import muscle_lines
+    from hric_human.participant.muscles import muscle_paths
     from hric_human.participant.settings import MUSCLE, HumanSettings
 
     settings = None if experiment.human is None else HumanSettings.of(experiment.human, HUMAN)
     if settings is None or settings.drive != MUSCLE:
         return {}
-    anatomy = find(settings.muscles.anatomy, f"{HUMAN}.muscles.anatomy")
-    lines = muscle_lines(describe(settings.person), anatomy)
-    return {name: [[link, *p_link] for link, p_link in points] for name, points in lines.items()}
+    paths = muscle_paths(settings, f"{HUMAN}.muscles.")
+    return {name: [[link, *p_link] for link, p_link in points] for name, points in paths.items()}
 
 
 def _description_of(address: str) -> str:
