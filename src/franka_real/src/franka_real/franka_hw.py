@@ -54,7 +54,7 @@ class FrankaHW(CommandedArm):
         limits = read_limits(self.description, root_node, node, self.arm_id, self.model.joint_names)
         self.mode, self.error, self.lost_states = HOLD, "", 0
         self.losses: list[int] = []
-        self._requested, self._stop, self._in_run = HOLD, False, False
+        self._requested, self._stop = HOLD, False
         self._requests = LoopRequests()
         self._robot_time = ArmTime([root_node, node])
         self._connection = connection.open_connection(config)
@@ -81,7 +81,7 @@ class FrankaHW(CommandedArm):
 
     @property
     def _running(self) -> bool:
-        return self._in_run
+        return self._requests.thread is not None
 
     def _check_mode(self, mode: ArmMode) -> None:
         self._arm.check(mode)
@@ -104,7 +104,6 @@ class FrankaHW(CommandedArm):
 
     def run(self, on_cycle: OnCycle) -> None:
         """Follow the arm's clock until `stop` is called. Raises ConnectionLostError when the arm is gone."""
-        self._in_run = True
         with self._requests.served_here():
             try:
                 config = self._settings
@@ -122,7 +121,7 @@ class FrankaHW(CommandedArm):
             finally:
                 if self._watchdog is not None:
                     self._watchdog.disarm()
-                self._in_run = self._stop = False
+                self._stop = False
 
     def _report_measures(self, measures: Sequence[Measure]) -> None:
         self._node.log_info(f"real time: {'; '.join(measure.text for measure in measures if measure.done)}")

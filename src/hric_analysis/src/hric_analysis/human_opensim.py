@@ -13,7 +13,6 @@ from hric_bags.records.human_record import HumanRecord
 from hric_bags.run_file import NodeParameters
 from hric_core.geometry import Pose
 from hric_core.urdf import write_origin
-from hric_human.body import describe
 from hric_human.muscles.choose import find
 from hric_human.muscles.muscle_set import MuscleSet
 from hric_human.muscles.opensim_paths import with_muscles
@@ -41,7 +40,7 @@ def write(folder: Path, section: NodeParameters, record: HumanRecord, gravity: t
         HricError: the files cannot be written.
     """
     settings = HumanSettings.of(section, "human")
-    body = describe(settings.person)
+    body = settings.body()
     urdf = _standing(body.urdf, settings.root(body))
     options = urdf_to_osim.Options(gravity=gravity, inertia="keep", stops=False, friction="none", meshes=False)
     conversion = urdf_to_osim.convert(urdf, options)

@@ -107,17 +107,9 @@ class RobotClock:
         """Return the stamp of a robot time [s], offset by the ROS time at which robot time was 0."""
         return stamps.to_time(time + self._hw.epoch)
 
-    def publish(self, time: float) -> None:
-        """Publish /clock at a robot time [s], except for 0, which in ROS means that there is no time yet."""
-        self._publish(stamps.to_time(time))
-
-    def hold(self) -> None:
-        """Publish the smallest valid time on /clock and a due clock pair, while robot time is held at 0."""
-        self._publish(stamps.FIRST)
-        if self._hw.loop is not None:
-            self.pair_now()
-
-    def _publish(self, stamp: Any) -> None:
+    def publish(self, time: float | None) -> None:
+        """Publish /clock at a robot time [s] but 0, which in ROS is no time yet; None: the smallest that is valid."""
+        stamp = stamps.FIRST if time is None else stamps.to_time(time)
         if self._publisher is None or not stamp:
             return
         if self._on_clock is not None:

@@ -22,11 +22,8 @@ class ControlLog:
 
     Args:
         hw: robot, initialised, with joints; its states are copied by `begin`.
-        node: node that advertises `control_log`.
+        node: node that advertises `control_log`; `publisher` is an attribute.
         stamp: robot time [s] -> stamp of the message.
-
-    Attributes:
-        publisher: publisher of the messages.
     """
 
     def __init__(self, hw: RobotHW, node: Node, stamp: Callable[[float], Any]) -> None:

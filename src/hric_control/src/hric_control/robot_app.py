@@ -171,7 +171,9 @@ class RobotApp:
                         f"nobody listens to control_log after {timeout:g} s: the run begins without a recording of it"
                     )
                     return
-                self._clock.hold()
+                self._clock.publish(None)
+                if self.simulated:
+                    self._clock.pair_now()
                 sleep(LISTENER_POLL)
         finally:
             self.manager.loop_timeout = patience

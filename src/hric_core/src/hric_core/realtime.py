@@ -3,7 +3,7 @@
 In: `LatestValue`. Out: `publisher(...)` returns a `RealtimePublisher`; the loop passes it a function that builds the
 message and its arguments, and the process's `PublishThread` builds and sends it while the loop sleeps; a loop that
 never sleeps calls `hand_over` periodically. `defer(...)` lets the thread make any other call to ROS (the result of an
-action, a log line). A `Throttle` tells the loop when a message is due.
+action, a log line). A `Throttle` holds messages to a rate of robot time.
 
 On a LocalNode all this happens within the call, so that a headless run is deterministic.
 """

@@ -14,8 +14,7 @@ from operator import add
 import mujoco
 import numpy as np
 
-from hric_control.plant import Surface
-from hric_control.plants import Losses, Model, combine, masked
+from hric_control.plants import Losses, Model, Surface, combine, masked
 from hric_control.plants.faces import Solid
 from hric_control.plants.models import moving_body
 from hric_core.errors import DescriptionError

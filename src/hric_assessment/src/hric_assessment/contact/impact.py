@@ -22,7 +22,7 @@ from hric_core import urdf
 from hric_core.errors import HricError, check_known
 from hric_core.geometry.transforms import inverse
 from hric_dynamics.tree import Tree
-from hric_human.body import describe, surfaces
+from hric_human.body import surfaces
 from hric_human.contact import RegionContact
 from hric_human.participant.settings import HumanSettings
 from hric_human.participant.walk import JOINTS, Walk
@@ -234,7 +234,7 @@ class ClosedFormModels:
         config = PlantConfig.of(plant, "plant/", log.joint_names)
         self._log, self._record = log, human
         settings = HumanSettings.of(definition["human"], "human")
-        body = describe(settings.person)
+        body = settings.body()
         check_known("joint", human.joints, body.joints, "the body of the run")
         if settings.walk is not None and human.root is None:
             raise HricError(f"where the walking person was is not recorded: {human.name}/root")

@@ -39,13 +39,14 @@ class CartesianImpedanceController(Controller):
         self._model = robot_hw.get(FrankaModelInterface).handle(f"{self._arm_id}_model")
         self._gravity = added_gravity(robot_hw, root_node, node, self.joints) if settings.gravity else None
         self._rotors = np.diag(rotor_inertia(robot_hw, settings.rotor_inertia, self.joints)[0])
-        self._law = CartesianLaw(Compliance(**asdict(self._gain_settings)), settings.filter_time)
+        compliance = Compliance(**asdict(self._gain_settings))
+        self._law = CartesianLaw(compliance, settings.filter_time)
         self._max_rate = settings.rotatum_limit
         obeys = self._obeys(settings.filter_time)
         self._scale = robot_hw.get(SpeedScaleInterface).handle() if obeys else SpeedScale()
         self._read_input()
         self._posture = settings.posture(root_node, node)
-        self._gains: realtime.LatestValue[Compliance | None] = realtime.LatestValue(None)
+        self._gains, self._softest = realtime.LatestValue(compliance), math.inf
         self._state_time = realtime.Throttle(settings.state_publish_rate)
         self._running = False
         self._open()
@@ -75,8 +76,6 @@ class CartesianImpedanceController(Controller):
 
     def _open(self) -> None:
         node = self._node
-        self._requested = self._given_gains = self._law.target_compliance
-        self._softest = math.inf
         self._publishers = (
             realtime.publisher(node, "desired_pose", PoseStamped),
             realtime.publisher(node, "measured_pose", PoseStamped),
@@ -88,8 +87,7 @@ class CartesianImpedanceController(Controller):
     def _on_gains(self, values: ParameterValues) -> ParameterValues:
         """Apply changed live parameters: all of them, or none if a HricError is raised."""
         requested = Compliance(**values)
-        if requested != self._requested:
-            self._requested = requested
+        if requested != self._gains.get():
             self._gains.set(requested)
         return asdict(requested)
 
@@ -132,10 +130,10 @@ class CartesianImpedanceController(Controller):
 
     def _take_gains(self) -> None:
         """Apply new gains and the force and stiffness limits of a supervisor."""
-        law, scale, gains = self._law, self._scale, self._gains.take_new()
-        if gains is not None or scale.stiffness != self._softest:
-            self._given_gains, self._softest = gains or self._given_gains, scale.stiffness
-            law.target_compliance = self._given_gains.softened(self._softest)
+        law, scale = self._law, self._scale
+        if self._gains.take_new() is not None or scale.stiffness != self._softest:
+            self._softest = scale.stiffness
+            law.target_compliance = self._gains.get().softened(self._softest)
         law.force_limit = scale.force
 
     def _command(self, tau: FloatArray, period: float) -> None:

@@ -41,9 +41,8 @@ class PoseTracking:
         self._translation = self._motion(self._settings.translation)
         self._rotation = self._motion(self._settings.rotation)
         self._jitter_buffer = JitterBuffer(0.0 if self._settings.thesis else self._settings.playout_margin)
-        self._markers: deque[MarkerSample] = deque(
-            maxlen=MAX_WAITING
-        )  # filled by the subscription, emptied by the loop
+        # Filled by the subscription, emptied by the loop.
+        self._markers: deque[MarkerSample] = deque(maxlen=MAX_WAITING)
         self._commands: realtime.LatestValue[Pose | None] = realtime.LatestValue(None)
         self._state_time = realtime.Throttle(self._settings.state_publish_rate)
         self._running, self._ignored = False, 0

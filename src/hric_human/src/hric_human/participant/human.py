@@ -80,22 +80,13 @@ class Human(Participant):
     def _new_control(self) -> HumanControl:
         settings, plant = self._settings, self._plant
         x, y, z = plant.gravity
-        return HumanControl(
-            self._body,
-            settings.control,
-            settings.seed,
-            self._root,
-            (x, y, z),
-            plant.time_step,
-            f"{below(self._where)}control",
-        )
+        where = f"{below(self._where)}control"
+        return HumanControl(self._body, settings.control, settings.seed, self._root, (x, y, z), plant.time_step, where)
 
     def _new_muscles(self) -> "HumanMuscles | None":
         if self._settings.drive != MUSCLE:
             return None
-        from hric_human.participant.muscles import (
-            HumanMuscles,  # the muscle code is imported only for a body with muscles
-        )
+        from hric_human.participant.muscles import HumanMuscles  # imported only for a body with muscles
 
         x, y, z = self._plant.gravity
         where, person = f"{below(self._where)}muscles.", self._control.person
