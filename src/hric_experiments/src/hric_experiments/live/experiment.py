@@ -113,7 +113,7 @@ class LiveExperiment:
         limits = {} if self._recording is None else self._recording.folder.read().get("limits", {})
         for setpoint in self.experiment.setpoints:
             joints = rospy.get_param(f"{setpoint.controller}/joints", None)
-            parameters.check_setpoint(setpoint, joints or [""] * len(setpoint.positions), limits)
+            setpoint.check_reachable(joints or [""] * len(setpoint.positions), limits)
         self._wait(lambda: [] if rospy.get_time() > 0.0 else ["/clock"], "robot time does not move: nothing on {}")
         if self._human is not None:
             self._wait(self._human.missing, "no motion capture: {}")

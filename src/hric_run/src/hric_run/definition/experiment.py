@@ -12,6 +12,7 @@ from hric_bags.run_file import Definition, NodeParameters
 from hric_core import plugins, resources
 from hric_core.errors import HricError, ParameterError, UnknownNameError, message_about
 from hric_core.geometry import ORIGIN, Vector
+from hric_core.magnitudes import likely_unit
 from hric_core.node import REQUIRED
 from hric_core.parameters import (
     Mistakes,
@@ -77,6 +78,28 @@ class Setpoint(Settings):
     )
     controller: str = text(empty=False, text="instance name of the controller; sent on its `command` topic")
     positions: tuple[float, ...] = listing(ANGLE, range(1, 100), text="one per joint of the controller")
+
+    def check_reachable(self, joints: Sequence[str], limits: Mapping[str, Mapping[str, float]]) -> None:
+        """Refuse a setpoint that the controller would refuse, before anything moves.
+
+        Args:
+            joints: the controller's joints.
+            limits: lower and upper limit per joint, if there are any [rad].
+
+        Raises:
+            ExperimentError: the setpoint has the wrong length, or is outside the range of a joint.
+        """
+        where = f"setpoint at {self.time:g} s for {self.controller}"
+        if len(self.positions) != len(joints):
+            raise ExperimentError(
+                f"{where} has {len(self.positions)} positions; valid: {len(joints)}, for {', '.join(joints)}"
+            )
+        for joint, position in zip(joints, self.positions, strict=True):
+            bounds = limits.get(joint, {})
+            low, high = bounds.get("lower", -math.inf), bounds.get("upper", math.inf)
+            if not low <= position <= high:
+                likely = likely_unit(position, "rad", low, high)
+                raise ExperimentError(f"{where}: {joint} {position:g} rad is outside {low:g} to {high:g}{likely}")
 
 
 LARGEST_PAYLOAD = 50.0

@@ -1,8 +1,7 @@
 """Parameters of an experiment as on a parameter server: controllers.yaml with its overrides, and those of the robot."""
 
 import copy
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -14,10 +13,9 @@ from hric_control.sim.robot_hw_sim import RobotHWSim
 from hric_core import plugins, resources, yaml_text
 from hric_core.errors import HricError, check_known
 from hric_core.geometry import quaternion_from_rotation, transform_from_rpy
-from hric_core.magnitudes import likely_unit
 from hric_core.trial.c3d import located
 from hric_core.urdf import read
-from hric_run.definition.experiment import Experiment, ExperimentError, RobotSpec, Setpoint, package_path
+from hric_run.definition.experiment import Experiment, ExperimentError, RobotSpec, package_path
 
 ROBOT = "robot"
 """Namespace of the robot's own parameters, below the robot's namespace."""
@@ -316,30 +314,6 @@ def _joints(experiment: Experiment) -> list[str]:
         if isinstance(joints, list) and joints:
             return [str(joint) for joint in joints]
     return [f"{experiment.robot.arm_id}_joint{number}" for number in range(1, 8)]
-
-
-def check_setpoint(setpoint: Setpoint, joints: Sequence[str], limits: Mapping[str, Mapping[str, float]]) -> None:
-    """Refuse a setpoint that the controller would refuse, before anything moves.
-
-    Args:
-        setpoint: setpoint to be sent.
-        joints: the controller's joints.
-        limits: lower and upper limit per joint, if there are any [rad].
-
-    Raises:
-        ExperimentError: the setpoint has the wrong length, or is outside the range of a joint.
-    """
-    where = f"setpoint at {setpoint.time:g} s for {setpoint.controller}"
-    if len(setpoint.positions) != len(joints):
-        raise ExperimentError(
-            f"{where} has {len(setpoint.positions)} positions; valid: {len(joints)}, for {', '.join(joints)}"
-        )
-    for joint, position in zip(joints, setpoint.positions, strict=True):
-        bounds = limits.get(joint, {})
-        low, high = bounds.get("lower", -math.inf), bounds.get("upper", math.inf)
-        if not low <= position <= high:
-            likely = likely_unit(position, "rad", low, high)
-            raise ExperimentError(f"{where}: {joint} {position:g} rad is outside {low:g} to {high:g}{likely}")
 
 
 def overlay(base: Mapping[str, object], changes: Mapping[str, object]) -> dict[str, object]:
