@@ -14,24 +14,26 @@ RATE = 100.0
 
 
 class Truth:
-    """Publisher of `hric/human/hand` at RATE, `hric/human/phase` on change, and the start; called from one thread.
+    """Publisher of the hand at RATE, its phase on change, and the start, below `hric/human`; called from one thread.
 
     Args:
         node: node that publishes.
         hand: hand of the human.
         frame: frame of the poses: the robot's base.
+        announced: True: publish the start, for sensors that replay a trial in step.
     """
 
-    def __init__(self, node: Node, hand: Hand, frame: str) -> None:
+    def __init__(self, node: Node, hand: Hand, frame: str, announced: bool = True) -> None:
         self._hand, self._frame, self._published = hand, frame, ""
         self._poses = node.advertise(node.beside("hric/human/hand"), PoseStamped, queue_size=100)
         self._phases = node.advertise(node.beside("hric/human/phase"), String, queue_size=10, latch=True)
-        self._starts = node.advertise(node.beside(START_TOPIC), Header, latch=True)
+        self._starts = node.advertise(node.beside(START_TOPIC), Header, latch=True) if announced else None
         self._next: int | None = None
 
     def started(self, time: float) -> None:
         """Publish the start of the motion, time of the run [s]; from any thread."""
-        self._starts.publish(stamped.header(stamps.to_time(time), ""))
+        if self._starts is not None:
+            self._starts.publish(stamped.header(stamps.to_time(time), ""))
 
     @property
     def next(self) -> float:
